@@ -1,4 +1,4 @@
-"""The front of the turn engine: `ctx.game`, which plays turns in which all agents move at once."""
+"""The public interface of the game engine: `ctx.game`, which plays turns of simultaneous moves."""
 
 from collections.abc import Callable, Hashable, Iterable
 from time import perf_counter
@@ -34,10 +34,10 @@ if TYPE_CHECKING:
 
 
 class Game(RuleVerbs):
-    """The turn engine of one context; see `Settings` for what can be set, and `RuleVerbs` for what rules call.
+    """The turn engine of one context; `Settings` describes its settings, and `RuleVerbs` the methods for rules.
 
     Attributes:
-        facts: what was published.
+        facts: the facts published to everybody; read-only.
     """
 
     def __init__(self, ctx: HostContext) -> None:
@@ -51,23 +51,23 @@ class Game(RuleVerbs):
         self._snapshots = SnapshotTaker(ctx, self._state, self, self._ruleset, self._collectors, self._turns)
         self.facts = ReadOnlyMapping(self._state.facts)
         self._internals = GameInternals(self._snapshots, self._phase)
-        self._unchecked_plans: list[Any] = []  # teams that were given one since the last turn
+        self._unchecked_plans: list[Any] = []  # teams that got a plan since the last turn
         self._is_closed = True
 
     def __repr__(self) -> str:
-        """Show how far it is."""
+        """Return the turn, the rules, the scores and the end."""
         state, rules = self._state, ", ".join(rule.name for rule in self._ruleset.rules)
         end = "" if state.over is None else f", over: {state.over['reason']}"
         return f"Game(turn={state.turn}, rules=[{rules}], scores={shown(dict(state.scores))}{end})"
 
     @property
     def internals(self) -> GameInternals:
-        """What engines and clients do with the game; not for strategies."""
+        """The interface for engines and clients; not for strategies."""
         if self._phase.agent is not None and not getattr(self._phase.agent, "is_maker", False):
             self._phase.refuse("use ctx.game.internals")
         return self._internals
 
-    # -- what it is played by -----------------------------------------------------------------------------------
+    # -- rules, plans and collectors ------------------------------------------------------------------------------
 
     @overload
     def add(self, rule: Rule, *, phase: str = "after", name: str | None = None) -> Rule: ...
@@ -75,28 +75,28 @@ class Game(RuleVerbs):
     def add(self, *, phase: str = "after", name: str | None = None) -> Callable[[Rule], Rule]: ...
     @refused_while_deciding
     def add(self, rule: Rule | EllipsisType = ..., *, phase: str = "after", name: str | None = None) -> Any:
-        """Add a rule that is applied in every turn; also a decorator, with or without keywords.
+        """Add a rule that is applied in every turn; also usable as a decorator, with or without keywords.
 
         A rule may have seven attributes: `prepare(ctx)` is called at once, to look at the map and to publish facts;
-        `check(ctx)` is called in every turn when agents have decided, and may `refuse` moves and deeds;
-        `teams` are those that it names, and one without agents is warned about at the next turn;
-        `drawer(ctx, data)` draws it, as an artist called `drawer.artist` unless there is one of that name, and on layer
-        `drawer.layer` (12); `disclose(data, names)` returns what agents of these names know of `data`, for planners;
-        `rank`: a rule of a higher one is called later in its phase (0); `key` names its state in `data`, so that no
-        other rule may have the same.
+        `check(ctx)` is called in every turn after agents have decided, and may `refuse` moves and deeds; `teams` are
+        the teams that it mentions (a warning is logged at the next turn if one has no agents); `drawer(ctx, data)`
+        draws it, as an artist called `drawer.artist` unless this name is taken, on layer `drawer.layer` (12);
+        `disclose(data, names)` returns the part of `data` that agents of these names know, for planners; `rank` orders
+        the rules of a phase: higher ranks are called later (0); `key` names its state in `data` and must be unique.
 
         Args:
-            rule: called with the context; rules are called in the order in which they were added. Without one, a
-                decorator is returned.
-            phase: "after" all agents have moved, "before" any observes, or "deeds": when they have decided, before
-                conflicts and moves.
-            name: of the rule, for `rules`, `remove` and errors; None: that of the function, with a number where it is
-                taken.
+            rule: called with the context; rules of one rank are called in the order in which they were added. Without
+                it, a decorator is returned.
+            phase: "after": after all agents have moved; "before": before any agent observes; "deeds": after all have
+                decided, before conflicts and moves.
+            name: the name of the rule for `rules`, `remove` and errors; None: the name of the function, with a number
+                if it is taken.
 
         Raises:
-            BadType: it is no function of the context, or makes one and was not called.
-            BadValue: there is no such phase.
-            Duplicate: there is a rule of this name or key.
+            BadType: the rule is not a function of the context, or it is a function that makes a rule and was not
+                called.
+            BadValue: the phase does not exist.
+            Duplicate: a rule with this name or key exists.
         """
         as_choice(phase, "phase", PHASES)
         if rule is ...:
@@ -106,9 +106,9 @@ class Game(RuleVerbs):
 
     @refused_while_deciding
     def remove(self, rule: str | Rule | NamedRule) -> None:
-        """Remove a rule, given by its name or itself, and the artist that drew it.
+        """Remove a rule, given by its name or itself, and its artist.
 
-        What it has published and kept in `data` stays. A rule that was added twice is removed once.
+        Facts that it has published and its entries in `data` remain. Only one rule is removed if it was added twice.
 
         Raises:
             UnknownName (KeyError): there is no such rule.
@@ -117,7 +117,7 @@ class Game(RuleVerbs):
 
     @property
     def rules(self) -> tuple[NamedRule, ...]:
-        """The rules in the order in which they are applied: each with `name`, `rule` and `phase`."""
+        """The rules in the order of their calls, each with `name`, `rule` and `phase`."""
         return self._ruleset.rules
 
     @overload
@@ -126,18 +126,18 @@ class Game(RuleVerbs):
     def command(self, team: Hashable, plan: ArrayPlan | None, *, arrays: Literal[True]) -> None: ...
     @refused_while_deciding
     def command(self, team: Hashable, plan: TeamPlan | ArrayPlan | None, *, arrays: bool = False) -> None:
-        """Set the function that decides for all agents of a team instead of their strategies; None removes it.
+        """Set a plan: a function that decides for all agents of a team instead of their strategies. None removes it.
 
-        It is called once in every turn, and may be an `async def`. Like a strategy, it changes nothing but what it is
-        given.
+        A plan is called once in every turn, and may be an `async def`. Like a strategy, it can change only its
+        arguments.
 
         Args:
             team: the team.
-            plan: called with a dict from the names of the living agents to their states, in the order of the names;
-                it sets `state["action"]` in each. Or a function that makes a plan or a strategy from the context, or a
-                strategy of `gamms.strategies`; a strategy decides for one agent after the other.
-            arrays: the plan is called with `gamms.game.TeamArrays` instead, and returns the ids of nodes (agents,). No
-                sensor is asked, and the agents have no states.
+            plan: called with a dict from the names of the living agents to their states, in the order of names; it sets
+                `state["action"]` in each state. Alternatives: a function that makes a plan or a strategy from the
+                context, or a strategy of `gamms.strategies`; a strategy is called for one agent after the other.
+            arrays: call the plan with `gamms.game.TeamArrays` instead; it returns node ids, (agents,). Sensors are not
+                called, and the agents have no states.
 
         Raises:
             BadType: the plan cannot be called with one argument.
@@ -152,12 +152,12 @@ class Game(RuleVerbs):
 
     @refused_while_deciding
     def collect(self, name: str, fn: Callable[[Any], Any], every: int = 1, per: str = "game") -> None:
-        """Collect a value after the rules of every turn, or of every few; the result has it as a table.
+        """Collect a value after the rules of every turn, or every few turns; it becomes a table of the result.
 
         Args:
-            name: of the table, whose columns are `turn`, `agent` (where it is per agent) and `value`.
-            fn: called with the context, or with each living agent; what it returns is copied.
-            every: how many turns lie between two values.
+            name: the name of the table; its columns are `turn`, `agent` (if collected per agent) and `value`.
+            fn: called with the context, or with each living agent; its result is copied.
+            every: the number of turns between two values.
             per: "game" or "agent".
 
         Raises:
@@ -170,19 +170,20 @@ class Game(RuleVerbs):
 
     @property
     def last_turn(self) -> int | None:
-        """The turn after which the game ends at the latest: by `run`, the settings or a time limit; None: not known."""
+        """The last turn that can be played, by `run`, the settings or a time limit; None: not known."""
         limits = [self._state.last_turn, self.max_turns, *(one.spec.last_turn for one in self.rules)]
         return min((limit for limit in limits if isinstance(limit, int)), default=None)
 
     def step(self) -> bool:
-        """Play one turn; return whether the game goes on. Once it is over, nothing happens.
+        """Play one turn; return whether the game goes on. After the end of the game, do nothing.
 
-        If a rule of "before" ends the game, the turn is not played. If something raises before the agents have moved,
-        the turn is not played either, and the next call begins it again; if a rule raises after they have moved, the
-        turn is played, without the rules that follow. `random` and `numpy.random` are not seeded, as they are by `run`.
+        If a rule of the phase "before" ends the game, no moves are made. If an error is raised before the agents have
+        moved, the turn is not counted, and the next call starts it again; if a rule raises an error after the moves,
+        the turn is counted, and later rules are skipped. Unlike `run`, `step` does not seed `random` and
+        `numpy.random`.
 
         Raises:
-            IllegalAction, IllegalMutation, or whatever a strategy or rule raises: see the settings.
+            IllegalAction, IllegalMutation, or any error of a strategy or rule, depending on the settings.
         """
         # NOTE: without the decorator: a turn of two agents takes 10 us (benchmarks: turns).
         if self._phase.agent is not None:
@@ -209,14 +210,14 @@ class Game(RuleVerbs):
         return state.over is None
 
     def _warn_of_unknown_teams(self) -> None:
-        """Warn about the teams that plans were set for and no agent plays for."""
+        """Log a warning for each new plan whose team has no agents."""
         while self._unchecked_plans:
             team, teams = self._unchecked_plans.pop(0), dict.fromkeys(self.ctx.agent.block.teams)
             if team in self.plans and team not in teams:
                 self.ctx.logger.warning(f"command: {UnknownName('team', team, teams)} Its plan decides for no agent.")
 
     def _prepare_strategies(self) -> None:
-        """Call `prepare(ctx)` of the strategies and plans that have it, as of rules."""
+        """Call `prepare(ctx)` of all strategies and plans that have it."""
         changes = self._phase.strategy_changes
         found = self.ctx.agent.storage.strategies()
         strategies = dict(zip(map(id, found), found, strict=True))
@@ -228,7 +229,7 @@ class Game(RuleVerbs):
         self._turns.prepared = changes
 
     def _begin(self) -> None:
-        """Take the snapshot to which `reset` returns."""
+        """Take the snapshot that `reset` restores."""
         state, snapshot = self._state, self._snapshots.take()
         seeds = (self.ctx.seed, self.ctx.rng_state()) if state.start is None else state.start.first_seed
         state.start, state.has_begun = Start(snapshot, self.ctx.rng_state(), seeds), True
@@ -256,18 +257,18 @@ class Game(RuleVerbs):
 
     @refused_while_deciding
     def run(self, max_turns: int | None = None, progress: bool = False) -> Result:
-        """Play until a rule ends the game, or for so many turns; warn if strategies have erred or scores look misspelt.
+        """Play until a rule ends the game, or for a number of turns; log errors of strategies and suspicious names.
 
-        With a seed given to the context or to `reset`, the global `random` and `numpy.random` are seeded for the turns
-        of this call, too, and afterwards as they were before.
+        If the context or `reset` was given a seed, the global generators `random` and `numpy.random` are seeded during
+        this call, and restored afterwards.
 
         Args:
-            max_turns: so many turns from now on; None: until there were as many as the settings say.
-            progress: show how far it is on a line of stderr, where that is a terminal.
+            max_turns: the number of turns to play; None: until the total of the settings is reached.
+            progress: show the progress on stderr, if it is a terminal.
 
         Raises:
-            BadValue: nothing could ever end this game.
-            IllegalAction, IllegalMutation, or whatever a strategy or rule raises: see the settings.
+            BadValue: nothing can ever end this game.
+            IllegalAction, IllegalMutation, or any error of a strategy or rule, depending on the settings.
         """
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")
@@ -287,7 +288,7 @@ class Game(RuleVerbs):
         return self.result()
 
     def _warn_of_misspelt(self, scored: set[object]) -> None:
-        """Warn of new keys of scores, and a winner, that are nearly names of teams or agents."""
+        """Log a warning for each new key of scores, and for a winner, that resembles the name of a team or agent."""
         winner = (self._state.over or {}).get("winner")
         is_unknown = isinstance(winner, str) and winner not in self.ctx.agent.block.teams
         if scored or is_unknown:
@@ -298,7 +299,7 @@ class Game(RuleVerbs):
 
     @refused_while_deciding
     def result(self) -> Result:
-        """Return the result of the game so far; not for strategies, as it has the seed."""
+        """Return the result of the game so far; not for strategies, because it contains the seed."""
         state = self._state
         self._turns.update_counts()
         over = state.over or {"reason": self._reason_so_far(), "winner": None, "truncated": True}
@@ -333,26 +334,26 @@ class Game(RuleVerbs):
         )
 
     def _decider(self, agent: Any) -> object:
-        """Return the plan of an agent's team, or its strategy."""
+        """Return the plan of the agent's team, or the agent's strategy."""
         plan = self.plans.get(agent.team)
         return agent.strategy if plan is None else plan.function
 
     def _reason_so_far(self) -> str:
-        """Return why no more turns were played of a game that no rule has ended."""
+        """Return the reason in the result of a game that no rule has ended."""
         if self._internals.is_time_up:
             return "max_turns"
         return "closed" if self.ctx.is_terminated() else "unfinished"
 
     @refused_while_deciding
     def reset(self, seed: int | None = None) -> None:
-        """Begin the game again, as it was before its first turn: agents, map, rules, settings, data, scores, streams.
+        """Restore the game to its start: agents, map, rules, settings, data, scores and random streams.
 
-        What is changed before the first turn is part of the start, also between a reset and the turn that follows; what
-        is changed later, by rules or between turns, is taken back. What strategies and rules keep elsewhere than in
-        `state["memory"]` and `ctx.game.data` stays as it is.
+        Changes before the first turn belong to the start, also changes between a reset and the next turn; later
+        changes, by rules or between turns, are undone. State that strategies and rules hold elsewhere than in
+        `state["memory"]` and `ctx.game.data` is not restored.
 
         Args:
-            seed: all random streams follow from it; None repeats the game.
+            seed: the seed of all random streams; None repeats the game.
         """
         wanted = None if seed is None else as_int(seed, "seed")
         state, start = self._state, self._state.start
@@ -373,7 +374,7 @@ class Game(RuleVerbs):
 
     @refused_while_deciding
     def snapshot(self) -> Snapshot:
-        """Return the game as it is now, for `restore`: state, agents, map, rules, settings and random streams.
+        """Return a snapshot for `restore`: state, agents, map, rules, settings and random streams.
 
         Raises:
             SnapshotError: a turn is being played.
@@ -384,14 +385,15 @@ class Game(RuleVerbs):
 
     @refused_while_deciding
     def restore(self, snapshot: Snapshot) -> None:
-        """Restore a snapshot of this game, any number of times, in any order.
+        """Restore a snapshot of this game; any number of times, in any order.
 
-        Agents that were deleted since are back, as the same objects; those that came since are deleted. State that
-        strategies and rules hold elsewhere than in `state["memory"]`, `ctx.game.data` and attributes of agents stays.
+        Agents deleted since then return as the same objects; agents created since then are deleted. State that
+        strategies and rules hold elsewhere than in `state["memory"]`, `ctx.game.data` and attributes of agents is not
+        restored.
 
         Raises:
-            BadType: it is not a snapshot.
-            BadValue: it is of another context.
+            BadType: the argument is not a snapshot.
+            BadValue: the snapshot belongs to another context.
             SnapshotError: a turn is being played, or the game is being recorded or replayed.
             ContextTerminated: the context has ended.
         """
@@ -407,18 +409,17 @@ class Game(RuleVerbs):
 
     @refused_while_deciding
     def fork(self, seed: int) -> "Game":
-        """Return a detached game that goes on from here, with other random numbers.
+        """Return an independent copy of the game that continues from here with other random numbers.
 
-        They follow from the seed and from that of this game. The fork has a context of its own (`ctx`), without
-        recorder and window. The map is shared until one of both games changes it; agents, sensors, data, memories,
-        rules, settings and collectors are copies. Nothing that happens in the fork changes this game. `reset` of the
-        fork returns to where it began.
+        These depend on the seed and on the seed of this game. The fork has its own context (`ctx`), without recorder
+        and window. The map is shared until either game changes it; agents, sensors, data, memories, rules, settings and
+        collectors are copied. The fork never changes this game. `reset` of the fork returns to the moment of the fork.
 
-        Functions that close over the context or an agent get those of the fork; whatever else they hold is shared. So
-        is what cannot be copied.
+        Functions that close over the context or an agent get the counterparts in the fork; other objects that they
+        hold, and objects that cannot be copied, are shared.
 
         Raises:
-            BadType, BadValue: the seed is no integer of 64 bits.
+            BadType, BadValue: the seed is not a 64-bit integer.
             SnapshotError: a turn is being played.
             ContextTerminated: the context has ended.
         """
@@ -428,13 +429,13 @@ class Game(RuleVerbs):
         return game
 
     def fork_for_deciders(self, seed: int, information: Information = "private") -> PrivateFork:
-        """Return a copy of the game for the agents whose strategy or plan is running; they call `state["fork"](seed)`.
+        """Return a copy of the game for the agents that are deciding; strategies call it as `state["fork"](seed)`.
 
         See `PrivateForks`.
 
         Raises:
-            BadType, BadValue: the seed is no integer of 64 bits, or the game does not allow full information.
-            IllegalMutation: no agent decides.
+            BadType, BadValue: the seed is not a 64-bit integer, or the game does not allow full information.
+            IllegalMutation: no agent is deciding.
         """
         if self._phase.agent is None:
             raise IllegalMutation(
@@ -474,23 +475,23 @@ class Game(RuleVerbs):
         record: bool = False,
         most_agents: "MostAgents | None" = None,
     ) -> "Batch":
-        """Return many games that go on from here, each with another seed: game i is that of `reset(seed=seeds[i])`.
+        """Return a batch of games that continue from here; game i is the game after `reset(seed=seeds[i])`.
 
-        They are detached, as `fork` says. See docs/batches.md.
+        They are independent of this game, like a `fork`. See docs/batches.md.
 
         Args:
-            num_games: how many.
-            seed: of the first game; those of the others follow.
-            seeds: of each game, instead of both.
-            record: only batches of scenarios can be recorded, `scenario.batch(…, record=True)`: True is refused.
-            most_agents: how many agents each team may come to have, or team -> number: rows are reserved for those
-                that rules create, named `red_3`, `red_4`, … where `red` begins with three; or team -> their names.
+            num_games: the number of games.
+            seed: the seed of the first game; the others get the following numbers.
+            seeds: the seed of each game, as an alternative to both.
+            record: must be False; only batches of scenarios can be recorded, by `scenario.batch(…, record=True)`.
+            most_agents: the maximum number of agents per team, or team -> number: rows are reserved for agents that
+                rules create, named `red_3`, `red_4`, … if `red` begins with three; or team -> their names.
 
         Raises:
-            BadType, BadValue: there is no game, a seed is no integer, or `record` is True.
+            BadType, BadValue: there is no game, a seed is not an integer, or `record` is True.
             SnapshotError: a turn is being played.
         """
-        from gamms.game.batch.columns import as_seeds  # which few programs need
+        from gamms.game.batch.columns import as_seeds  # few programs need it
         from gamms.game.batch.games import Batch, BatchSource
 
         if as_bool(record, "record"):
@@ -505,12 +506,12 @@ class Game(RuleVerbs):
     # -- inside -------------------------------------------------------------------------------------------------
 
     def _reseed(self, seed: int) -> None:
-        """Key every stream by a seed, and continue that of the context as at the start with this seed."""
+        """Set the seed of all streams; the stream of the context continues as at the start with this seed."""
         start = self._state.start
         self.ctx.reseed(seed, None if start is None else start.rng_of(seed))
 
     def _begin_with(self, seed: int) -> None:
-        """Key everything by another seed, the start too; by the last one again if that fails."""
+        """Start with another seed, and draw the start again; on failure, restore the previous seed."""
         if self._internals.draw_start is None:
             self._reseed(seed)
             return

@@ -1,4 +1,4 @@
-"""The moves of one turn: as lists for the turn engine, by name for rules and resolvers."""
+"""The moves of one turn: as arrays for the turn engine, and by name for rules and resolvers."""
 
 from collections.abc import Callable, Iterable, Mapping, MutableSequence, Sequence
 from copy import copy
@@ -25,14 +25,14 @@ T = TypeVar("T")
 
 
 class Refusals:
-    """What rules refuse in a turn, and why.
+    """The moves and deeds that rules refuse in a turn, with reasons.
 
     Args:
         turn: the moves and deeds of the turn.
 
     Attributes:
-        moves: agent -> why it may not move.
-        deeds: agent -> deed -> why it may not do that.
+        moves: agent -> the reasons why its move is refused.
+        deeds: agent -> deed -> the reasons why it is refused.
     """
 
     def __init__(self, turn: "TurnMoves") -> None:
@@ -41,7 +41,7 @@ class Refusals:
         self.deeds: dict[str, dict[str, set[str]]] = {}
 
     def add(self, agent: str, why: str, deed: str | None) -> None:
-        """Refuse the move of an agent, or a deed of it."""
+        """Refuse the move of an agent, or one of its deeds."""
         if deed is None:
             self.moves.setdefault(agent, set()).add(why)
         elif any(one.agent == agent and one.kind == deed for one in self._turn.deeds):
@@ -53,7 +53,7 @@ Nodes = MutableSequence[int] | memoryview
 
 
 class TurnMoves:
-    """The moves of one turn by slot: as sequences for the engine, by name for rules and resolvers."""
+    """The moves of one turn by slot, and by name for rules and resolvers."""
 
     __slots__ = ("_by_name", "_moves", "actions", "ends", "order", "slots", "starts")
 
@@ -71,12 +71,12 @@ class TurnMoves:
         self._by_name: dict[str, Move] | None = None
 
     def in_core(self) -> Moves:
-        """Return where moves start and end, as the core has it."""
+        """Return the starts and ends of all moves as arrays of the core."""
         return moves_of(self.starts, self.ends) if self._moves is None else self._moves
 
     @property
     def deeds(self) -> list[Deed]:
-        """What agents do besides moving, in the order of their names."""
+        """The deeds of the turn, in the order of the agents' names."""
         slots, starts = self.slots, self.starts
         return [
             Deed(slots[i].name, slots[i].team, kind, starts[i], values)
@@ -86,16 +86,16 @@ class TurnMoves:
         ]
 
     def do(self, i: int, deeds: Mapping[str, dict[str, Any]]) -> None:
-        """Let the agent of a slot do something besides its move."""
+        """Set the deeds of the agent of a slot."""
         action = self.actions.get(i) or ResolvedAction(self.ends[i], self.track(i).path)
         self.actions[i] = action._replace(deeds=deeds)
 
     def of_agents(
         self, agents: Mapping[str, IAgent], block: AgentBlock, twin_of: Callable[[IAgent], IAgent]
     ) -> "TurnMoves":
-        """Return the same moves of other agents, in their block, each of which takes the place of one of its name."""
+        """Return the same moves for the agents of a copied game, matched by name."""
         order, slots = copy(self.order), self.slots
-        order.block, order.structure_version = block, -1  # whose changes are counted from another number
+        order.block, order.structure_version = block, -1  # versions of the copy are numbered independently
         if isinstance(slots, LazySlots):
             order.slots = slots.of_agents(agents)
         else:
@@ -105,7 +105,7 @@ class TurnMoves:
         return TurnMoves(order, self.starts, self.ends, self.actions)
 
     def are_steps(self, block: AgentBlock) -> bool:
-        """Whether all living agents are among those that moved, on the ground, along one edge at once or none."""
+        """Return whether all living agents took part on the ground, each along at most one edge."""
         order = self.order
         if block.travellers or order.whole.on_ground is not None:
             return False
@@ -114,7 +114,7 @@ class TurnMoves:
         return not self.actions or all(map(_is_step, self.actions.values()))
 
     def _have_all_living(self, block: AgentBlock) -> bool:
-        """Return whether all living agents moved, and are of the same teams; others may have gone out since."""
+        """Return whether all living agents took part, in the same teams; some may have been eliminated since."""
         order = self.order
         if order.structure_version < 0 or order.rows_version != block.rows.version or block.removed:
             return False
@@ -124,24 +124,24 @@ class TurnMoves:
         return [block.teams[row] for row in rows] == order.all_teams()
 
     def by_name(self) -> dict[str, Move]:
-        """Return agent -> its move, of all on the ground, in the order of the names."""
+        """Return agent -> its move, for agents on the ground, in the order of names."""
         if self._by_name is None:
             self._by_name = self.named(self.order.whole.of_ground(list(range(len(self.slots)))))
         return self._by_name
 
     def named(self, indices: list[int]) -> dict[str, Move]:
-        """Return agent -> its move, of these slots."""
+        """Return agent -> its move, for the slots `indices`."""
         moves = {}
         for i in indices:
             slot = self.slots[i]
             path, _, legs = self.track(i)
-            if path[:1] == path[1:2]:  # it waits there for its part of the turn, as its track says
+            if path[:1] == path[1:2]:  # the track says that it waits for its part of the turn
                 path = path[1:]
             moves[slot.name] = Move(slot.name, slot.team, self.starts[i], self.ends[i], path, legs)
         return moves
 
     def places(self) -> tuple[list[Any], list[Any]]:
-        """Return where agents begin and where they end: ids of nodes, and the edges of those that are on one."""
+        """Return the start and end place of each agent, by slot: a node id, or an edge."""
         starts: Any = self.starts
         ends: Any = self.ends
         if not self.actions:
@@ -158,7 +158,7 @@ class TurnMoves:
         return starts, ends
 
     def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
-        """Return how agents reached their nodes; those that were placed or flew there are there only at 1."""
+        """Return the tracks of agents; an agent that was placed or flew is on its node only at time 1."""
         index_of, slots, ends, track = self.order.index_of, self.slots, self.ends, self.track
         tracks: list[Track] = []
         for agent in agents:
@@ -170,7 +170,7 @@ class TurnMoves:
         return tracks
 
     def track(self, i: int) -> Track:
-        """Return the nodes of the move of a slot, and when the agent is at each."""
+        """Return the nodes, times and legs of the move of a slot."""
         action = self.actions.get(i)
         if action is not None:
             return Track(action.path, action.times or _evenly(len(action.path)), action.legs)
@@ -180,11 +180,11 @@ class TurnMoves:
     # -- turns in which agents decide at each arrival ---------------------------------------------------------------
 
     def go(self, i: int, action: ResolvedAction) -> None:
-        """Let the agent of a slot do something."""
+        """Set the action of the agent of a slot."""
         self.actions[i], self.ends[i] = action, action.end
 
     def go_on(self, i: int, later: ResolvedAction) -> None:
-        """Let the agent of a slot do something once it has arrived."""
+        """Append an action to the move of an agent that has arrived."""
         first = self.actions[i]
         self.go(
             i,
@@ -199,12 +199,12 @@ class TurnMoves:
         )
 
     def stop_short(self, i: int) -> None:
-        """Let the agent of a slot, which has come to the end of its last leg, stand just before that from then on."""
+        """Stop an agent just before the node at the end of its last leg, for the rest of the turn."""
         action = self.actions[i]
         leg = action.legs[-1]
         short = leg._replace(end=short_of(leg.end))
         stands = short._replace(begin=short.end, since=leg.until, until=1.0)
-        passed = len(action.path) - (leg.end == 1.0)  # back on an edge, it is at the node that it had passed last
+        passed = len(action.path) - (leg.end == 1.0)  # on the edge again, its node is the one passed before
         progress = Progress(leg.source, leg.target, short.end, leg.edge, Motion.STOPPED)
         legs = (*action.legs[:-1], short, *([stands] if leg.until < 1.0 else []))
         path, times = action.path[:passed], action.times[:passed]
@@ -212,7 +212,7 @@ class TurnMoves:
         self.go(i, action._replace(end=path[-1], path=path, times=times, legs=legs, progress=progress))
 
     def was_put(self, i: int) -> bool:
-        """Return whether an agent whose node is that of its move is not there by the move: it flew, or was put."""
+        """Return whether an agent on the end node of its move got there otherwise: it flew, or a rule placed it."""
         slot, action, block = self.slots[i], self.actions.get(i), self.order.block
         if block.placed and slot.name in block.rows and block.row_of(slot.name) in block.placed:
             return True
@@ -222,10 +222,10 @@ class TurnMoves:
             return False
         ended = None if action is None else action.progress
         now = block.progress[block.row_of(slot.name)] if slot.name in block.rows else ended
-        return (now and now[:-1]) != (ended and ended[:-1])  # how it moves there is no matter
+        return (now and now[:-1]) != (ended and ended[:-1])  # the last field, its motion, does not count
 
     def stop(self, i: int) -> bool:
-        """Keep the agent of a slot where it is; return whether it was about to go elsewhere."""
+        """Keep the agent of a slot at its start; return whether it would have moved."""
         slot, here, action = self.slots[i], self.starts[i], self.actions.get(i)
         goes = self.ends[i] != here
         if action is not None:
@@ -237,13 +237,13 @@ class TurnMoves:
         return goes
 
     def stop_each(self, stopped: IntArray) -> None:
-        """Keep the agents of slots where they are, all of which go along one edge."""
+        """Keep the agents of slots on their nodes; all of them move along one edge."""
         np.asarray(self.ends)[stopped] = np.asarray(self.starts).take(stopped)
         self.order.count_blocked(stopped)
         self._by_name = None
 
     def give_up(self, block: AgentBlock) -> None:
-        """Let agents that are elsewhere than where their moves begin stay there."""
+        """Cancel the moves of agents that a rule has placed elsewhere since they decided."""
         nodes, self.starts, self.ends = self.order.nodes(), copied_column(self.starts), copied_column(self.ends)
         self._moves = None
         put = {
@@ -258,7 +258,7 @@ class TurnMoves:
             self._stay(i, nodes[i])
 
     def refuse_deed(self, i: int, kind: str) -> None:
-        """Take back a deed of the agent of a slot."""
+        """Remove a deed of the agent of a slot."""
         action = self.actions[i]
         self.actions[i] = action._replace(deeds={one: of for one, of in (action.deeds or {}).items() if one != kind})
 
@@ -272,10 +272,10 @@ class TurnMoves:
             self.actions[i] = stays
         self._by_name = None
 
-    # -- turns of several parts -----------------------------------------------------------------------------------
+    # -- turns with several parts ----------------------------------------------------------------------------------
 
     def let_stand(self, paced: Iterable[int], travel: Travel) -> None:
-        """Let agents of slots that are on an edge, and do nothing in this part of the turn, stand there."""
+        """Set the action "stand" for agents of slots on an edge that do not act in this part of the turn."""
         for i in paced:
             slot = self.slots[i]
             place = travel.place(slot.row) if slot.travels and i not in self.actions else None
@@ -283,11 +283,11 @@ class TurnMoves:
                 self.go(i, travel.stay(place, self.starts[i]))
 
     def on(self, order: TurnOrder) -> "TurnMoves":
-        """Return the moves of the agents of another order; those that are new in it stay."""
+        """Return the moves for another order; agents that are new in it stay."""
         if order is self.order:
             return self
         places = np.fromiter(map(self.order.index_of.get, order.names, repeat(-1)), np.int64, len(order.names))
-        if order.rows_version != self.order.rows_version:  # one that came may have the name of one that was deleted
+        if order.rows_version != self.order.rows_version:  # a new agent may have the name of a deleted one
             replaced = self.slots.departed if isinstance(self.slots, LazySlots) else order.names
             for i in [i for name in replaced if (i := order.index_of.get(name)) is not None]:
                 j = places[i]
@@ -304,7 +304,7 @@ class TurnMoves:
         return TurnMoves(order, now[0], now[1], actions)
 
     def in_parts(self, parts: Sequence[Sequence[Any]]) -> "TurnMoves":
-        """Return the same moves, each made in the part of the turn that has the team of its agent."""
+        """Return the same moves, each made in the part of the turn of the agent's team."""
         turn, teams = self, self.order.all_teams()
         for number, part in enumerate(parts):
             members = [i for i, team in enumerate(teams) if team in part]
@@ -312,11 +312,11 @@ class TurnMoves:
         return turn
 
     def between(self, number: int, parts: int, members: Sequence[int] | None = None) -> "TurnMoves":
-        """Return the same moves, of which those of some slots are made in that one of several equal parts of the turn.
+        """Return the same moves, but those of some slots within one of several equal parts of the turn.
 
         Args:
-            number: of the part.
-            parts: how many there are.
+            number: the number of the part.
+            parts: the number of parts.
             members: the slots; None: all.
         """
         actions = dict(self.actions)
@@ -334,7 +334,7 @@ class TurnMoves:
         return TurnMoves(self.order, self.starts, self.ends, actions)
 
     def then(self, later: "TurnMoves", members: Sequence[int]) -> "TurnMoves":
-        """Return these moves and later ones of other agents, these slots, as one turn; both are of the same order."""
+        """Return these moves combined with later moves of the slots `members`; both have the same order."""
         starts, ends, where = list(self.starts), list(self.ends), zip(later.starts, self.ends, strict=True)
         was_put = [start != end for start, end in where]
         theirs = [(i, later.actions[i]) for i in members if i in later.actions]
@@ -360,8 +360,8 @@ def _moves(leg: Leg) -> bool:
 def _between(
     legs: tuple[Leg, ...], begun: Progress | None, progress: Progress | None, number: int, parts: int
 ) -> tuple[Leg, ...]:
-    """Return legs in one of several equal parts of the turn; before and after it the agent stands where it is."""
-    if not legs:  # it is on a node, and a game that counts edges knows no places between nodes
+    """Return legs within one of several equal parts of the turn; before and after it, the agent stands."""
+    if not legs:  # it is on a node, or the game counts edges and has no legs
         return ()
     scaled = [leg._replace(since=(number + leg.since) / parts, until=(number + leg.until) / parts) for leg in legs]
     if begun is not None and number:
@@ -373,13 +373,13 @@ def _between(
 
 @lru_cache(maxsize=256)
 def _evenly(nodes: int) -> tuple[float, ...]:
-    """Return when an agent is at each of its nodes if all edges take equally long."""
+    """Return the times at the nodes of a path, evenly spaced from 0 to 1."""
     return tuple(k / max(1, nodes - 1) for k in range(nodes))
 
 
 def _is_step(action: ResolvedAction) -> bool:
-    """Return whether an action takes the whole turn to go along one edge to another node, or to stay."""
+    """Return whether an action moves along one edge to another node during the whole turn, or stays."""
     path = action.path
     if action.times or action.legs or action.begun or action.progress:
         return False
-    return len(path) == 1 or (len(path) == 2 and path[0] != path[1])  # else it goes along a loop
+    return len(path) == 1 or (len(path) == 2 and path[0] != path[1])  # otherwise it moves along a loop

@@ -1,4 +1,4 @@
-"""The living agents in the order of a turn, and what each turn needs of them."""
+"""The living agents in the order of a turn, with data that each turn needs."""
 
 from array import array
 from collections.abc import Callable, Hashable, Mapping, Sequence
@@ -29,11 +29,11 @@ class Commanded:
     """The agents of a team that a plan decides for.
 
     Attributes:
-        team, plan: as given.
-        indices: of their slots.
+        team, plan: the team and its plan.
+        indices: their slots.
         are_plain: whether all move along one edge, on the ground.
         deciders: their names.
-        name_keys: returns the hashes of these.
+        name_keys: returns the hashes of their names.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Commanded:
         self._draw_keys: tuple[int, BitArray] | None = None  # a seed, and the keys
 
     def draw_keys(self, seed: int) -> BitArray:
-        """Return the keys of what they draw in games of a seed, (agents,); see `kernels.first_key_rows`."""
+        """Return the keys of the agents' draws in games of a seed, (agents,); see `kernels.first_key_rows`."""
         # NOTE: looking them up by 100,000 names takes as long as the draws of a turn (benchmarks: teams).
         if self._draw_keys is None or self._draw_keys[0] != seed:
             purpose = np.array([kernels.purpose_key(seed, "agent")], np.uint64)
@@ -61,29 +61,29 @@ class Commanded:
 
 
 class Part:
-    """The agents that decide and move at once: all living ones, or those of some teams.
+    """Agents that decide and move simultaneously: all living agents, or those of some teams.
 
     Args:
-        slots: of all living agents.
-        members: the indices of the slots of these; None: all.
-        progress: by row of the agents, on the edge that one has covered part of.
-        settings: of the game.
+        slots: the slots of all living agents.
+        members: the indices of the agents' slots; None: all.
+        progress: by row of the agents, the position on a partly covered edge.
+        settings: the settings of the game.
 
     Attributes:
-        members: as given, all written out.
-        asked: the indices of the slots of agents that no plan decides for.
-        individuals: what a usual turn needs of each of these; none where there are channels or a time budget, or agents
-            of a team share no memory.
-        sensors, numbers: of each of these its sensors, and the index of its slot.
-        commanded: the agents that plans decide for, team by team.
-        observing: the indices of the slots of agents whose sensors are asked.
-        see_world_only: whether no agent has a sensor that may look at more than the graph and the agents.
-        has_looks: whether one of these carries sensors that are to look.
-        is_usual: whether these individuals are all there are, and see the world only.
+        members: the indices of the slots.
+        asked: the indices of the slots of agents without a plan.
+        individuals: these agents in the form of the core; empty if there are channels or a time budget, or teams share
+            no memory.
+        sensors, numbers: for each of them, its sensors and the index of its slot.
+        commanded: the agents with a plan, by team.
+        observing: the indices of the slots of agents whose sensors are called.
+        see_world_only: whether all sensors look only at the graph and the agents.
+        has_looks: whether some individuals carry sensors that have to be called.
+        is_usual: whether the part consists of individuals only, and `see_world_only`.
         on_ground: the indices of the slots of agents on the ground; None: all living agents.
-        ground: the rows of these.
-        paced: the indices of the slots of agents on the ground that may cover part of an edge.
-        decides_at_arrivals: whether there are agents that decide at each arrival.
+        ground: the rows of these agents.
+        paced: the indices of the slots of agents on the ground that may be on an edge.
+        decides_at_arrivals: whether some agents decide at each arrival.
     """
 
     def __init__(
@@ -102,14 +102,14 @@ class Part:
         self.numbers = [*self.asked] if are_usual else []
         self.has_looks = any(look.sensor is not None for sensors in self.sensors for look in sensors)
         self._looks = list[Any]()
-        self._looked_at: int | None = None  # the version of how sensors are set for which these are known
+        self._looked_at: int | None = None  # the version of the sensors when `_looks` was made
         self.is_usual = len(self.individuals) == len(self.members) > 0 and self.see_world_only
         self.decides_at_arrivals = settings.decide == "arrival" and any(slots[i].travels for i in self.paced)
 
     def _take_slots(
         self, slots: Sequence[AgentSlot], plans: Mapping[Any, Plan], progress: list[Any]
     ) -> Sequence[AgentSlot]:
-        """Take what slots say, those of all that are living; return those of the agents that are asked."""
+        """Read the slots of all living agents; return the slots of agents without a plan."""
         members = self.members
         mine = slots if isinstance(members, range) else [slots[i] for i in members]
         self.asked = members
@@ -136,9 +136,9 @@ class Part:
         return mine if self.asked is members else [slots[i] for i in self.asked]
 
     def _take_columns(self, slots: LazySlots, plans: Mapping[Any, Plan]) -> Sequence[AgentSlot]:
-        """Take what the columns of agents say; return the slots of those that are asked.
+        """Read the columns of agents; return the slots of agents without a plan.
 
-        The slots of those that plans of arrays decide for are not made.
+        No slots are made for agents with a plan of arrays.
         """
         teams = slots.teams
         if teams and teams.count(teams[0]) == len(teams):  # NOTE: a tenth of the time of a set (benchmarks: deletion).
@@ -174,10 +174,10 @@ class Part:
         return asked
 
     def looks(self, version: int) -> list[Any]:
-        """Return one sensor of individuals for all that look alike; the numbers of these are in `sensors` from then on.
+        """Return one sensor for each group of equal sensors; afterwards `sensors` holds the numbers of these groups.
 
         Args:
-            version: of how sensors are set.
+            version: the version of the sensors.
         """
         if self._looked_at != version:
             first = dict[Hashable, tuple[int, ISensor]]()
@@ -189,7 +189,7 @@ class Part:
         return self._looks
 
     def of_ground(self, values: Any) -> Any:
-        """Return those values, one per slot, that are of agents on the ground."""
+        """Return the values of agents on the ground, from one value per slot."""
         if self.on_ground is None:
             return values
         if isinstance(values, memoryview):
@@ -198,29 +198,29 @@ class Part:
 
 
 class TurnOrder:
-    """The living agents in the order of their names, and what each turn needs of them.
+    """The living agents in the order of names, with data that each turn needs.
 
     Args:
-        slots: of the agents, sorted by name.
-        block: of the agents.
-        settings: of the game.
-        order: the teams that move at once, in their order; None: all.
-        before: the order at an earlier moment.
-        change: which agents have come, gone or changed since; None: this order does not follow from that one.
+        slots: the slots of the agents, sorted by name.
+        block: the agents.
+        settings: the settings of the game.
+        order: the order of play: lists of teams that move simultaneously; None: all teams.
+        before: the order at an earlier time.
+        change: the agents that came, left or changed since then; None: this order does not follow from `before`.
 
     Attributes:
-        slots, block: as given.
-        groups: the order of play, as given.
-        has_channels, has_deeds: whether the settings have such, for which a turn does nothing else.
-        progress: by row of the agents, on the edge that one has covered part of.
-        whole: all of them.
-        parts: those that move at once, in their order.
-        has_parts: whether these are several.
-        is_lazy: whether slots are made when they are needed, because there are many.
-        unlisted: the first of an agent whose team is in no part; None: there is no such.
-        selection: the rows of all.
-        moving: all, as the core moves them.
-        structure_version, rows_version: of the agents.
+        slots, block: see the arguments.
+        groups: the order of play.
+        has_channels, has_deeds: whether the game has channels and deeds.
+        progress: by row of the agents, the position on a partly covered edge.
+        whole: all agents.
+        parts: the groups of agents that move simultaneously, in order.
+        has_parts: whether there are several groups.
+        is_lazy: whether slots are made on demand, because there are many.
+        unlisted: the slot of the first agent whose team is in no group; None: there is none.
+        selection: the rows of all agents.
+        moving: all agents in the form of the core.
+        structure_version, rows_version: versions of the agents.
     """
 
     # NOTE: what has slots is read at once, also where there is a dict for what is cached (benchmarks: 5 against 5 by
@@ -260,16 +260,18 @@ class TurnOrder:
             )
         self._first_keys: dict[tuple[int, str], BitArray] = {}
         self.is_lazy = isinstance(slots, LazySlots)
-        self._moved: RowArray = np.zeros(len(slots), np.int32)  # how often each has moved
-        self._blocked: RowArray = np.zeros(len(slots) if self.is_lazy else 0, np.int32)  # and was stopped by conflicts
-        self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the node of each then
+        self._moved: RowArray = np.zeros(len(slots), np.int32)  # the number of moves of each agent
+        self._blocked: RowArray = np.zeros(
+            len(slots) if self.is_lazy else 0, np.int32
+        )  # and of moves stopped by conflicts
+        self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the nodes at that version
         if before is not None and change is not None:
             self._follow(before, change)
         self.moving = MovingAgents(block, self.selection.buffer, self._moved.data)
         self._blank = array(INT64, bytes(16 * len(slots)))
 
     def _follow(self, before: "TurnOrder", change: Succession) -> None:
-        """Go on from an earlier order, whose agents that have changed since are counted from here."""
+        """Continue from an earlier order: take over its counts, and its names for agents that remain."""
         if isinstance(self.slots, LazySlots):
             before.update_some(change.gone)
             self._moved, self._blocked = (
@@ -282,7 +284,7 @@ class TurnOrder:
 
     @cached_property
     def names(self) -> list[str]:
-        """Names of the agents."""
+        """The names of the agents."""
         return self.slots.names if isinstance(self.slots, LazySlots) else [slot.name for slot in self.slots]
 
     @cached_property
@@ -297,12 +299,12 @@ class TurnOrder:
 
     @cached_property
     def teams(self) -> list[Hashable]:
-        """The teams that agents play for, in the order of their first agents."""
+        """The teams of the agents, in the order of their first agents."""
         return list(dict.fromkeys(self.all_teams()))
 
     @cached_property
     def team_of(self) -> IntArray:
-        """The number of the team of each agent, (agents,)."""
+        """The index in `teams` of each agent's team, (agents,)."""
         number = {team: i for i, team in enumerate(self.teams)}
         return np.array([number[team] for team in self.all_teams()], np.int64)
 
@@ -312,7 +314,7 @@ class TurnOrder:
         return self.slots.keys if isinstance(self.slots, LazySlots) else kernels.name_keys(self.names)
 
     def first_keys(self, seed: int, purpose: str) -> BitArray:
-        """Return the keys of what agents draw for a purpose in games of a seed, (agents,)."""
+        """Return the keys of the agents' draws for a purpose in games of a seed, (agents,)."""
         key = seed, purpose
         if key not in self._first_keys:
             purposes = np.array([kernels.purpose_key(seed, purpose)], np.uint64)
@@ -324,7 +326,7 @@ class TurnOrder:
         return self.slots.teams if isinstance(self.slots, LazySlots) else [slot.team for slot in self.slots]
 
     def nodes(self) -> Any:
-        """Return the node of each agent, by slot: a list, or a view of an array that is not to be written to."""
+        """Return the node of each agent, by slot: a list, or a view of an array; read-only."""
         if self.is_lazy:
             version, ends = self._ended
             if version == self.block.version:
@@ -333,9 +335,9 @@ class TurnOrder:
         return self.selection.listed(self.block.node)
 
     def begin(self) -> tuple[Any, Any, Moves | None]:
-        """Return the node of each agent by slot, not to be written to; a copy to be written to; and both for the core.
+        """Return the node of each agent by slot, read-only; a writable copy; and both as arrays of the core.
 
-        The latter are None where there are many agents, who may all be moved by one plan.
+        The last two are None if there are many agents, because one plan may move them all.
         """
         if self.is_lazy:
             return self.nodes(), None, None
@@ -346,13 +348,13 @@ class TurnOrder:
         return starts, ends, moves
 
     def count_moves(self, moves: Moves, ends: Any) -> None:
-        """Count the agents that have moved, which have come to the nodes where these moves end."""
+        """Count the moves; `ends` are the current nodes of the agents."""
         self.moving.count(moves)
         if self.is_lazy and not self.block.flyers:
             self._ended = self.block.version, ends
 
     def count_blocked(self, stopped: IntArray) -> None:
-        """Count agents that conflicts have stopped, where slots are made when they are needed."""
+        """Count the moves of slots that conflicts have stopped, if slots are made on demand."""
         self._blocked[stopped] += 1
 
     def update_counts(self) -> None:
@@ -366,29 +368,29 @@ class TurnOrder:
         self.restart_counts()
 
     def update_blocked(self) -> None:
-        """Add the counted conflicts alone."""
+        """Add the counted conflicts to the counts of the agents."""
         self._add_to_counts("blocked", self._blocked, np.flatnonzero(self._blocked).tolist())
         self._blocked[:] = 0
 
-    def update_some(self, those: list[int]) -> None:
-        """Add what is counted of some agents, by slot, where slots are made when they are needed."""
-        self._add_to_counts("moves", self._moved, those)
-        self._add_to_counts("blocked", self._blocked, those)
+    def update_some(self, indices: list[int]) -> None:
+        """Add the counted moves and conflicts of some slots, if slots are made on demand."""
+        self._add_to_counts("moves", self._moved, indices)
+        self._add_to_counts("blocked", self._blocked, indices)
 
-    def _add_to_counts(self, key: str, numbers: RowArray, those: list[int]) -> None:
+    def _add_to_counts(self, key: str, numbers: RowArray, indices: list[int]) -> None:
         counts_of = cast("LazySlots", self.slots).counts_of
-        for i, number in zip(those, numbers[those].tolist(), strict=True):
+        for i, number in zip(indices, numbers[indices].tolist(), strict=True):
             counts_of(i)[key] += number
 
     def restart_counts(self) -> None:
-        """Count moves from here."""
+        """Set the counters to 0."""
         self._moved.fill(0)
         if self.is_lazy:
             self._blocked.fill(0)
 
 
 def _numbered(one: Sensing, first: dict[Hashable, tuple[int, ISensor]]) -> Sensing:
-    """Return a sensor that an agent carries with the number of those that look alike, if there may be such."""
+    """Return a sensor with the number of its group of equal sensors, if it can share data."""
     key = getattr(one.sensor, "looks_alike", None)
     if key is None or not hasattr(one.sensor, "shared_look"):
         return one
@@ -397,14 +399,14 @@ def _numbered(one: Sensing, first: dict[Hashable, tuple[int, ISensor]]) -> Sensi
 
 
 def left_out(name: str, team: Hashable) -> BadValue:
-    """Return the error of an order of play that leaves out the team of a living agent."""
+    """Return the error for an order of play that lacks the team of a living agent."""
     return BadValue(
         f"ctx.game.order leaves out team {shown(team)}, of which agent {name!r} is. Add the team to one of its lists."
     )
 
 
 def note_lost(error: BaseException, ctx: HostContext) -> None:
-    """Name in an error the first agent that is on a node which is no longer on the map, if one is."""
+    """Add a note to an error that names the first agent on a node that is no longer on the map."""
     if not isinstance(error, UnknownName) or ctx.is_terminated():
         return
     block, has_node = ctx.agent.block, ctx.graph.graph.has_node

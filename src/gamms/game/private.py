@@ -1,8 +1,8 @@
-"""What a fork holds of a game for agents that look ahead: what they know, and the start values of all else.
+"""Fill a fork with the knowledge of the agents that look ahead; all other state is as at the start.
 
-Who may know of a part of the game is what the table of events says (`ir/events.py`): lives, teams, scores, events and
-facts are public; moves, speeds, attributes, memories and what rules remember are not. The fields of `GameState` say by
-which axis agents know them (`ir/schema.py`).
+The table of events defines who may know which part of the game (`ir/events.py`): lives, teams, scores, events and facts
+are public; moves, speeds, attributes, memories and data of rules are private. For each field of `GameState`,
+`ir/schema.py` defines who knows it.
 """
 
 from collections.abc import Mapping
@@ -24,14 +24,14 @@ _IN_ALL_GAMES: dict[str, Any] = {
 def copy_known(
     source: SnapshotTaker, target: SnapshotTaker, memo: Memo, names: frozenset[str], starts: Mapping[str, object]
 ) -> None:
-    """Copy what some agents of a game know of it into the game of a new context.
+    """Copy the knowledge of some agents into the game of a new context.
 
     Args:
         source: the parts of the game.
-        target: those of the new game; its map, agents and sensors are copies already.
-        memo: has the context, its engines, agents and sensors.
-        names: of the agents.
-        starts: agent -> where it began.
+        target: the parts of the new game; its map, agents and sensors are already copies.
+        memo: id of an object -> its copy, for the context, its engines, agents and sensors.
+        names: the names of the agents.
+        starts: agent -> its start.
     """
     source.turns.update_counts()
     start = source.state.start.snapshot
@@ -49,7 +49,7 @@ def copy_known(
     state.began = {name: place for name, place in starts.items() if name in names}
     for rule in target.rules.rules:
         prepare = rule.spec.prepare
-        if prepare is not None and rule.spec.disclose is None:  # it may draw at random what no agent knows
+        if prepare is not None and rule.spec.disclose is None:  # it may draw random state that no agent knows
             prepare(target.ctx)
     state.put_known(source.state, names, teams)
     for name in filter(names.__contains__, source.state.memories):
@@ -62,7 +62,7 @@ def copy_known(
 
 
 def _put_in(values: dict[Any, Any], known: Mapping[Any, Any]) -> None:
-    """Write values into others, also into the dicts among them."""
+    """Merge values into others, recursively for dicts."""
     for key, value in known.items():
         if isinstance(value, dict) and isinstance(values.get(key), dict):
             _put_in(values[key], value)
@@ -71,7 +71,7 @@ def _put_in(values: dict[Any, Any], known: Mapping[Any, Any]) -> None:
 
 
 def _heard(state: GameState, names: frozenset[str]) -> list[dict[str, Any]]:
-    """Return the messages that agents have sent or heard, without what became of them elsewhere and later."""
+    """Return the messages that agents have sent or heard, without their outcomes for other agents and later turns."""
     known, now = [], state.turn + 1
     for entry in state.messages:
         heard = {

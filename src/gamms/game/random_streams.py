@@ -1,4 +1,4 @@
-"""Random numbers of the agents of a game, which follow from the turn."""
+"""Random streams of the agents of a game, which restart in each turn."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
@@ -23,20 +23,20 @@ T = TypeVar("T")
 
 
 class _Moment(NamedTuple):
-    """A turn that stays as it is."""
+    """A constant turn, as the clock of copied draws."""
 
     turn: int
 
 
 class DrawTable(Turns):
-    """What the draws of the agents of a game follow from: its seed and its turn.
+    """The seed and the clock of all draws of the agents of a game.
 
     Args:
-        seed: of the game.
-        clock: its `turn` counts: the state of the game, or the moment at which a copy was made.
+        seed: the seed of the game.
+        clock: an object with the attribute `turn`: the state of the game, or the turn of a copy.
 
     Attributes:
-        seed: as given.
+        seed: the seed.
     """
 
     __slots__ = ("seed",)
@@ -46,21 +46,21 @@ class DrawTable(Turns):
         self.seed = seed
 
     def first_key(self, name: str) -> int:
-        """Return what the draws of an agent follow from, see `kernels.first_key`."""
+        """Return the key of the draws of an agent; see `kernels.first_key`."""
         return kernels.first_key(kernels.purpose_key(self.seed, "agent"), kernels.name_key(name))
 
     def rekey(self, seed: int) -> None:
-        """Let all draws follow from another seed from now on."""
+        """Use another seed for all draws from now on."""
         self.seed = seed
         self.restart()
 
 
 class _CopiedTable(DrawTable):
-    """The table of a copy of one agent's draws, which goes on in one turn, and does not have the seed of the game.
+    """The key and the clock of a copy of one agent's draws, without the seed of the game.
 
     Args:
         first: the `first_key` of the agent.
-        turn: in which it was copied.
+        turn: the turn of the copy.
     """
 
     __slots__ = ("_first",)
@@ -77,12 +77,12 @@ class _CopiedTable(DrawTable):
 class Draws(StreamOfTurns):
     """The keyed draws of one agent: `state["draw"]`.
 
-    Draw number k of a turn follows from the seed, the agent's name, the turn and k alone (`kernels.draws`), so no other
-    agent's draws change it. Each agent has draws of its own.
+    Draw number k of a turn depends only on the seed, the agent's name, the turn and k (`kernels.draws`); draws of other
+    agents do not change it.
 
     Args:
-        table: of the game.
-        name: of the agent.
+        table: the seed and the clock of the game.
+        name: the name of the agent.
     """
 
     __slots__ = ("_name", "_table")
@@ -93,46 +93,46 @@ class Draws(StreamOfTurns):
         self._name = name
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # A copy goes on by itself from here: the game stays where it is.
+        # A copy continues independently; it does not advance the draws of the game.
         return _draws_at, self._point
 
     def __eq__(self, other: object) -> bool:
-        """Whether both draw the same from here."""
+        """Return whether both will draw the same numbers."""
         if not isinstance(other, Draws):
             return NotImplemented
         return self._point == other._point
 
-    __hash__ = None  # type: ignore[assignment] # what draws moves on
+    __hash__ = None  # type: ignore[assignment] # draws are mutable
 
     @property
     def _point(self) -> tuple[int, str, int, int]:
         return self.first_key(), self._name, self._table.clock.turn, self.mark() or 0
 
     def first_key(self) -> int:
-        """Return what the draws follow from with the seed of now."""
+        """Return the key of the draws for the current seed."""
         return self._table.first_key(self._name)
 
     def refuse_bound(self, n: object) -> NoReturn:
-        """Raise BadValue for an `n` of `below` that is too small or too large."""
+        """Raise BadValue for an invalid argument of `below`."""
         raise BadValue(f"state['draw'].below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
 
 
 class ArrayDraws:
-    """Keyed draws of many agents at once: each call gives one number for each."""
+    """Keyed draws of many agents: each call returns one number per agent."""
 
     @abstractmethod
     def bits(self) -> BitArray:
-        """Return 64 random bits for each."""
+        """Return 64 random bits for each agent."""
 
     def random(self) -> FloatArray:
-        """Return a number in [0, 1) for each."""
+        """Return a number in [0, 1) for each agent."""
         return kernels.fraction_many(self.bits())
 
     def below(self, n: IntArray | int) -> IntArray:
-        """Return an integer from 0 to `n - 1` for each; `n` is one number, or one for each.
+        """Return an integer from 0 to `n - 1` for each agent; `n` is one number, or one per agent.
 
         Raises:
-            BadValue: one of `n` is not between 1 and 2 ** 32.
+            BadValue: an `n` is not between 1 and 2 ** 32.
         """
         bounds = as_array(n, "n of draw.below(n)", "integers")
         if bounds.size and not (bounds.min() >= 1 and bounds.max() <= 1 << 32):
@@ -142,13 +142,13 @@ class ArrayDraws:
 
 
 class TeamDraws(ArrayDraws):
-    """The keyed draws of several agents: each call gives one number for each agent, (agents,).
+    """The keyed draws of the agents of a team: each call returns one number per agent, (agents,).
 
-    They are those that the agents get from their `state["draw"]` in the same turn, call by call.
+    They are equal to the draws of `state["draw"]` of each agent in the same turn, call by call.
 
     Args:
-        first_keys: returns the keys of the agents (agents,); see `kernels.first_key_rows`.
-        turn: the number of turns that were played.
+        first_keys: returns the keys of the agents, (agents,); see `kernels.first_key_rows`.
+        turn: the number of turns played.
     """
 
     def __init__(self, first_keys: Callable[[], BitArray], turn: int) -> None:
@@ -165,26 +165,26 @@ class TeamDraws(ArrayDraws):
 
 
 class ViewDraws(ArrayDraws):
-    """The keyed draws of the agents of a view: each call gives one number for each, (games, agents).
+    """The keyed draws of the agents of a batch view: each call returns one number per agent, (games, agents).
 
-    They are those that the agents get from `state["draw"]` in the same turn of the same game, call by call.
+    They are equal to the draws of `state["draw"]` in the same turn of the same game, call by call.
     """
 
     def __init__(self, first: BitArray, turns: IntArray, count: IntArray | int = 0) -> None:
         self._of = first, turns
         self._keys: BitArray | None = None
-        self._count = count  # how many numbers were drawn in the turn so far
+        self._count = count  # the number of draws in this turn
         self._among: tuple[ViewDraws, BoolArray] | None = None
 
     def only(self, asked: BoolArray) -> Self:
-        """Return draws that count for some agents alone, (games, agents): for the others it is as if nothing drew."""
+        """Return draws that count only for the agents in `asked`, (games, agents); for all others, nothing is drawn."""
         narrowed = copy(self)
         narrowed._among = self, asked
         return narrowed
 
     @property
     def count(self) -> IntArray | int:
-        """How many numbers were drawn in the turn so far: by all, or by each."""
+        """The number of draws in this turn, for all agents or for each."""
         return self._count if self._among is None else self._among[0].count
 
     def bits(self) -> BitArray:
@@ -194,7 +194,7 @@ class ViewDraws(ArrayDraws):
         return self.bits_of(1)
 
     def bits_of(self, counted: BoolArray | int) -> BitArray:
-        """Return 64 random bits for each; the next ones are others for those that are counted."""
+        """Return 64 random bits for each agent, and advance the draws of the agents in `counted`."""
         if self._among is not None:
             return self._among[0].bits_of(counted)
         if self._keys is None:
@@ -211,11 +211,11 @@ def _draws_at(first: int, name: str, turn: int, count: int) -> Draws:
 
 
 class TurnGenerator(Generator):
-    """A NumPy generator whose draws follow from its key and the turn alone: `state["rng"]`.
+    """A NumPy generator that depends only on its key and the turn: `state["rng"]`.
 
     Args:
-        table: of the game, which has its seed and clock.
-        name: of the agent.
+        table: the seed and the clock of the game.
+        name: the name of the agent.
     """
 
     # NOTE: made when something is drawn, not with the agent: most agents never ask, and a Philox takes 15 us and
@@ -223,11 +223,12 @@ class TurnGenerator(Generator):
 
     def __init__(self, table: DrawTable, name: str) -> None:
         self._table, self._name = table, name
-        self._begun, self._seed = -1, -1  # of the table when it drew last
-        self._begin: Any = None  # of a turn, with that seed
+        self._begun = -1  # `table.begun` at the last draw
+        self._seed = -1  # `table.seed` at the last draw
+        self._begin: Any = None  # the initial state of a turn with that seed
 
     def seek(self) -> None:
-        """Begin the stream of this turn."""
+        """Start the stream of this turn."""
         table = self._table
         self._begun = table.catch_up()
         if self._begin is None or self._seed != table.seed:
@@ -239,7 +240,7 @@ class TurnGenerator(Generator):
 
     @property
     def _has_drawn(self) -> bool:
-        """Whether it has drawn in this turn."""
+        """Whether it has been used in this turn."""
         return self._begun == self._table.begun and self._table.turn == self._table.clock.turn
 
     def mark(self) -> Mapping[str, Any] | None:
@@ -247,7 +248,7 @@ class TurnGenerator(Generator):
         return super().bit_generator.state if self._has_drawn else None
 
     def go_to(self, mark: Mapping[str, Any] | None) -> None:
-        """Go on from a mark of this turn."""
+        """Continue from a mark of this turn."""
         self._begun = -1
         if mark is not None:
             self.seek()
@@ -255,13 +256,13 @@ class TurnGenerator(Generator):
 
     @property
     def bit_generator(self) -> Any:
-        """The Philox of this turn."""
+        """The Philox bit generator of this turn."""
         if not self._has_drawn:
             self.seek()
         return super().bit_generator
 
     def __reduce__(self) -> Any:
-        # A copy is a generator of NumPy's that goes on from here.
+        # A copy is a plain NumPy generator that continues from here.
         return Generator, (deepcopy(self.bit_generator),)
 
 

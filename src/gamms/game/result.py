@@ -1,4 +1,4 @@
-"""What came of a game: read, shown, saved and loaded; and the values that are collected while it is played."""
+"""The result of a game: read, show, save and load it; and collect values while a game is played."""
 
 import json
 import os
@@ -28,37 +28,37 @@ from gamms.typing.graph_engine import IGraphEngine
 if TYPE_CHECKING:
     import pandas as pd
 
-_LONG = 1e15  # numbers from here on are written out
+_LONG = 1e15  # numbers from here on are printed in full
 _COUNTS = ("alive", "moves", "blocked", "illegal", "errors", "overruns")  # of an agent
 
 
 @dataclass(eq=False, repr=False)
 class Result:
-    """One game, played to its end or as far as it was played.
+    """The result of one game, finished or not.
 
-    Two are equal if all but their timings and provenance is. `print(result)` gives a table, and so does a notebook.
+    Two results are equal if everything except timings and provenance is equal. `print(result)` and notebooks show a
+    table.
 
     Attributes:
-        turns: how many were played.
-        scores: by whatever the rules keep scores for.
-        winner: what the rules made the winner; None: no winner.
-        reason: why it ended: what a rule said, "max_turns", "closed" (its context ended) or "unfinished".
-        truncated: whether it stopped before it was over.
-        events: what rules emitted, in order: each with `turn` and `kind`.
-        agents: name -> what became of it: team, alive, node (where it is), moves (turns in which it went on), blocked
-            (turns in which a conflict, a rule that refused the move or a closed way kept it from going), illegal,
-            errors, overruns (how often each).
-        errors: what strategies did wrong, in order: turn, agent, kind ("illegal", "error", "overrun"), message.
-        deeds: what agents did besides moving, in order: turn, agent, deed, at (the node), and its fields.
-        messages: what agents sent by channels, in order: turn, channel, sender, to, body, size (bytes), heard and
-            overheard (agent -> the turn in which it has the message), lost, jammed (agents).
-        timings: seconds by phase: decide (sensing included), resolve, apply, rules, draw. And where strategies search,
-            such as `gamms.planning.mcts`, two counts: `searched`, decisions of agents that a search has made, and
-            `given_up`, those for which it had no time, so that its script decided.
-        seed: of the context.
-        collected: name -> columns of what was collected.
-        provenance: what else it takes to play it again: the versions of `gamms`, `python` and `numpy`, the `scenario`
-            (None if a program built the game) and `strategies` (agent -> module and name, as it was at the end).
+        turns: the number of turns played.
+        scores: key -> score; rules choose the keys.
+        winner: the winner by the rules; None: no winner.
+        reason: the reason of the end: given by a rule, or "max_turns", "closed" (the context ended) or "unfinished".
+        truncated: whether the game was stopped before its end.
+        events: the events emitted by rules, in order: each with `turn` and `kind`.
+        agents: name -> team, alive, node (at the end), moves (turns with a move), blocked (turns in which a conflict, a
+            rule or a closed edge stopped the move), illegal, errors, overruns (counts).
+        errors: errors of strategies, in order: turn, agent, kind ("illegal", "error", "overrun"), message.
+        deeds: deeds of agents, in order: turn, agent, deed, at (the node), and the fields of the deed.
+        messages: messages that agents sent by channels, in order: turn, channel, sender, to, body, size (bytes), heard
+            and overheard (agent -> the turn in which it gets the message), lost, jammed (agents).
+        timings: seconds by phase: decide (including sensing), resolve, apply, rules, draw. If strategies search, for
+            example `gamms.planning.mcts`, also two counts: `searched`, the decisions made by a search, and `given_up`,
+            the decisions left to the script for lack of time.
+        seed: the seed of the context.
+        collected: name -> columns of collected values.
+        provenance: further data to repeat the game: the versions of `gamms`, `python` and `numpy`, the `scenario` (None
+            if a program built the game) and `strategies` (agent -> module and name, at the end of the game).
     """
 
     turns: int
@@ -77,15 +77,15 @@ class Result:
     provenance: dict[str, Any] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values: keys that are no strings become their text."""
+        """Return plain values; keys that are not strings are converted to text."""
         plain: dict[str, Any] = _plain({name: getattr(self, name) for name in self.__dataclass_fields__})
         return plain
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the result as JSON, all but its timings: the same game gives the same bytes. A file is replaced.
+        """Write the result as JSON, without timings: the same game gives the same bytes. An existing file is replaced.
 
         Raises:
-            MissingFolder: there is no such folder.
+            MissingFolder: the folder does not exist.
         """
         file = as_target(path)
         plain = {"format": _FORMAT, **self.to_dict()}
@@ -94,12 +94,12 @@ class Result:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Result":
-        """Read a result that `save`, `gamms run` or `gamms demo` wrote; what it names is not imported.
+        """Read a result written by `save`, `gamms run` or `gamms demo`; no code named in the file is imported.
 
-        Its timings are empty, and keys that were no strings are their texts.
+        Timings are empty, and keys that were not strings are text.
 
         Raises:
-            BadFile (ValueError): it is not a result; the message says where.
+            BadFile (ValueError): the file is not a result; the message says where.
             TooLarge (ValueError): it would take more memory than is allowed.
             OSError: it cannot be read.
         """
@@ -117,18 +117,18 @@ class Result:
         return cls(timings={}, **{name: plain[name] for name in _SHAPES})
 
     def table(self, name: str, *, lat_lon: IGraphEngine | None = None) -> dict[str, "np.ndarray[Any, Any]"]:
-        """Return one table as columns of equal length, which pandas and polars take as they are.
+        """Return one table as columns of equal length, in a form that pandas and polars accept.
 
-        `agents`, `teams`, `scores`, `errors`, `deeds`, `messages` and `events` are always there; each kind of event
-        and each collected name is a table, too. docs/game.md says which columns they have.
+        The tables `agents`, `teams`, `scores`, `errors`, `deeds`, `messages` and `events` always exist; each kind of
+        event and each collected name is a table, too. docs/game.md lists the columns.
 
         Args:
-            name: of the table.
-            lat_lon: the map, `ctx.graph`: `lat` and `lon` of the nodes are columns, too.
+            name: the name of the table.
+            lat_lon: the map, `ctx.graph`, to add the columns `lat` and `lon` of the nodes.
 
         Raises:
             UnknownName (KeyError): there is no such table.
-            BadValue (ValueError): `lat_lon` is given, and the table has no nodes or the map no CRS.
+            BadValue (ValueError): `lat_lon` is given, but the table has no nodes or the map has no CRS.
         """
         tables = self._tables()
         if as_key(name, "The name of a table") not in tables:
@@ -137,7 +137,7 @@ class Result:
         return table if lat_lon is None else with_latlon(table, lat_lon.columns())
 
     def to_pandas(self, name: str, *, lat_lon: IGraphEngine | None = None) -> "pd.DataFrame":
-        """Return one table as `table` does, as a data frame of pandas.
+        """Return one table as a pandas data frame; see `table`.
 
         Raises:
             UnknownName (KeyError): there is no such table.
@@ -162,7 +162,7 @@ class Result:
         }
 
     def _teams(self) -> dict[str, list[Any]]:
-        """Return one row per team: its agents, those that are alive, how often they moved, and its score."""
+        """Return one row per team: the numbers of its agents, living agents and moves, and its score."""
         by_team: dict[Any, list[dict[str, Any]]] = {}
         for one in self.agents.values():
             by_team.setdefault(one["team"], []).append(one)
@@ -175,11 +175,11 @@ class Result:
         }
 
     def row(self) -> dict[str, Any]:
-        """Return what came of the game in one row of plain values, for tables of many games.
+        """Return a summary of the game as one row of plain values, for tables of many games.
 
-        It has reason, winner, truncated and turns; `score.<team>` and other scores; how often what happened by team:
+        Its keys are reason, winner, truncated and turns; `score.<team>` and other scores; counts by team:
         `agents.<team>`, `alive.<team>`, `moves.<team>`, `blocked.<team>`, `illegal.<team>`, `errors.<team>` and
-        `overruns.<team>`; and `collector.<name>`, the last value of what was collected of the game.
+        `overruns.<team>`; and `collector.<name>`, the last value of each collector of the game.
         """
         teams = list(dict.fromkeys(one["team"] for one in self.agents.values()))
         row = {"reason": self.reason, "winner": _plain(self.winner), "truncated": self.truncated, "turns": self.turns}
@@ -192,13 +192,13 @@ class Result:
         return row | {f"collector.{name}": _plain(values[-1]) if values else None for name, values in of_game.items()}
 
     def headline(self) -> str:
-        """Return in one line who has won, after how many turns and why."""
+        """Return the winner, the number of turns and the reason in one line."""
         end = "no team won" if self.winner is None else f"{self.winner} won"
         turns = "1 turn" if self.turns == 1 else f"{self.turns} turns"
         return printable_line(f"{end} after {turns}: {self.reason}")
 
     def _shown_tables(self) -> Iterator[list[tuple[str, ...]]]:
-        """Yield the tables that `print` and notebooks show, each with its header."""
+        """Yield the tables for `print` and notebooks, each with its header."""
         teams = self._teams()
         yield [tuple(teams), *(tuple(map(_shown, row)) for row in zip(*teams.values(), strict=True))]
         others = [(_shown(of), _shown(score)) for of, score in self.scores.items() if of not in teams["team"]]
@@ -210,7 +210,7 @@ class Result:
         return f"Result(turns={self.turns}, {end}, scores={scores}, seed={self.seed})"
 
     def __str__(self) -> str:
-        """Show how it ended, and a table of the teams."""
+        """Return the headline and a table of the teams."""
         lines = [f"{self.headline()} (seed {self.seed})"]
         for rows in self._shown_tables():
             widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -228,7 +228,7 @@ class Result:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        """Return the same for notebooks."""
+        """Return the headline and the tables as HTML, for notebooks."""
         parts = [f"<b>{escape(self.headline())}</b> (seed {self.seed})"]
         for header, *rows in self._shown_tables():
             cells = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in rows]
@@ -242,11 +242,11 @@ class Result:
         mine, theirs = self.to_dict(), other.to_dict()
         return all(mine[name] == theirs[name] for name in _SHAPES if name != "provenance")
 
-    __hash__ = None  # type: ignore[assignment] # what can be changed has no hash
+    __hash__ = None  # type: ignore[assignment] # it is mutable
 
 
 def _shown(value: object) -> str:
-    """Return a cell of a table that is printed."""
+    """Return the text of a table cell."""
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     return format(value, "g") if is_number and abs(value) < _LONG else printable_line(str(value))  # type: ignore[arg-type] # a number
 
@@ -255,7 +255,7 @@ def _shown(value: object) -> str:
 
 
 def what_went_wrong(errors: Sequence[Mapping[str, Any]]) -> str:
-    """Return in one line what strategies did wrong; there is at least one error."""
+    """Return a summary of the errors of strategies in one line; there is at least one error."""
     kinds = ", ".join(f"{number} {kind}" for kind, number in sorted(Counter(one["kind"] for one in errors).items()))
     first = errors[0]
     return (
@@ -265,7 +265,7 @@ def what_went_wrong(errors: Sequence[Mapping[str, Any]]) -> str:
 
 
 def misspelt_names(keys: Iterable[object], winner: object, names: Iterable[object]) -> list[str]:
-    """Return a sentence for each key of scores, and a winner, that look like a team or an agent; others are right."""
+    """Return a warning for each key of scores, and for a winner, that resembles the name of a team or an agent."""
     named = dict.fromkeys(names)
     others = sorted(key for key in keys if isinstance(key, str) and key not in named)[:_MOST_SCORES]
     wrong = {f"Scores of {shown(key)} are of": key for key in others}
@@ -275,14 +275,14 @@ def misspelt_names(keys: Iterable[object], winner: object, names: Iterable[objec
     return [f"{what} no team and no agent.{hint}" for what, hint in hints.items() if hint]
 
 
-_MOST_SCORES = 16  # keys that are looked at
+_MOST_SCORES = 16  # the maximum number of keys that are checked
 _FORMAT = "gamms result 1"
-_BYTES_PER_LETTER = 40  # of memory for each byte of JSON: `{"":0}` takes most
+_BYTES_PER_LETTER = 40  # of memory for each byte of JSON; the worst case is `{"":0}`
 _Shape = type | tuple[type, ...] | dict[str, Any]
 _EVENT = {"turn": int, "kind": str}
 _OUTCOMES = {"heard": dict, "overheard": dict, "lost": list, "jammed": list, "to": object, "body": object}
 _AGENT = {"alive": bool, "moves": int, "team": object}
-_SHAPES: dict[str, tuple[_Shape, _Shape]] = {  # key -> what it holds, and each item of that
+_SHAPES: dict[str, tuple[_Shape, _Shape]] = {  # key -> the type of its value, and of each item
     "turns": (int, object),
     "scores": (dict, object),
     "winner": (object, object),
@@ -300,7 +300,7 @@ _SHAPES: dict[str, tuple[_Shape, _Shape]] = {  # key -> what it holds, and each 
 
 
 def _flaws(plain: dict[str, Any]) -> Iterator[str]:
-    """Yield what keeps plain values from being a result."""
+    """Yield the reasons why plain values are not a result."""
     for name, (shape, of_item) in _SHAPES.items():
         if name not in plain:
             yield f"{name!r} is missing"
@@ -315,14 +315,14 @@ def _flaws(plain: dict[str, Any]) -> Iterator[str]:
 
 
 def _is(value: object, shape: _Shape) -> bool:
-    """Return whether a plain value has a type, or is a mapping with at least these keys."""
+    """Return whether a plain value has a type, or is a mapping with these keys and types."""
     if isinstance(shape, dict):
         return isinstance(value, dict) and all(key in value and _is(value[key], one) for key, one in shape.items())
     return isinstance(value, shape) and (shape is not int or not isinstance(value, bool))
 
 
 def _plain(value: object) -> Plain:
-    """Return what JSON can hold of a value."""
+    """Return a value in a form that JSON can store."""
     if isinstance(value, Mapping):
         return {key if isinstance(key, str) else str(key): _plain(one) for key, one in value.items()}
     if isinstance(value, (list, tuple)):
@@ -337,12 +337,12 @@ def _plain(value: object) -> Plain:
 
 
 class Collector(NamedTuple):
-    """What is collected under a name; see `Game.collect`.
+    """A collector; see `Game.collect`.
 
     Attributes:
-        fn, every, per: as given.
+        fn, every, per: the arguments of `Game.collect`.
         columns: the values so far.
-        marked: up to which entry snapshots need each column.
+        marked: column -> the number of entries that snapshots need.
     """
 
     fn: Callable[[Any], Any]
@@ -353,7 +353,7 @@ class Collector(NamedTuple):
 
 
 CollectorMark = tuple[Collector, dict[str, tuple[list[Any], int]]]
-"""A collector, and its columns at a moment: their lists, and how many entries each had."""
+"""A collector and its columns at a moment: each list with its length."""
 
 
 class Collectors:
@@ -377,7 +377,7 @@ class Collectors:
         self.by_name[name] = Collector(fn, every, per, columns, dict.fromkeys(names, 0))
 
     def collect(self, turn: int, ctx: HostContext, agents: Callable[[], Sequence[IAgent]]) -> None:
-        """Take the values of a turn; `agents` gives the living agents."""
+        """Collect the values of a turn; `agents` returns the living agents."""
         for fn, every, per, columns, _ in self.by_name.values():
             if turn % every:
                 continue
@@ -388,22 +388,22 @@ class Collectors:
                 columns["value"].append(deepcopy(fn(ctx if agent is None else agent)))
 
     def tables(self) -> dict[str, dict[str, list[Any]]]:
-        """Return what was collected so far, by name."""
+        """Return the collected columns, by name."""
         return {name: {key: list(column) for key, column in one.columns.items()} for name, one in self.by_name.items()}
 
     def copy_from(self, other: "Collectors", own: Callable[[Any], Any]) -> None:
-        """Take copies of the collectors of another game.
+        """Copy the collectors of another game.
 
         Args:
             other: the collectors of that game.
-            own: gives the function to call for one of theirs.
+            own: returns the counterpart of a function in this game.
         """
         for name, one in other.by_name.items():
             columns = {key: column.copy() for key, column in one.columns.items()}
             self.by_name[name] = one._replace(fn=own(one.fn), columns=columns, marked=dict.fromkeys(columns, 0))
 
     def snapshot(self) -> dict[str, CollectorMark]:
-        """Return the collectors and what they have collected, for `restore`."""
+        """Return the collectors and their columns, for `restore`."""
         marks = {}
         for name, one in self.by_name.items():
             one.marked.update((key, len(column)) for key, column in one.columns.items())
@@ -411,7 +411,7 @@ class Collectors:
         return marks
 
     def restore(self, before: dict[str, CollectorMark]) -> None:
-        """Restore the collectors and what they had collected."""
+        """Restore the collectors and their columns."""
         self.by_name = {name: one for name, (one, _) in before.items()}
         for one, marks in before.values():
             for key, (entries, length) in marks.items():

@@ -1,4 +1,4 @@
-"""What rules call on `ctx.game`: what happened in this turn, and the verbs that change the game."""
+"""The methods of `ctx.game` for rules: queries about the turn, and verbs that change the game."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any, overload
@@ -22,12 +22,12 @@ class RuleVerbs(Settings):
     """The part of a game that rules use.
 
     Attributes:
-        ctx: the context; Any: its own class, which knows this one.
-        turn: how many turns were played.
-        data: what rules remember, as plain values; `reset` restores it.
-        events: what was emitted, in order: dicts with `turn` and `kind`.
-        errors: what strategies did wrong, in order.
-        messages: what was sent by channels and who hears it when, in order; see docs/messages.md.
+        ctx: the context; Any: its class imports this one.
+        turn: the number of turns played.
+        data: the state of rules, as plain values; `reset` restores it.
+        events: the emitted events, in order: dicts with `turn` and `kind`.
+        errors: the errors of strategies, in order.
+        messages: the messages sent by channels, with their recipients and times; see docs/messages.md.
     """
 
     ctx: Any
@@ -45,13 +45,13 @@ class RuleVerbs(Settings):
 
     @property
     def counts(self) -> dict[str, dict[str, int]]:
-        """Agent -> how often it moved, was blocked, and so on, up to the last snapshot or result."""
+        """Agent -> its numbers of moves, blocked moves, and so on, up to the last snapshot or result."""
         self._turns.list_counts()
         return self._phase.shown(self._state.counts)
 
     @property
     def scores(self) -> Scores:
-        """Numbers by team, agent or any other key; one that was not set is 0."""
+        """Scores by team, agent or any other key; a missing key has the score 0."""
         scores = self._state.scores
         return scores if self._phase.agent is None else ReadOnlyMapping(Scores(frozen(scores)))  # type: ignore[return-value] # it reads like them
 
@@ -62,27 +62,27 @@ class RuleVerbs(Settings):
 
     @property
     def over(self) -> dict[str, Any] | None:
-        """The reason of the end, the winner, and whether time was up; None while the game goes on."""
+        """The reason of the end, the winner, and whether the game was truncated; None while the game goes on."""
         over = self._state.over
         return None if over is None else self._phase.shown(dict(over))
 
     @property
     def agents(self) -> list[IAgent]:
-        """The living agents, in the order of their names."""
+        """The living agents, in the order of names."""
         return self._turns.living()
 
     @property
     def moves(self) -> dict[str, Move]:
-        """How the agents on the ground moved in this turn, by name; rules must not change it."""
+        """Agent -> its move in this turn, for agents on the ground; rules must not change it."""
         moves = self._state.moves
         return {} if moves is None else self._phase.shown(moves.by_name())
 
     @refused_while_deciding
     def performed(self, kind: str | None = None) -> list[Deed]:
-        """Return what agents do in this turn besides moving, in the order of their names.
+        """Return the deeds of this turn, in the order of the agents' names.
 
         Args:
-            kind: of deed; None: all.
+            kind: the name of a deed; None: all deeds.
 
         Raises:
             UnknownName (KeyError): there is no such deed.
@@ -97,15 +97,15 @@ class RuleVerbs(Settings):
     def refuse(self, agent: IAgent | str, why: str, deed: str | None = None) -> None:
         """Refuse the move of an agent in this turn, so that it stays, or one of its deeds; for the `check` of a rule.
 
-        The agent finds the reason in `state["blocked"]`. A refused deed counts as illegal, and is in `errors`.
+        The agent finds the reason in `state["blocked"]`. A refused deed counts as illegal, and is added to `errors`.
 
         Args:
             agent: the agent, or its name.
-            why: the reason; of several all are named.
+            why: the reason; several reasons are joined.
             deed: the deed; None: the move.
 
         Raises:
-            BadValue: nothing can be refused now.
+            BadValue: no check of a rule is running.
         """
         refusals, reason = self._turns.refusals, as_name(why, "a reason")
         if refusals is None:
@@ -115,10 +115,10 @@ class RuleVerbs(Settings):
         refusals.add(self._agent(agent).name, reason, deed)
 
     def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
-        """Return how agents have moved in this turn: for each, the nodes and from 0 to 1 when it was at each.
+        """Return the track of each agent in this turn: its nodes, with times from 0 to 1.
 
-        An agent that stayed is at its node from 0 on. An agent that flew, or that a rule has put on its node since it
-        moved, is there only at 1.
+        An agent that stayed is on its node from time 0 on. An agent that flew, or that a rule has placed since its
+        move, is on its node only at time 1.
         """
         moves = self._state.moves
         tracks: list[Track] | None = None if moves is None else moves.tracks(agents)
@@ -130,12 +130,12 @@ class RuleVerbs(Settings):
     def observation(self, agent: IAgent | str) -> State: ...
     @refused_while_deciding
     def observation(self, agent: IAgent | str) -> Any:
-        """Return the state that the strategy of a living agent, or of the one of that name, would get now.
+        """Return the state that the strategy of a living agent, or of its name, would get now.
 
-        Its sensors are asked for it.
+        Its sensors are called.
 
         Raises:
-            UnknownName (KeyError): there is no such agent, or it is out of the game.
+            UnknownName (KeyError): there is no such agent, or it is not alive.
         """
         one = self._agent(agent)
         slots = self._turns.order().slots
@@ -146,10 +146,10 @@ class RuleVerbs(Settings):
 
     @refused_while_deciding
     def emit(self, kind: str, **data: Plain) -> None:
-        """Note that something happened; it is in `events` and in the result. Values should be plain.
+        """Add an event to `events` and the result. Values should be plain.
 
         Raises:
-            BadValue: `data` has a turn, which an event has in any case.
+            BadValue: `data` has the key `turn`, which every event already has.
         """
         if "turn" in data:
             raise BadValue("An event has the turn in which it is emitted: give turn= another name, such as until=.")
@@ -160,14 +160,14 @@ class RuleVerbs(Settings):
     def end(self, reason: str, winner: Plain = None, truncated: bool = False) -> None:
         """End the game after this turn.
 
-        Several ends in one turn count as one, in whichever order the rules are called: an end by what happened goes
-        before one by time (`truncated`), reasons are named in alphabetical order, and a team wins if all agree on it.
-        Between turns, the first end counts.
+        Several ends in one turn are combined, independent of the order of rules: an end by events in the game takes
+        precedence over an end by time (`truncated`), reasons are joined in alphabetical order, and a team wins if all
+        agree on it. Between turns, the first end counts.
 
         Args:
-            reason: of the end; reasons of one turn are joined by "; ".
-            winner: a team, or anything plain; None: no one has won.
-            truncated: whether the time was up, rather than that something ended the game.
+            reason: the reason; several reasons are joined by "; ".
+            winner: a team, or any plain value; None: no winner.
+            truncated: whether time was up, rather than an event ending the game.
         """
         over = {"reason": as_name(reason, "a reason"), "winner": winner, "truncated": as_bool(truncated, "truncated")}
         if self._state.over is None or self._turns.is_playing:
@@ -175,7 +175,7 @@ class RuleVerbs(Settings):
 
     @refused_while_deciding
     def eliminate(self, agent: IAgent | str) -> None:
-        """Take an agent, or the one of that name, out of the game; nothing happens if it is out already."""
+        """Eliminate an agent, given by itself or its name; do nothing if it is already eliminated."""
         one = self._agent(agent)
         if one.alive:
             one.alive = False
@@ -183,7 +183,7 @@ class RuleVerbs(Settings):
 
     @refused_while_deciding
     def respawn(self, agent: IAgent | str, node: int | None = None) -> None:
-        """Put an agent, dead or alive, on a node, as if it had always been there; None: where it began."""
+        """Place an agent, dead or alive, on a node, as if it had been there before; None: on its start."""
         one: Any = self._agent(agent)  # of any kind: its place is of the same
         where = self._internals.start_of(one) if node is None else node
         if isinstance(where, tuple):
@@ -196,45 +196,45 @@ class RuleVerbs(Settings):
         self.emit("respawned", agent=one.name, node=one.current_node_id)
 
     def start_node(self, agent: IAgent | str) -> int | Position:
-        """Return the node that an agent began on, or (x, y, z) of one that flies."""
+        """Return the start node of an agent, or its start position (x, y, z) if it flies."""
         return self._internals.start_of(self._agent(agent))
 
     @property
     def memories(self) -> Mapping[str, dict[Any, Any]]:
-        """Agent -> what it remembers. While agents decide, each sees only its own."""
+        """Agent -> its memory. While agents decide, each sees only its own."""
         phase, memories = self._phase, self._state.memories
         return memories if phase.agent is None else frozen({name: memories.get(name, {}) for name in phase.names()})
 
     @property
     def is_deciding(self) -> bool:
-        """Whether agents observe and decide right now."""
+        """Whether agents are observing and deciding now."""
         return self._turns.is_deciding
 
     @property
     def is_moving(self) -> bool:
-        """Whether agents observe, decide and move right now."""
+        """Whether agents are observing, deciding or moving now."""
         return self._turns.is_moving
 
     @refused_while_deciding
     def publish(self, *, to: object = None, **facts: object) -> None:
-        """Publish facts to strategies: they are in `state["facts"]`, read-only all the way down.
+        """Publish facts to strategies, in `state["facts"]`; they are deeply read-only.
 
         Args:
-            to: a team, an agent or its name: only they learn of it. Of facts of one name an agent has its own, else
-                that of its team, else that of all. None: all.
-            facts: by name.
+            to: a team, an agent or its name: only they get the facts; None: everybody. Facts of an agent override those
+                of its team, and these the public ones of the same name.
+            facts: name -> value.
 
         Raises:
             UnknownName (KeyError): there is no such team or agent.
             BadValue: an agent and a team have this name.
-            BadType: a fact may change.
+            BadType: a fact is mutable.
         """
         made = [(name, published(name, value)) for name, value in facts.items()]
         facts_to(to, self._state, self.ctx).update(made)
 
     @refused_while_deciding
     def facts_of(self, to: object) -> dict[str, Any]:
-        """Return what was published to a team, or to an agent, alone."""
+        """Return the facts that were published only to a team or to an agent."""
         return dict(facts_to(to, self._state, self.ctx))
 
     def _agent(self, agent: IAgent | str) -> IAgent:

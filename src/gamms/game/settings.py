@@ -1,4 +1,4 @@
-"""What a game is played by: settings that are checked when they are set, plans of teams, and rules in their order.
+"""Settings of a game, checked on assignment; plans of teams; and rules in the order of their calls.
 
 A rule is a function. `RuleSpec` is its declaration, and `rule_spec_of` returns the declaration of any rule.
 """
@@ -49,14 +49,14 @@ _CHOICES = {
 
 
 class Plan(NamedTuple):
-    """What decides for all living agents of a team."""
+    """A function that decides for all living agents of a team."""
 
     function: Callable[[Any], Any]  # a `TeamPlan`; of arrays an `ArrayPlan`
     arrays: bool = False  # whether it takes arrays and returns nodes
 
 
 class UnknownSetting(GammsError, AttributeError):
-    """An attribute of a game is set that it does not have."""
+    """An attribute was set that a game does not have."""
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
         hint = nearest(name, known) or f" The settings are: {', '.join(known)}."
@@ -67,33 +67,33 @@ class Settings(ContextPart):
     """The settings of one game.
 
     Attributes:
-        legal: "edges": a move follows edges out of the node, or stays; "any": it may lead to any node.
-        on_illegal: what an action that is not legal, or nonsense, leads to: "stay", counted in the result, or "raise".
-        on_error: what a strategy that raises leads to: "raise", or "stay", counted in the result.
-        speed_unit: what `agent.speed` of an agent on the ground counts: "edges" per turn, "metres" per turn, or
-            "metres_per_second". By metres agents may be anywhere on an edge; see docs/travel.md.
-        turn_seconds: how long a turn lasts, for speeds in metres per second.
-        weight: by what agents that travel by metres choose shortest paths, as for `graph.shortest_path`. By
-            "travel_time" with speeds in metres per second no agent is faster on an edge than its length and its
-            travel time allow.
-        decide: when agents that travel by metres decide: every "turn", or at each "arrival" at a node.
-        conflicts: what decides where moves conflict, such as `gamms.rules.Conflicts`; None: all moves are made.
-        time_budget: seconds that a strategy or a plan may take; what takes longer does not count, and is noted as an
-            overrun. None: no bound.
-        deadline_s: seconds in a turn for all strategies and plans that are awaited; those that have not ended then are
-            cancelled, and noted as overruns. None: no bound.
-        default_action: what an agent does whose strategy or plan has taken too long, or has raised with
-            `on_error="stay"`: "stay", an action, or a function from the agent's state to one. An agent for which it is
-            not legal stays.
-        plans: team -> what decides for all its agents; see `Game.command`.
-        team_memory: whether agents of a team share `state["team_memory"]`; if not, their states have none.
-        order: None: all agents decide and move at once. Or lists of teams, such as `[["cops"], ["robber"]]`: in each
-            turn the teams of the first list decide and move at once, then those of the next, which see these moves.
-        deeds: what agents may do besides moving: deed -> its fields -> the kind of each; see docs/game.md.
-        channels: by what agents can send messages: name -> its keywords; see `add_channel`.
-        information: "private": copies of the game to look ahead in have what their agents know, see docs/planning.md;
-            "full": agents may have copies of all there is.
-        max_turns: `run` ends a game when so many turns were played, before it included; None: when a rule says so.
+        legal: "edges": a move follows edges or stays; "any": it may lead to any node.
+        on_illegal: the effect of an illegal or invalid action: "stay", counted in the result, or "raise".
+        on_error: the effect of an error in a strategy: "raise", or "stay", counted in the result.
+        speed_unit: the unit of `agent.speed` of agents on the ground: "edges" per turn, "metres" per turn, or
+            "metres_per_second". By metres, agents may be anywhere on an edge; see docs/travel.md.
+        turn_seconds: the duration of a turn, for speeds in metres per second.
+        weight: the edge weight of shortest paths of agents by metres, as in `graph.shortest_path`. With "travel_time"
+            and speeds in metres per second, no agent is faster on an edge than its length and its travel time allow.
+        decide: when agents by metres decide: every "turn", or at each "arrival" at a node.
+        conflicts: resolves conflicts of moves, for example `gamms.rules.Conflicts`; None: all moves are made.
+        time_budget: seconds for one call of a strategy or plan; the decision of a slower call is dropped, and counted
+            as an overrun. None: no limit.
+        deadline_s: seconds per turn for all awaited strategies and plans together; late ones are cancelled, and counted
+            as overruns. None: no limit.
+        default_action: the action of an agent whose strategy or plan was too slow, or has raised with
+            `on_error="stay"`: "stay", an action, or a function that returns one from the agent's state. If it is not
+            legal, the agent stays.
+        plans: team -> the plan for all its agents; see `Game.command`.
+        team_memory: whether agents of a team share `state["team_memory"]`; otherwise their states have none.
+        order: None: all agents decide and move simultaneously. Or lists of teams, for example `[["cops"], ["robber"]]`:
+            in each turn, the teams of the first list decide and move simultaneously, then those of the next list, which
+            see these moves.
+        deeds: actions besides moving: deed -> field -> its kind; see docs/game.md.
+        channels: channels for messages: name -> keywords; see `add_channel`.
+        information: "private": copies of the game for looking ahead contain the knowledge of their agents, see
+            docs/planning.md; "full": agents may get complete copies.
+        max_turns: `run` ends the game after this number of turns, counted from its start; None: only rules end it.
     """
 
     legal: Literal["edges", "any"] = "edges"
@@ -106,7 +106,7 @@ class Settings(ContextPart):
     conflicts: IConflicts | None = None
     time_budget: float | None = None
     deadline_s: float | None = None
-    default_action: Any = "stay"  # an action of any form, or a function that gives one
+    default_action: Any = "stay"  # an action of any form, or a function that returns one
     plans: Mapping[Any, Plan] = ReadOnlyMapping({})
     team_memory: bool = True
     order: Sequence[Sequence[Any]] | None = None
@@ -115,15 +115,15 @@ class Settings(ContextPart):
     information: Literal["private", "full"] = "private"
     max_turns: int | None = None
     _called = "ctx.game"
-    _settings_now: tuple[int, dict[str, Any]] = -1, {}  # and the count of changes at which they were these
-    _is_closed = False  # whether all attributes are there, so that another name is a misspelt one
+    _settings_now: tuple[int, dict[str, Any]] = -1, {}  # the count of changes, and the settings then
+    _is_closed = False  # whether unknown attribute names are refused
 
     def __setattr__(self, name: str, value: object) -> None:
-        """Set a setting if its value is valid.
+        """Set a setting, after a check of its value.
 
         Raises:
-            BadValue, BadType: it cannot be set to that.
-            UnknownSetting (AttributeError): there is no such setting, nor any other attribute of that name.
+            BadValue, BadType: the value is invalid.
+            UnknownSetting (AttributeError): there is no setting or attribute of this name.
         """
         check = _CHECKS.get(name)
         if name[0] != "_":
@@ -135,18 +135,18 @@ class Settings(ContextPart):
             self._phase.setting_changes += 1
 
     def settings(self) -> dict[str, Any]:
-        """Return all settings; `configure` takes them."""
+        """Return all settings, for `configure`."""
         return {name: getattr(self, name) for name in _CHECKS}
 
     @refused_while_deciding
     def settings_now(self) -> dict[str, Any]:
-        """Return all settings, not to be written to: the same dict until one is set."""
+        """Return all settings, read-only; the same dict is returned until a setting changes."""
         if self._settings_now[0] != self._phase.setting_changes:
             self._settings_now = self._phase.setting_changes, self.settings()
         return self._settings_now[1]
 
     def plain_settings(self) -> dict[str, Any]:
-        """Return the settings that are plain values, defaults included; `configure` takes them."""
+        """Return the settings with plain values, including defaults, for `configure`."""
         plain = {name: getattr(self, name) for name in _ALWAYS_NOTED}
         plain.update((name, getattr(self, name)) for name in _TRAVEL if getattr(self, name) != getattr(Settings, name))
         default, channels = self.default_action, {name: one.options() for name, one in self.channels.items()}
@@ -178,7 +178,7 @@ class Settings(ContextPart):
     @refused_while_deciding
     @with_options()
     def add_channel(self, name: str, **options: Unpack[ChannelOptions]) -> Channel:
-        """Add a channel, by which agents send what they put into `state["outbox"]`.
+        """Add a channel, by which agents send the messages in `state["outbox"]`.
 
         Args:
             name: a name that no other channel has.
@@ -186,7 +186,7 @@ class Settings(ContextPart):
 
         Raises:
             Duplicate: there is a channel of this name.
-            BadValue, BadType: an option is impossible, or none says how far messages go.
+            BadValue, BadType: an option is impossible, or the channel has no range.
             UnknownName (KeyError): there is no such option.
         """
         channel = as_channel(name, options)
@@ -197,7 +197,7 @@ class Settings(ContextPart):
 
     @refused_while_deciding
     def remove_channel(self, name: str) -> None:
-        """Remove a channel; what is under way on it does not arrive.
+        """Remove a channel; messages under way on it do not arrive.
 
         Raises:
             UnknownName (KeyError): there is no such channel.
@@ -208,10 +208,10 @@ class Settings(ContextPart):
 
 
 def refuse_unused(settings: Settings) -> None:
-    """Refuse settings of travel in a game that does not travel.
+    """Refuse settings that have no effect.
 
     Raises:
-        BadValue: one of them would change nothing.
+        BadValue: a setting has no effect together with the others.
     """
     for name in _TRAVEL:
         value, needs_seconds = getattr(settings, name), name == "turn_seconds"
@@ -238,7 +238,7 @@ def _choice(name: str, value: object) -> str:
 
 
 def _plans(name: str, value: object) -> Mapping[Any, Plan]:
-    """Return a read-only mapping from teams to plans; a function stands for a plan of states."""
+    """Return a read-only mapping from teams to plans; a plain function becomes a plan of states."""
     if not isinstance(value, Mapping):
         raise BadType(f"ctx.game.{name} must be a dict of teams and plans, not {shown(value)}.")
     plans = {}
@@ -254,7 +254,7 @@ def as_order(name: str, value: object) -> tuple[tuple[Any, ...], ...] | None:
     """Return the order of play as tuples of teams.
 
     Raises:
-        BadType, BadValue: it is not one.
+        BadType, BadValue: it is not lists of different teams.
     """
     if value is None:
         return None
@@ -312,49 +312,47 @@ PHASES = ("before", "deeds", "after")
 
 
 class Rank(IntEnum):
-    """When a rule is called among those of its phase; those of one rank are called as they were added."""
+    """The position of a rule in its phase; rules of equal rank are called in the order of adding."""
 
-    USUAL = 0  # what moves and tags agents
+    USUAL = 0  # rules that move or tag agents
     RESOURCES = 1
-    PLACES = 2  # who is where
+    PLACES = 2  # rules about the positions of agents
     RESPAWNS = 3
-    PAYOFFS = 4  # what came of the others
+    PAYOFFS = 4  # points for events of the other rules
     END = 5
 
 
 @dataclass(frozen=True, kw_only=True)
 class RuleSpec:
-    """What a rule says about itself, besides the function of the context that it is.
+    """The declaration of a rule, in addition to its function of the context.
 
-    `declared` gives a rule its spec. A rule of a user may have the first seven as attributes of the function instead.
+    `declared` attaches a spec to a rule. A user's rule may have the first seven fields as attributes of the function.
 
-    Any: turns and states of batches are of `gamms.game.batch`, which imports this module.
+    Any: turns and states of batches are classes of `gamms.game.batch`, which imports this module.
 
     Attributes:
         prepare: called with the context when the rule is added, to look at the map and to publish facts.
-        check: called with the context when all have decided, to refuse moves and deeds.
-        teams: that the rule names; one without agents is warned about.
-        drawer: draws the rule: `drawer(ctx, data)`. What it needs is in `ctx.game.data`, so that replays are drawn
-            alike.
-        disclose: called with `ctx.game.data`, which it must not change, and names of agents; returns what these know
-            of it, for copies to look ahead in. Without it, copies have what `prepare` makes.
-        rank: a `Rank`: a rule of a higher one is called later in its phase.
-        key: the key of the state of the rule in `ctx.game.data`; no two rules have the same.
-        act_as_one: makes one rule of the `parts` of all rules of a phase with the same function here, which is called
-            in the place of the first.
-        parts: the parts that `act_as_one` joins.
-        brings_back: whether agents that are out come back, so that learners wait for that.
-        last_turn: the turn after which the rule ends the game, for windows to show how far it is.
-        array_form: does the same in many games: called with a `batch.turn.ArrayTurn`; None: batches play one
-            game after the other.
-        core_form: called with a `batch.in_core.Making`, returns the rule as the core plays it in batches; None: the
-            core does not.
-        prepare_arrays: called with the state of a batch when it begins, to publish facts in the form that they have in
-            arrays.
-        begin_arrays: called with the context and the state of the batch, returns what the array form keeps of the game
-            of a context, which may have begun: key -> name -> an array of one game. A form that keeps something
-            without it plays no games that have begun.
-        is_array_function: whether the rule itself is made of its array form.
+        check: called with the context after all have decided, to refuse moves and deeds.
+        teams: the teams that the rule mentions; a warning is logged if one has no agents.
+        drawer: draws the rule: `drawer(ctx, data)`. It reads only `ctx.game.data`, so that replays look the same.
+        disclose: called with `ctx.game.data`, which it must not change, and names of agents; returns the part that
+            these know, for copies that look ahead. Without it, copies have the state after `prepare`.
+        rank: a `Rank`; rules of higher rank are called later in the phase.
+        key: the key of the rule's state in `ctx.game.data`; unique.
+        act_as_one: makes one rule from the `parts` of all rules of a phase with the same function here; it is called in
+            place of the first of them.
+        parts: the parts for `act_as_one`.
+        brings_back: whether eliminated agents respawn, so that learners wait for it.
+        last_turn: the turn after which the rule ends the game, for progress displays.
+        array_form: applies the rule to many games: called with a `batch.turn.ArrayTurn`; None: batches play game by
+            game.
+        core_form: called with a `batch.in_core.Making`; returns the rule in the form of the core, for batches; None: it
+            has none.
+        prepare_arrays: called with the state of a batch at its start, to publish facts as arrays.
+        begin_arrays: called with the context and the state of a batch; returns the arrays that the array form keeps
+            about the game of the context, which may have begun: key -> name -> array of one game. Without it, an array
+            form with such arrays cannot play games that have begun.
+        is_array_function: whether the rule was made from its array form.
     """
 
     prepare: Callable[[Any], object] | None = None
@@ -376,21 +374,21 @@ class RuleSpec:
 
 
 _SPEC = "_rule_spec"
-_ATTRIBUTES = ("prepare", "check", "teams", "drawer", "disclose", "rank", "key")  # of rules of users
+_ATTRIBUTES = ("prepare", "check", "teams", "drawer", "disclose", "rank", "key")  # of users' rules
 _NOTHING = RuleSpec()
 
 
 def declared(rule: R, spec: RuleSpec) -> R:
-    """Return a rule that says this about itself."""
+    """Attach a declaration to a rule, and return the rule."""
     rule.__dict__[_SPEC] = spec
     return rule
 
 
 def rule_spec_of(rule: object) -> RuleSpec:
-    """Return the declaration of a rule, with the attributes that a user has given it.
+    """Return the declaration of a rule, including attributes set by a user.
 
-    A function that `functools.wraps` a rule is prepared and drawn like that rule, but may do something else: it is
-    called itself, and is not joined with other rules.
+    A function that wraps a rule by `functools.wraps` is prepared and drawn like that rule, but may behave differently:
+    it is called itself, and never joined with other rules.
     """
     spec: RuleSpec = getattr(rule, _SPEC, _NOTHING)
     if spec is getattr(getattr(rule, "__wrapped__", None), _SPEC, None):
@@ -408,21 +406,21 @@ class NamedRule(NamedTuple):
 
     @property
     def spec(self) -> RuleSpec:
-        """What the rule says about itself."""
+        """The declaration of the rule."""
         return rule_spec_of(self.rule)
 
     def __repr__(self) -> str:
-        """Show the name, the rule as a program writes it, and the phase."""
+        """Return the name, the rule as source code, and the phase."""
         return f"NamedRule({self.name!r}, {as_code(self.rule)}, phase={self.phase!r})"
 
 
 def as_called(rules: Iterable[NamedRule]) -> list[NamedRule]:
-    """Return rules as they are called: those of one phase that have the same `act_as_one` are one rule."""
+    """Return rules as they are called: those of one phase with the same `act_as_one` are joined into one rule."""
     return [named for _, named in _groups(rules)]
 
 
 def _groups(rules: Iterable[NamedRule]) -> list[tuple[list[NamedRule], NamedRule]]:
-    """Return the rules that are called as one, and that one, in the order of the first of each."""
+    """Return (rules, joined rule) for each group of rules that are called as one, in the order of their first rules."""
     groups: dict[Hashable, list[NamedRule]] = {}
     for one in rules:
         join = one.spec.act_as_one
@@ -431,7 +429,7 @@ def _groups(rules: Iterable[NamedRule]) -> list[tuple[list[NamedRule], NamedRule
 
 
 def _joined(group: Sequence[NamedRule]) -> NamedRule:
-    """Return the rule that several are called as."""
+    """Return the rule that represents a group."""
     if len(group) == 1:
         return group[0]
     join: Any = group[0].spec.act_as_one  # the same of all
@@ -440,18 +438,18 @@ def _joined(group: Sequence[NamedRule]) -> NamedRule:
 
 
 class RuleTable:
-    """Rules of a game as they are called; snapshots share it.
+    """An immutable table of the rules of a game; snapshots share it.
 
     Args:
-        rules: the rules by their ranks, those of one rank in the order in which they were added.
+        rules: the rules, by rank, then in the order of adding.
 
     Attributes:
-        rules: as given.
-        of_phase: phase -> groups of rules that are called as one, and that one.
-        checks: the rules that check moves and deeds, and by what function.
+        rules: the rules.
+        of_phase: phase -> (rules, joined rule) for each group of rules that are called as one.
+        checks: the rules that check moves and deeds, each with its function.
         phases: the phases in which a rule is called; "check" is one of them.
-        act_before_moves: whether a rule checks moves and deeds, or carries out deeds.
-        drawings: name of an artist -> how it draws a rule, and in which layer.
+        act_before_moves: whether a rule checks moves and deeds, or executes deeds.
+        drawings: name of an artist -> (its drawing function, its layer).
     """
 
     def __init__(self, rules: tuple[NamedRule, ...]) -> None:
@@ -469,11 +467,11 @@ class RuleTable:
 
 
 class RuleSet:
-    """The rules of one context's game.
+    """The rules of one game, and changes to them.
 
     Attributes:
-        now: the rules; another table after each change.
-        unchecked: those that were added since it was checked which teams they name.
+        now: the current rules; a new table after each change.
+        unchecked: rules whose teams have not been checked since they were added.
     """
 
     def __init__(self, ctx: HostContext) -> None:
@@ -483,11 +481,11 @@ class RuleSet:
 
     @property
     def rules(self) -> tuple[NamedRule, ...]:
-        """The rules; another tuple after each change."""
+        """The rules; a new tuple after each change."""
         return self.now.rules
 
     def replace(self, rules: tuple[NamedRule, ...]) -> None:
-        """Replace all rules, without what they draw."""
+        """Replace all rules, without changing artists."""
         self.now = RuleTable(rules)
 
     def add(self, rule: Rule, phase: str, name: str | None) -> None:
@@ -518,12 +516,12 @@ class RuleSet:
         raise UnknownName("rule", name, [named.name for named in self.rules])
 
     def put(self, rules: RuleTable) -> None:
-        """Replace all rules: the artists of those that go are removed, and those that come are drawn."""
+        """Replace all rules, and update their artists."""
         before, self.now = self.now.drawings, rules
         if before == rules.drawings:
             return
         visual = self._ctx.visual
-        artists: Any = getattr(visual, "artists", None)  # an engine of the caller's may have none
+        artists: Any = getattr(visual, "artists", None)  # a caller's engine may have none
         withdraw = visual.remove_artist if artists is None else artists.withdraw
         propose = visual.add_artist if artists is None else artists.propose
         for artist in sorted(before.keys() - rules.drawings.keys()):
@@ -533,9 +531,9 @@ class RuleSet:
                 propose(artist, {"drawer": drawing[0], "layer": drawing[1]})
 
     def apply(self, phase: str, state: GameState) -> bool:
-        """Call the rules of a phase, those that other rules add meanwhile too, and those that they remove no longer.
+        """Call the rules of a phase, including rules that are added meanwhile, without rules that are removed.
 
-        A game that ends before a turn ends at once. Return whether a rule was called.
+        If a rule of the phase "before" ends the game, the rest is skipped. Return whether a rule was called.
         """
         known = self.now
         seen, called = known.rules, known.of_phase[phase]
@@ -562,7 +560,7 @@ class RuleSet:
             seen, called = (*seen, *added), _groups([one for one in added if one.phase == phase])
 
     def check(self, state: GameState) -> bool:
-        """Let the rules that have a `check` refuse moves and deeds; return whether there are such rules."""
+        """Call the `check` of each rule, to refuse moves and deeds; return whether there are any."""
         for named, check in self.now.checks:
             try:
                 check(self._ctx)
@@ -572,9 +570,9 @@ class RuleSet:
         return bool(self.now.checks)
 
     def warn(self) -> None:
-        """Warn about new rules that name teams which no agent plays for."""
+        """Log a warning for each new rule that mentions a team without agents."""
         for named in [one for one in self.unchecked if one in self.rules]:
-            teams = sorted({*self._ctx.agent.block.teams}, key=str)  # which makes no members of large teams
+            teams = sorted({*self._ctx.agent.block.teams}, key=str)  # without making agents of large teams
             for team in named.spec.teams:
                 if team not in teams:
                     self._ctx.logger.warning(f"{named.name}: {UnknownName('team', team, teams)} No agent plays for it.")
@@ -592,7 +590,7 @@ def _name_of(rule: object) -> str:
 
 
 def _free_name(name: str, taken: set[str]) -> str:
-    """Return the name, with the first number that makes it another one than those that are taken."""
+    """Return the name, with the first number that makes it unique."""
     number, free = 1, name
     while free in taken:
         number += 1

@@ -1,4 +1,4 @@
-"""What the turn engine holds of each living agent: slots, which are made when they are needed where there are many."""
+"""Slots: the data of each living agent in the turn engine; in large teams, slots are made on demand."""
 
 from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -24,36 +24,35 @@ from gamms.typing.agent_engine import Departure, IAgent, TurnAccess
 from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import SensorType
 
-_FEW_MADE = 16  # where fewer than one in so many slots are made, their names are looked up
+_FEW_MADE = 16  # if fewer than one in 16 slots are made, they are looked up by name
 COUNTED = ("moves", "blocked", "illegal", "errors", "overruns")
 
 
 class AgentSlot:
-    """What the turn engine holds of one living agent.
+    """The data of one living agent in the turn engine.
 
     Args:
         agent: the agent.
-        access: to its sensors and its last state.
-        state: of the game.
-        table: of the keyed draws of the game, by whose seed everything is drawn.
-        facts: a read-only view of what was published to all.
-        settings: of the game.
-        fork: what it gets copies of the game from.
+        access: its row, its sensors and its last state.
+        state: the state of the game.
+        table: the seed and the clock of the agents' draws.
+        facts: a read-only view of the public facts.
+        settings: the settings of the game.
+        fork: makes copies of the game for the agent.
 
     Attributes:
-        agent: the agent.
-        fork: as given.
-        name, team: its own.
-        row: where it is in the block; orders of earlier turns know by their `selection` where it was.
-        flies: whether it is in the air.
-        speed: how far it may go in a turn, in the unit of the game; None for one edge.
+        agent, fork: see the arguments.
+        name, team: the agent's name and team.
+        row: its current row in the block; orders of earlier turns have the earlier row in `selection`.
+        flies: whether it flies.
+        speed: its speed per turn, in the unit of the game; None: one edge.
         travels: whether it may be anywhere on an edge.
         is_plain: whether it moves along one edge, on the ground.
-        carried: its sensors, in the form in which they are asked.
-        last: a list whose only item is the state it got last.
-        sees_world_only: whether all its sensors are built-in ones, which look at nothing but the graph and the agents.
-        foreign: the names of its sensors of the caller's own classes.
-        counts: how often it moved, was blocked, and so on; see `COUNTED`.
+        carried: its sensors, prepared for calls.
+        last: a list whose only item is the last state that it got.
+        sees_world_only: whether all its sensors are built-in, and look only at the graph and the agents.
+        foreign: the names of its sensors of users' classes.
+        counts: its numbers of moves, blocked moves, and so on; see `COUNTED`.
     """
 
     __slots__ = (
@@ -79,7 +78,7 @@ class AgentSlot:
         self.travels = not self.flies and settings.legal == "edges" and settings.speed_unit != "edges"
         self.is_plain = not (self.flies or self.travels) and self.speed is None and settings.legal == "edges"
         self._made_of = state, table, facts, settings
-        # NOTE: made when they are needed: an agent that a plan of arrays decides for has no state and draws nothing
+        # NOTE: made on demand: an agent with a plan of arrays has no state and draws nothing
         # (benchmarks: teams).
         self._draws: Draws | None = None
         self._rng: TurnGenerator | None = None
@@ -91,35 +90,35 @@ class AgentSlot:
         self.counts = state.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
 
     def holds(self, agent: IAgent, access: TurnAccess) -> bool:
-        """Whether it still says what there is to say of an agent of this game, perhaps in another row."""
+        """Return whether the slot is still valid for an agent of this game, perhaps in another row."""
         is_own = self.agent is agent and self.last is access.last
         is_equal = self.carried is access.carried and self.team == agent.team
         return is_own and is_equal and (self.flies or self.speed == agent.speed)
 
     @property
     def draws(self) -> Draws:
-        """Its keyed draws: `state["draw"]`."""
+        """The agent's keyed draws: `state["draw"]`."""
         if self._draws is None:
             self._draws = Draws(self._made_of[1], self.name)
         return self._draws
 
     @property
     def rng(self) -> TurnGenerator:
-        """Its generator: `state["rng"]`."""
+        """The agent's generator: `state["rng"]`."""
         if self._rng is None:
             self._rng = TurnGenerator(self._made_of[1], self.name)
         return self._rng
 
     @property
     def template(self) -> dict[str, Any]:
-        """Its state, but for what changes from turn to turn."""
+        """The constant part of the agent's state."""
         if self._template is None:
             self._template = self._new_template()
         return self._template
 
     @property
     def asked(self) -> Individual:
-        """What a usual turn needs of it."""
+        """The agent in the form of the core, for usual turns."""
         agent = self.agent
         if self._asked is None or self._asked.strategy is not agent.strategy:
             template = self.template if self.is_plain and agent.strategy is not None else None
@@ -151,12 +150,12 @@ class AgentSlot:
         }
 
     def show_blocked(self) -> None:
-        """Let its state say why its last action was not done, as the game knows it now."""
+        """Update the reason in the state why the last action was not executed."""
         if self._template is not None:
             self._template["blocked"] = self._why_blocked()
 
     def set_blocked(self, why: str | None) -> None:
-        """Let its state say why its last action was not done."""
+        """Set the reason in the state why the last action was not executed."""
         if self._template is not None:
             self._template["blocked"] = why
 
@@ -165,11 +164,11 @@ class AgentSlot:
         return blocked.get(self.name) if blocked else None
 
     def marks(self) -> tuple[Any, Any]:
-        """Return what it has drawn in this turn, for `go_to`."""
+        """Return the positions of its random streams in this turn, for `go_to`."""
         return self._draws and self._draws.mark(), self._rng and self._rng.mark()
 
     def go_to(self, marks: tuple[Any, Any]) -> None:
-        """Go on drawing from marks of this turn."""
+        """Continue its random streams from marks of this turn."""
         draws, rng = marks
         if draws is not None or self._draws is not None:
             self.draws.go_to(draws)
@@ -178,22 +177,22 @@ class AgentSlot:
 
 
 class LazySlots(Sequence[AgentSlot]):
-    """The slots of the living agents in the order of their names, each made when it is asked for.
+    """The slots of the living agents in the order of names, each made on demand.
 
     Args:
-        block: the agents, among them those of teams whose columns are arrays.
-        settings: of the game.
-        make: makes the slot of the agent of a name, or of one of that name that was deleted.
-        counts: of the game, by name.
-        departure: the agent that was deleted last before this moment.
-        before: the same slots at an earlier moment; None: those of no agents.
-        change: which agents have come, gone or changed since.
+        block: the agents.
+        settings: the settings of the game.
+        make: makes the slot of an agent from its name, or from a deleted agent of this name.
+        counts: agent -> its counts.
+        departure: the last agent deleted before now.
+        before: the slots at an earlier time; None: there are none.
+        change: the agents that came, left or changed since then.
 
     Attributes:
-        selection, names, teams: of the agents; the rows of the block.
-        flying: the indices of those who fly.
-        paced: the indices of those on the ground that may cover part of an edge.
-        are_plain: whether all move along one edge, on the ground.
+        selection, names, teams: the rows, names and teams of the agents.
+        flying: the indices of agents that fly.
+        paced: the indices of agents on the ground that may be on an edge.
+        are_plain: whether all agents move along one edge, on the ground.
         idle: returns the names of agents with neither a strategy nor sensors.
     """
 
@@ -257,14 +256,14 @@ class LazySlots(Sequence[AgentSlot]):
         return kernels.name_keys(self.names)
 
     def keys_of(self, indices: Sequence[int]) -> BitArray:
-        """Return the keys of some, or of all."""
+        """Return the keys of the agents at some indices."""
         return self.keys if len(indices) == len(self) else self.keys[indices]
 
     def __iter__(self) -> Iterator[AgentSlot]:
         return iter(self.those(range(len(self))))
 
     def those(self, indices: Sequence[int]) -> list[AgentSlot]:
-        """Return some, or all."""
+        """Return the slots at some indices."""
         names = self.names if len(indices) == len(self) else [self.names[i] for i in indices]
         self.make([name for name in names if name not in self._made])
         return list(map(self._made.__getitem__, names))
@@ -274,35 +273,35 @@ class LazySlots(Sequence[AgentSlot]):
         return self._counts.setdefault(self.names[i], dict.fromkeys(COUNTED, 0))
 
     def make(self, names: Iterable[str]) -> None:
-        """Make those of some agents."""
+        """Make the slots of agents, by name."""
         departed = self.departed
         self._made |= {name: self._make(name, departed.get(name)) for name in names}
 
     @property
     def departed(self) -> dict[str, IAgent]:
-        """Name -> the agent that was deleted since these slots were those of the living, the first of that name."""
+        """Name -> the agent deleted since these slots were current; if several had the name, the first."""
         while self._departure.next is not None:
             self._departure = self._departure.next
             self._departed.setdefault(self._departure.agent.name, self._departure.agent)
         return self._departed
 
     def made(self) -> list[AgentSlot]:
-        """Return those that were asked for."""
+        """Return all slots made so far."""
         return list(self._made.values())
 
     def made_of(self, which: BoolArray) -> list[AgentSlot]:
-        """Return those of some, (agents,), that were asked for."""
+        """Return the slots made so far among those selected by a mask, (agents,)."""
         made, names = self._made, self.names
         if _FEW_MADE * len(made) < len(names):  # NOTE: without a look at each of many names (benchmarks: teams)
             return [slot for name, slot in made.items() if which[bisect_left(names, name)]]
         return [made[name] for i in which.nonzero()[0].tolist() if (name := names[i]) in made]
 
     def is_made(self, i: int) -> bool:
-        """Whether one was asked for."""
+        """Return whether the slot at an index was made."""
         return self.names[i] in self._made
 
     def of_agents(self, agents: Mapping[str, IAgent]) -> "LazySlots":
-        """Return the same slots for other agents of the same names."""
+        """Return the same slots for other agents with the same names."""
 
         def make(name: str, departed: IAgent | None) -> AgentSlot:
             slot = copy(self._make(name, departed))
@@ -318,8 +317,8 @@ class SlotMaker:
     """Makes the slots of the living agents of a game.
 
     Args:
-        ctx: the context, whose agents count.
-        state, facts, settings, fork: as for an `AgentSlot`.
+        ctx: the context, for its agents.
+        state, facts, settings, fork: see `AgentSlot`.
     """
 
     def __init__(
@@ -331,39 +330,39 @@ class SlotMaker:
         fork: PrivateForks,
     ) -> None:
         self._ctx, self._state, self._facts, self._settings, self._fork = ctx, state, facts, settings, fork
-        self._table: DrawTable | None = None  # of those that were made last
+        self._table: DrawTable | None = None  # of the slots made last
 
     @property
     def table(self) -> DrawTable | None:
-        """What the agents of the slots that were made last draw by; None: none were made."""
+        """The seed and the clock of the draws of the slots made last; None: none were made."""
         return self._table
 
     def rekey(self) -> None:
-        """Let the agents of the slots that were made last draw by the seed that the context has now."""
+        """Make the slots made last draw by the current seed of the context."""
         if self._table is not None:
             self._table.rekey(self._ctx.seed)
 
     @property
     def have_drawn(self) -> bool:
-        """Whether an agent may have drawn in this turn."""
+        """Whether an agent may have drawn a random number in this turn."""
         return self._table is not None and self._table.turn == self._state.turn
 
     def forget_draws(self) -> None:
-        """Let agents draw in this turn as if they had not drawn yet."""
+        """Restart the random streams of this turn."""
         if self._table is not None:
             self._table.begin_again()
 
     def of_living(
         self, before: Sequence[AgentSlot], names: Sequence[str], version: int | None
     ) -> tuple[Sequence[AgentSlot], Succession | None]:
-        """Return the slots of the living agents by their names, and how they follow from those of before.
+        """Return the slots of the living agents by name, and the change from the previous slots.
 
-        They are made when needed where there are teams in arrays; those of before that still hold are used again.
+        With teams in arrays, slots are made on demand. Previous slots are reused if they are still valid.
 
         Args:
-            before: the slots of the same game at an earlier moment; none at its first one.
-            names: of these.
-            version: the `structure_version` at that moment; None: at the first one.
+            before: the slots of the game at an earlier time; empty at first.
+            names: their names.
+            version: the `structure_version` at that time; None at first.
         """
         agents, seed, block, table = self._ctx.agent, self._ctx.seed, self._ctx.agent.block, self._table
         are_lazy, made, since = isinstance(before, LazySlots), made_slots(before), None
@@ -411,13 +410,13 @@ class SlotMaker:
 
 
 def number(slots: Collection[AgentSlot], block: AgentBlock) -> None:
-    """Let slots say in which rows their agents are, which others have left."""
+    """Update the rows of slots, after agents have left."""
     for slot, row in zip(slots, block.rows.of_each([slot.name for slot in slots]), strict=True):
         slot.row = row
 
 
 def made_slots(slots: Sequence[AgentSlot]) -> Sequence[AgentSlot]:
-    """Return the slots that were made so far."""
+    """Return the slots made so far."""
     return slots.made() if isinstance(slots, LazySlots) else slots
 
 
@@ -432,7 +431,7 @@ def _speed(agent: IAgent) -> float | None:
 
 
 def own_copy(name: str, kind: SensorType, data: object) -> tuple[SensorType, Any]:
-    """Copy what a sensor of the caller's class shows, which may show the same to several agents."""
+    """Return a copy of the data of a user's sensor, which may return the same object to several agents."""
     try:
         return kind, copied(data)
     except Exception as error:

@@ -1,4 +1,4 @@
-"""What engines and clients do with a whole game: snapshots, detached copies (forks), and `ctx.game.internals`."""
+"""Operations on whole games: snapshots, forks, and the interface `ctx.game.internals` for engines and clients."""
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
@@ -31,11 +31,11 @@ class SnapshotError(GammsError, RuntimeError):
 
 
 class Snapshot:
-    """A game at a moment, from `ctx.game.snapshot()` for `ctx.game.restore`.
+    """A game at a moment: the result of `ctx.game.snapshot()`, for `ctx.game.restore`.
 
     Attributes:
-        turn: the number of turns that were played.
-        seed: of the context.
+        turn: the number of turns played.
+        seed: the seed of the context.
     """
 
     __slots__ = ("_of", "_parts", "_values", "seed", "turn")
@@ -48,28 +48,28 @@ class Snapshot:
         return f"Snapshot(turn={self.turn}, seed={self.seed})"
 
     def place_of(self, agent: IAgent) -> int | Position:
-        """Return where an agent was: a node id, or (x, y, z)."""
+        """Return the place of an agent: a node id, or (x, y, z)."""
         place: int | Position = self._parts["agents"].place_of(agent)
         return place
 
     def places_of(self, agents: Mapping[str, IAgent]) -> dict[str, int | Position]:
-        """Return name -> where the agent was, of some agents."""
+        """Return name -> place, for some agents."""
         places: dict[str, int | Position] = self._parts["agents"].places_of(agents)
         return places
 
     @property
     def agents(self) -> Any:
-        """The agents, as `ctx.agent.storage.snapshot()` gave them. Any: the agent engine's own class."""
+        """The agents, as `ctx.agent.storage.snapshot()` returned them. Any: the class of the agent engine."""
         return self._parts["agents"]
 
     @property
     def sensors(self) -> Any:
-        """The sensors, likewise."""
+        """The sensors, as `ctx.sensor.storage.snapshot()` returned them. Any: the class of the sensor engine."""
         return self._parts["sensors"]
 
     @property
     def data(self) -> dict[str, Any]:
-        """What rules remembered, which is not to be written to."""
+        """The data of rules; read-only."""
         data: dict[str, Any] | None = self._value("data")
         return data or {}
 
@@ -78,9 +78,9 @@ class Snapshot:
         return self._values[SAVED.index(name)]
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Snapshot":
-        """Copy the snapshot together with the context that it is of."""
+        """Copy the snapshot together with its context."""
         moves, agents = self._value("moves"), deepcopy(self._parts["agent_engine"], memo).agents
-        if moves is not None and id(moves) not in memo:  # which hold views of arrays
+        if moves is not None and id(moves) not in memo:  # they hold views of arrays
             block = memo.get(id(moves.order.block), moves.order.block)
             memo[id(moves)] = moves.of_agents(agents, block, partial(_twin_of, memo))
         of, values, parts = deepcopy((self._of, self._values, self._parts), memo)
@@ -88,7 +88,7 @@ class Snapshot:
         return Snapshot(self.turn, self.seed, of, values, parts)
 
     def __reduce__(self) -> NoReturn:
-        """Refuse to be pickled."""
+        """Raise BadType: snapshots cannot be pickled."""
         raise BadType(
             "A snapshot cannot be pickled, because it refers to the agents and the graph of its context. To continue a "
             "game in another process, record it and use Recording.resume."
@@ -96,19 +96,19 @@ class Snapshot:
 
 
 class Start(NamedTuple):
-    """How a game stood before its first turn."""
+    """The start of a game, before its first turn."""
 
     snapshot: Snapshot
     rng: Any  # the state of the context's own stream
     first_seed: tuple[int, Any]  # the seed and that state of the first start in this context
 
     def rng_of(self, seed: int) -> Any:
-        """Return the state of the context's own stream at the start with this seed; None: at its beginning."""
+        """Return the state of the context's own stream at the start with a seed; None: a new stream."""
         return dict([self.first_seed, (self.snapshot.seed, self.rng)]).get(seed)
 
 
 class SnapshotTaker(NamedTuple):
-    """The parts of a game of which snapshots are taken."""
+    """The parts of a game that a snapshot contains."""
 
     ctx: HostContext
     state: GameState
@@ -118,14 +118,14 @@ class SnapshotTaker(NamedTuple):
     turns: TurnEngine
 
     def refuse_in_turn(self, action: str) -> None:
-        """Refuse a snapshot or a copy while a turn is being played, and once the context has ended."""
+        """Raise an error while a turn is being played, and after the context has ended."""
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")
         if self.turns.is_playing:
             raise SnapshotError(f"A snapshot cannot be {action} in the middle of a turn: do it between two turns.")
 
     def take(self) -> Snapshot:
-        """Take a snapshot."""
+        """Return a snapshot."""
         ctx, state = self.ctx, self.state
         parts = {
             "turns": self.turns.snapshot(),  # first: it brings the counts up to date
@@ -144,11 +144,11 @@ class SnapshotTaker(NamedTuple):
         return Snapshot(state.turn, ctx.seed, state, state.copies(), parts)
 
     def belongs_here(self, snapshot: Snapshot) -> bool:
-        """Return whether a snapshot is of this game."""
+        """Return whether a snapshot belongs to this game."""
         return snapshot._of is self.state
 
     def restore(self, snapshot: Snapshot, *, forget: bool = False) -> None:
-        """Restore everything but the random streams; with `forget`, sensors forget what they have sensed."""
+        """Restore everything except random streams; with `forget`, sensors drop their last data."""
         ctx, state, parts = self.ctx, self.state, snapshot._parts
         ctx.graph.storage.restore(parts["world"])
         ctx.sensor.storage.restore_keywords(parts["sensors"])
@@ -167,7 +167,7 @@ class SnapshotTaker(NamedTuple):
         self.turns.prepared = parts["prepared"]
 
     def restore_streams(self, snapshot: Snapshot) -> None:
-        """Restore the seed and the random streams, before anything else."""
+        """Restore the seed and the random streams; call it before `restore`."""
         ctx, parts = self.ctx, snapshot._parts
         ctx.reseed(snapshot.seed, parts["rng"])
         ctx.is_seeded = parts["is_seeded"]
@@ -177,12 +177,12 @@ class SnapshotTaker(NamedTuple):
 
 
 def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
-    """Copy all of a game into the game of a new context, whose map, agents and sensors are copies already.
+    """Copy a whole game into the game of a new context, whose map, agents and sensors are already copies.
 
     Args:
         source: the parts of the game.
-        target: those of the new game.
-        memo: has the context, its engines, agents and sensors.
+        target: the parts of the new game.
+        memo: id of an object -> its copy, for the context, its engines, agents and sensors.
     """
     source.turns.update_counts()
     for agent in source.ctx.agent.storage.made():
@@ -204,12 +204,12 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
 
 
 def _twin_of(memo: Memo, agent: Any) -> Any:
-    """Return the copy of an agent; there is none yet of one that was deleted."""
+    """Return the copy of an agent; a deleted agent is copied now."""
     return memo.get(id(agent)) or copied_part(agent, memo)
 
 
 def copy_means(source: SnapshotTaker, target: SnapshotTaker, memo: Memo, **others: object) -> None:
-    """Copy the functions of sensors, the rules and the settings of a game, some of which are others in the copy."""
+    """Copy the functions of sensors, the rules and the settings of a game; `others` replaces some settings."""
     for sensor in target.ctx.sensor.sensors.values():
         if getattr(sensor, "function", None) is not None:
             sensor.function = own(sensor.function, memo)
@@ -219,7 +219,7 @@ def copy_means(source: SnapshotTaker, target: SnapshotTaker, memo: Memo, **other
 
 
 def _renew_states(target: SnapshotTaker) -> None:
-    """Put the memories and the random numbers of the fork into the last states of its agents."""
+    """Insert the memories and random streams of the fork into the last states of its agents."""
     order = target.turns.order()
     for agent in target.ctx.agent.storage.made():
         name, state = agent.name, cast("dict[str, Any]", agent.state)
@@ -236,10 +236,10 @@ def _renew_states(target: SnapshotTaker) -> None:
 
 
 def own(value: object, memo: Memo) -> Any:
-    """Return what a strategy, rule or setting is in a fork.
+    """Return the counterpart of a strategy, rule or setting in a fork.
 
-    A function that closes over the context, an agent or another part of the game becomes one that closes over that of
-    the fork; all else that it holds is shared. Objects are copied; those that cannot be copied are shared.
+    A function that closes over the context, an agent or another part of the game is rebound to the parts of the fork;
+    other objects that it holds are shared. Objects are copied; objects that cannot be copied are shared.
     """
     if value is None or isinstance(value, (FunctionType, MethodType, partial)):
         return _rebound(value, memo)
@@ -248,7 +248,7 @@ def own(value: object, memo: Memo) -> Any:
         made = deepcopy(value, trial)
     except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
         return value
-    kept = trial.pop(id(trial), ())  # of what is in it, which must last as long as its id is in a memo
+    kept = trial.pop(id(trial), ())  # these objects must live as long as their ids are in a memo
     memo.update(trial)
     memo.setdefault(id(memo), []).extend(kept)
     return made
@@ -306,7 +306,7 @@ def _rebound_items(values: list[Any] | tuple[Any, ...], memo: Memo) -> Any:
 
 
 def _rebound_values(values: dict[Any, Any], memo: Memo) -> dict[Any, Any]:
-    if all(type(one) in _SCALARS for one in values.values()):  # such as a territory of many nodes
+    if all(type(one) in _SCALARS for one in values.values()):  # for example a territory of many nodes
         return values
     items = {key: _rebound(one, memo) for key, one in values.items()}
     return values if all(items[key] is one for key, one in values.items()) else items
@@ -324,20 +324,20 @@ _REBOUND: dict[type, Callable[[Any, Memo], Any]] = {
 
 
 class GameInternals(Guarded):
-    """The parts of a game that the recorder, scenarios and the context use; not for strategies.
+    """The parts of a game for the recorder, scenarios and the context; not for strategies.
 
     Args:
-        parts: of the game.
-        phase: of the context.
+        parts: the parts of the game.
+        phase: the phase of the context.
 
     Attributes:
         state: the state of the game.
-        draw_start: called by `reset` with another seed, to draw what the start has from the seed; None: nothing.
+        draw_start: called by `reset` with another seed, to draw the random parts of the start; None: there are none.
         after_reset: called after each reset, in order.
         after_observing: called in every turn with the agents and their states before any agent decides, in order.
-        scenario: what the game was built from, as plain values, for the recorder; None: by a program.
-        digests: gives the SHA-256 of each part of that, for strategies that fit one map; None: built by a program.
-        kept: what rules keep to find it faster, by name; no copy or snapshot of the game has it.
+        scenario: the scenario of the game as plain values, for the recorder; None: a program built the game.
+        digests: returns the SHA-256 of each part of the scenario, for strategies that fit one map; None: no scenario.
+        kept: caches of rules, by name; copies and snapshots do not contain them.
     """
 
     _called = "ctx.game.internals"
@@ -354,12 +354,12 @@ class GameInternals(Guarded):
 
     @property
     def parts(self) -> SnapshotTaker:
-        """The parts of the game of which snapshots are taken."""
+        """The parts of the game that snapshots contain."""
         return self._parts
 
     @property
     def starts(self) -> dict[str, int | Position]:
-        """Agent -> where it began, once the game has begun."""
+        """Agent -> its start (a node id or (x, y, z)), once the game has begun."""
         began = self.state.began
         if self.state.start is None:
             return dict(began)
@@ -370,7 +370,7 @@ class GameInternals(Guarded):
         return {name: self.start_of(agent) for name, agent in agents.items()} | began
 
     def start_of(self, agent: IAgent) -> int | Position:
-        """Return where an agent began: a node id, or (x, y, z)."""
+        """Return the start of an agent: a node id, or (x, y, z)."""
         state, start = self.state, self.state.start
         place: int | Position
         if agent.name in state.began:
@@ -383,16 +383,15 @@ class GameInternals(Guarded):
 
     @refused_while_deciding
     def restart_streams(self) -> None:
-        """Start what agents draw again from the seed that the context has now."""
+        """Restart the agents' random streams with the current seed of the context."""
         self._parts.turns.restart_streams()
 
     @refused_while_deciding
     def fork(self, seed: int) -> tuple[Any, Memo]:
-        """Return a context with a copy of this game, in which all that is drawn follows from a seed.
+        """Return a context with a copy of this game, with all random streams based on a seed.
 
         Returns:
-            The context (Any: its own class), and what takes the place of which objects there, by `id()`; see
-            `copy.deepcopy`.
+            The context (Any: its class imports this one), and a memo of `copy.deepcopy`: id of an object -> its copy.
 
         Raises:
             SnapshotError: a turn is being played.
@@ -408,17 +407,17 @@ class GameInternals(Guarded):
         return ctx, memo
 
     def copy_streams(self, target: "GameInternals") -> None:
-        """Let a copy of this game draw what the game itself is going to draw."""
+        """Copy the random streams to a copy of the game, so that it draws the same numbers."""
         target.parts.turns.restore(self._parts.turns.snapshot())
 
     @refused_while_deciding
     def restore_rules(self, rules: Sequence[NamedRule]) -> None:
-        """Replace all rules; nothing is prepared again."""
+        """Replace all rules, without calling `prepare`."""
         self._parts.rules.put(RuleTable(tuple(rules)))
 
     @property
     def is_time_up(self) -> bool:
-        """Whether all turns of `run` or of the settings were played, or more."""
+        """Whether the limit of turns of `run` or of the settings was reached."""
         turn = self.state.turn
         last = self.state.last_turn
         most = self._parts.settings.max_turns
@@ -427,9 +426,9 @@ class GameInternals(Guarded):
 
     @refused_while_deciding
     def close(self) -> None:
-        """End the game, because its context ends, if that is in the middle of a turn which is not the last one."""
+        """Close the event loop and, if the context ends in the middle of a turn before the last one, end the game."""
         turns, state = self._parts.turns, self.state
         turns.close()
-        self.draw_start = None  # which holds what has built the game
+        self.draw_start = None  # it refers to the builder of the game
         if turns.is_playing and state.over is None and not self.is_time_up:
             state.over = {"reason": "closed", "winner": None, "truncated": True}

@@ -1,4 +1,4 @@
-"""Where agents may go along one edge, in arrays: the streets of a map that many agents or games share."""
+"""Legal moves along one edge as arrays, for maps that many agents or games share."""
 
 from copy import copy
 from functools import cached_property
@@ -15,31 +15,31 @@ from gamms.readonly import locked
 
 
 class Ways(Protocol):
-    """What `ctx.graph.routes` says of the edges of a map."""
+    """The part of `ctx.graph.routes` that this module needs."""
 
     def arcs(self, weight: str | None = "length", *, reverse: bool = False) -> kernels.Arcs:
-        """Return the edges with their weights as compressed sparse rows, or reversed ones; parallel ones are one."""
+        """Return the edges with weights as compressed sparse rows, optionally reversed; parallel edges are merged."""
 
     def weights(self, weight: str | None) -> FloatArray:
-        """Return what each edge costs, (edges,)."""
+        """Return the weight of each edge, (edges,)."""
 
     def neighborhoods(self) -> tuple[IntArray, IntArray]:
-        """Return the nodes that each node has an edge to, itself first, as offsets (nodes + 1,) and rows."""
+        """Return each node and its out-neighbors as offsets (nodes + 1,) and rows; the node itself comes first."""
 
 
 class Streets:
-    """The nodes of a graph, and where an agent may go from each along one edge.
+    """The nodes of a graph, and the legal moves from each along one edge.
 
     Args:
-        columns: of the graph.
+        columns: the columns of the graph.
         queries: `ctx.graph.routes`.
 
     Attributes:
-        columns: of the graph.
-        num_nodes: how many nodes there are.
-        counts: (nodes,) how many nodes are legal from each, its own included.
-        offsets: (nodes + 1,) those of node `i` are `targets[offsets[i]:offsets[i + 1]]`.
-        targets: rows of nodes; of each node its own first, then its neighbours in the order of `state["legal"]`.
+        columns: the columns of the graph.
+        num_nodes: the number of nodes.
+        counts: (nodes,) the number of legal nodes of each node, including itself.
+        offsets: (nodes + 1,) the legal nodes of node `i` are `targets[offsets[i]:offsets[i + 1]]`.
+        targets: rows of nodes: for each node its own row, then its neighbors in the order of `state["legal"]`.
     """
 
     def __init__(self, columns: GraphColumns, queries: Ways) -> None:
@@ -52,19 +52,19 @@ class Streets:
         self._axes: FloatArray | None = None
 
     def ways(self, weight: str | None) -> kernels.Arcs:
-        """Return the edges with their weights."""
+        """Return the edges with weights as compressed sparse rows."""
         return self._queries.arcs(weight)
 
     def ways_to(self, weight: str | None) -> kernels.Arcs:
-        """Return the edges with their weights, reversed: paths along them are found from their ends."""
+        """Return the reversed edges with weights, for searches from the ends of paths."""
         return self._queries.arcs(weight, reverse=True)
 
     def weights(self, weight: str | None) -> FloatArray:
-        """Return what each edge costs, (edges,)."""
+        """Return the weight of each edge, (edges,)."""
         return self._queries.weights(weight)
 
     def apart(self) -> "Streets":
-        """Return the same for what is kept longer than the graph, which it does not keep in memory."""
+        """Return a copy that does not keep the graph in memory, for caches."""
         twin = copy(self)
         del twin._queries
         return twin
@@ -73,20 +73,20 @@ class Streets:
         """Return the ids of nodes.
 
         Raises:
-            BadType, BadValue: they are no rows of nodes.
+            BadType, BadValue: `rows` are not rows of nodes.
         """
         return self.ids_of(self.checked(rows, "rows"))
 
     def ids_of(self, rows: IntArray) -> IntArray:
-        """Return what `ids` does, of rows that are known to be such."""
+        """Return the ids of nodes, without a check of the rows."""
         return rows if self._ids_are_rows else self.columns.node_ids[rows]
 
     def rows(self, ids: Any) -> IntArray:
         """Return the rows of nodes.
 
         Raises:
-            BadType: they are no integers.
-            UnknownName (KeyError): one is not on the map.
+            BadType: the ids are not integers.
+            UnknownName (KeyError): a node is not on the map.
         """
         wanted, known = as_array(ids, "ids of nodes", "integers").astype(np.int64, copy=False), self.columns.node_ids
         if self._order is None and wanted.size and wanted.view(np.uint64).max() < len(known):
@@ -102,41 +102,42 @@ class Streets:
         return found
 
     def checked(self, rows: object, name: str) -> IntArray:
-        """Return rows of nodes that a caller passed; `streets.rows(ids)` gives them.
+        """Return rows of nodes from a caller, checked; `streets.rows(ids)` makes them.
 
         Raises:
-            BadType, BadValue: they are no integers, or one is not the row of a node.
+            BadType, BadValue: they are not integers, or not rows of nodes.
         """
         return as_numbers_of(rows, name, self.num_nodes, "nodes")
 
     @cached_property
     def core(self) -> moves.Streets:
-        """The same as the core takes them."""
+        """The same data in the form of the core."""
         return moves.Streets(*self._memory())
 
     @cached_property
     def core_with_all_legal(self) -> moves.Streets:
-        """The same as the core takes them where agents may go to any node."""
+        """The same data in the form of the core, for games in which every node is legal."""
         return moves.Streets(*self._memory(), are_all_legal=True)
 
     def _memory(self) -> tuple[Any, Any]:
-        """Return the memory of `offsets` and `targets`."""
+        """Return the buffers of `offsets` and `targets`."""
         offsets: Any = np.ascontiguousarray(self.offsets, np.int32).data
         targets: Any = np.ascontiguousarray(self.targets, np.int32).data
         return offsets, targets
 
     @property
     def axes(self) -> FloatArray:
-        """The x and the y of all nodes, (2, nodes), each in one piece."""
+        """The x and the y of all nodes, (2, nodes), each contiguous."""
         if self._axes is None:
             self._axes = locked(self.columns.xy.T)
         return self._axes
 
     @cached_property
     def _narrow(self) -> tuple[RowArray, int, RowArray, RowArray]:
-        """Counts, the width of rows of steps, these steps, and their offsets where there are no rows: width 0.
+        """A compact form: counts, the width of rows of steps, these steps, and their offsets.
 
-        A step is by how much the row of a target is larger than that of the node.
+        A step is the difference between the row of a target and the row of the node. The width is 0 if rows would waste
+        memory; then the offsets are used.
         """
         # NOTE: most of a turn of many agents is reading this from all over the map: counts take a byte or two, steps
         # two where they fit, and no offsets are read where rows are about as long as each other (benchmarks: teams).
@@ -153,12 +154,12 @@ class Streets:
         return self.counts.astype(np.min_scalar_type(most)), most if is_even else 0, steps, offsets
 
     def counts_of(self, rows: IntArray) -> RowArray:
-        """Return how many nodes are legal from each of some nodes, in as few bytes as that fits into."""
+        """Return the numbers of legal nodes of nodes, in the smallest integer type that fits."""
         return self._narrow[0].take(rows)
 
     @property
     def legal(self) -> IntArray:
-        """The rows of the legal nodes of each node, (nodes, most), behind the last one its own again."""
+        """The legal nodes of each node, (nodes, most), padded with the node itself."""
         if self._padded is None:
             most = int(self.counts.max(initial=1))
             columns = np.minimum(np.arange(most), self.counts[:, None] - 1)
@@ -168,15 +169,15 @@ class Streets:
         return self._padded
 
     def legal_of(self, rows: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the legal nodes from some nodes as offsets (nodes + 1,) and rows, one after the other."""
+        """Return the legal nodes of several nodes: offsets (nodes + 1,) and rows."""
         places, ends = kernels.chosen_runs(self.offsets, rows)
         return ends, self.targets[places]
 
     def step(self, rows: IntArray, actions: IntArray) -> IntArray:
-        """Return where actions lead, each the number of a legal node.
+        """Return the rows of the nodes that actions lead to; an action is the number of a legal node.
 
         Raises:
-            BadType, BadValue: they are no rows of nodes or no such numbers, or do not broadcast to one shape.
+            BadType, BadValue: `rows` or `actions` are invalid, or do not broadcast to one shape.
         """
         here, chosen = as_one_shape(
             {"rows": self.checked(rows, "rows"), "actions": as_array(actions, "actions", "integers")}
@@ -191,7 +192,7 @@ class Streets:
         return self.ends_of(here, chosen)
 
     def ends_of(self, rows: IntArray, actions: IntArray) -> IntArray:
-        """Return what `step` does, of actions that are known to be legal."""
+        """Return the rows of the nodes that actions lead to, without checks."""
         _, width, steps, offsets = self._narrow
         # NOTE: in place: to make another array is a twentieth of a turn of 100,000 agents (benchmarks: teams).
         places: IntArray = np.empty(np.broadcast(rows, actions).shape, np.int64)
@@ -203,10 +204,10 @@ class Streets:
         return rows + steps.take(places, mode="clip")
 
     def action_to(self, rows: IntArray, targets: IntArray) -> IntArray:
-        """Return the number of a legal node, by rows; -1 where it is not legal.
+        """Return the action that leads to a target, by rows; -1 if the target is not legal.
 
         Raises:
-            BadType, BadValue: `rows` are no rows of nodes, or `targets` no integers.
+            BadType, BadValue: `rows` are not rows of nodes, or `targets` are not integers.
         """
         rows, targets = self.checked(rows, "rows"), as_array(targets, "targets", "integers")
         matches = self.legal[rows] == targets[..., None]
@@ -215,10 +216,11 @@ class Streets:
 
 
 class LegalNodes:
-    """The legal nodes of some agents: their own first, then others, as `state["legal"]` has them.
+    """The legal nodes of several agents, in the order of `state["legal"]`: their own node first.
 
     Args:
-        offsets, targets: (agents + 1,), (legal,) ids: agent `i` may go to `targets[offsets[i]:offsets[i + 1]]`.
+        offsets, targets: (agents + 1,), (legal,) ids: the legal nodes of agent `i` are `targets[offsets[i]:offsets[i +
+            1]]`.
     """
 
     def __init__(self, offsets: IntArray, targets: IntArray) -> None:
@@ -228,26 +230,26 @@ class LegalNodes:
 
     @classmethod
     def along_streets(cls, streets: Streets, nodes: IntArray) -> "LegalNodes":
-        """Return those of agents that go along one edge, by the ids of their nodes, (agents,)."""
+        """Return the legal nodes of agents that move along one edge, from the ids of their nodes, (agents,)."""
         legal = cls.__new__(cls)
         legal._streets, legal._rows = streets, streets.rows(nodes)
         return legal
 
     @cached_property
     def ragged(self) -> tuple[IntArray, IntArray]:
-        """Offsets and targets, as above; not to be written to."""
+        """Offsets and targets; read-only."""
         streets: Any = self._streets
         offsets, rows = streets.legal_of(self._rows)
         return locked(offsets), locked(streets.ids(rows))
 
     @cached_property
     def counts(self) -> RowArray:
-        """How many there are for each agent, (agents,)."""
+        """The number of legal nodes of each agent, (agents,)."""
         found: RowArray = np.diff(self.ragged[0]) if self._streets is None else self._streets.counts_of(self._rows)
         return locked(found.astype(np.int32))
 
     def step(self, actions: IntArray) -> IntArray:
-        """Return the ids of nodes that actions lead to, each the number of a legal node."""
+        """Return the ids of the nodes that actions lead to; an action is the number of a legal node."""
         if self._streets is None:
             ends, nodes = self.ragged
             chosen: IntArray = nodes[ends[:-1] + actions]

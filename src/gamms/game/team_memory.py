@@ -1,4 +1,4 @@
-"""What the members of a team share: copies of it, which they may write to, and what follows from these."""
+"""Team memories: merge the changes that the members of a team have made to copies of their shared memory."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress, islice
@@ -9,11 +9,11 @@ from gamms.core.copies import copied
 
 Memory = dict[Any, Any]
 
-_NOTHING: Any = object()  # stands for a key that is not there
+_NOTHING: Any = object()  # the value of a missing key
 
 
 def why_not_copied(memory: Memory) -> str | None:
-    """Return why a team's memory cannot be copied, as a sentence for the agent that wrote into it; None: it can."""
+    """Return the reason why a team memory cannot be copied, as a sentence; None: it can."""
     try:
         copied(memory)
     except Exception as error:  # noqa: BLE001 - whatever the classes of strategies raise
@@ -25,22 +25,22 @@ def why_not_copied(memory: Memory) -> str | None:
 
 
 def merged_memory(before: Memory, copies: Sequence[Memory]) -> Memory:
-    """Return what a team remembers after all its agents have written: `before` itself if nothing has changed.
+    """Return the memory of a team after the changes of all its agents; `before` itself if nothing has changed.
 
-    A key that one agent changed has its value. Where several changed it: sets are united; dicts are merged by these
-    rules; lists that begin as the old one did get what each agent appended, in the order of the names; of anything
-    else the value of the last name counts. A key is gone if all who changed it removed it.
+    A key that one agent has changed gets its value. If several agents have changed it: sets are united; dicts are
+    merged by the same rules; lists that extend the old list get all appended items, in the order of names; otherwise
+    the value of the last name counts. A key is removed if all agents that changed it removed it.
 
     Args:
-        before: what it remembered.
-        copies: what its agents have made of their copies, in the order of their names.
+        before: the memory before.
+        copies: the copies of its agents after their changes, in the order of names.
     """
     changes = _changes(before, copies)
     return copied(_changed(before, changes)) if changes else before
 
 
 def _changes(before: Memory, copies: Sequence[Memory]) -> dict[Any, list[Any]]:
-    """Return key -> its other values, in the order of the copies; `_NOTHING` where it is not there."""
+    """Return key -> its changed values, in the order of the copies; `_NOTHING` for a removed key."""
     changes: dict[Any, list[Any]] = {}
     for copy in copies:
         for key in _changed_keys(before, copy):
@@ -51,7 +51,7 @@ def _changes(before: Memory, copies: Sequence[Memory]) -> dict[Any, list[Any]]:
 
 
 def _changed_keys(before: Memory, copy: Memory) -> Iterator[Any]:
-    """Yield the keys of which a copy may have another value."""
+    """Yield the keys whose value may differ in a copy."""
     # NOTE: most copies have the keys in the same order, and new ones behind them: these are compared in C
     # (benchmarks: memories).
     if len(copy) >= len(before) and all(map(is_, before, copy)):
@@ -66,7 +66,7 @@ def _changed_keys(before: Memory, copy: Memory) -> Iterator[Any]:
 
 
 def _changed(before: Memory, changes: Mapping[Any, Sequence[Any]]) -> Memory:
-    """Return a memory with other values."""
+    """Return a memory with changed values."""
     after = dict(before)
     for key, changed in changes.items():
         values = [value for value in changed if value is not _NOTHING]
@@ -78,7 +78,7 @@ def _changed(before: Memory, changes: Mapping[Any, Sequence[Any]]) -> Memory:
 
 
 def _differs(value: object, other: object) -> bool:
-    """Return whether two values differ; what cannot be compared does."""
+    """Return whether two values differ; values that cannot be compared do."""
     if value is other:
         return False
     try:
@@ -88,7 +88,7 @@ def _differs(value: object, other: object) -> bool:
 
 
 def _one_of(old: object, values: list[Any]) -> Any:
-    """Return what becomes of several new values of one key."""
+    """Return the merged value of several new values of one key."""
     if len(values) == 1:
         return values[0]
     if all(isinstance(value, (set, frozenset)) for value in values):

@@ -1,7 +1,7 @@
-"""Travel by metres: the map and the ways of agents as `gamms.core.travel` takes them, and the game of a context by ids.
+"""Travel by metres: maps and paths in the form of `gamms.core.travel`, and moves of the game of a context by ids.
 
-`Map`, `Reach` and `Trips` hold what the core reads and writes, for one game or for many; nodes and edges have rows
-there. `Travel` says where agents of the game of a context may go and where they go, by ids.
+`map_of`, `Reach` and `Trips` hold the data of the core, for one game or many, with rows of nodes and edges. `Travel`
+finds legal nodes and moves of agents in the game of a context, by ids.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,11 +25,11 @@ from gamms.typing.game import Leg
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import Line, OnEdge, placed
 
-SLACK = 1e-9  # of a turn, as the core has it
-_REMEMBERED = 64  # nodes on the way of each agent, 16 bytes each
-_MORE_LEGS = 3  # than a way has nodes
-ENDLESS = 1 << 32  # edges: more than any way has
-LEAST, MOST = 5e-324, 1.0 - 2.0**-53  # of an edge: who is under way is on it, though these shares may be rounded
+SLACK = 1e-9  # of a turn, as in the core
+_REMEMBERED = 64  # the number of stored nodes on the path of each agent, 16 bytes each
+_MORE_LEGS = 3  # legs that a path may have in addition to its nodes
+ENDLESS = 1 << 32  # edges: more than any path has
+LEAST, MOST = 5e-324, 1.0 - 2.0**-53  # shares of an edge: bounds for agents under way, against rounding
 _MOTIONS = tuple(Motion)
 _NOTHING: IntArray = np.zeros(0, np.int64)
 
@@ -42,15 +42,15 @@ def map_of(
     leaving: tuple[IntArray, IntArray] | None = None,
     patch: tuple[IntArray, IntArray, IntArray] = (_NOTHING, np.zeros(1, np.int64), _NOTHING),
 ) -> core.Roads:
-    """Return the edges of a graph as the core takes them.
+    """Return the edges of a graph in the form of the core.
 
     Args:
-        columns: of the graph.
-        costs: (edges,) by which agents find their ways.
-        seconds: (edges,) that each takes at least; None: edges have no speed of their own.
-        turn_seconds: how long a turn lasts, in the time of speeds.
-        leaving: offsets (nodes + 1,) and rows of the edges that leave nodes; None: those of the graph.
-        patch: rows of nodes, ascending, that other edges leave, with offsets and rows of these.
+        columns: the columns of the graph.
+        costs: (edges,) the costs by which agents choose paths.
+        seconds: (edges,) the minimum travel time of each edge; None: edges have no speed limits.
+        turn_seconds: the duration of a turn, in the time unit of speeds.
+        leaving: offsets (nodes + 1,) and rows of the edges out of each node; None: those of the graph.
+        patch: rows of nodes with other outgoing edges, ascending, with offsets and rows of these edges.
     """
     offsets, edges = (columns.offsets, columns.out_edges) if leaving is None else leaving
     ints = [columns.node_ids, offsets, edges, *patch, columns.sources, columns.targets]
@@ -61,14 +61,14 @@ def map_of(
 
 
 class Reach:
-    """The nodes that an agent may go to, as the core finds them.
+    """The nodes that an agent can reach, found by the core.
 
     Args:
-        nodes: how many nodes there are.
+        nodes: the number of nodes.
 
     Attributes:
-        core: what the core writes to.
-        nodes, times: (nodes,) rows, and when each is reached, of as many as were found.
+        core: the form of the core.
+        nodes, times: (nodes,) rows and arrival times; the first ones are in use.
     """
 
     def __init__(self, nodes: int) -> None:
@@ -79,15 +79,15 @@ class Reach:
 
 
 class Trips:
-    """The ways of agents through a turn, as the core writes them; see `core.Trips` for the columns.
+    """The paths of agents through a turn, written by the core; see `core.Trips` for the columns.
 
     Args:
-        rows: how many agents there are.
-        most: for how many legs of each there is room.
-        route: for how many nodes of a route there is room; None: for as many.
+        rows: the number of agents.
+        most: the maximum number of legs of an agent.
+        route: the maximum number of nodes of a route; None: equal to `most`.
 
     Attributes:
-        core: what the core writes to.
+        core: the form of the core.
     """
 
     def __init__(self, rows: int, most: int, route: int | None = None) -> None:
@@ -108,13 +108,13 @@ class Trips:
         self._nodes, self._times = views[15:17]
 
     def ended(self, row: int, ids: Sequence[int], edge_ids: "EdgeIds", begun: Progress | None) -> "ResolvedAction":
-        """Return the way that the core has written, of an agent that was on its node or there on an edge.
+        """Return the path that the core has written for an agent.
 
         Args:
-            row: of the agent.
-            ids: of nodes, by row.
-            edge_ids: of edges.
-            begun: where on an edge it was.
+            row: the row of the agent.
+            ids: node ids by row.
+            edge_ids: edge ids by row.
+            begun: the agent's position on an edge at the start; None: it was on a node.
         """
         # NOTE: loops without generators, because each agent goes a way in each turn (benchmarks: travel).
         edges, begins, ends, since, until = self._legs
@@ -124,7 +124,7 @@ class Trips:
             source, target, id, back = edge_ids[edges[place]]
             leg = Leg(source, target, id, begins[place], ends[place], since[place], until[place], back)
             legs.append(leg)
-        first += row  # a way has one node more than legs
+        first += row  # a path has one node more than legs
         last = first + self._passed[row]
         path = [ids[node] for node in self._nodes[first:last]]
         progress, edge = None, self._edge[row]
@@ -136,13 +136,13 @@ class Trips:
 
 
 class Memories:
-    """The cheapest ways that agents remember; no way leads along an edge that costs infinitely much.
+    """Stored shortest paths of agents; edges with infinite cost are closed.
 
     Args:
-        columns: of the graph.
-        costs: (edges,) by which agents find their ways.
-        rows: how many agents there are.
-        most: how many nodes of its way each remembers.
+        columns: the columns of the graph.
+        costs: (edges,) the costs by which agents choose paths.
+        rows: the number of agents.
+        most: the maximum number of stored nodes of each path.
     """
 
     def __init__(self, columns: GraphColumns, costs: FloatArray, rows: int, most: int) -> None:
@@ -162,32 +162,32 @@ class Memories:
         self._far: Any = np.zeros(rows * most)
 
     def apart(self, rows: int, most: int) -> "Memories":
-        """Return the same of so many other ways, of which so many nodes are remembered."""
+        """Return a copy with room for other numbers of agents and nodes."""
         twin = copy(self)
         twin._begin(rows, most)
         return twin
 
     def ways(self, roads: core.Roads, reach: Reach) -> core.Ways:
-        """Return what one thread finds ways with on a map."""
+        """Return the paths in the form of the core, for one thread on a map."""
         columns: Any = [column.data for column in (*self._ints, self._nodes, self._far)]
         direct: Any = np.zeros(len(self._costs), np.uint8).data
         return core.Ways(*[roads, self._back, reach.core, direct, self.most, *columns])
 
     def plain_ways(self, reach: Reach) -> core.Ways:
-        """Return the same where only costs count."""
+        """Return the paths in the form of the core, on a map where only costs matter."""
         return self.ways(self._plain, reach)
 
 
 class Paths:
-    """The nodes of one revision of a graph by their ids, and the ways of the agents of one game.
+    """The nodes of one revision of a graph by id, and the shortest paths of the agents of one game.
 
     Args:
-        columns: of the graph.
-        costs: (edges,) by which agents find their ways.
+        columns: the columns of the graph.
+        costs: (edges,) the costs by which agents choose paths.
 
     Attributes:
-        ids: of the nodes, by row.
-        reach: scratch, and the nodes that were found last.
+        ids: node ids by row.
+        reach: working memory, with the nodes found last.
     """
 
     def __init__(self, columns: GraphColumns, costs: FloatArray) -> None:
@@ -198,13 +198,13 @@ class Paths:
         self.reach = Reach(len(self.ids))
         self._found = self.reach.nodes.data
         self._ways: core.Ways | None = None
-        self._agents = 0  # for how many of these that has room
+        self._agents = 0  # the number of agents that `_ways` has room for
 
     def row(self, node: int) -> int:
         """Return the row of a node.
 
         Raises:
-            UnknownName (KeyError): there is none.
+            UnknownName (KeyError): the node does not exist.
         """
         try:
             return self._row_of[node]
@@ -212,12 +212,12 @@ class Paths:
             raise UnknownName("node", node) from None
 
     def found(self, count: int) -> tuple[int, ...]:
-        """Return the ids of the first nodes that were found last."""
+        """Return the ids of the first `count` nodes found last."""
         ids = self.ids
         return tuple([ids[row] for row in self._found[:count].tolist()])
 
     def ways(self, agent: int) -> core.Ways:
-        """Return the ways of agents, among them of this one, by its row."""
+        """Return the paths of agents, with room for an agent of this row."""
         if self._ways is None or agent >= self._agents:
             self._agents = 2 * agent + 2
             self._ways = Memories(self._columns, self._costs, self._agents, _REMEMBERED).plain_ways(self.reach)
@@ -225,9 +225,9 @@ class Paths:
 
 
 class EdgeIds(dict[int, tuple[int, int, int, int | None]]):
-    """Row of an edge -> the ids of the nodes it leads from and to, its own, and that of the one back.
+    """Row of an edge -> the ids of its source, of its target, of the edge, and of the edge back.
 
-    NOTE: kept, because each agent looks around in each turn (benchmarks: travel).
+    NOTE: entries are cached, because each agent looks around in each turn (benchmarks: travel).
     """
 
     def __init__(self, columns: GraphColumns, roads: core.Roads) -> None:
@@ -243,18 +243,18 @@ class EdgeIds(dict[int, tuple[int, int, int, int | None]]):
 
 
 class Roads(Paths):
-    """The edges of one revision of a graph by their ids; of parallel ones the cheapest, of equal ones the first.
+    """The edges of one revision of a graph by id; of parallel edges the cheapest counts, then the first.
 
     Args:
-        graph: with the edges.
-        columns: of the graph.
-        weight: of the game, by which agents find their ways.
-        seconds: (edges,) that each takes at least; None: edges have no speed of their own.
-        turn_seconds: how long a turn lasts, in the time of speeds.
+        graph: the graph.
+        columns: the columns of the graph.
+        weight: the edge weight by which agents choose paths.
+        seconds: (edges,) the minimum travel time of each edge; None: edges have no speed limits.
+        turn_seconds: the duration of a turn, in the time unit of speeds.
 
     Attributes:
-        map: what the core takes.
-        edge_ids: of edges, by row.
+        map: the form of the core.
+        edge_ids: edge ids by row.
     """
 
     def __init__(
@@ -268,14 +268,14 @@ class Roads(Paths):
         self._lines: dict[int, Line] = {}  # by the id of an edge
 
     def on(self, edge: int) -> int | None:
-        """Return the row of an edge by its id; None where there is none."""
+        """Return the row of an edge by its id; None: it does not exist."""
         return self._edge_row_of.get(edge)
 
     def of(self, place: Progress) -> int:
         """Return the row of the edge that an agent is on.
 
         Raises:
-            UnknownName (KeyError): it was closed; agents leave such edges before they are asked.
+            UnknownName (KeyError): the edge was closed; agents leave closed edges before they decide.
         """
         row = self._edge_row_of.get(place.edge)
         if row is None:
@@ -284,11 +284,11 @@ class Roads(Paths):
 
     @cached_property
     def xy(self) -> list[tuple[float, float]]:
-        """Where nodes are, by row."""
+        """The positions of nodes, by row."""
         return [*map(tuple, self._columns.xy.tolist())]
 
     def located(self, place: Progress) -> OnEdge | None:
-        """Return what `typing.on_edges.located` does."""
+        """Return the position of an agent on an edge; see `typing.on_edges.located`."""
         row = self._edge_row_of.get(place.edge)
         if row is None:
             return None
@@ -299,29 +299,29 @@ class Roads(Paths):
 
 
 def _of_finite_costs(costs: FloatArray, edges_at: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
-    """Return offsets and rows of edges without those of which no path is made."""
+    """Return offsets and rows of edges without edges of infinite cost."""
     offsets, edges = edges_at
     kept = np.isfinite(costs)[edges]
     return np.concatenate(([0], np.cumsum(kept)))[offsets], edges[kept]
 
 
 class ResolvedAction(NamedTuple):
-    """What one agent is going to do."""
+    """A checked action of one agent: its move and its deeds."""
 
     end: int  # node id
     path: tuple[int, ...]  # node ids, from the agent's node to the end
-    heading: Any = ()  # (cos, sin) to face from now on, None to follow moves again; () leaves it
-    times: tuple[float, ...] = ()  # when it is at each node of the path, from 0 to 1; (): evenly
-    progress: Progress | None = None  # along the edge behind the end of the path
-    legs: tuple[Leg, ...] = ()  # of one that travels by metres
-    begun: Progress | None = None  # where on an edge such a one is before the turn
-    position: Position | None = None  # of a flyer
+    heading: Any = ()  # the new heading (cos, sin), None to follow moves again, () for no change
+    times: tuple[float, ...] = ()  # the time at each node of the path, from 0 to 1; (): evenly spaced
+    progress: Progress | None = None  # the position on an edge beyond the end of the path
+    legs: tuple[Leg, ...] = ()  # by metres
+    begun: Progress | None = None  # by metres, the position on an edge before the turn
+    position: Position | None = None  # of an agent that flies
     quat: Quat | None = None
-    deeds: Mapping[str, dict[str, Any]] | None = None  # what it does besides: deed -> the values of its fields
+    deeds: Mapping[str, dict[str, Any]] | None = None  # deed -> field -> value
 
 
 def progress_at(leg: Leg, time: float) -> Progress | None:
-    """Return where an agent on a leg is at a time of the turn; None: on a node."""
+    """Return the position of an agent on a leg at a time of the turn; None: it is on a node."""
     share = leg.share_at(time) if time < leg.until else leg.end
     if time < leg.until and leg.begin != leg.end:
         share = min(max(share, LEAST), MOST)
@@ -333,14 +333,14 @@ def progress_at(leg: Leg, time: float) -> Progress | None:
 
 
 class Travel:
-    """Where agents of a game by metres go.
+    """Finds the moves of agents in a game by metres.
 
     Args:
-        ctx: the context, whose graph and agents count.
-        settings: of the game.
+        ctx: the context, for its graph and agents.
+        settings: the settings of the game.
 
     Attributes:
-        now: of the turn, from 0 to 1: when the agents that are asked act.
+        now: the time in the turn, from 0 to 1, at which agents decide.
     """
 
     def __init__(self, ctx: HostContext, settings: Settings) -> None:
@@ -352,7 +352,7 @@ class Travel:
 
     @property
     def roads(self) -> Roads:
-        """The edges as they are now."""
+        """The edges of the current revision of the graph."""
         graph, settings = self._ctx.graph.graph, self._settings
         key = graph.revision, settings.weight, settings.speed_unit, settings.turn_seconds
         if self._roads is None or key != self._key or key[0] is None:
@@ -365,20 +365,20 @@ class Travel:
         return self._roads
 
     def place(self, row: int) -> Progress | None:
-        """Return where on an edge an agent is; None: on its node."""
+        """Return the position of an agent on an edge; None: it is on its node."""
         place: Progress | None = self._ctx.agent.block.on_edge(row)
         return place
 
     def is_going(self, place: Progress) -> bool:
-        """Whether an agent is on its way along an edge that is there, or back where one may turn round on it."""
+        """Return whether an agent moves along an edge that exists, or back where it can turn around."""
         edge = self.roads.on(place.edge)
         return edge is not None and core.is_going(self.roads.map, edge, place.motion)
 
     def reachable(self, place: Progress | None, here: int, speed: float | None) -> tuple[int, ...]:
-        """Return the nodes that an agent may go to: those next to it, then those in reach in this turn.
+        """Return the legal nodes of an agent: the nodes next to it, then the nodes that it can reach in this turn.
 
-        One whose edge was closed is on the node that it has passed last when the next turn begins. One on its way that
-        decides where it arrives gets the nodes that are in reach from there.
+        An agent whose edge was closed counts as on the node that it passed last. An agent under way that decides on
+        arrival gets the nodes that it can reach from the end of its edge.
         """
         roads = self.roads
         edge = None if place is None else roads.on(place.edge)
@@ -396,10 +396,10 @@ class Travel:
         )
         return roads.found(count)
 
-    # -- ways -----------------------------------------------------------------------------------------------------
+    # -- moves ----------------------------------------------------------------------------------------------------
 
     def stay(self, place: Progress | None, here: int) -> ResolvedAction:
-        """Return the way of an agent that stops where it is: on an edge, or on its node."""
+        """Return the move of an agent that stops at its position, on an edge or a node."""
         if place is None:
             return ResolvedAction(here, (here,), (), (self.now,))
         roads = self.roads
@@ -408,14 +408,14 @@ class Travel:
         return self._ended(roads, place)
 
     def go_on(self, place: Progress, here: int, speed: float | None) -> ResolvedAction:
-        """Return the way of an agent that is on its way along an edge, and goes on to the end that it heads for."""
+        """Return the move of an agent that continues to the end of its edge."""
         return self._go(self.roads, place, here, speed, place.motion, 0)
 
     def along(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> ResolvedAction:
-        """Return the way along nodes that follow each other, as far as the turn goes.
+        """Return the move along a route of nodes, as far as the turn allows.
 
         Raises:
-            BadValue: no edge leads from one to the next, or an agent would have to turn round on a one-way road.
+            BadValue: an edge of the route is missing, or the agent would have to turn around on a one-way road.
         """
         if not route:
             return self.stay(place, here)
@@ -438,10 +438,10 @@ class Travel:
     def towards(
         self, agent: int, place: Progress | None, here: int, speed: float | None, target: int
     ) -> ResolvedAction:
-        """Return the way of an agent, by its row, towards a node, by the shortest path, as far as the turn goes.
+        """Return the move of an agent along the shortest path toward a node, as far as the turn allows.
 
         Raises:
-            BadValue: no path leads there.
+            BadValue: there is no path.
         """
         roads = self.roads
         if place is None and speed is None and target != here:
@@ -459,16 +459,16 @@ class Travel:
         if target not in near:
             raise BadValue(f"Node {target} is not next to node {here}; legal are {list(near)}.")
 
-    # -- what the core is asked -------------------------------------------------------------------------------------
+    # -- calls of the core -------------------------------------------------------------------------------------------
 
     def _make_room(self, most: int) -> None:
-        """Get memory for ways of so many legs."""
+        """Allocate memory for paths with `most` legs."""
         self._written = trips = Trips(1, most)
         self._most, self._trips = most, trips.core
         self._route = trips.route.data
 
     def _begin(self, roads: Roads, place: Progress | None, here: int, speed: float | None) -> None:
-        """Put an agent where its way begins."""
+        """Place an agent at the start of its path."""
         edge, share, motion = (-1, 0.0, 0) if place is None else (roads.of(place), place.share, place.motion)
         pace, most = nan if speed is None else speed, 1 if self._settings.decide == "arrival" else ENDLESS
         core.begin(self._trips, 0, roads.row(here), edge, share, motion, self.now, pace, most)
@@ -476,25 +476,25 @@ class Travel:
     def _go(
         self, roads: Roads, place: Progress | None, here: int, speed: float | None, motion: int, count: int
     ) -> ResolvedAction:
-        """Return the way of an agent along the first nodes of the route that the core has."""
+        """Return the move along the first `count` nodes of the route in the core."""
         self._begin(roads, place, here, speed)
         core.go(roads.map, self._trips, 0, motion, count)
         return self._ended(roads, place)
 
     def _ended(self, roads: Roads, begun: Progress | None) -> ResolvedAction:
-        """Return the way that the core has written, of an agent that was on its node or there on an edge."""
+        """Return the path that the core has written."""
         return self._written.ended(0, roads.ids, roads.edge_ids, begun)
 
 
 def no_way(here: int, end: int, target: int, *, is_paced: bool, may_turn: bool) -> BadValue:
-    """Return the error of an agent on an edge from `here` to `end` that cannot get to a node."""
+    """Return the error for an agent on an edge from `here` to `end` that cannot reach a node."""
     if not is_paced:
         return BadValue(f"Node {target} is no end of the edge from node {here} to node {end}.")
     return BadValue(str(NoPath(end, target))) if may_turn or target != here else one_way(here, end)
 
 
 def one_way(source: int, target: int) -> BadValue:
-    """Return the error of agents that cannot turn round on an edge."""
+    """Return the error for an agent that cannot turn around on an edge."""
     return BadValue(
         f"The edge from node {source} to node {target} is a one-way road: the agent cannot turn round on "
         f"it; legal is node {target}, and what lies beyond."

@@ -1,4 +1,4 @@
-"""One turn: all agents observe the same world, decide, and move at once."""
+"""One turn: all agents observe the same state of the world, decide, and move simultaneously."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -43,22 +43,22 @@ class TurnEngine:
     """Plays the turns of one game.
 
     Args:
-        ctx: the context, whose agents and graph count.
-        settings: of the game.
-        state: of the game.
-        phase: of the context, shared by its engines.
+        ctx: the context, for its agents and graph.
+        settings: the settings of the game.
+        state: the state of the game.
+        phase: the phase of the context, shared by its engines.
 
     Attributes:
-        is_deciding: whether agents observe and decide right now.
-        is_playing: whether a turn is under way, rules included.
-        is_moving: whether agents are asked and moved right now.
-        part: the number of those who are asked, in the order of play.
-        refusals: what rules refuse, while they may; else None.
-        travel: where agents of a game by metres go.
-        inboxes: what agents hear.
-        outboxes: what agents send.
-        seed_changes: how often the seed of the context has changed.
-        prepared: how often strategies were set in the context when they were prepared last; -1: prepare them again.
+        is_deciding: whether agents are observing and deciding now.
+        is_playing: whether a turn is being played, including its rules.
+        is_moving: whether agents are deciding and moving now.
+        part: the number of the current part, in the order of play.
+        refusals: collects refusals of rules during their checks; else None.
+        travel: moves by metres.
+        inboxes: messages that agents hear.
+        outboxes: messages that agents send.
+        seed_changes: the number of changes of the context's seed.
+        prepared: the count of strategy changes at which strategies were last prepared; -1: prepare them again.
     """
 
     def __init__(self, ctx: HostContext, settings: Settings, state: GameState, phase: DecidePhase) -> None:
@@ -70,21 +70,21 @@ class TurnEngine:
         self._loop: EventLoop | None = None
         self._order: TurnOrder | None = None
         self._order_key: tuple[Any, ...] = ()
-        self._departure: Departure | None = None  # up to which all are noted
-        self._near: Mapping[int, tuple[int, ...]] = {}  # what is legal along one edge, with the order
+        self._departure: Departure | None = None  # the last deleted agent that is noted
+        self._near: Mapping[int, tuple[int, ...]] = {}  # node -> the nodes legal along one edge, of `_order`
         self.is_deciding = self.is_playing = self.is_moving = False
         self.part = 0
         self.seed_changes = 0
         self.prepared = -1
-        self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the turn under way
+        self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the current turn
         self.refusals: Refusals | None = None
         self._conflicts = TurnConflicts()
-        self._shared: dict[Any, Any] = {}  # what conflicts of many agents need for the graph
+        self._shared: dict[Any, Any] = {}  # tables of conflicts of many agents on the graph
         self.inboxes = Inboxes(ctx, state)
         self.outboxes = Outboxes(ctx, settings)
 
     def order(self) -> TurnOrder:
-        """Return the living agents, as they are asked in a turn."""
+        """Return the living agents in the order of a turn."""
         if self._order is not None and self._phase.agent is not None:
             return self._order  # nothing changes while agents decide
         state, block = self._state, self._ctx.agent.block
@@ -98,7 +98,7 @@ class TurnEngine:
         return self._order
 
     def _new_order(self, block: AgentBlock, key: tuple[Any, ...]) -> TurnOrder:
-        """Return the order of turns from now on; `key` has the versions of what it depends on, of the agents last."""
+        """Return a new order of turns; `key` has the versions of the data it depends on, that of the agents last."""
         settings = self._settings
         refuse_unused(settings)
         before = None if self._order_key[:-1] != key[:-1] else self._order
@@ -113,7 +113,7 @@ class TurnEngine:
         return TurnOrder(slots, block, settings, groups, before, change)
 
     def take_order(self, order: TurnOrder) -> None:
-        """Let the living agents be those of an order that was made here before, and that live again."""
+        """Reuse an order that was made here before, when its agents live again."""
         state, version = self._state, self._ctx.agent.block.structure.version
         is_public = not (state.agent_facts or state.team_facts)
         order.structure_version = version
@@ -123,31 +123,31 @@ class TurnEngine:
 
     @property
     def draw_table(self) -> DrawTable:
-        """What the draws of agents follow from."""
+        """The seed and the clock of the agents' draws."""
         self.order()
         table = self._slots.table
         assert table is not None  # noqa: S101 - an order has slots
         return table
 
     def living(self) -> list[IAgent]:
-        """Return the living agents in the order of their names."""
+        """Return the living agents in the order of names."""
         agents, order = self._ctx.agent, self._order
         if order is not None and order.structure_version == agents.structure_version and not order.is_lazy:
             return [*order.living]
         is_deciding = order is not None and self._phase.agent is not None
         if is_deciding or agents.block.has_teams:
             return [slot.agent for slot in self.order().slots]
-        # NOTE: one that has gone or come makes no order of the next turn yet, which costs more (decision 0057).
+        # NOTE: a changed set of agents does not require a new order here, which costs more (decision 0057).
         return [one for _, one in sorted(agents.agents.items(), key=itemgetter(0)) if one.alive]
 
     def legal(self, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
-        """Return what will be legal when the next turn begins, by name, for living agents; see `Legality.reachable`."""
+        """Return name -> the nodes that will be legal at the start of the next turn, for living agents."""
         node, order = self._ctx.agent.block.node, self.order()
         slots = [order.slots[order.index_of[name]] for name in names if name in order.index_of]
         return {slot.name: self._legality.reachable(slot, node[slot.row]) for slot in slots}
 
     def looks(self, agent: IAgent, names: Iterable[str]) -> dict[str, Any]:
-        """Return what sensors show an agent now, as its state has it; these looks are not counted."""
+        """Return the current data of an agent's sensors as in its state; these calls are not counted."""
         found = {}
         with self._phase.suspended(changes_world=False):
             block = self._ctx.agent.block
@@ -165,23 +165,23 @@ class TurnEngine:
         return found
 
     def restart_streams(self) -> None:
-        """Let agents draw by the seed that the context has now."""
+        """Make agents draw by the current seed of the context."""
         self.seed_changes += 1
         self._slots.rekey()
 
     def close(self) -> None:
-        """Close the event loop, if one was opened."""
+        """Close the event loop, if there is one."""
         if self._loop is not None:
             self._loop.close()
 
     def update_counts(self) -> None:
-        """Add the moves of the last turns to the counts of the agents, and note which were deleted."""
+        """Add the moves of the last turns to the counts of the agents, and note deleted agents."""
         self._note_departed()
         if self._order is not None:
             self._order.update_counts()
 
     def _note_departed(self) -> None:
-        """Note which agents were deleted since they were noted last, if the game had begun."""
+        """Note the agents that were deleted since the last call, if the game had begun."""
         if self._phase.agent is not None:
             return  # nothing changes while agents decide
         state, since = self._state, self._departure
@@ -191,14 +191,14 @@ class TurnEngine:
                 state.departed[since.agent.name] = since.team, since.node
 
     def list_counts(self) -> None:
-        """Enter all agents that have been asked into the counts, also those of teams that have not been made."""
+        """Add all agents to the counts, also agents of large teams whose slots are not made."""
         if self._order is not None and isinstance(self._order.slots, LazySlots):
             self._order.update_blocked()
             for i in range(len(self._order.slots)):
                 self._order.slots.counts_of(i)
 
     def snapshot(self) -> dict[str, tuple[Any, Any]]:
-        """Return what agents have drawn in this turn outside of it, for `restore`."""
+        """Return the positions of random streams that were used in this turn, for `restore`."""
         self.update_counts()
         if self._order is None or not self._slots.have_drawn:
             return {}
@@ -206,10 +206,10 @@ class TurnEngine:
         return {name: marks for name, marks in each.items() if marks != (None, None)}
 
     def restore(self, drawn: dict[str, tuple[Any, Any]], *, shows_blocked: bool = True) -> None:
-        """Continue from a state that was restored.
+        """Continue from a restored state.
 
         Args:
-            drawn: what `snapshot` returned.
+            drawn: the result of `snapshot`.
             shows_blocked: whether an agent is blocked now, or was before.
         """
         self._departure = self._ctx.agent.storage.last_departure  # the state says who has left
@@ -225,7 +225,7 @@ class TurnEngine:
                 order.slots[order.index_of[name]].go_to(marks)
 
     def observation(self, slot: AgentSlot) -> dict[str, Any]:
-        """Return the state that an agent gets now; its sensors are asked."""
+        """Return the current state of an agent; its sensors are called."""
         sensed = slot.agent.sense()
         for name in slot.foreign:
             sensed[name] = own_copy(name, *sensed[name])
@@ -234,7 +234,7 @@ class TurnEngine:
     def observed(
         self, slot: AgentSlot, here: int, sensed: dict[str, Any], decisions: Decisions, inboxes: Inboxes
     ) -> dict[str, Any]:
-        """Return the state of an agent, to be asked for a decision, which sees this from where it is."""
+        """Return the state of an agent at a node with its sensed data, ready for a decision."""
         block, row, game = self._ctx.agent.block, slot.row, decisions.state
         state: dict[str, Any] = (AerialState if slot.flies else State)(slot.template)
         state["sensor"] = sensed
@@ -261,14 +261,14 @@ class TurnEngine:
         return state
 
     def play(self, observers: list[Observer], rules: RuleSet) -> None:
-        """Let all agents observe, decide and move, those of one part after those of another.
+        """Play the moves of a turn: all agents observe, decide and move, part by part.
 
         Args:
             observers: called before the agents of a part decide.
-            rules: of the game; those of the phase "deeds" are applied before each part moves.
+            rules: the rules of the game; those of the phase "deeds" are applied before the moves of each part.
 
         Raises:
-            BadValue: the order of play leaves out a team.
+            BadValue: the order of play lacks a team.
         """
         order = self.order()
         if order.unlisted is not None:
@@ -277,7 +277,7 @@ class TurnEngine:
         order.block.placed.clear()
         try:
             self._play_in_parts(order, observers, rules)
-        except BaseException as error:  # what was drawn is drawn again when the turn is played
+        except BaseException as error:  # the same numbers are drawn when the turn is repeated
             note_lost(error, self._ctx)
             self.outboxes.outgoing = []
             self._slots.forget_draws()
@@ -285,10 +285,10 @@ class TurnEngine:
         finally:
             self.is_moving = False
             if self._order is not order and self._settings.order is not order.groups:
-                self._order_key = ()  # a rule has set another order of play, which counts from now on
+                self._order_key = ()  # a rule has changed the order of play
 
     def _play_in_parts(self, order: TurnOrder, observers: list[Observer], rules: RuleSet) -> None:
-        """Let the agents of each part decide and move."""
+        """Play all parts of the turn, and send messages."""
         state, first = self._state, self._state.parts_played or 0
         turn = self._play_part(order, first, observers, rules)
         if order.has_parts:
@@ -297,7 +297,7 @@ class TurnEngine:
             state.messages += self.outboxes.sent([slot.agent for slot in self.order().slots], state.turn)
 
     def _play_later_parts(self, turn: TurnMoves, first: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
-        """Let the agents of all parts after the first decide and move; return the moves of the whole turn."""
+        """Play all parts after the first one; return the moves of the whole turn."""
         parts = len(turn.order.parts)
         turn = turn.between(first, parts)
         for number in range(first + 1, parts):
@@ -329,10 +329,10 @@ class TurnEngine:
         return turn
 
     def _do_deeds(self, turn: TurnMoves, part: Part, rules: RuleSet) -> TurnMoves:
-        """Let rules refuse moves and deeds, note the deeds that remain, and let rules carry them out.
+        """Let rules refuse moves and deeds, log the remaining deeds, and let rules execute them.
 
-        Return the moves of the agents that there are now; one that was put elsewhere stays there, and one whose way
-        was closed stays where it is.
+        Return the moves of the current agents. An agent that a rule has placed elsewhere stays there, and an agent
+        whose path was closed stays on its node.
         """
         self.refusals = Refusals(turn)
         try:
@@ -355,7 +355,7 @@ class TurnEngine:
         return turn
 
     def _refuse(self, turn: TurnMoves, part: Part) -> None:
-        """Take back the moves and deeds that rules have refused."""
+        """Cancel the moves and deeds that rules have refused."""
         refusals = self.refusals
         assert refusals is not None  # noqa: S101 - set by the only caller
         slots = turn.slots
@@ -369,7 +369,7 @@ class TurnEngine:
                 turn.refuse_deed(i, kind)
 
     def _stop(self, turn: TurnMoves, indices: Iterable[int], why: str) -> None:
-        """Keep agents where they are."""
+        """Keep agents at their places, with the reason `why`."""
         for i in indices:
             if turn.stop(i):
                 self._block(turn.slots[i], why)
@@ -378,10 +378,11 @@ class TurnEngine:
         slot.set_blocked(self._state.blocked.add(slot.name, why))
 
     def _ask(self, order: TurnOrder, part: Part, observers: list[Observer]) -> TurnMoves:
-        """Ask the agents of a part what they do.
+        """Return the moves that the agents of a part choose.
 
-        No agent sees what others decide: while a strategy runs, nothing can be changed, so what is seen right before an
-        agent decides is what all see. Where a sensor may look at more than the world, all observe first.
+        Agents do not see each other's decisions: while a strategy runs, nothing can change, so all agents observe the
+        same state even though each observes just before it decides. If a sensor may look at more than the world, all
+        agents observe first.
         """
         decisions = self.decide(order, part, observers)
         blocked = self._state.blocked
@@ -391,7 +392,7 @@ class TurnEngine:
         return TurnMoves(order, decisions.starts, decisions.ends_to_write(), decisions.actions, decisions.moves)
 
     def decide(self, order: TurnOrder, part: Part, observers: Sequence[Observer] = ()) -> Decisions:
-        """Return what the agents of a part decide; nothing of it is published."""
+        """Return the decisions of the agents of a part, without publishing them."""
         phase = self._phase
         decisions = self._decisions.begin(order.slots, *order.begin())
         if part.paced:
@@ -406,7 +407,7 @@ class TurnEngine:
                 self.ask_part(part, decisions, self._ctx.seed, seen)
             if decisions.awaited:
                 if self._loop is None:
-                    from gamms.game.awaiting import EventLoop  # which loads asyncio
+                    from gamms.game.awaiting import EventLoop  # it loads asyncio
 
                     self._loop = EventLoop()
                 decisions.collect(self._loop)
@@ -419,7 +420,7 @@ class TurnEngine:
         return decisions
 
     def _publish(self, order: TurnOrder, part: Part, decisions: Decisions) -> None:
-        """Publish what went wrong, what teams remember and what agents send, once all have decided."""
+        """Publish errors, team memories and messages, after all agents have decided."""
         unsent: Iterable[tuple[AgentSlot, str]] = ()
         if order.has_channels:
             failed = decisions.failed
@@ -431,13 +432,13 @@ class TurnEngine:
             self._note_illegal(slot, why)
 
     def ask_part(self, part: Part, decisions: Decisions, seed: int, seen: dict[int, Any] | None = None) -> None:
-        """Ask the strategies of the agents of a part, and the plans of its teams.
+        """Call the strategies of the agents of a part, and the plans of its teams.
 
         Args:
             part: the agents.
-            decisions: takes what they decide.
-            seed: of the game.
-            seen: the states of all, by slot; None: each observes when it is asked.
+            decisions: collects the decisions.
+            seed: the seed of the game.
+            seen: slot -> the state of the agent; None: each agent observes when it decides.
         """
         slots, observe = decisions.slots, decisions.observe
         if seen is None and part.individuals:
@@ -454,7 +455,7 @@ class TurnEngine:
                 decisions.ask_plan(commanded, [observe(slots[i]) if seen is None else seen[i] for i in indices])
 
     def _ask_at_arrivals(self, order: TurnOrder, part: Part, observers: list[Observer]) -> TurnMoves:
-        """Ask the agents of a part what they do, first those that are not on their way, then each where it arrives."""
+        """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""
         block, travel, slots = self._ctx.agent.block, self._legality.travel, order.slots
         places = {i: block.on_edge(slots[i].row) for i in part.paced if slots[i].travels}
         going = {i: place for i, place in places.items() if place is not None and travel.is_going(place)}
@@ -490,7 +491,7 @@ class TurnEngine:
     def _give_way(
         self, turn: TurnMoves, arrivals: Arrivals, here: Sequence[int], actions: Mapping[int, ResolvedAction]
     ) -> set[int]:
-        """Return the slots of those among some that have to stay where they are, by the conflict resolver."""
+        """Resolve conflicts; return the slots of the agents that have to stay at their places."""
         if self._settings.conflicts is None:
             return set()
         before, after = places = arrivals.places(here, actions)
@@ -502,14 +503,14 @@ class TurnEngine:
         return set(losers)
 
     def _continue(self, turn: TurnMoves, action: ResolvedAction, i: int) -> bool:
-        """Let an agent that has arrived do what it has decided there; return whether it goes on."""
+        """Append the action of an agent that has arrived; return whether it moves on."""
         if action.deeds:
             self._note_illegal(turn.slots[i], NO_DEEDS)
         turn.go_on(i, action._replace(deeds=None))
         return bool(action.legs)
 
     def _leave_closed_edges(self, order: TurnOrder, part: Part) -> None:
-        """Put agents whose edge was removed on the node that they had passed last."""
+        """Move agents on removed edges to the node that they passed last."""
         block, travel = self._ctx.agent.block, self._legality.travel
         for i in part.paced:
             slot = order.slots[i]
@@ -538,14 +539,14 @@ class TurnEngine:
                 slots[i].set_blocked(None)
 
     def _observe_first(self, order: TurnOrder, part: Part, observers: Sequence[Observer]) -> dict[int, dict[str, Any]]:
-        """Return the states of all by slot, where none may decide before all have observed."""
+        """Return slot -> state, for parts in which all agents have to observe before any decides."""
         seen = {i: self.observation(order.slots[i]) for i in part.observing}
         for observe in observers:
             observe([order.slots[i].agent for i in seen], list(seen.values()))
         return seen
 
     def _resolve(self, turn: TurnMoves) -> None:
-        """Stop the agents that the conflict resolver stops."""
+        """Resolve conflicts, and stop the losers."""
         are_stopped = self._stopped_in_arrays(turn) if turn.order.is_lazy else None
         if are_stopped is not None:
             stopped = np.flatnonzero(are_stopped)
@@ -563,10 +564,10 @@ class TurnEngine:
                 self._block(turn.slots[i], in_conflict(end))
 
     def _stopped_in_arrays(self, turn: TurnMoves) -> BoolArray | None:
-        """Return which agents stay, by slot, where columns of agents are arrays.
+        """Return which agents stay, by slot, if columns of agents are arrays.
 
-        None: they are none, agents fly or do more than go to a node, one is on a node that is no longer on the map, or
-        a resolver is asked about each contest.
+        None: this form does not apply, because agents fly or have other actions than moves to nodes, a node is no
+        longer on the map, or a resolver function has to be called.
         """
         conflicts, order = ranked(self._settings.conflicts), turn.order
         if conflicts is None or turn.actions or order.whole.on_ground is not None:
@@ -603,7 +604,7 @@ class TurnEngine:
         moves: Moves | None,
         named: Callable[[list[int]], Mapping[str, Move]],
     ) -> list[int]:
-        """Return the slots of the agents that the conflict resolver stops, of moves between such places."""
+        """Return the slots of the agents that lose conflicts of moves between these places."""
         conflicts = cast("IConflicts", self._settings.conflicts)
         try:
             return self._conflicts.losers(conflicts, turn.order, self._state.turn, places, moves, named, self._ctx)
@@ -612,11 +613,11 @@ class TurnEngine:
             raise
 
     def _note_in_conflicts(self, error: Exception) -> None:
-        """Say in an error of the conflict resolver in which turn it was."""
+        """Add a note with the turn to an error of the conflict resolver."""
         error.add_note(f"In the conflicts {as_code(self._settings.conflicts)}, in turn {self._state.turn}.")
 
     def _apply(self, turn: TurnMoves, part: Part) -> None:
-        """Write the moves of a part into the columns of the agents."""
+        """Write the moves of a part to the columns of the agents."""
         order, ends, block = turn.order, turn.ends, turn.order.block
         block.move_all(part.ground, ends if part.on_ground is None else part.of_ground(ends))
         order.count_moves(turn.in_core(), ends)
@@ -627,7 +628,7 @@ class TurnEngine:
             block.placed.difference_update([rows[i] for i in part.members])
 
     def _apply_actions(self, turn: TurnMoves, part: Part, block: AgentBlock) -> None:
-        """Write what a part does besides going from node to node."""
+        """Write positions on edges, headings and flights of a part to the columns of the agents."""
         for i in part.paced:
             block.set_progress(turn.slots[i].row, turn.actions[i].progress if i in turn.actions else None)
         for i, action in turn.actions.items():

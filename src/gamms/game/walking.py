@@ -1,4 +1,4 @@
-"""Where the agents of the game of a context get along several edges a turn, or parts of one; see `core.by_edges`."""
+"""Moves along several edges per turn, or parts of edges, in the game of a context; see `core.by_edges`."""
 
 from collections.abc import Sequence
 from math import nan
@@ -13,17 +13,17 @@ from gamms.game.streets import Streets
 from gamms.game.travel import Paths, ResolvedAction
 from gamms.ir.progress import Progress
 
-_MORE_NODES = 3  # than a way has
+_MORE_NODES = 3  # room in addition to the nodes of a path
 
 
 class Walking(Paths):
-    """Where agents get on one revision of a graph.
+    """Finds moves along several edges per turn, on one revision of a graph.
 
     Args:
-        streets: where they may go along one edge.
+        streets: the legal moves along one edge.
 
     Attributes:
-        streets: as given.
+        streets: see the argument.
     """
 
     def __init__(self, streets: Streets) -> None:
@@ -33,7 +33,7 @@ class Walking(Paths):
         self._take_ways(self.ways(0))
 
     def _take_ways(self, hops: Ways) -> None:
-        """Let the core find ways with these."""
+        """Use these shortest paths in the core, with new buffers."""
         nodes: list[Any] = [one.data for one in np.zeros((2, self._most), np.int64)]
         times: Any = np.zeros(self._most).data
         ints: list[Any] = [one.data for one in np.zeros((2, 1), np.int64)]
@@ -51,7 +51,7 @@ class Walking(Paths):
         )
 
     def _begin(self, here: int, speed: float | None, place: Progress | None) -> None:
-        """Put an agent where it sets out."""
+        """Place an agent at its start."""
         ahead, covered = -1, 0.0
         if place is not None and place.source == here:
             ahead, covered = self._row_of.get(place.target, -1), place.share
@@ -59,15 +59,15 @@ class Walking(Paths):
         core.begin(self._walks, 0, self.row(here), ahead, covered)
 
     def reachable(self, here: int, speed: float | None, place: Progress | None) -> tuple[int, ...]:
-        """Return the nodes that an agent may go to in this turn, its own first."""
+        """Return the legal nodes of an agent in this turn, its own first."""
         self._begin(here, speed, place)
         return self.found(core.list_legal(self._walks, 0))
 
     def towards(self, agent: int, here: int, speed: float, place: Progress | None, target: int) -> ResolvedAction:
-        """Return where an agent, by its row, gets on the way with the fewest edges to a node.
+        """Return the move of an agent toward a node, along a path with the fewest edges.
 
         Raises:
-            BadValue: no path leads there.
+            BadValue: there is no path.
         """
         hops = self.ways(agent)
         if hops is not self._hops:
@@ -78,7 +78,7 @@ class Walking(Paths):
         return self._ended()
 
     def along(self, here: int, speed: float, place: Progress | None, route: Sequence[int]) -> ResolvedAction:
-        """Return where an agent gets along nodes that follow each other."""
+        """Return the move of an agent along a route of nodes."""
         if len(route) + _MORE_NODES > self._most:
             self._most = len(route) + _MORE_NODES
             self._take_ways(self._hops)
@@ -89,7 +89,7 @@ class Walking(Paths):
         return self._ended()
 
     def _ended(self) -> ResolvedAction:
-        """Return the way that the core has written."""
+        """Return the path that the core has written."""
         ids, ahead = self.ids, self._ahead[0]
         path = tuple([ids[row] for row in self._nodes[: self._lengths[0]].tolist()])
         progress = None if ahead < 0 else Progress(path[-1], ids[ahead], self._covered[0])
