@@ -78,12 +78,12 @@ def contacts(games, *, reach=None, limit=None, crossing=False, at_end=False, see
 
 
 def table(reach, limit=0.0):
-    """`core.Reach` of the edges of node -> {node: length}."""
+    """`core.NearNodes` of the edges of node -> {node: length}."""
     rows = [sorted(reach.get(node, {}).items()) for node in range(NODES)]
     arcs = [sum(map(len, rows[:node])) for node in range(NODES + 1)]
     flat = [edge for row in rows for edge in row]
     search = travel.Reach(*[ints([0] * NODES) if kind == "q" else floats([0.0] * NODES) for kind in "qdqqqdqq"])
-    return core.Reach(ints(arcs), ints([end for end, _ in flat]), floats([far for _, far in flat]), limit, search)
+    return core.NearNodes(ints(arcs), ints([end for end, _ in flat]), floats([far for _, far in flat]), limit, search)
 
 
 def pairs(*args, **kwargs):

@@ -31,7 +31,7 @@ def flags_of(values):
 
 NO_LEGS = meeting.Legs(0, *[ints([])] * 5, *[floats([])] * 5)
 NOTHING = (
-    meeting.Reach(
+    meeting.NearNodes(
         ints([0]), ints([]), floats([]), 0.0, travel.Reach(*map({"q": ints([]), "d": floats([])}.get, "qdqqqdqq"))
     ),
     meeting.Places(ints([]), floats([])),
@@ -252,7 +252,7 @@ def test_home_without_a_base_is_where_an_agent_of_the_team_began():
 
 def test_agents_come_back_after_some_turns_so_many_times():
     block = Block([[0, 1]], [[0, 1]], [RED, BLUE], alive=[0, 0])
-    rule = core.Returns(
+    rule = core.RespawnRule(
         block.games, block.events, 0, plays=ints([1, 0]), out=ints([-1, -1]), times=ints([0, 0]), wait=1, most=1
     )
     core.play(rule, 0)
@@ -269,9 +269,9 @@ def test_agents_come_back_after_some_turns_so_many_times():
 def test_rules_of_a_chain_are_called_in_their_order():
     block = Block([[0, 1]], [[0, 1]], [RED, BLUE], alive=[1, 0], turn=5)
     block.score[BLUE] = 3.0
-    limit = core.TimeLimit(block.games, block.events, 0, last=5, winner=core.WINNERS["leader"])
-    none = core.NoneLeft(block.games, block.events, 1, team=BLUE, winner=core.WINNERS["nobody"])
-    last = core.LastTeam(block.games, block.events, 2)
+    limit = core.TimeLimitRule(block.games, block.events, 0, last=5, winner=core.WINNERS["leader"])
+    none = core.NoneLeftRule(block.games, block.events, 1, team=BLUE, winner=core.WINNERS["nobody"])
+    last = core.LastTeamRule(block.games, block.events, 2)
     core.play(core.chained([limit, none, last]), 0)
     assert list(block.events.rules)[: block.events.count] == [0, 1, 2]
     assert [event[2] for event in block.happened()] == [BLUE, -1, RED]
@@ -284,7 +284,7 @@ def test_who_reaches_its_goal_first_wins_and_two_at_once_draw():
     given["starters"] = ints([])
     for starts, winner, reached in (([3, 1], RED, [0]), ([1, 1], -1, [0, 1]), ([1, 4], BLUE, [1])):
         block = Block([starts], [[3, 4]], [RED, BLUE])
-        core.play(core.Reach(block.games, block.events, 0, visitors=block.visitors(), **given), 0)
+        core.play(core.ReachRule(block.games, block.events, 0, visitors=block.visitors(), **given), 0)
         *arrived, (_, kind, won, _, _) = block.happened()
         assert (kind, won, [event[2] for event in arrived]) == ("end", winner, reached)
 
@@ -293,7 +293,7 @@ def test_agents_that_arrive_score_and_are_out():
     block = Block([[2, 2, 3]], [[3, 3, 3]], [RED, BLUE, RED])
     given = {"team": RED, "owners": ints([RED if node == 3 else -1 for node in range(NODES)]), "points": 2.0}
     given["starters"] = ints([])
-    core.play(core.Arrive(block.games, block.events, 0, visitors=block.visitors(), **given), 0)
+    core.play(core.ArriveRule(block.games, block.events, 0, visitors=block.visitors(), **given), 0)
     assert [event[1:3] for event in block.happened()] == [
         ("arrive", 0), ("arrive", 2), ("eliminated", 0), ("eliminated", 2),
     ]  # fmt: skip
@@ -304,13 +304,13 @@ def test_where_agents_began_may_be_a_goal_of_a_team_in_their_game():
     block = Block([[2, 2, 5], [2, 3, 5]], [[3, 4, 5], [3, 4, 5]], [RED, BLUE, BLUE], home=[0, 1, 3, 0, 1, -1])
     goals, starters = ints([0] * 2 * NODES), ints([0, 1, 1, 0, 0, 0])  # of red: where blue agents began
     given = {"goals": goals, "order": ints([RED]), "points": 1.0, "winner": core.WINNERS["its team"]}
-    rule = core.Reach(block.games, block.events, 0, visitors=block.visitors(), starters=starters, **given)
+    rule = core.ReachRule(block.games, block.events, 0, visitors=block.visitors(), starters=starters, **given)
     core.play(rule, 0)
     core.play(rule, 1)
     assert [event[:3] for event in block.happened()] == [(0, "reach", 0), (0, "end", RED)]
     assert not any(goals)
     owners, given = ints([-1] * NODES), {"team": RED, "points": 1.0, "starters": starters[:3]}
-    core.play(core.Arrive(block.games, block.events, 0, visitors=block.visitors(), owners=owners, **given), 0)
+    core.play(core.ArriveRule(block.games, block.events, 0, visitors=block.visitors(), owners=owners, **given), 0)
     assert [event[1:3] for event in block.happened()] == [("arrive", 0), ("eliminated", 0)]
     assert set(owners) == {-1}
 
@@ -318,7 +318,7 @@ def test_where_agents_began_may_be_a_goal_of_a_team_in_their_game():
 def test_agents_that_have_not_come_yet_do_not_come_back():
     block = Block([[0, 1]], [[0, 1]], [RED, BLUE], alive=[0, 0], home=[5, -1])
     given = {"plays": ints([1, 1]), "out": ints([0, 0]), "times": ints([0, 0]), "wait": 1, "most": -1}
-    core.play(core.Returns(block.games, block.events, 0, **given), 0)
+    core.play(core.RespawnRule(block.games, block.events, 0, **given), 0)
     assert block.happened() == [(0, "respawned", 0, -1, 5)]
 
 
@@ -326,8 +326,8 @@ def test_agents_of_no_team_neither_lead_nor_are_the_last_team():
     block = Block([[0, 1, 2]], [[0, 1, 2]], [RED, BLUE, 2], alive=[1, 0, 1], turn=5, numbers=3, nobody=2)
     block.score[2] = 9.0
     block.score[BLUE] = 1.0
-    limit = core.TimeLimit(block.games, block.events, 0, last=5, winner=core.WINNERS["leader"])
-    core.play(core.chained([limit, core.LastTeam(block.games, block.events, 1)]), 0)
+    limit = core.TimeLimitRule(block.games, block.events, 0, last=5, winner=core.WINNERS["leader"])
+    core.play(core.chained([limit, core.LastTeamRule(block.games, block.events, 1)]), 0)
     assert [event[2] for event in block.happened()] == [BLUE, RED]
     assert core.leader(floats([1.0, 9.0]), 1) == -1
 
@@ -335,8 +335,8 @@ def test_agents_of_no_team_neither_lead_nor_are_the_last_team():
 def test_courses_copy_what_agents_of_one_game_did_from_columns_of_several():
     block = Block([[0, 0]] * 3, [[1, 2]] * 3, [RED, BLUE])
     few, more, moments = ints([0] * 2), ints([0]), floats([0.0] * 2)
-    behind = core.Courses(ints([-1, 1, 0]), ints([7, 8]), floats([]), more, floats([]), None)
-    course = core.Courses(ints([-1, 1, 0]), ints([1, 2, 3, 4]), floats([0.1, 0.2, 0.3, 0.4]), few, moments, behind)
+    behind = core.CopiedPaths(ints([-1, 1, 0]), ints([7, 8]), floats([]), more, floats([]), None)
+    course = core.CopiedPaths(ints([-1, 1, 0]), ints([1, 2, 3, 4]), floats([0.1, 0.2, 0.3, 0.4]), few, moments, behind)
     for game, copied in ((1, [3, 4, 8, 0.3, 0.4]), (2, [1, 2, 7, 0.1, 0.2])):
         core.fill_steps(course, block.games, game)
         assert [*few, *more, *moments] == copied

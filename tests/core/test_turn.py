@@ -75,7 +75,7 @@ class Ring:
         )
         first = None
         if last is not None:
-            first = rules.TimeLimit(self.games, self.events, 0, last=last, winner=rules.WINNERS["nobody"])
+            first = rules.TimeLimitRule(self.games, self.events, 0, last=last, winner=rules.WINNERS["nobody"])
         self.player = turn.Player(self.games, movers, None, None, None, first, flat(self.until))
 
     def conflicts(self, capacity, agents, allow_swaps):
@@ -217,7 +217,7 @@ def test_agents_of_a_later_part_move_when_those_before_them_have_moved():
     ring.play(1)
     assert ring.node.tolist() == [[1, 2]]  # at once, nobody may come to the node of another that has to stay
     nodes, times, lengths = np.zeros(6, np.int64), np.zeros(6), np.zeros(2, np.int64)
-    steps = moves.StepsInParts(ring.movers, flat(nodes), flat(times), flat(lengths))
+    steps = moves.PartPaths(ring.movers, flat(nodes), flat(times), flat(lengths))
     rules.fill_steps(steps, ring.games, 0)
     assert nodes.tolist() == [0, 0, 1, 1, 2, 0]
     assert times.tolist() == [0.0, 0.5, 1.0, 0.0, 0.5, 0.0]

@@ -13,7 +13,7 @@ cdef extern from "math.h":
     cpdef double floor(double x) noexcept nogil
 
 
-cdef class Walks(Steps):
+cdef class EdgePaths(Steps):
     cdef Streets streets
     cdef Ways hops
     cdef Reach reach
@@ -31,21 +31,21 @@ cdef class Walks(Steps):
 @cython.final
 cdef class Walkers:
     cdef Movers movers
-    cdef Walks walks
+    cdef EdgePaths walks
 
 
-cpdef int begin(Walks walks, i64 i, i64 node, i64 ahead, double covered) except -1 nogil
+cpdef int begin(EdgePaths walks, i64 i, i64 node, i64 ahead, double covered) except -1 nogil
 @cython.locals(found=bint, place=i64)
 cdef bint is_next(Streets streets, i64 node, i64 other) except -1 nogil
 @cython.locals(node=i64, place=i64)
-cpdef Py_ssize_t list_legal(Walks walks, i64 i) except -1 nogil
+cpdef Py_ssize_t list_legal(EdgePaths walks, i64 i) except -1 nogil
 cdef double whole_edges(double budget) except? -1.0 nogil
 @cython.locals(number=i64, at=i64, place=i64, other=i64)
-cdef int list_within(Walks walks, i64 node, double hops) except -1 nogil
+cdef int list_within(EdgePaths walks, i64 node, double hops) except -1 nogil
 @cython.locals(node=i64, by_hops=bint, first=i64, ahead=i64, onward=double, count=i64)
-cpdef bint go_towards(Walks walks, i64 i, Ways ways, i64 memory, i64 target) except -1 nogil
+cpdef bint go_towards(EdgePaths walks, i64 i, Ways ways, i64 memory, i64 target) except -1 nogil
 @cython.locals(budget=double, edges=i64, first=i64, place=i64, left=double)
-cpdef int walk(Walks walks, i64 i, i64 count) except -1 nogil
+cpdef int walk(EdgePaths walks, i64 i, i64 count) except -1 nogil
 
 @cython.locals(number=i64)
 cdef int copy_walk(Steps steps, i64 row, Steps others, i64 other, i64 most) except -1 nogil
@@ -61,4 +61,4 @@ cpdef int give_way(Games games, Walkers w, i64 game) except -1 nogil
 @cython.locals(i=i64, row=i64, part=i64)
 cpdef int move(Games games, Walkers w, i64 game) except -1 nogil
 @cython.locals(first=i64, place=i64)
-cdef int go_in_part(Walks walks, i64 i, i64 part, i64 parts) except -1 nogil
+cdef int go_in_part(EdgePaths walks, i64 i, i64 part, i64 parts) except -1 nogil

@@ -15,7 +15,7 @@ from gamms.core.rules import Games, Steps
 from gamms.core.travel import Reach, Ways
 
 
-class Walks(Steps):
+class EdgePaths(Steps):
     """The paths of the agents of one game in a turn, along several edges or parts of edges.
 
     Attributes:
@@ -81,7 +81,7 @@ class Walkers:
         walks: the paths of one game.
     """
 
-    def __init__(self, movers: Movers, walks: Walks) -> None:
+    def __init__(self, movers: Movers, walks: EdgePaths) -> None:
         self.movers = movers
         self.walks = walks
 
@@ -89,7 +89,7 @@ class Walkers:
 # -- one agent -------------------------------------------------------------------------------------------------------
 
 
-def begin(walks: Walks, i: int, node: int, ahead: int, covered: float) -> int:
+def begin(walks: EdgePaths, i: int, node: int, ahead: int, covered: float) -> int:
     """Place an agent on its start node; the covered part of an edge that no longer exists is dropped."""
     walks.nodes[i * walks.most] = node
     walks.times[i * walks.most] = 0.0
@@ -107,7 +107,7 @@ def is_next(streets: Streets, node: int, other: int) -> bool:
     return found
 
 
-def list_legal(walks: Walks, i: int) -> int:
+def list_legal(walks: EdgePaths, i: int) -> int:
     """List the legal nodes of an agent: its neighbors, the nodes within its speed, and nodes beyond its partial edge.
 
     Return the number of nodes; `walks.reach.nodes` holds them.
@@ -129,7 +129,7 @@ def whole_edges(budget: float) -> float:
     return floor(budget * (1.0 + travel.SLACK))
 
 
-def list_within(walks: Walks, node: int, hops: float) -> int:
+def list_within(walks: EdgePaths, node: int, hops: float) -> int:
     """Append all nodes at most `hops` edges from a node, ordered by row; found by breadth-first search."""
     if hops < 0:
         return 0
@@ -155,7 +155,7 @@ def list_within(walks: Walks, node: int, hops: float) -> int:
     return 0
 
 
-def go_towards(walks: Walks, i: int, ways: Ways, memory: int, target: int) -> bool:
+def go_towards(walks: EdgePaths, i: int, ways: Ways, memory: int, target: int) -> bool:
     """Move an agent toward a node until the turn is over; return whether it can.
 
     It takes a path with the fewest edges, and continues its partial edge if that is no longer.
@@ -192,7 +192,7 @@ def go_towards(walks: Walks, i: int, ways: Ways, memory: int, target: int) -> bo
     return True
 
 
-def walk(walks: Walks, i: int, count: int) -> int:
+def walk(walks: EdgePaths, i: int, count: int) -> int:
     """Move an agent along the first `count` nodes of `walks.route`, at least one, as far as its speed allows."""
     budget = 1.0
     if walks.speeds[i] == walks.speeds[i]:  # not NaN
@@ -324,7 +324,7 @@ def move(games: Games, w: Walkers, game: int) -> int:
     return 0
 
 
-def go_in_part(walks: Walks, i: int, part: int, parts: int) -> int:
+def go_in_part(walks: EdgePaths, i: int, part: int, parts: int) -> int:
     """Fit the path of an agent into one of several equal parts of the turn; until then it waits on its first node."""
     first = i * walks.most
     for place in range(walks.lengths[i]):

@@ -4,7 +4,7 @@ from gamms.core cimport draws, moves, rules, strategies, travel
 from gamms.core.conflicts cimport resolve
 from gamms.core.moves cimport Movers
 from gamms.core.rules cimport Events, Games, Steps
-from gamms.core.travel cimport KnownReach, Reach, Roads, Trips, Ways
+from gamms.core.travel cimport LegalCache, Reach, Roads, Trips, Ways
 
 ctypedef unsigned char u8
 ctypedef long long i64
@@ -18,7 +18,7 @@ cdef class Travelers:
     cdef Ways ways, near
     cdef Roads roads
     cdef Reach reach
-    cdef KnownReach known
+    cdef LegalCache known
     cdef Trips trips
     cdef Events events
     cdef i64 slots, nodes
@@ -54,7 +54,7 @@ cpdef int move(Games games, Travelers t, i64 game) except -1 nogil
 cdef int go(Games games, Travelers t, i64 row, i64 i) except -1 nogil
 
 
-cdef class Course(Steps):
+cdef class MetrePaths(Steps):
     cdef Trips trips
     cdef Roads roads
     cdef const i64[::1] edge_streets, edge_flags

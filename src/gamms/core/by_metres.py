@@ -8,7 +8,7 @@ from gamms.core import draws, moves, rules, strategies, travel
 from gamms.core.conflicts import resolve
 from gamms.core.moves import Movers
 from gamms.core.rules import Events, Games, Steps
-from gamms.core.travel import KnownReach, Reach, Roads, Trips, Ways
+from gamms.core.travel import LegalCache, Reach, Roads, Trips, Ways
 
 ENDLESS = 1 << 32  # edges: more than any path has
 
@@ -38,7 +38,7 @@ class Travelers:
         movers: Movers,
         ways: Ways,
         near: Ways,
-        known: KnownReach,
+        known: LegalCache,
         trips: Trips,
         events: Events,
         *,
@@ -253,7 +253,7 @@ def go(games: Games, t: Travelers, row: int, i: int) -> int:
     return 0
 
 
-class Course(Steps):
+class MetrePaths(Steps):
     """The paths of the agents of one game by metres in a turn, in the form that `contacts` reads.
 
     Args:

@@ -31,7 +31,7 @@ cdef class Legs:
 
 
 @cython.final
-cdef class Reach:
+cdef class NearNodes:
     cdef const i64[::1] arcs, heads
     cdef const double[::1] costs
     cdef double limit
@@ -100,7 +100,7 @@ cdef class Contacts:
     cdef Tracks tracks
     cdef Legs legs
     cdef readonly Pieces pieces
-    cdef Reach reach
+    cdef NearNodes reach
     cdef Places places
     cdef Lines lines
     cdef const u64[::1] names, purposes

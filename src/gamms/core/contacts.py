@@ -1,8 +1,8 @@
 """Contacts of a turn: the pairs of agents that meet, with time and place.
 
-A turn is the time from 0 to 1. `Tracks` and `Legs` hold the paths of agents, `Reach` and `Lines` the distances between
-places; `Contacts` finds the pairs that meet, and sorts them by time. Rows of all columns are agents, game by game: the
-row of agent `i` of a game is `game * agents + i`.
+A turn is the time from 0 to 1. `Tracks` and `Legs` hold the paths of agents, `NearNodes` and `Lines` the distances
+between places; `Contacts` finds the pairs that meet, and sorts them by time. Rows of all columns are agents, game by
+game: the row of agent `i` of a game is `game * agents + i`.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ class Legs:
         self.lengths = lengths
 
 
-class Reach:
+class NearNodes:
     """The nodes within a distance of each node, along edges, computed on first use.
 
     Attributes:
@@ -405,7 +405,7 @@ class Contacts:
         purposes: memoryview[int],
         turns: memoryview[int],
         *,
-        reach: Reach,
+        reach: NearNodes,
         places: Places,
         lines: Lines,
         crossing: bool,

@@ -40,7 +40,7 @@ cdef class Turns:
     cdef i64 _catch_up(self) except? -1
 
 
-cdef class StreamOfTurns:
+cdef class TurnStream:
     cdef Turns _turns
     cdef i64 _begun, _count, _seeds
     cdef u64 _key, _first

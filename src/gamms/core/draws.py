@@ -180,7 +180,7 @@ class Turns:
         self.turn = -1
 
 
-class StreamOfTurns:
+class TurnStream:
     """A random stream of one name, which restarts in each turn.
 
     A subclass has `first_key`, which returns the `first_key` of the name for the current seed, and `refuse_bound`,

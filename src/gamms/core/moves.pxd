@@ -60,7 +60,7 @@ cpdef int move(Games games, Movers m, i64 game) except -1 nogil
 cdef int end_part(Games games, Movers m, i64 game) except -1 nogil
 
 
-cdef class StepsInParts(Steps):
+cdef class PartPaths(Steps):
     cdef Movers movers
 
     @cython.locals(agent=i64, row=i64, place=i64, part=i64)

@@ -226,7 +226,7 @@ def end_part(games: Games, m: Movers, game: int) -> int:
     return 0
 
 
-class StepsInParts(Steps):
+class PartPaths(Steps):
     """The paths of the agents of one game along at most one edge each, when a turn has several parts.
 
     Args:

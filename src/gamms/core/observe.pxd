@@ -11,7 +11,7 @@ cdef i64 OWN, OF_ACTION, OF_OTHER, AROUND, ON_MAP
 
 @cython.final
 cdef class Seen:
-    cdef strategies.Looks looks
+    cdef strategies.SensorTable looks
     cdef bint has_looks
     cdef i64 agents
     cdef const i64[::1] viewers, node, team, first, nodes
@@ -55,7 +55,7 @@ cdef class Nodes:
 
 
 @cython.locals(agents=i64, row=i64, viewer=i64, first=i64, other=i64)
-cpdef int mark_seen(strategies.Looks looks, const i64[::1] viewers, const i64[::1] team, const u8[::1] is_asked, const u8[::1] alive, u8[::1] marks) except -1 nogil
+cpdef int mark_seen(strategies.SensorTable looks, const i64[::1] viewers, const i64[::1] team, const u8[::1] is_asked, const u8[::1] alive, u8[::1] marks) except -1 nogil
 cdef i64 node_of(Observers o, i64 place, i64 agent) except -1 nogil
 @cython.locals(i=i64, row=i64, entry=i64, count=i64, action=i64)
 cpdef int observe(Observers o, Vectors v, Found found, i64 game) except -1 nogil

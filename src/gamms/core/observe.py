@@ -41,7 +41,7 @@ class Seen:
 
     def __init__(
         self,
-        looks: strategies.Looks | None,
+        looks: strategies.SensorTable | None,
         first: memoryview[int],
         nodes: memoryview[int],
         mates: memoryview[int],
@@ -192,7 +192,7 @@ class Nodes:
 
 
 def mark_seen(
-    looks: strategies.Looks,
+    looks: strategies.SensorTable,
     viewers: memoryview[int],
     team: memoryview[int],
     is_asked: memoryview[int],

@@ -59,7 +59,7 @@ cdef class Steps:
     cdef int fill(self, Games games, i64 game) except -1 nogil
 
 
-cdef class Courses(Steps):
+cdef class CopiedPaths(Steps):
     cdef const i64[::1] places
     cdef i64[::1] all_ints
     cdef double[::1] all_floats
@@ -196,7 +196,7 @@ cdef class FlagRule(Rule):
     cdef int happen(self, i64 game) except -1 nogil
 
 
-cdef class Returns(Rule):
+cdef class RespawnRule(Rule):
     cdef const i64[::1] plays
     cdef i64[::1] out, times
     cdef i64 wait, most
@@ -205,20 +205,20 @@ cdef class Returns(Rule):
     cdef int happen(self, i64 game) except -1 nogil
 
 
-cdef class TimeLimit(Rule):
+cdef class TimeLimitRule(Rule):
     cdef i64 last, winner
 
     cdef int happen(self, i64 game) except -1 nogil
 
 
-cdef class NoneLeft(Rule):
+cdef class NoneLeftRule(Rule):
     cdef i64 team, winner
 
     @cython.locals(agent=i64)
     cdef int happen(self, i64 game) except -1 nogil
 
 
-cdef class LastTeam(Rule):
+cdef class LastTeamRule(Rule):
     @cython.locals(left=i64, agent=i64, team=i64)
     cdef int happen(self, i64 game) except -1 nogil
 
@@ -235,7 +235,7 @@ cdef class Visitors:
     cdef int follow(self, Games games, i64 game) except -1 nogil
 
 
-cdef class Reach(Rule):
+cdef class ReachRule(Rule):
     cdef Visitors visitors
     cdef Pieces pieces
     cdef const i64[::1] starters, order
@@ -251,7 +251,7 @@ cdef class Reach(Rule):
     cdef bint _is_goal(self, i64 piece, i64 team) except -1 nogil
 
 
-cdef class Arrive(Rule):
+cdef class ArriveRule(Rule):
     cdef Visitors visitors
     cdef Pieces pieces
     cdef i64 team

@@ -307,7 +307,7 @@ class Steps:
         return 0
 
 
-class Courses(Steps):
+class CopiedPaths(Steps):
     """Paths computed elsewhere for several games; `fill` copies those of one game.
 
     Args:
@@ -1032,7 +1032,7 @@ class FlagRule(Rule):
         return 0
 
 
-class Returns(Rule):
+class RespawnRule(Rule):
     """Eliminated agents respawn on their home nodes: `gamms.rules.respawn`.
 
     Args:
@@ -1081,7 +1081,7 @@ class Returns(Rule):
         return 0
 
 
-class TimeLimit(Rule):
+class TimeLimitRule(Rule):
     """The game ends after a number of turns: `gamms.rules.time_limit`.
 
     Args:
@@ -1104,7 +1104,7 @@ class TimeLimit(Rule):
         return 0
 
 
-class NoneLeft(Rule):
+class NoneLeftRule(Rule):
     """The game ends when no agent of a team is alive: `gamms.rules.none_left`.
 
     Args:
@@ -1128,7 +1128,7 @@ class NoneLeft(Rule):
         return end_game(self.games, self.events, game, self.number, self.winner)
 
 
-class LastTeam(Rule):
+class LastTeamRule(Rule):
     """The game ends when all living agents are of one team, which wins, or none is alive: `gamms.rules.last_team`.
 
     Args:
@@ -1177,7 +1177,7 @@ class Visitors:
         return fill_sides(games, game, self.ground, self.sides)
 
 
-class Reach(Rule):
+class ReachRule(Rule):
     """The game ends when an agent reaches a goal of its team: `gamms.rules.reach`.
 
     Args:
@@ -1266,7 +1266,7 @@ class Reach(Rule):
         return self.goals[self.pieces.nodes[piece] * self.games.teams + team] == 1
 
 
-class Arrive(Rule):
+class ArriveRule(Rule):
     """Agents that reach a goal score points and leave the game: `gamms.rules.arrive`.
 
     Args:

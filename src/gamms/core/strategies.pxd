@@ -22,7 +22,7 @@ cpdef i64 farthest(const double[::1] distances, const i64[::1] ids, i64 count) e
 
 
 @cython.final
-cdef class WayTables:
+cdef class PathTables:
     cdef const i64[::1] ids
     cdef routes.Arcs arcs
     cdef routes.Paths paths
@@ -51,7 +51,7 @@ cdef class WayTables:
 
 
 @cython.final
-cdef class Looks:
+cdef class SensorTable:
     cdef const i64[::1] begins
     cdef const double[::1] squares, places
     cdef const u8[::1] shows
@@ -69,8 +69,8 @@ cdef class Steps:
 cdef class Strategies:
     cdef Games games
     cdef Steps steps
-    cdef WayTables ways
-    cdef Looks looks
+    cdef PathTables ways
+    cdef SensorTable looks
     cdef travel.Ways long_ways
     cdef const u64[::1] keys
     cdef i64[::1] memory, legal, legal_ids
@@ -99,9 +99,9 @@ cdef i64 _stop(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2
 @cython.locals(place=i64, place_of_left=i64, target=i64, left=i64, far=double)
 cdef i64 _waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
 @cython.locals(at=i64)
-cdef bint _sees(Looks looks, Games games, i64 game, i64 agent, i64 other) except -1 nogil
+cdef bint _sees(SensorTable looks, Games games, i64 game, i64 agent, i64 other) except -1 nogil
 @cython.locals(dx=double, dy=double, square=double, sensor=i64)
-cdef bint shows(Looks looks, i64 agent, i64 team, i64 here, i64 there) except -1 nogil
+cdef bint shows(SensorTable looks, i64 agent, i64 team, i64 here, i64 there) except -1 nogil
 @cython.locals(found=i64, least=double, at=i64, other=i64, far=double)
 cdef i64 _nearest_enemy(Strategies p, i64 game, i64 agent, i64 node) except? -2 nogil
 @cython.locals(at=i64, is_seen=bint, number=i64, other=i64, far=double)

@@ -72,7 +72,7 @@ def farthest(distances: memoryview[float], ids: memoryview[int], count: int) -> 
 # -- the strategies of batches -----------------------------------------------------------------------------------------
 
 
-class WayTables:
+class PathTables:
     """Shortest paths from all nodes to target nodes, computed on first use.
 
     Ties are broken as in `travel.Ways`; the cost is the length.
@@ -185,7 +185,7 @@ class WayTables:
         return self.far[self.place(node, target)]
 
 
-class Looks:
+class SensorTable:
     """The sensors of agents: each shows the agents of some teams within a radius.
 
     Attributes:
@@ -273,8 +273,8 @@ class Strategies:
         self,
         games: Games,
         steps: Steps,
-        ways: WayTables,
-        looks: Looks,
+        ways: PathTables,
+        looks: SensorTable,
         keys: memoryview[int],
         memory: memoryview[int],
     ) -> None:
@@ -424,7 +424,7 @@ def _waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int
     return target
 
 
-def _sees(looks: Looks, games: Games, game: int, agent: int, other: int) -> bool:
+def _sees(looks: SensorTable, games: Games, game: int, agent: int, other: int) -> bool:
     """Return whether an agent sees another one, and it is an enemy."""
     at = game * games.agents
     if not games.alive[at + other] or games.team[other] == games.team[agent]:
@@ -432,7 +432,7 @@ def _sees(looks: Looks, games: Games, game: int, agent: int, other: int) -> bool
     return shows(looks, agent, games.team[other], games.node[at + agent], games.node[at + other])
 
 
-def shows(looks: Looks, agent: int, team: int, here: int, there: int) -> bool:
+def shows(looks: SensorTable, agent: int, team: int, here: int, there: int) -> bool:
     """Return whether a sensor of an agent at `here` shows an agent of a team at `there`."""
     dx = looks.places[2 * there] - looks.places[2 * here]
     dy = looks.places[2 * there + 1] - looks.places[2 * here + 1]

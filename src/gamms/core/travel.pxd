@@ -33,7 +33,7 @@ cdef class Reach:
 
 
 @cython.final
-cdef class KnownReach:
+cdef class LegalCache:
     cdef const i64[::1] kinds
     cdef i64[::1] counts, first, nodes
     cdef i64 used
@@ -70,9 +70,9 @@ cpdef Py_ssize_t reachable(
     Roads roads, Reach reach, i64 node, i64 edge, double share, i64 motion, double speed, double now, bint goes_on
 ) except -1 nogil
 @cython.locals(key=i64, count=i64, place=i64)
-cpdef Py_ssize_t count_legal(Roads roads, Reach reach, KnownReach known, i64 agent, i64 node, double speed) except -1 nogil
+cpdef Py_ssize_t count_legal(Roads roads, Reach reach, LegalCache known, i64 agent, i64 node, double speed) except -1 nogil
 @cython.locals(key=i64)
-cpdef Py_ssize_t legal_node(Roads roads, Reach reach, KnownReach known, i64 agent, i64 node, i64 number) except -1 nogil
+cpdef Py_ssize_t legal_node(Roads roads, Reach reach, LegalCache known, i64 agent, i64 node, i64 number) except -1 nogil
 cdef int list_node(Reach reach, i64 node, double time) except -1 nogil
 @cython.locals(number=i64)
 cdef int list_near(Roads roads, Reach reach, i64 node) except -1 nogil

@@ -134,7 +134,7 @@ class Reach:
         self.count = 0
 
 
-class KnownReach:
+class LegalCache:
     """Stored sets of legal nodes at the start of a turn, as far as there is room.
 
     Attributes:
@@ -381,7 +381,7 @@ def reachable(
     return reach.found
 
 
-def count_legal(roads: Roads, reach: Reach, known: KnownReach, agent: int, node: int, speed: float) -> int:
+def count_legal(roads: Roads, reach: Reach, known: LegalCache, agent: int, node: int, speed: float) -> int:
     """Return the number of legal nodes of an agent on a node at the start of a turn."""
     key = known.kinds[agent] * len(roads.ids) + node
     if known.counts[key] > 0:
@@ -396,7 +396,7 @@ def count_legal(roads: Roads, reach: Reach, known: KnownReach, agent: int, node:
     return count
 
 
-def legal_node(roads: Roads, reach: Reach, known: KnownReach, agent: int, node: int, number: int) -> int:
+def legal_node(roads: Roads, reach: Reach, known: LegalCache, agent: int, node: int, number: int) -> int:
     """Return legal node number `number` after a call of `count_legal`."""
     key = known.kinds[agent] * len(roads.ids) + node
     return known.nodes[known.first[key] + number] if known.counts[key] > 0 else reach.nodes[number]

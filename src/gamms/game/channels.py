@@ -236,11 +236,11 @@ def checked_outboxes(
     row_of = {name: row for row, name in enumerate(teams)}
     for channel in {one.channel: channels[one.channel] for one in wanted.values()}.values():
         keys = [key for key, one in wanted.items() if one.channel == channel.name]
-        those = [wanted[key] for key in keys]
+        messages = [wanted[key] for key in keys]
         rows, sizes = (
-            np.array(column) for column in ([row_of[one.sender] for one in those], [one.size for one in those])
+            np.array(column) for column in ([row_of[one.sender] for one in messages], [one.size for one in messages])
         )
-        left, to = bytes_of(channel, (1, len(teams))), [one.to for one in those]
+        left, to = bytes_of(channel, (1, len(teams))), [one.to for one in messages]
         refused = refusals(channel, (np.zeros_like(rows), rows, to, sizes), np.ones(left.shape, np.bool_), teams, left)
         for row, why in refused.items():
             del wanted[keys[row]]

@@ -270,7 +270,7 @@ class TurnConflicts:
         return [whole.on_ground[i] for i in found]
 
 
-class _Memory:
+class _WorkingMemory:
     """Working memory of the core, and its arrays that this module reads.
 
     Args:
@@ -320,7 +320,7 @@ class _Agents:
         self._teams = teams
         self._most = most = 2 * len(names)  # ids of nodes and edges where they begin or end
         number = {team: i for i, team in enumerate(dict.fromkeys(teams if conflicts._per_team else ()))}
-        self._memory = _Memory(conflicts, len(names), most, 2 * most, len(number) or 1)
+        self._memory = _WorkingMemory(conflicts, len(names), most, 2 * most, len(number) or 1)
         self._limits = np.full(2 * most, UNLIMITED if conflicts._limits.number is None else conflicts._limits.number)
         self._numbers = np.zeros(most, np.int64)
         slots = 1 << most.bit_length()
@@ -504,13 +504,13 @@ class ArrayMoves(NamedTuple):
 
 def stopped_in_arrays(conflicts: Conflicts, moves: ArrayMoves) -> BoolArray:
     """Return which agents stay, (games, agents), by conflicts for which `ranked` is not None."""
-    known: list[Table] = moves.shared(("conflicts", conflicts, conflicts.allow_swaps), list)
+    known: list[ConflictTable] = moves.shared(("conflicts", conflicts, conflicts.allow_swaps), list)
     if not known or known[0].roster is not moves.roster:
-        known[:] = [Table(conflicts, moves.roster, moves.columns, has_edges=moves.has_edges)]
+        known[:] = [ConflictTable(conflicts, moves.roster, moves.columns, has_edges=moves.has_edges)]
     return known[0].stopped(moves)
 
 
-class Table:
+class ConflictTable:
     """Constant data of the conflicts of some agents on a map; see `gamms.core.conflicts`.
 
     Attributes:
@@ -528,7 +528,7 @@ class Table:
         self._ranking = ranking
         limits = conflicts._limits.rows(columns, has_edges=has_edges)
         teams = len(roster.teams) if conflicts._per_team else 1
-        self.contests = _Memory(conflicts, len(roster.names), len(columns.node_ids), len(limits), teams).contests
+        self.contests = _WorkingMemory(conflicts, len(roster.names), len(columns.node_ids), len(limits), teams).contests
         self._places = (roster.team_of * (len(limits) if conflicts._per_team else 0)).astype(np.int64).data
         self._limits = limits.data
         self.ranks: BitArray | None = None

@@ -14,9 +14,9 @@ from gamms.core.ask import ask_each
 from gamms.core.copies import copied
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, GammsError
-from gamms.game.facts import FactsOf
+from gamms.game.facts import KnownFacts
 from gamms.game.legality import IllegalAction, Legality
-from gamms.game.order import Commanded, Part
+from gamms.game.order import Part, PlannedAgents
 from gamms.game.random_streams import TeamDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
@@ -54,7 +54,7 @@ class TeamArrays:
 
     def __init__(
         self,
-        commanded: Commanded,
+        commanded: PlannedAgents,
         turn: int,
         seed: int,
         nodes: IntArray,
@@ -289,14 +289,14 @@ class Decisions:
             self.moves = moves_of(self.starts, self.ends)
         ask_each(self, self._phase, part.individuals, part.sensors, part.numbers, self.moves, near, shared)
 
-    def ask_plan(self, commanded: Commanded, states: list[State]) -> None:
+    def ask_plan(self, commanded: PlannedAgents, states: list[State]) -> None:
         """Call the plan of a team with the states of its agents."""
         slots = [self.slots[i] for i in commanded.indices]
         for slot, state in zip(slots, states, strict=True):
             slot.last[0] = state
         self._put_plan(commanded, {slot.name: state for slot, state in zip(slots, states, strict=True)})
 
-    def ask_arrays(self, commanded: Commanded, seed: int) -> None:
+    def ask_arrays(self, commanded: PlannedAgents, seed: int) -> None:
         """Call the plan of a team with arrays.
 
         Raises:
@@ -316,7 +316,7 @@ class Decisions:
         elif self._settings.legal != "any":
             slots = [self.slots[i] for i in indices]
             legal = LegalNodes(*self._legality.reachable_each(slots, nodes.tolist()))
-        facts = FactsOf(self.state, commanded.team, None)
+        facts = KnownFacts(self.state, commanded.team, None)
         given = TeamArrays(commanded, self.state.turn, seed, nodes, legal, facts, self.team_memory(commanded.team))
         self._put_plan(commanded, given)
 
@@ -403,7 +403,7 @@ class Decisions:
         agent = self.slots[i].agent
         return _Question(agent, f"strategy of agent {agent.name!r}", agent.strategy, state, [i], is_plan=False)
 
-    def _put_plan(self, commanded: Commanded, given: TeamArrays | dict[str, State]) -> None:
+    def _put_plan(self, commanded: PlannedAgents, given: TeamArrays | dict[str, State]) -> None:
         deciders, name = commanded.deciders, f"plan of team {shown(commanded.team)}"
         self._put(
             _Question(

@@ -12,7 +12,7 @@ from gamms.text import shown
 from gamms.typing.context import HostContext
 
 
-class FactsOf(ReadOnlyMapping):
+class KnownFacts(ReadOnlyMapping):
     """The facts that an agent or a team knows; its own facts override those of its team, and these the public ones.
 
     Args:

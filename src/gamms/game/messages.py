@@ -117,10 +117,10 @@ def sent(ctx: HostContext, agents: Sequence[IAgent], outgoing: Sequence[Outgoing
         return []
     scene, fates = Scene.of(ctx, agents, turn), dict[str, Iterator[dict[str, Any]]]()
     for name in dict.fromkeys(one.channel for one in going):
-        those = [one for one in going if one.channel == name]
-        senders = np.array([row_of[one.sender] for one in those])
-        found = fates_of(channels[name], scene, np.zeros_like(senders), senders, [one.to for one in those])
-        fates[name] = found.entries(list(row_of), len(those))
+        messages = [one for one in going if one.channel == name]
+        senders = np.array([row_of[one.sender] for one in messages])
+        found = outcomes_of(channels[name], scene, np.zeros_like(senders), senders, [one.to for one in messages])
+        fates[name] = found.entries(list(row_of), len(messages))
     return [
         {
             "turn": turn + 1,
@@ -135,7 +135,7 @@ def sent(ctx: HostContext, agents: Sequence[IAgent], outgoing: Sequence[Outgoing
     ]
 
 
-class Fates(NamedTuple):
+class MessageOutcomes(NamedTuple):
     """The outcomes of messages: one row for each agent that hears or misses a message, by message, then by agent.
 
     Attributes:
@@ -161,7 +161,7 @@ class Fates(NamedTuple):
             yield {"heard": heard, "overheard": overheard, "lost": [*lost], "jammed": [*jammed]}
 
 
-def fates_of(channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to: Sequence[Any]) -> Fates:
+def outcomes_of(channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to: Sequence[Any]) -> MessageOutcomes:
     """Return the outcomes of messages of one channel.
 
     Args:
@@ -175,17 +175,17 @@ def fates_of(channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to
     groups, first, members = groups_of(to, scene.teams)
     if channel.loss:
         core.count_messages(at.data, senders.data, network.rows.data, numbers.data)
-    at_once, parts = max(1, _AT_ONCE // len(scene.teams)), list[Fates]()
+    at_once, parts = max(1, _AT_ONCE // len(scene.teams)), list[MessageOutcomes]()
     for begin in range(0, len(at), at_once):
-        those = slice(begin, begin + at_once)
-        shape = len(at[those]), len(scene.teams)
+        part = slice(begin, begin + at_once)
+        shape = len(at[part]), len(scene.teams)
         outcomes, arrivals = np.empty(shape, np.uint8), np.empty(shape, np.int64)
         written = np.zeros(shape[0], np.uint8), outcomes, arrivals
-        columns: Any = at[those], senders[those], groups[those], first, members, numbers[those], *written
+        columns: Any = at[part], senders[part], groups[part], first, members, numbers[part], *written
         network.spread(core.Messages(*map(flat, columns)))
         messages, agents = np.nonzero(outcomes)
-        parts.append(Fates(begin + messages, agents, outcomes[messages, agents], arrivals[messages, agents]))
-    return parts[0] if len(parts) == 1 else Fates(*map(np.concatenate, zip(*parts, strict=True)))
+        parts.append(MessageOutcomes(begin + messages, agents, outcomes[messages, agents], arrivals[messages, agents]))
+    return parts[0] if len(parts) == 1 else MessageOutcomes(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 class _Network:

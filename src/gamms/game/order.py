@@ -25,7 +25,7 @@ from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import ISensor
 
 
-class Commanded:
+class PlannedAgents:
     """The agents of a team that a plan decides for.
 
     Attributes:
@@ -90,7 +90,7 @@ class Part:
         self, slots: Sequence[AgentSlot], members: list[int] | None, progress: list[Any], settings: Settings
     ) -> None:
         self.members: Sequence[int] = range(len(slots)) if members is None else members
-        self.commanded = list[Commanded]()
+        self.commanded = list[PlannedAgents]()
         asked = (
             self._take_columns(slots, settings.plans)
             if isinstance(slots, LazySlots)
@@ -117,7 +117,7 @@ class Part:
             pairs = list(zip(self.members, mine, strict=True))
             self.asked = [i for i, slot in pairs if slot.team not in plans]
             self.commanded = [
-                _commanded(pairs, team, plans[team])
+                _planned_agents(pairs, team, plans[team])
                 for team in dict.fromkeys(slot.team for slot in mine)
                 if team in plans
             ]
@@ -152,19 +152,19 @@ class Part:
         idle = slots.idle() if self.observing else ()
         if idle:  # NOTE: agents that just stand there take no time (benchmarks: teams)
             self.observing = [i for i in self.observing if slots.teams[i] in plans or slots.names[i] not in idle]
-        chosen = slots.those(self.observing)
+        chosen = slots.at(self.observing)
         self.see_world_only = all(slot.sees_world_only for slot in chosen)
         self.asked, asked = self.observing, chosen
         if plans:
             self.asked = [i for i in self.observing if slots.teams[i] not in plans]
-            asked = slots.those(self.asked)
+            asked = slots.at(self.asked)
         for team, indices in of_team.items():
             if team in plans and indices:
                 is_all = len(indices) == len(slots)
                 names = slots.names if is_all else [slots.names[i] for i in indices]
                 members, keys = range(len(slots)) if is_all else indices, partial(slots.keys_of, indices)
                 are_plain = slots.are_plain or all(slots[i].is_plain for i in indices)
-                self.commanded.append(Commanded(team, plans[team], members, names, keys, are_plain=are_plain))
+                self.commanded.append(PlannedAgents(team, plans[team], members, names, keys, are_plain=are_plain))
         mine, flying = set(self.members) if slots.flying or slots.paced else set[int](), set(slots.flying)
         ground = [i for i in self.members if i not in flying] if flying else self.members
         self.on_ground = None if len(ground) == len(slots) else list(ground)
@@ -419,8 +419,8 @@ def note_lost(error: BaseException, ctx: HostContext) -> None:
             return
 
 
-def _commanded(members: Sequence[tuple[int, AgentSlot]], team: Hashable, plan: Plan) -> Commanded:
+def _planned_agents(members: Sequence[tuple[int, AgentSlot]], team: Hashable, plan: Plan) -> PlannedAgents:
     own = [(i, slot) for i, slot in members if slot.team == team]
     are_plain = all(slot.is_plain for _, slot in own)
     names = [slot.name for _, slot in own]
-    return Commanded(team, plan, [i for i, _ in own], names, partial(kernels.name_keys, names), are_plain=are_plain)
+    return PlannedAgents(team, plan, [i for i, _ in own], names, partial(kernels.name_keys, names), are_plain=are_plain)

@@ -11,7 +11,7 @@ from numpy.random import Generator, Philox
 
 from gamms import kernels
 from gamms.arguments import as_array, as_one_shape
-from gamms.core.draws import StreamOfTurns, Turns
+from gamms.core.draws import Turns, TurnStream
 from gamms.errors import BadValue
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
@@ -74,7 +74,7 @@ class _CopiedTable(DrawTable):
         return self._first
 
 
-class Draws(StreamOfTurns):
+class Draws(TurnStream):
     """The keyed draws of one agent: `state["draw"]`.
 
     Draw number k of a turn depends only on the seed, the agent's name, the turn and k (`kernels.draws`); draws of other

@@ -10,7 +10,7 @@ from gamms import kernels
 from gamms.arguments import as_range
 from gamms.core.ask import Individual, Sensing
 from gamms.errors import GammsError
-from gamms.game.facts import FactsOf, PrivateForks
+from gamms.game.facts import KnownFacts, PrivateForks
 from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
 from gamms.game.settings import Settings
 from gamms.ir.agents import AgentBlock
@@ -142,7 +142,7 @@ class AgentSlot:
             "rng": self.rng,
             "memory": state.memory_of(self.name),
             **({"team_memory": None} if settings.team_memory else {}),
-            "facts": FactsOf(state, self.team, self.name) if state.agent_facts or state.team_facts else facts,
+            "facts": KnownFacts(state, self.team, self.name) if state.agent_facts or state.team_facts else facts,
             "blocked": self._why_blocked(),
             "fork": self.fork,
             **({"deeds": settings.deeds} if settings.deeds else {}),
@@ -260,9 +260,9 @@ class LazySlots(Sequence[AgentSlot]):
         return self.keys if len(indices) == len(self) else self.keys[indices]
 
     def __iter__(self) -> Iterator[AgentSlot]:
-        return iter(self.those(range(len(self))))
+        return iter(self.at(range(len(self))))
 
-    def those(self, indices: Sequence[int]) -> list[AgentSlot]:
+    def at(self, indices: Sequence[int]) -> list[AgentSlot]:
         """Return the slots at some indices."""
         names = self.names if len(indices) == len(self) else [self.names[i] for i in indices]
         self.make([name for name in names if name not in self._made])

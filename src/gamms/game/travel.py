@@ -135,7 +135,7 @@ class Trips:
         return ResolvedAction(path[-1], tuple(path), (), passed, progress, tuple(legs), begun)
 
 
-class Memories:
+class StoredPaths:
     """Stored shortest paths of agents; edges with infinite cost are closed.
 
     Args:
@@ -161,7 +161,7 @@ class Memories:
         self._nodes: Any = np.zeros(rows * most, np.int64)
         self._far: Any = np.zeros(rows * most)
 
-    def apart(self, rows: int, most: int) -> "Memories":
+    def apart(self, rows: int, most: int) -> "StoredPaths":
         """Return a copy with room for other numbers of agents and nodes."""
         twin = copy(self)
         twin._begin(rows, most)
@@ -220,7 +220,7 @@ class Paths:
         """Return the paths of agents, with room for an agent of this row."""
         if self._ways is None or agent >= self._agents:
             self._agents = 2 * agent + 2
-            self._ways = Memories(self._columns, self._costs, self._agents, _REMEMBERED).plain_ways(self.reach)
+            self._ways = StoredPaths(self._columns, self._costs, self._agents, _REMEMBERED).plain_ways(self.reach)
         return self._ways
 
 

@@ -529,9 +529,9 @@ class TurnEngine:
         blocked, slots, members = self._state.blocked, order.slots, part.members
         if len(members) == len(slots):
             blocked.drop_conflicts(order.names)
-        those = members if isinstance(members, range) else frozenset(members)
+        indices = members if isinstance(members, range) else frozenset(members)
         number = order.index_of
-        forgotten = [name for name in blocked if number.get(name, -1) in those]
+        forgotten = [name for name in blocked if number.get(name, -1) in indices]
         for name in forgotten:
             del blocked[name]
         for i in [number[name] for name in forgotten]:

@@ -42,7 +42,7 @@ class Walking(Paths):
         self._nodes, self._route = nodes
         self._lengths, self._ahead = ints
         self._speed, self._covered = floats
-        self._walks = core.Walks(
+        self._walks = core.EdgePaths(
             *(self._nodes, times, self._lengths, self.streets.core, hops, self._most),
             speeds=self._speed,
             ahead=self._ahead,

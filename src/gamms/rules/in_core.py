@@ -99,7 +99,7 @@ def _near(nearness: Nearness, making: Making) -> Near:
     if unit != "euclid":
         state.roads.are_counted = True
 
-        def make() -> contacts.Reach:
+        def make() -> contacts.NearNodes:
             return reach_of(state.streets.ways(None if unit == "hops" else "length"), limit)
 
         return kept_in(state.shared, ("reach", unit, limit, making.thread), make)
@@ -164,7 +164,7 @@ def respawn(key: str, teams: Collection[Hashable] | None, wait: int, most: int |
         return {"out": np.full((games, *shape), -1), "times": np.zeros((games, *shape), np.int64)}
 
     kept = making.state.keep(("respawn", key), make)
-    return rules.Returns(
+    return rules.RespawnRule(
         making.games,
         making.events,
         making.number(PlayedRule()),
@@ -179,7 +179,7 @@ def respawn(key: str, teams: Collection[Hashable] | None, wait: int, most: int |
 def time_limit(last: int, winner: object, making: Making) -> rules.Rule:
     """Make `gamms.rules.time_limit`; the winner is `ONE_THAT_SHOWS` or a team."""
     number = making.number(PlayedRule(reason="time limit", winner=winner, truncated=True))
-    return rules.TimeLimit(making.games, making.events, number, last=last, winner=_code(winner))
+    return rules.TimeLimitRule(making.games, making.events, number, last=last, winner=_code(winner))
 
 
 def none_left(team: Hashable, reason: str, winner: object, making: Making) -> rules.Rule:
@@ -187,7 +187,7 @@ def none_left(team: Hashable, reason: str, winner: object, making: Making) -> ru
     if team not in making.state.roster.teams:
         return _nothing(making)
     number = making.number(PlayedRule(reason=reason, winner=winner))
-    return rules.NoneLeft(making.games, making.events, number, team=making.team(team), winner=_code(winner))
+    return rules.NoneLeftRule(making.games, making.events, number, team=making.team(team), winner=_code(winner))
 
 
 def reach(
@@ -206,7 +206,7 @@ def reach(
                 starters[number] = _starters(goal, making)
             else:
                 is_goal[making.rows(goal), number] = 1
-    return rules.Reach(
+    return rules.ReachRule(
         making.games,
         making.events,
         making.number(PlayedRule(bool(score), isinstance(score, float), winner=winner)),
@@ -228,7 +228,7 @@ def arrive(team: Hashable, goal: Collection[int] | str, points: float, passing: 
         starters = flat(_starters(goal, making), np.int64)
     else:
         owners[making.rows(goal)] = making.team(team)
-    return rules.Arrive(
+    return rules.ArriveRule(
         making.games,
         making.events,
         making.number(PlayedRule(True, isinstance(points, float))),
@@ -262,7 +262,7 @@ def _owners(ground: Any, making: Making) -> Any:
 def last_team(making: Making) -> rules.Rule:
     """Make `gamms.rules.last_team`."""
     number = making.number(PlayedRule(reason="last team"))
-    return rules.LastTeam(making.games, making.events, number)
+    return rules.LastTeamRule(making.games, making.events, number)
 
 
 def published(fact: str, nodes: Mapping[int, Hashable], making: Making) -> rules.Rule:

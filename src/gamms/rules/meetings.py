@@ -45,7 +45,7 @@ class Nearness(NamedTuple):
     passing: bool
 
 
-Near = core.Reach | core.Places | core.Lines | None
+Near = core.NearNodes | core.Places | core.Lines | None
 
 
 def ask(found: core.Contacts, nearness: Nearness, near: Near, *columns: Any, by_metres: bool) -> None:
@@ -60,7 +60,7 @@ def ask(found: core.Contacts, nearness: Nearness, near: Near, *columns: Any, by_
     """
     found.ask(
         *columns,
-        reach=near if isinstance(near, core.Reach) else _NO_REACH,
+        reach=near if isinstance(near, core.NearNodes) else _NO_REACH,
         places=near if isinstance(near, core.Places) else _NO_PLACES,
         lines=near if isinstance(near, core.Lines) else _NO_LINES,
         crossing=nearness.crossing,
@@ -78,7 +78,7 @@ def column(kind: str, values: Iterable[float] = ()) -> Any:  # a memoryview, whi
     return memoryview(array(kind, values))
 
 
-_NO_REACH = core.Reach(column("q", [0]), column("q"), column("d"), 0.0, Reach(0).core)
+_NO_REACH = core.NearNodes(column("q", [0]), column("q"), column("d"), 0.0, Reach(0).core)
 _NO_PLACES = core.Places(column("q"), column("d"))
 _NO_LINES = core.Lines(column("q"), *[column("d")] * 4)
 _ON_NODES = core.SEARCHES["on nodes"]
@@ -379,17 +379,17 @@ def in_air(ctx: Context, nearness: Nearness) -> dict[str, Position]:
     return {agent.name: agent.position for agent in ctx.game.agents if agent.type is AgentType.AERIAL}
 
 
-def reach_of(arcs: kernels.Arcs, limit: float) -> core.Reach:
+def reach_of(arcs: kernels.Arcs, limit: float) -> core.NearNodes:
     """Return what finds the nodes that are so near nodes along the edges of a map."""
     offsets, heads, costs = _flat(arcs)
-    return core.Reach(offsets, heads, costs, limit, Reach(len(arcs.offsets) - 1).core)
+    return core.NearNodes(offsets, heads, costs, limit, Reach(len(arcs.offsets) - 1).core)
 
 
 def search_for(near: Near, nearness: Nearness, *, by_metres: bool) -> int:
     """Return how the core finds contacts."""
     if near is None:
         return _ON_NODES
-    if isinstance(near, core.Reach):
+    if isinstance(near, core.NearNodes):
         return core.SEARCHES["on ways" if by_metres and nearness.unit == "metres" else "by paths"]
     return core.SEARCHES["near places" if isinstance(near, core.Places) else "on lines"]
 
@@ -455,7 +455,7 @@ class InGame:
         _, x, y = self.graph.get_node(node)
         return x, y, 0.0
 
-    def _near(self, unit: str, limit: float, _: int) -> core.Reach:
+    def _near(self, unit: str, limit: float, _: int) -> core.NearNodes:
         """Return what finds the nodes so near nodes, of which there are so many."""
         columns, numbers = self._columns, self._numbers
         costs = np.ones(len(columns.lengths)) if unit == "hops" else columns.lengths

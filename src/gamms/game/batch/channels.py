@@ -11,7 +11,7 @@ from gamms.core import messages as core
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import Failure, GameLog, Roster, joined_rows, places_of, some_rows
 from gamms.game.channels import Channel, Outgoing, bytes_of, flaw_of, receivers_of, refusals, size_of
-from gamms.game.messages import Fates, Scene, fates_of
+from gamms.game.messages import MessageOutcomes, Scene, outcomes_of
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.plain import to_plain, why_not_plain
@@ -76,7 +76,7 @@ class _Sent(NamedTuple):
     box: Outbox
     turns: IntArray
     place: IntArray
-    fates: Fates
+    fates: MessageOutcomes
 
 
 class Radio(GameLog[list[_Sent]]):
@@ -221,7 +221,7 @@ class Radio(GameLog[list[_Sent]]):
                 continue
             box = some_rows(box, those[np.lexsort((box.order[those], box.senders[those], at[those]))])
             at, senders = number[box.at], box.senders
-            fates = fates_of(self.channels[name], scene, at, senders, box.to)
+            fates = outcomes_of(self.channels[name], scene, at, senders, box.to)
             agents = self._part_of[senders] * len(self._roster.names) + senders
             sent.append(_Sent(box, scene.turns[at] + 1, agents * _MOST_OF_ONE + box.order, fates))
         self._pending.append(sent)
@@ -273,7 +273,7 @@ class Radio(GameLog[list[_Sent]]):
             last = max((arrival for *_, arrival in arrivals), default=0)
             if last > turn:
                 columns = (np.tile(column, len(games)) for column in np.array(arrivals).T)
-                fates = Fates(np.repeat(np.arange(len(games)), len(arrivals)), *columns)
+                fates = MessageOutcomes(np.repeat(np.arange(len(games)), len(arrivals)), *columns)
                 senders, turns, places = (
                     np.full(len(games), one) for one in (number[entry["sender"]], entry["turn"], place)
                 )

@@ -23,7 +23,7 @@ from gamms.game.batch.state import CoreEvents, GameArrays
 from gamms.game.batch.strategy_steps import LOOKING, MOST_LOOKING, StrategySteps, always_act, has_plain_looks
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, in_parts
-from gamms.game.conflicts import Table, flat
+from gamms.game.conflicts import ConflictTable, flat
 from gamms.game.settings import NamedRule, as_called
 from gamms.game.travel import no_way
 from gamms.ir.game_state import joined_end
@@ -566,7 +566,7 @@ class CoreGames:
         if self._conflicts is None:
             return None, None
         state, columns = self._state, self._columns
-        table = Table(
+        table = ConflictTable(
             self._conflicts, state.roster, state.movement.columns, has_edges=isinstance(columns, MetreColumns)
         )
         if table.has_missing_ranks:

@@ -199,7 +199,7 @@ class OpenRoads:
         return undo
 
     def arcs_of(self, maps: Sequence[RoadMap | None]) -> tuple[Any, Any, Any]:
-        """Return the edges that lead to the nodes of some maps, as `strategies.WayTables` takes them."""
+        """Return the edges that lead to the nodes of some maps, as `strategies.PathTables` takes them."""
         each = [self.streets.ways_to("length") if one is None else one.arcs for one in maps]
         counts = np.concatenate([np.diff(arcs.offsets) for arcs in each])
         offsets: Any = np.concatenate(([0], np.cumsum(counts)))

@@ -250,7 +250,7 @@ def _seen_in_core(
         marks = np.zeros((len(some), *shape), np.uint8)
         begins, squares, shows = columns
         places = flat(xy[first : first + step], np.float64)
-        looks = strategies.Looks(begins, squares, shows, len(state.roster.teams), places)
+        looks = strategies.SensorTable(begins, squares, shows, len(state.roster.teams), places)
         observe.mark_seen(
             looks,
             flat(agents, np.int64),

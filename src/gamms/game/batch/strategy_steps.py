@@ -64,7 +64,7 @@ def has_plain_looks(agent: IAgent) -> bool:
 def looks_of(roster: Roster, looking: Sequence[bool], names: Sequence[str] = ()) -> tuple[Any, Any, Any]:
     """Return the plain sensors of the agents of a roster that look, of these names or all, as the core takes them.
 
-    That is `begins`, `squares` and `shows` of `strategies.Looks`.
+    That is `begins`, `squares` and `shows` of `strategies.SensorTable`.
     """
     looks: list[list[AgentLook]] = [[] for _ in roster.agents]
     for agent, own in [
@@ -82,10 +82,10 @@ def looks_of(roster: Roster, looking: Sequence[bool], names: Sequence[str] = ())
     )
 
 
-def made_looks(state: GameArrays, looking: Sequence[bool]) -> strategies.Looks:
+def made_looks(state: GameArrays, looking: Sequence[bool]) -> strategies.SensorTable:
     """Return the plain sensors of the agents of the roster that look from their nodes, for the core."""
     xy = flat(state.streets.columns.xy, np.float64)
-    return strategies.Looks(*looks_of(state.roster, looking), len(state.roster.teams), xy)
+    return strategies.SensorTable(*looks_of(state.roster, looking), len(state.roster.teams), xy)
 
 
 def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
@@ -123,9 +123,9 @@ def _numbers_of(step: CoreStep, known: Any, state: GameArrays) -> tuple[int, ...
 
 
 class _ThreadWays(NamedTuple):
-    """The ways that a thread has found, and their columns, of which each table is a row; see `strategies.WayTables`."""
+    """The shortest paths that one thread has found, and their columns, one row per table; see `PathTables`."""
 
-    core: strategies.WayTables
+    core: strategies.PathTables
     far: FloatArray
     following: IntArray
 
@@ -209,7 +209,7 @@ class StrategySteps:
         ids = _column(streets.columns.node_ids, np.int64)
         tables: Any = far.reshape(-1).data, following.reshape(-1).data
         paths = routes.Paths(Reach(nodes).core, *(_column(np.zeros(nodes), np.int64) for _ in range(3)))
-        return _ThreadWays(strategies.WayTables(ids, *arcs, paths, *tables), far, following)
+        return _ThreadWays(strategies.PathTables(ids, *arcs, paths, *tables), far, following)
 
     def take_memories(self, games: IntArray) -> None:
         """Take what agents remember in some games from the state of the batch."""

@@ -12,7 +12,7 @@ from gamms.game.batch.courses import EdgeCourses, MetreCourses
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import ByMetres
 from gamms.game.conflicts import flat
-from gamms.game.travel import ENDLESS, Memories, Reach, Trips
+from gamms.game.travel import ENDLESS, Reach, StoredPaths, Trips
 from gamms.ir.graph import IntArray
 from gamms.limits import refuse_above
 
@@ -86,7 +86,7 @@ def in_parts(movers: moves.Movers, agents: int) -> ThreadTravel:
     nodes: Any = np.zeros(agents * 3, np.int64).data
     times: Any = np.zeros(agents * 3).data
     lengths: Any = np.zeros(agents, np.int64).data
-    course = moves.StepsInParts(movers, nodes, times, lengths)
+    course = moves.PartPaths(movers, nodes, times, lengths)
     return ThreadTravel(None, None, None, course, (nodes, times, lengths), NO_LEGS, 3, 0)
 
 
@@ -117,8 +117,8 @@ class EdgeColumns:
         _refuse_too_long(self._agents * self._most, state.node.size * self._most * keeps_courses)
         self.courses = EdgeCourses(by, shape, self._most, part_of) if keeps_courses else None
         rows, lengths = state.node.size, np.asarray(by.streets.weights("length"), np.float64)
-        self._hops = Memories(by.columns, np.ones(len(lengths)), rows, 8)
-        self._ways = Memories(by.columns, lengths, rows if go_by_steps else 0, _remembered(rows))
+        self._hops = StoredPaths(by.columns, np.ones(len(lengths)), rows, 8)
+        self._ways = StoredPaths(by.columns, lengths, rows if go_by_steps else 0, _remembered(rows))
 
     def thread(
         self,
@@ -135,7 +135,7 @@ class EdgeColumns:
         lengths: Any = np.zeros(self._agents, np.int64).data
         ints: Any = np.zeros(self._agents + most, np.int64).data
         covered: Any = np.zeros(self._agents).data
-        walks = by_edges.Walks(
+        walks = by_edges.EdgePaths(
             *(nodes, times, lengths, by.streets.core, self._hops.plain_ways(reach), most),
             speeds=flat(by.paces, np.float64),
             ahead=ints[: self._agents],
@@ -180,22 +180,22 @@ class MetreColumns:
         self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
         self._longest = max(8, self._most if by.is_endless else 0)
         self._slots = 1 << max(6, (_MOST_NEAR // self._longest).bit_length() - 1)
-        self._learned: list[tuple[travel.Ways, travel.Ways, travel.KnownReach]] = []  # of each thread
+        self._learned: list[tuple[travel.Ways, travel.Ways, travel.LegalCache]] = []  # of each thread
         rows = state.node.size if go_by_steps else 0
-        self._memories = Memories(by.columns, by.terms.costs, rows, _remembered(rows))
+        self._memories = StoredPaths(by.columns, by.terms.costs, rows, _remembered(rows))
         edges, ids = np.arange(len(by.columns.edge_ids)), by.columns.edge_ids
         backs = by.backs(edges)
         self._streets = np.where((backs >= 0) & (ids[backs] < ids[edges]), backs, edges)
         self._flags = _BACKWARDS * (self._streets != edges) + _TURNS * (backs >= 0)
 
-    def _known(self) -> travel.KnownReach:
+    def _known(self) -> travel.LegalCache:
         """Return room for the legal nodes that a thread remembers."""
         speeds, kinds = np.unique(self._by.paces, return_inverse=True)
         tables: Any = np.zeros((2, len(speeds) * self._by.streets.num_nodes), np.int64)
         room: Any = np.empty(_MOST_LEGAL, np.int64)
-        return travel.KnownReach(flat(kinds, np.int64), tables[0].data, tables[1].data, room.data)
+        return travel.LegalCache(flat(kinds, np.int64), tables[0].data, tables[1].data, room.data)
 
-    def _learner(self) -> tuple[travel.Ways, travel.Ways, travel.KnownReach]:
+    def _learner(self) -> tuple[travel.Ways, travel.Ways, travel.LegalCache]:
         """Return what one thread learns of the map: ways of agents that go by steps, other ways, and what is legal."""
         roads, reach = self._by.map, Reach(self._by.streets.num_nodes)
         ways, near = self._memories.ways(roads, reach), self._memories.apart(self._slots, self._longest)
@@ -230,7 +230,7 @@ class MetreColumns:
         metres: Any = np.zeros(self._agents * most).data
         tables = flat(self._streets, np.int64), flat(self._flags, np.int64)
         tracks: Any = trips.nodes.reshape(-1).data, trips.times.reshape(-1).data, trips.passed.data
-        course = by_metres.Course(*[trips.core, roads, *tracks, *tables, *legs, metres, kept])
+        course = by_metres.MetrePaths(*[trips.core, roads, *tracks, *tables, *legs, metres, kept])
         parts: Any = [one.reshape(-1).data for one in (trips.begins, trips.ends, trips.since, trips.until)]
         of_legs = contacts.Legs(most, *[trips.legs.data, *legs, *parts, metres])
         at_arrivals = None

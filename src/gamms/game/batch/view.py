@@ -381,7 +381,7 @@ class ArrayView(Mapping[str, Any]):
         turn = flat(state.turn, np.int64)
         return observe.Observers(len(self.agents), *columns, choice, offsets, targets, turn=turn, seen=seen)
 
-    def _plain_looks(self) -> strategies.Looks | None:
+    def _plain_looks(self) -> strategies.SensorTable | None:
         """Return the sensors of all agents, if the core has all that they show; else None."""
         state, movement, places = self._state, self._movement, self._state.places
         if movement.leaves_nodes or state.noted:
@@ -390,7 +390,7 @@ class ArrayView(Mapping[str, Any]):
             return None
         if "looks" not in state.shared:
             state.shared["looks"] = made_looks(state, [True] * len(self.roster.names))
-        found: strategies.Looks = state.shared["looks"]
+        found: strategies.SensorTable = state.shared["looks"]
         return found
 
     @property
