@@ -1,17 +1,16 @@
 """Many games at once: `scenario.batch(1000)` and `ctx.game.batch(1000)`.
 
-`games.py` is the front; read it first. `why_not.py` says whether the core has all parts of the games. Then `arrays.py`
-plays them there, from `in_core.py`, `strategy_steps.py` and `travelers.py`, and calls array functions between the
-phases of the core, and plain functions in a context that `cursor.py` points at each game; else `one_by_one.py` plays
-one game after the other. Both give the same games.
+Start with `games.py`, the public interface. `why_not.py` decides whether the core can play the games. If so,
+`arrays.py` plays them, with `in_core.py`, `strategy_steps.py` and `travelers.py`; between the phases of the core it
+calls array functions, and plain functions in a context that `cursor.py` points at each game in turn. Otherwise,
+`one_by_one.py` plays one game after the other. Both ways give the same games.
 
-`state.py` is the block: what a batch remembers, `columns.py` who plays, `scores.py` the scores, `begun.py` what of
-that is taken from a game that has begun. Array rules get a turn (`turn.py`), array strategies and observers a view
-(`view.py`): `movement.py`, `by_edges.py` and `travel.py` (`reach.py`) say what is legal there, `sensing.py` whom and
-which nodes sensors show, `vectors.py` puts that into numbers, `routes.py` knows how far it is, `roads.py` which roads
-are closed in games that are observed, `flows.py` what spreads, `deeds.py` and `channels.py` check what agents do and
-send, `given.py` what comes from outside. `forms.py` has what strategies declare; `alone.py` plays array functions in
-games that are played alone, with the moves of `last_turn.py`.
+`state.py` holds the state of a batch, `columns.py` its agents and logs, `scores.py` the scores, and `begun.py` the
+start from a game that has begun. Array rules get a turn (`turn.py`), array strategies and observers a view (`view.py`).
+`movement.py`, `by_edges.py` and `travel.py` (with `reach.py`) find legal moves, `sensing.py` the agents and nodes that
+sensors show, `vectors.py` observations as numbers, `routes.py` distances, `roads.py` closed roads, `flows.py`
+diffusion; `deeds.py` and `channels.py` check deeds and messages, `given.py` actions from outside. `forms.py` has the
+declarations of strategies; `alone.py` plays array functions in single games, with the moves of `last_turn.py`.
 """
 
 from gamms.game.batch.alone import array_rule, array_strategy

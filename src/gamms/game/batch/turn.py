@@ -1,4 +1,4 @@
-"""What array forms of rules get: one turn of all games that are played."""
+"""The argument of array rules: one turn of all games that are being played."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeVar
@@ -27,13 +27,13 @@ _READ_ONLY = ("games", "turn", "seeds", "starts", "ends", "took_part", "node", "
 
 
 class Visits(NamedTuple):
-    """The nodes that agents are at in a turn, (visits,): by game, agent and time.
+    """The nodes that agents visit in a turn, (visits,): by game, agent and time.
 
     Attributes:
-        at: the game in the turn.
-        agents: numbers in the roster.
-        nodes: rows of nodes.
-        begin, end: from when until when, from 0 to 1.
+        at: the game, as an index in the turn.
+        agents: the numbers of the agents in the roster.
+        nodes: the rows of the nodes.
+        begin, end: the times of arrival and departure, from 0 to 1.
     """
 
     at: IntArray
@@ -43,30 +43,30 @@ class Visits(NamedTuple):
     end: FloatArray
 
     def those(self, which: BoolArray | IntArray) -> "Visits":
-        """Return some of them."""
+        """Return the visits selected by a mask or by indices."""
         return some_rows(self, which)
 
 
 class ArrayTurn:
-    """One turn of all games that are being played, with the verbs of rules: what the array form of a rule gets.
+    """One turn of all games that are being played, with the verbs of rules: the argument of array rules.
 
     Arrays have the axes (games, agents); `at` numbers the games of this turn from 0. Nodes are rows of
     `streets.columns`; `streets.ids(rows)` gives their ids.
 
     Attributes:
-        games: (games,) the numbers in the batch of the games of this turn.
-        turn: (games,) how many turns were played, as `ctx.game.turn` is for a rule.
-        seeds: (games,)
+        games: (games,) the number of each game in the batch.
+        turn: (games,) the number of turns played, like `ctx.game.turn` in a rule.
+        seeds: (games,) the seed of each game.
         roster: the agents, in the order of their names.
         streets: the graph.
-        starts: where the agents were before they moved; before a turn, in the last one.
-        ends: where they went, conflicts included.
-        took_part: which of them were alive then.
-        paths: how they go there; None: along one edge at most. `visits` says where they were.
-        node: where they are now; `respawn` writes it.
-        alive: which are alive now; `eliminate` and `respawn` write it.
+        starts: the node of each agent before its move; in the phase "before", those of the last turn.
+        ends: the node after its move, after conflicts were resolved.
+        took_part: whether the agent was alive then.
+        paths: the paths of the agents; None: along at most one edge. `visits` returns the visited nodes.
+        node: the current node of each agent; `respawn` changes it.
+        alive: whether the agent is alive now; `eliminate` and `respawn` change it.
 
-    Rules and checks read these arrays and cannot write into them.
+    These arrays are read-only for rules and checks.
     """
 
     paths: Paths | None = None
@@ -83,20 +83,20 @@ class ArrayTurn:
         self.took_part = self.alive
 
     def _find_roads(self) -> None:
-        """Take the maps of the games, of which rules may have closed roads."""
+        """Find the maps of the games, because rules may have closed roads."""
         self.streets, self._movement, self._shared = self._state.world(self.games)
 
     @property
     def _rows(self) -> Any:
-        """What finds the games in the columns of the batch, faster where they are all."""
+        """An index of the games in the columns of the batch; a slice if it contains all games."""
         return np.s_[:] if len(self.games) == len(self._state) else self.games
 
     def _lock(self) -> None:
-        """Let rules read where agents are, and change it by verbs alone."""
+        """Make the arrays read-only for rules."""
         lock([getattr(self, name) for name in _READ_ONLY])
 
     def _close(self) -> None:
-        """Write what has changed into the state of the batch."""
+        """Write changes to the state of the batch."""
         state = self._state
         state.node[self._rows] = self.node
         state.alive[self._rows] = self.alive
@@ -104,7 +104,7 @@ class ArrayTurn:
 
     @property
     def is_there_by_move(self) -> BoolArray:
-        """Which agents are where their moves have led them, rather than put there since: (games, agents)."""
+        """Whether each agent got to its node by its move, rather than by a rule, (games, agents)."""
         by_move: BoolArray = self.took_part & (self.node == self.ends) & ~self._state.placed[self.games]
         if self.paths is not None and self.paths.edge is not None:
             by_move &= self._state.movement.edge[self.games] == self.paths.edge
@@ -116,11 +116,11 @@ class ArrayTurn:
         return by_move
 
     def visits(self, which: BoolArray, *, passing: bool = True) -> Visits:
-        """Return at which nodes agents were in the turn; those that were put elsewhere are there at the end of it.
+        """Return the nodes that agents visited in the turn; agents that a rule has placed visit their node at the end.
 
         Args:
-            which: (games, agents) of them, or (nodes,) of the nodes.
-            passing: whether those count that they have passed; False: those where they are at the end of the turn.
+            which: a mask of agents, (games, agents), or of nodes, (nodes,).
+            passing: whether to include nodes passed on the way; False: only nodes at the end of the turn.
         """
         is_of_nodes, paths = np.ndim(which) == 1, self.paths
         which = as_array(which, "which", "booleans", (self.streets.num_nodes,) if is_of_nodes else self.node.shape)
@@ -153,17 +153,17 @@ class ArrayTurn:
 
     @property
     def is_playing(self) -> BoolArray:
-        """Which agents are in the game, or were when the turn began, (games, agents)."""
+        """Whether each agent is alive, or was at the start of the turn, (games, agents)."""
         return np.asarray(self.alive | self.took_part)
 
     @property
     def is_out(self) -> BoolArray:
-        """Which agents are out of the game, (games, agents); those that may come are not in it yet."""
+        """Whether each agent is eliminated, (games, agents); agents that have not entered the game are not."""
         is_out: BoolArray = self._state.is_there[self.games] & ~self.alive
         return is_out
 
     def performed(self, kind: str) -> ArrayDeeds:
-        """Return what agents do in this turn besides moving.
+        """Return the deeds of this turn of one kind.
 
         Raises:
             UnknownName (KeyError): there is no such deed.
@@ -181,17 +181,17 @@ class ArrayTurn:
         nodes: Mapping[str, IntArray] | None = None,
         values: Mapping[str, list[Any]] | None = None,
     ) -> None:
-        """Note that something happened, once for each of `at`; of one game in their order.
+        """Emit one event for each item of `at`; the events of a game are in their order.
 
         Args:
-            kind: of the events.
-            at: (events,) the games of this turn.
-            agents: fields that name agents, by their numbers in the roster.
-            nodes: fields that are nodes, by their rows.
-            values: other fields, a list of a value for each.
+            kind: the kind of the events.
+            at: (events,) games, as indices in this turn.
+            agents: field -> (events,) numbers of agents in the roster.
+            nodes: field -> (events,) rows of nodes.
+            values: field -> a list with a value for each event.
 
         Raises:
-            BadType, BadValue: there is no such game, agent or node, or a field has not one value for each of `at`.
+            BadType, BadValue: a game, agent or node does not exist, or a field does not have one value for each event.
         """
         if not len(at):
             return
@@ -214,7 +214,7 @@ class ArrayTurn:
         return as_numbers_of(at, "at", len(self.games), "games of this turn")
 
     def _pairs(self, at: object, agents: object) -> tuple[IntArray, IntArray]:
-        """Return the games of this turn and the agents that a verb got, one of each for each."""
+        """Return the arguments of a verb, checked and broadcast: games of this turn and agents."""
         numbers = as_numbers_of(agents, "agents", len(self.roster.names), "agents")
         places = self._as_at(at)
         if places.shape != numbers.shape:
@@ -222,27 +222,27 @@ class ArrayTurn:
         return places, numbers
 
     def _each(self, name: str, values: object, at: IntArray) -> list[Any]:
-        """Return the values of a field as a list, one for each of `at`."""
+        """Return the values of a field as a list, one for each item of `at`."""
         listed = values.tolist() if isinstance(values, np.ndarray) else values
         if not isinstance(listed, list | tuple) or len(listed) != len(at):
             raise BadValue(f"{name} has a value for each of {len(at)} in `at`, not {shown(values)}.")
         return list(listed)
 
     def _note(self, kind: str, at: IntArray, fields: Mapping[str, list[Any]]) -> None:
-        """Note events in the logs of their games."""
+        """Add events to the logs of their games."""
         when = self.games[at], self.turn[at] + self._is_moving
         self._state.events.add(kind, *when, fields)
 
     def _note_place(self, kind: str, at: IntArray, agents: IntArray) -> None:
-        """Note that agents went out or came back where they are."""
+        """Add an event with the current node for each agent that is eliminated or respawns."""
         names, nodes = self.roster.names, self.streets.ids(self.node[at, agents]).tolist()
         self._note(kind, at, {"agent": [names[number] for number in agents.tolist()], "node": nodes})
         np.add.at(self._state.stops, (self.games[at], agents), 1)
 
     def new_events(self, reader: Hashable) -> list[Emitted]:
-        """Return the events of the games of this turn since the last call for a reader, at first all so far.
+        """Return the events of these games since the last call for a reader; in the first call, all events.
 
-        Their `games` are numbers in this turn.
+        Their `games` are indices in this turn.
         """
         if self._state.has_begun and not self._state.events.is_read_by(reader):
             raise NotTakenUp(f"it is not known which events of the turns before the batch were read by {shown(reader)}")
@@ -251,10 +251,10 @@ class ArrayTurn:
         return [emitted._replace(games=number[emitted.games]) for emitted in new]
 
     def add_score(self, key: Hashable, at: IntArray, points: float | FloatArray) -> None:
-        """Add points to the score of a key, once for each of `at`, in their order: the same, or those of each.
+        """Add points to the score of a key, once for each item of `at`; `points` is one number, or one per item.
 
         Raises:
-            BadType, BadValue: there is no such game, or these are no points.
+            BadType, BadValue: a game does not exist, or the points are invalid.
         """
         if len(at):
             at = self._as_at(at)
@@ -266,19 +266,19 @@ class ArrayTurn:
         self._state.scores.add(key, self.games[at], points)
 
     def add_scores(self, at: IntArray, agents: IntArray, points: float | FloatArray) -> None:
-        """Add points to the scores of the teams of agents, in their order: the same, or those of each.
+        """Add points to the scores of the agents' teams, in order; `points` is one number, or one per agent.
 
         Raises:
-            BadType, BadValue: there is no such game or agent, or these are no points.
+            BadType, BadValue: a game or agent does not exist, or the points are invalid.
         """
         at, agents = self._pairs(at, agents)
         self.add_team_scores(at, self.roster.team_of[agents], points)
 
     def add_team_scores(self, at: IntArray, teams: IntArray, points: float | FloatArray) -> None:
-        """Add points to the scores of teams, numbers in `roster.teams`, in their order: the same, or those of each.
+        """Add points to the scores of teams, given by numbers in `roster.teams`; `points` is a number, or one per team.
 
         Raises:
-            BadType, BadValue: there is no such game or team, or these are no points.
+            BadType, BadValue: a game or team does not exist, or the points are invalid.
         """
         at, teams = self._as_at(at), as_numbers_of(teams, "teams", len(self.roster.teams), "teams")
         self._add_scores(
@@ -289,21 +289,21 @@ class ArrayTurn:
         self._state.scores.add_several(self.roster.teams, self.games[at], teams, points)
 
     def scores(self, key: Hashable) -> FloatArray:
-        """Return the scores of a key, (games,); 0 where there is none."""
+        """Return the score of a key in each game, (games,); a missing score is 0."""
         numbers = self._state.scores.get(key)
         return np.zeros(len(self.games)) if numbers is None else numbers[self.games]
 
     def end(self, at: IntArray, reason: str | Sequence[str], winner: Sequence[Any], truncated: bool = False) -> None:
-        """End games after this turn, as `ctx.game.end` does.
+        """End games after this turn, like `ctx.game.end`.
 
         Args:
-            at: (games,) which.
-            reason: of all, or of each.
-            winner: of each; None: no one has won.
-            truncated: whether the time was up.
+            at: (games,) games, as indices in this turn.
+            reason: one reason for all games, or one per game.
+            winner: the winner of each game; None: no winner.
+            truncated: whether time was up.
 
         Raises:
-            BadType, BadValue: there is no such game, or not a reason and a winner for each.
+            BadType, BadValue: a game does not exist, or reasons or winners are missing.
         """
         at = self._as_at(at)
         reasons = [reason] * len(at) if isinstance(reason, str) else self._each("reason", reason, at)
@@ -315,10 +315,10 @@ class ArrayTurn:
         self._state.over[game] = joined_end(self._state.over[game], how)
 
     def eliminate(self, at: IntArray, agents: IntArray) -> None:
-        """Take agents out of the game, those that are in it, each with an event.
+        """Eliminate the given agents that are alive, with an event for each.
 
         Raises:
-            BadType, BadValue: there is no such game or agent.
+            BadType, BadValue: a game or agent does not exist.
         """
         at, agents = self._pairs(at, agents)
         living = self.alive[at, agents]
@@ -328,15 +328,15 @@ class ArrayTurn:
             self._note_place("eliminated", at, agents)
 
     def _take_out(self, at: IntArray, agents: IntArray) -> None:
-        """Take agents out of the game, without an event."""
+        """Eliminate agents without events."""
         put_locked(self.alive, (at, agents), values=False)
         self._state.movement.take_out(self.games[at], agents)
 
     def respawn(self, at: IntArray, agents: IntArray) -> None:
-        """Put agents, dead or alive, where they began, each with an event.
+        """Place agents, dead or alive, on their start nodes, with an event for each.
 
         Raises:
-            BadType, BadValue: there is no such game or agent.
+            BadType, BadValue: a game or agent does not exist.
         """
         at, agents = self._pairs(at, agents)
         if len(at):
@@ -344,7 +344,7 @@ class ArrayTurn:
             self._note_place("respawned", at, agents)
 
     def _put_back(self, at: IntArray, agents: IntArray) -> None:
-        """Put agents where they began, without an event."""
+        """Place agents on their start nodes, without events."""
         is_first = self.roster.is_first[agents]  # those that have come since began where they are
         games, before = self.games[at], self.node[at, agents]
         begun = np.where(is_first, self._state.start[games, agents], before)
@@ -355,15 +355,15 @@ class ArrayTurn:
         self._state.movement.clear(games, agents)
 
     def close_roads(self, at: IntArray, edges: Sequence[int]) -> None:
-        """Close the same roads, ids of edges, in each of these games, as `ctx.graph.close_roads` does in one.
+        """Close roads, given by edge ids, in each of these games, like `ctx.graph.close_roads`.
 
         Raises:
-            UnknownName (KeyError): there is no such edge in one of them.
+            UnknownName (KeyError): an edge does not exist in a game.
         """
         self._change_roads(at, edges)
 
     def open_roads(self, at: IntArray, edges: Sequence[int]) -> None:
-        """Open the same roads, which were closed, in each of these games; see `close_roads`."""
+        """Reopen closed roads in each of these games; see `close_roads`."""
         self._change_roads(at, edges)
 
     def _change_roads(self, at: IntArray, edges: Sequence[int]) -> None:
@@ -371,43 +371,43 @@ class ArrayTurn:
             raise NotTakenUp("roads that an array rule closes or opens")
 
     def in_air(self) -> tuple[IntArray, FloatArray]:
-        """Return the numbers of the agents that fly, ascending, and where they are, (games, these, 3)."""
+        """Return the numbers of the agents that fly, ascending, and their positions, (games, flying agents, 3)."""
         return np.zeros(0, np.int64), np.zeros((len(self.games), 0, 3))
 
     def start_of(self, agents: IntArray) -> IntArray:
-        """Return where agents began, (games, agents); -1 of those that have not come."""
+        """Return the start node of each agent, (games, agents); -1 if it has not entered the game."""
         agents = as_numbers_of(agents, "agents", len(self.roster.names), "agents").reshape(-1)
         rows = np.ix_(self.games, agents)
         come = np.where(self._state.is_there[rows], self.node[:, agents], -1)
         return np.where(self.roster.is_first[agents], self._state.start[rows], come)
 
     def stops(self, at: IntArray, agents: IntArray) -> IntArray:
-        """Return how often agents were tagged, put back or eliminated so far."""
+        """Return how often agents were tagged, respawned or eliminated so far."""
         at, agents = self._pairs(at, agents)
         return self._state.stops[self.games[at], agents]
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
-        """Return what a rule remembers of all games of the batch, at first what `make(games)` gives.
+        """Return the stored arrays of a rule for all games of the batch; the first call stores `make(games)`.
 
-        Index its arrays with `games`.
+        Index the arrays with `games`.
         """
         return self._state.keep(key, make)
 
     def shared(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return what is the same in all games and turns of the batch: what `make()` gives at the first call."""
+        """Return an object that is the same in all games and turns of the batch; the first call stores `make()`."""
         return kept_in(self._shared, key, make)
 
     def routes(self, weight: str | None = "length") -> RouteTable:
-        """Return how far it is between rows of nodes; `weight` as for `graph.distance`."""
+        """Return a table of distances between rows of nodes; `weight` is as in `graph.distance`."""
         return self._movement.routes(weight)
 
     @property
     def facts(self) -> Mapping[str, Any]:
-        """What was published to all, in the form that each rule says."""
+        """The facts published to everybody, in the form that each rule defines."""
         return self._state.facts
 
     def publish(self, name: str, value: object) -> None:  # noqa: ARG002 - as `ctx.game.publish`
-        """Refuse to publish a fact, which only rules that are functions of the context do.
+        """Raise BadValue: only rules that are functions of the context can publish facts.
 
         Raises:
             BadValue: always.
@@ -418,6 +418,6 @@ class ArrayTurn:
         )
 
     def draw_bits(self, at: IntArray, names: BitArray, *purpose: str | int) -> BitArray:
-        """Return 64 random bits for a purpose, names and this turn, one for each of `at`; see `kernels.draw_bits`."""
+        """Return 64 random bits for each item of `at`, from a purpose, names and this turn; see `kernels.draw_bits`."""
         purposes = self._state.purposes(*purpose)[self.games[at]]
         return kernels.draw_bits_rows(purposes, names, self.turn[at])

@@ -1,4 +1,4 @@
-"""What array forms of strategies get, and what a learner observes: the agents of a strategy in all games at once."""
+"""The argument of array strategies, also used by learners: the agents of one strategy in all games at once."""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from copy import copy
@@ -75,7 +75,7 @@ class ArrayView(Mapping[str, Any]):
         self._whole, self._sights = self.mask, dict[Hashable, Seen]()
 
     def _lock(self) -> None:
-        """Let a strategy read the view, and not write into it."""
+        """Make the arrays read-only for strategies."""
         for name in ("games", "agents", "node", "mask", "turn"):
             setattr(self, name, locked(getattr(self, name)))
 
@@ -94,14 +94,14 @@ class ArrayView(Mapping[str, Any]):
 
     @property
     def _choices(self) -> IntArray:
-        """What is legal for each agent, by the numbers of its movement."""
+        """The set of legal nodes of each agent, as a number of `movement`."""
         if "all" not in self._known:
             self._known["all"] = self._movement.choices(self.node, numbers_in(self, np.s_[:, :]))
         return self._known["all"]
 
     @property
     def counts(self) -> IntArray:
-        """How many nodes are legal for each agent, its own included."""
+        """The number of legal nodes of each agent, including its own."""
         if "counts" not in self._known:
             self._known["counts"] = self._movement.counts(self._choices)
             if self._deeds is not None:  # strategies cannot write into it
@@ -110,7 +110,7 @@ class ArrayView(Mapping[str, Any]):
 
     @property
     def flies(self) -> bool:
-        """Whether all agents of the view fly; a form that decides for such returns how far they fly."""
+        """Whether all agents of the view fly; then a strategy returns offsets of flights."""
         return bool(self.roster.flies[self.agents].all())
 
     def _heights(self) -> FloatArray:
@@ -118,10 +118,10 @@ class ArrayView(Mapping[str, Any]):
         return np.zeros(self.node.shape) if known is None else known[np.ix_(self.games, self.agents)]
 
     def legal_rows(self, which: Any = np.s_[:, :]) -> tuple[IntArray, BoolArray]:
-        """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count.
+        """Return the rows of the legal nodes of each agent, (games, agents, most), and a mask of valid entries.
 
         Args:
-            which: an index of the agents of the view that are asked for.
+            which: an index of some agents of the view.
         """
         return self._movement.legal(self._choices[which])
 
@@ -134,7 +134,7 @@ class ArrayView(Mapping[str, Any]):
         return np.where(is_legal, self.streets.ids_of(rows), -1)
 
     def _places(self) -> Places:
-        """Return where the agents are: in games by metres some may be on edges."""
+        """Return the positions of the agents; in games by metres, some may be on edges."""
         if len(self._movement.edge):
             return self._movement.places(self.node, numbers_in(self, np.s_[:, :]))
         known, rows = self._state.places, np.ix_(self.games, self.agents)
@@ -144,27 +144,27 @@ class ArrayView(Mapping[str, Any]):
         return Places(known.edge[rows], known.offset_m[rows], known.xy[rows])
 
     def action_to(self, nodes: Any) -> IntArray:
-        """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal.
+        """Return the actions that lead to these node ids, (games, agents); -1 if a node is not legal.
 
         Raises:
-            BadType, BadValue: they are no integers, or do not broadcast to (games, agents).
-            UnknownName (KeyError): one is not on the map.
+            BadType, BadValue: the ids are not integers, or do not broadcast to (games, agents).
+            UnknownName (KeyError): a node is not on the map.
         """
         wanted = self.streets.rows(as_array(nodes, "nodes", "integers", self.node.shape))
         return self._movement.action_to(self._choices, wanted)
 
     def towards(self, targets: IntArray, which: Any = np.s_[:, :], allowed: BoolArray | None = None) -> IntArray:
-        """Return the actions by which agents go towards nodes, as the strategies of `gamms.strategies` do.
+        """Return the actions that move agents toward nodes, as the strategies of `gamms.strategies` do.
 
-        Of agents with speeds these are no numbers of legal nodes, but lead as far as the turn goes.
+        For agents with speeds, these are not numbers of legal nodes, but lead as far as the turn allows.
 
         Args:
             targets: rows of nodes.
-            which: an index of the agents of the view, (games, agents), that go there.
-            allowed: (nodes,) which may be entered, the targets among them; None: all.
+            which: an index of the agents of the view, (games, agents).
+            allowed: (nodes,) the nodes that may be entered, including the targets; None: all.
 
         Returns:
-            -1 where no path leads there.
+            The actions; -1 if there is no path.
         """
         if self._movement.has_aims and not self._may_aim:
             raise NotTakenUp("view.towards of agents with speeds")
@@ -174,9 +174,9 @@ class ArrayView(Mapping[str, Any]):
         return found.reshape(node.shape)
 
     def only(self, asked: BoolArray) -> Self:
-        """Return a view for a part of a strategy that decides for some agents, (games, agents), in its `mask`.
+        """Return a view for a part of a strategy that decides only for the agents in `asked`, (games, agents).
 
-        Its arrays are those of all agents; what it draws counts for those in its mask.
+        Its arrays contain all agents; its draws count only for the agents in its mask.
         """
         narrowed = copy(self)
         narrowed.mask = self.mask & as_array(asked, "asked", "booleans", self.node.shape)
@@ -184,31 +184,32 @@ class ArrayView(Mapping[str, Any]):
         return narrowed
 
     def of(self, agents: IntArray) -> "ArrayView":
-        """Return the view of other agents in the same games, by their numbers in the roster, ascending."""
+        """Return a view of other agents in the same games, by their numbers in the roster, ascending."""
         numbers = as_numbers_of(agents, "agents", len(self.roster.names), "agents").reshape(-1)
         return ArrayView(self._state, self.games, numbers)
 
     def in_games(self, which: IntArray) -> "ArrayView":
-        """Return the view of the same agents in some of its games, by their places, ascending."""
+        """Return a view of the same agents in some games of this view, by index, ascending."""
         places = as_numbers_of(which, "which", len(self.games), "games").reshape(-1)
         return ArrayView(self._state, self.games[places], self.agents)
 
     def sees(self, *names: str) -> BoolArray:
-        """Return who sees whom, (games, agents, all agents); see `seen`."""
+        """Return a mask: whether each agent sees each other agent, (games, agents, all agents); see `seen`."""
         return self.seen(*names).mask
 
     def do(self, deed: str, where: Any, /, **fields: object) -> None:
-        """Let agents do something besides moving, as `ctx.game.deeds` declares it; in the order of the calls.
+        """Let agents do a deed besides moving, as declared in `ctx.game.deeds`; deeds are in the order of the calls.
 
         Args:
-            deed: what.
-            where: (games, agents) which agents do it; those that are not in the mask do not.
-            fields: a value for all, or an array (games, agents). Agents are given by their numbers in the roster,
-                nodes by their rows; -1, in other fields None, leaves out a field that need not be given.
+            deed: the name of the deed.
+            where: a mask of agents, (games, agents); agents outside the view's mask are skipped.
+            fields: one value for all, or an array (games, agents). Agents are numbers in the roster, nodes are rows;
+                -1, or None in other fields, omits an optional field.
 
         Raises:
             UnknownName (KeyError): there is no such deed or field.
-            BadType, BadValue: a field is missing or impossible, an agent does this already, or no strategy is asked.
+            BadType, BadValue: a field is missing or impossible, an agent already does this deed, or no strategy is
+                deciding.
         """
         if self._deeds is None:
             raise BadValue("Deeds are done by strategies that are asked: view.do is not for games.observe.")
@@ -220,17 +221,18 @@ class ArrayView(Mapping[str, Any]):
         self._deeds.append(self._state.deeds.checked(deed, fields, chosen, who, self.node, order))
 
     def send(self, channel: str, where: Any, body: object, to: object = None) -> None:
-        """Let agents send a message each by a channel, as `state["outbox"]` does; in the order of the calls.
+        """Let agents send a message each by a channel, like `state["outbox"]`; messages are in the order of the calls.
 
         Args:
-            channel: its name.
-            where: (games, agents) which agents send; those that are not in the mask do not.
-            body: a plain value for all, or an array whose first axes are games and agents.
-            to: an agent, a team, or None for all on the channel; or an array (games, agents) of numbers in the roster.
+            channel: the name of the channel.
+            where: a mask of agents, (games, agents); agents outside the view's mask are skipped.
+            body: one plain value for all, or an array whose first axes are games and agents.
+            to: an agent, a team, or None for everybody on the channel; or an array (games, agents) of numbers in the
+                roster.
 
         Raises:
             UnknownName (KeyError): there is no such channel, agent or team.
-            BadType, BadValue: a team may not use the channel, a body is not plain, or no strategy is asked.
+            BadType, BadValue: a team may not use the channel, a body is not plain, or no strategy is deciding.
         """
         radio = self._state.radio
         if radio is None:
@@ -242,7 +244,7 @@ class ArrayView(Mapping[str, Any]):
         self._outboxes.append(radio.checked(channel, chosen, who, to, body, order))
 
     def heard(self, channel: str) -> Heard:
-        """Return what is in the inboxes of the agents in the mask that came by a channel.
+        """Return the messages from a channel in the inboxes of the agents in the mask.
 
         Raises:
             UnknownName (KeyError): there is no such channel, or the games are only observed.
@@ -253,13 +255,14 @@ class ArrayView(Mapping[str, Any]):
         return radio.heard(channel, self.games, self.turn, self.agents, self.mask)
 
     def seen(self, *names: str) -> Seen:
-        """Return which agents the sensors show, of kinds that show agents, to those in the mask; no agent sees itself.
+        """Return the agents that sensors show to the agents in the mask, as pairs; no agent sees itself.
 
         Args:
-            names: of the sensors; none: all. A sensor that is named, and looks from a fixed place, shows its own agent.
+            names: names of sensors; none: all sensors that show agents. A named sensor at a fixed place also shows its
+                own agent.
 
         Raises:
-            UnknownName (KeyError): no agent carries such a sensor that shows agents.
+            UnknownName (KeyError): no agent carries a sensor of this name that shows agents.
         """
         key = as_key(names, "The name of a sensor")
         if key not in self._sights:
@@ -268,7 +271,7 @@ class ArrayView(Mapping[str, Any]):
         return found if self.mask is self._whole else found.of(self.mask[found.at, found.viewers])
 
     def _looked(self, names: tuple[str, ...]) -> Seen:
-        """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
+        """Return the pairs that sensors of these names, or all sensors, show to all agents of the view; see `seen`."""
         state, key = self._state, ("seen", self.agents.tobytes(), names)
         are_all = len(self.games) == len(state)
         known: Seen | None = state.now.get(key)
@@ -280,56 +283,56 @@ class ArrayView(Mapping[str, Any]):
         return found
 
     def _xy_of_all(self) -> FloatArray:
-        """Return where all agents of these games are, (games, all agents, 2)."""
+        """Return the positions of all agents of these games, (games, all agents, 2)."""
         return ArrayView(self._state, self.games, np.arange(len(self.roster.names)))._places().xy
 
     def seen_nodes(self, *names: str) -> SeenNodes:
-        """Return which nodes the sensors show to those in the mask: NEIGHBOR, MAP, RANGE, ARC and OCCLUDED_MAP.
+        """Return the nodes that sensors show to the agents in the mask: NEIGHBOR, MAP, RANGE, ARC and OCCLUDED_MAP.
 
         Args:
-            names: of the sensors; none: all.
+            names: names of sensors; none: all sensors that show nodes.
 
         Raises:
-            UnknownName (KeyError): no agent carries such a sensor that shows nodes.
-            BadValue: a sensor is of a class of its own.
+            UnknownName (KeyError): no agent carries a sensor of this name that shows nodes.
+            BadValue: a sensor is of a user's class.
             TooLarge: the agents see more than 268 million nodes together.
         """
         named = as_key(names, "The name of a sensor")
         return seen_nodes(self._state, self.games, self.agents, self.node, self.mask, named)
 
     def covered(self) -> BoolArray:
-        """Return on which nodes the sensors would show agents with some probability, (games, agents, nodes)."""
+        """Return the nodes where sensors would show agents with positive probability, (games, agents, nodes)."""
         return covered(self._state, self.games, self.agents, self.node, self.mask)
 
     def enemies(self) -> Seen:
-        """Return which agents of other teams the sensors show; an agent of no team (None) is an enemy of all."""
+        """Return the visible agents of other teams, as pairs; an agent without a team (None) is an enemy of all."""
         found = self.seen()
         return found.of(~self._are_mates(found))
 
     def mates(self) -> Seen:
-        """Return which agents of their own teams the sensors show."""
+        """Return the visible agents of the same team, as pairs."""
         found = self.seen()
         return found.of(self._are_mates(found))
 
     def _are_mates(self, found: Seen) -> BoolArray:
-        """Return which of those that are seen are of the team of the agent that sees them, (pairs,)."""
+        """Return whether each pair is of the same team, (pairs,)."""
         return self.roster.are_mates(self.agents[found.viewers], found.others)
 
     def vector(self, others: int = 4) -> Vectors:
-        """Return what the agents observe as numbers, (games, agents, entries): a vector of one length for each.
+        """Return observations as vectors of equal length, (games, agents, entries).
 
-        The entries are `x` and `y`, the own place; of each action `is_legal`, `dx` and `dy`; of each of so many nearest
-        `others` that sensors show `is_seen`, `is_mate`, `dx` and `dy`. Offsets are those in a straight line; 1 is half
-        of the longer side of the map, whose centre is 0.
+        The entries are `x` and `y`, the agent's position; for each action `is_legal`, `dx` and `dy`; for each of the
+        nearest `others` visible agents `is_seen`, `is_mate`, `dx` and `dy`. Offsets are straight-line; the unit is half
+        of the longer side of the map, and the origin is its center.
 
         Raises:
-            BadValue: an agent may go to more than 4096 nodes.
-            TooLarge: vectors of so many others would not fit into memory.
+            BadValue: an agent has more than 4096 legal nodes.
+            TooLarge: the vectors would not fit into memory.
         """
         return self._encoded(as_count(others, "others", least=0), 0, 1)
 
     def _encoded(self, others: int, more: int, threads: int) -> Vectors:
-        """Return vectors, with so many more entries, 0 but the last one: the share n / (n + 100) after n turns."""
+        """Return vectors with `more` additional entries: 0, except the last one, n / (n + 100) after n turns."""
         encoder = self._encoder(others)
         found = encoder.made(self.mask, more)
         xy = self._places().xy if self._movement.leaves_nodes else None
@@ -339,18 +342,18 @@ class ArrayView(Mapping[str, Any]):
         return found
 
     def _encoder(self, others: int) -> Encoder:
-        """Return what makes vectors with so many others."""
+        """Return an encoder for vectors with `others` other agents."""
         agents, actions = len(self.roster.names), self._movement.width
         key = "encoder", agents, others, actions
         return kept_in(self._shared, key, lambda: Encoder(self.streets, agents, others, actions))
 
     def _observers(self, mask: BoolArray, rows: IntArray, *, are_looking: bool = True) -> observe.Observers:
-        """Return the agents as the core takes them.
+        """Return the agents in the form of the core.
 
         Args:
-            mask: which are asked, in rows as they are written.
+            mask: the living agents, in rows of the output.
             rows: (games,) the first row of each game.
-            are_looking: whether they see others.
+            are_looking: whether they see other agents.
         """
         roster, state, streets = self.roster, self._state, self.streets
         choice = _NO_CHOICES
@@ -382,7 +385,7 @@ class ArrayView(Mapping[str, Any]):
         return observe.Observers(len(self.agents), *columns, choice, offsets, targets, turn=turn, seen=seen)
 
     def _plain_looks(self) -> strategies.SensorTable | None:
-        """Return the sensors of all agents, if the core has all that they show; else None."""
+        """Return the sensors of all agents in the form of the core; None: some have no such form."""
         state, movement, places = self._state, self._movement, self._state.places
         if movement.leaves_nodes or state.noted:
             return None
@@ -395,51 +398,51 @@ class ArrayView(Mapping[str, Any]):
 
     @property
     def living(self) -> BoolArray:
-        """Which agents are alive, (games, all agents)."""
+        """Whether each agent is alive, (games, all agents)."""
         return locked(self._state.alive[self.games])
 
     @property
     def is_there(self) -> BoolArray:
-        """Which agents are in the game, dead or alive, (games, all agents); the others have not come yet."""
+        """Whether each agent is in the game, dead or alive, (games, all agents); others have not entered yet."""
         return locked(self._state.is_there[self.games])
 
     @property
     def _blocked(self) -> BoolArray:
-        """Which agents conflicts have stopped in the last turn, (games, agents)."""
+        """Whether a conflict stopped the last move of each agent, (games, agents)."""
         blocked: BoolArray = self._state.chosen(self._state.blocked, self.games, self.agents)
         return blocked
 
     def routes(self, weight: str | None = "length") -> RouteTable:
-        """Return how far it is to nodes, and which action leads there, by rows; `weight` as for `graph.distance`.
+        """Return a table of distances and next actions, by rows of nodes; `weight` is as in `graph.distance`.
 
-        All batches on equal graphs share these tables, and those of other graphs are kept up to 512 MB.
+        All batches on equal graphs share these tables; tables of other graphs are kept up to 512 MB.
         """
         return self._movement.routes(weight)
 
     def flows(self) -> Flows:
-        """Return what spreads along the edges: random walks, probabilities that diffuse, and which nodes are in reach.
+        """Return tools for random walks, diffusion of probabilities, and reachable sets along edges.
 
-        What it works out is kept for the batch.
+        Their results are cached for the batch.
         """
         return kept_in(self._shared, "flows", lambda: Flows(self.streets))
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
-        """Return what a strategy remembers of all games of the batch, at first what `make(games)` gives.
+        """Return the stored arrays of a strategy for all games of the batch; the first call stores `make(games)`.
 
-        Index its arrays with `games`.
+        Index the arrays with `games`.
         """
         return self._state.keep(key, make, is_new=bool(self._state.takes_up[self.agents].all()))
 
     def _checked(self, given: object, by: str, *, may_aim: bool = False) -> IntArray:
-        """Return actions as integers (games, agents), 0 for those that are not alive.
+        """Return actions as integers (games, agents), 0 for dead agents.
 
         Args:
             given: the actions.
-            by: what has given them, for messages.
-            may_aim: whether they may be those of `towards`.
+            by: the function that returned them, for messages.
+            may_aim: whether they may come from `towards`.
 
         Raises:
-            BadType, BadValue: they are no integers, too many or too few, or one is not the number of a legal node.
+            BadType, BadValue: they are not integers, have a wrong shape, or are not numbers of legal nodes.
         """
         actions = as_actions(given, self.node.shape, by)
         chosen = np.where(self.mask, actions.astype(np.int64, copy=False), self._movement.idle)  # 64 bits hold STOP
@@ -459,7 +462,7 @@ class ArrayView(Mapping[str, Any]):
         return chosen
 
     def _counts_of(self, leads_on: BoolArray | None) -> IntArray:
-        """Return how many numbers of actions are legal; of agents that lead on, any number; None: none does."""
+        """Return the number of valid actions of each agent; for agents in `leads_on`, any number is valid."""
         if leads_on is None:
             return self.counts
         which = np.nonzero(~leads_on)
@@ -473,11 +476,11 @@ def as_actions(given: object, shape: tuple[int, ...], by: str) -> IntArray:
 
     Args:
         given: the actions.
-        shape: games and agents.
-        by: what has given them, for messages.
+        shape: the numbers of games and agents.
+        by: the function that returned them, for messages.
 
     Raises:
-        BadType, BadValue: they are no integers, or too many or too few.
+        BadType, BadValue: they are not integers, or have a wrong shape.
     """
     try:
         actions = np.asarray(given)
@@ -494,46 +497,46 @@ def as_actions(given: object, shape: tuple[int, ...], by: str) -> IntArray:
 
 
 def movement_in(view: ArrayView) -> Movement:
-    """Return how the agents of a view go; for the strategies of GAMMS."""
+    """Return the movement of the agents of a view; for the strategies of GAMMS."""
     return view._movement
 
 
 def numbers_in(view: ArrayView, which: Any) -> tuple[IntArray, IntArray]:
-    """Return the numbers of games in the batch and of agents in the roster, of some agents of a view."""
+    """Return the game numbers and the roster numbers of some agents of a view."""
     shape = view.node.shape
     return np.broadcast_to(view.games[:, None], shape)[which], np.broadcast_to(view.agents, shape)[which]
 
 
 def views_by_map(view: ArrayView) -> Iterator[tuple[IntArray, ArrayView]]:
-    """Yield the views of games with the same roads, and their places in a view."""
+    """Yield (indices, view) for each group of games of a view with the same open roads."""
     for _, places in view._state.roads.by_map(view.games):
         yield places, view.in_games(places)
 
 
 def vectors_in(view: ArrayView, others: int, more: int, threads: int) -> Vectors:
-    """Return the vectors of a view with further entries; see `Encoder.encode`."""
+    """Return the vectors of a view with additional entries; see `Encoder.made`."""
     return view._encoded(others, more, threads)
 
 
 def observers_in(view: ArrayView) -> observe.Observers:
-    """Return the agents of a view as the core takes them."""
+    """Return the agents of a view in the form of the core."""
     return view._observers(view.mask, np.arange(len(view.games)) * len(view.agents))
 
 
 def lasting_in(
     view: ArrayView, agents: IntArray, others: int, mask: BoolArray
 ) -> tuple[Encoder, observe.Observers, BoolArray, OpenRoads] | None:
-    """Return what writes the vectors of agents after any turn, as long as the games are on their map.
+    """Return an encoder with observers that can be reused after any turn, while the games stay on their map.
 
     Args:
-        view: of the games.
+        view: the games.
         agents: numbers in the roster, in any order.
-        others: how many others vectors have.
-        mask: (all games, agents) which are alive, in whose rows vectors are written; it may change.
+        others: the number of other agents in a vector.
+        mask: (all games, agents) the living agents, in rows of the output; it may change.
 
     Returns:
-        And (all games, all agents) who is alive, and which roads are open. None: turns change what agents see, or where
-        they may go, in other columns than these.
+        The encoder, the observers, (all games, all agents) who is alive, and the open roads. None: reuse is impossible,
+        because turns change other columns that affect observations.
     """
     those = view.of(agents)
     if not those._movement.are_plain(agents) or those._plain_looks() is None:
@@ -547,7 +550,7 @@ def lasting_in(
 
 
 class _ByName(Mapping[str, T]):
-    """What sensors show, or channels have brought, to the agents of a view; worked out when it is read."""
+    """A mapping of sensor or channel names to data for the agents of a view, computed on access."""
 
     def __init__(self, names: Iterable[str], ask: Callable[[str], T]) -> None:
         self._names, self._ask = tuple(names), ask
