@@ -307,7 +307,7 @@ def test_what_a_program_keeps_in_the_same_memory_is_no_observation(make_ctx, add
 def test_errors_name_what_is_missing(make_ctx, add):
     ctx = make_ctx(3)
     agent = add(ctx, "a", 0, "red", sight=10.0)
-    with pytest.raises(MissingKey, match=r"state\['name'\]. ctx.game puts it there; in a loop of your own, set name"):
+    with pytest.raises(MissingKey, match=r"state\['name'\]. ctx.game sets it; in your own loop, set name"):
         belief.observe(ctx, agent.get_state())
     state = agent.get_state() | {"name": "a", "team": "red", "turn": 0, "memory": {}}
     with pytest.raises(BadType, match="observe takes a context"):
@@ -319,11 +319,11 @@ def test_errors_name_what_is_missing(make_ctx, add):
     with pytest.raises(BadValue, match="horizon must be at least 1"):
         belief.observe(ctx, state, horizon=0)
     state["memory"]["belief", 0, "b"] = "nonsense"
-    with pytest.raises(BadType, match="what 'b' has observed in turn 0"):
+    with pytest.raises(BadType, match="the observation of 'b' in turn 0"):
         _ = belief.believed(ctx, state).last_seen
     del state["memory"]["belief", 0, "b"]
     state["memory"]["belief", 0, ""] = "nonsense"
-    with pytest.raises(BadType, match=r"what .a team. has observed in turn 0"):
+    with pytest.raises(BadType, match=r"the observation of .a team. in turn 0"):
         belief.believed(ctx, state)
 
 
@@ -422,7 +422,7 @@ def test_a_report_is_of_a_turn_that_was(make_ctx, add, turn, error):
 
 @pytest.mark.parametrize(
     ("motion", "hint"),
-    [("random_walk", "not 'random_walk'"), (belief.random_walk, "That makes a model: call it")],
+    [("random_walk", "not 'random_walk'"), (belief.random_walk, "It makes a model: call it")],
 )
 def test_what_is_no_model_of_motion_is_named(make_ctx, add, motion, hint):
     ctx = make_ctx(5)

@@ -163,7 +163,7 @@ def test_impossible_arguments_are_refused_at_once(road):
         (lambda: reach("red"), "must be an integer, not None"),
         (lambda: reach("red", []), "node for team 'red' to reach is missing"),
         (lambda: reach("red", "the start of blue"), "'starts of blue'"),
-        (lambda: reach({"red": 1}, 2), "says already"),
+        (lambda: reach({"red": 1}, 2), "already has the nodes"),
         (lambda: reach({"red": 1, "blue": 2}, winner="red"), "is for one team"),
         (lambda: reach("red", 1, score="much"), "score must be a number"),
         (lambda: reach("red", 1, passing=None), "passing must be True or False"),

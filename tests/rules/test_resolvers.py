@@ -22,7 +22,7 @@ def test_teams_win_in_their_order_and_names_decide_within_one():
 
 
 def test_a_team_without_priority_is_an_error():
-    with pytest.raises(KeyError, match=r"no place for team 'y' of agent 'b'.*\['x'\]"):
+    with pytest.raises(KeyError, match=r"not list team 'y' of agent 'b'.*\['x'\]"):
         by_priority(["x"])(CONTEST, None)
 
 
@@ -32,7 +32,7 @@ def test_a_key_is_called_with_the_agents_and_the_smallest_wins(ctx):
     assert names(by_priority(lambda agent: agent.age)(CONTEST, ctx)) == "bc"
     assert names(by_priority(lambda agent: -agent.age)(CONTEST, ctx)) == "ab"
     assert names(by_priority(lambda _: 0)(CONTEST, ctx)) == "ab"
-    with pytest.raises(TypeError, match="cannot compare what its key gave for a: 7, b: 'b', c: 'c'"):
+    with pytest.raises(TypeError, match="cannot compare the values of its key for a: 7, b: 'b', c: 'c'"):
         by_priority(lambda agent: agent.age if agent.name == "a" else agent.name)(CONTEST, ctx)
 
 

@@ -118,7 +118,7 @@ def test_waypoints_without_a_way_are_drawn_again(open_world):
 
 def test_impossible_arguments_are_refused(world):
     for make, error, said in (
-        (lambda: sweep(world.ctx, []), ValueError, "sweep needs one node"),
+        (lambda: sweep(world.ctx, []), ValueError, "sweep needs at least one node"),
         (lambda: sweep(world.ctx, repeat=1), TypeError, "repeat of sweep"),
         (lambda: random_waypoints(world.ctx, [99]), KeyError, "99"),
         (lambda: random_waypoints(world.ctx, pause=-1), ValueError, "pause of random_waypoints"),

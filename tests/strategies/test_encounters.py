@@ -197,5 +197,5 @@ def test_in_a_loop_of_ones_own_they_ask_for_the_team(world):
 def test_for_a_flyer_an_error_says_that_these_go_along_edges(world):
     kite = world.add("kite", 0, type=AgentType.AERIAL, speed=3.0)
     for strategy in (chase(world.ctx), flee(world.ctx), guard(world.ctx, 0, 5.0)):
-        with pytest.raises(TypeError, match="goes along edges"):
+        with pytest.raises(TypeError, match="moves along edges"):
             strategy(world.state_of(kite))

@@ -177,7 +177,7 @@ def test_in_the_papers_own_loop_the_map_says_where_to_go(world):
         anna.step()
     assert anna.current_node_id == 14
     anna.register_strategy(patrol(world.ctx, [0, 1]))
-    with pytest.raises(KeyError, match=r"patrol needs state\['memory'\].* a dict that you keep"):
+    with pytest.raises(KeyError, match=r"patrol needs state\['memory'\].* a dict that you store"):
         anna.step()
 
 
@@ -189,7 +189,7 @@ def test_a_node_that_is_none_is_refused_when_the_strategy_is_made(world, make):
 
 
 def test_impossible_arguments_are_refused(world):
-    with pytest.raises(ValueError, match="patrol needs one node at least"):
+    with pytest.raises(ValueError, match="patrol needs at least one node"):
         patrol(world.ctx, [])
     with pytest.raises(TypeError, match="nodes of follow_path must be a list of node ids, not 3"):
         follow_path(world.ctx, 3)
@@ -200,6 +200,6 @@ def test_impossible_arguments_are_refused(world):
 def test_for_a_flyer_an_error_says_that_these_go_along_edges(world):
     for i, make in enumerate((goto, follow_path, patrol)):
         world.add(f"kite {i}", 0, make(world.ctx, 3 if make is goto else [3]), type=AgentType.AERIAL, speed=3.0)
-        with pytest.raises(TypeError, match=f"{make.__name__} goes along edges, and an agent at .* flies"):
+        with pytest.raises(TypeError, match=f"{make.__name__} moves along edges, but the agent at .* flies"):
             world.play()
         del world.agents[f"kite {i}"]

@@ -181,7 +181,7 @@ def test_the_order_of_creation_does_not_matter(open_world):
 def test_impossible_arguments_are_refused(world):
     for make, error, said in (
         (lambda: intercept(world.ctx, [99]), KeyError, "99"),
-        (lambda: intercept(world.ctx, []), ValueError, "intercept needs one node"),
+        (lambda: intercept(world.ctx, []), ValueError, "intercept needs at least one node"),
         (lambda: safest_exit(world.ctx, 3), TypeError, "exits of safest_exit must be a list of node ids, not 3"),
         (lambda: assign(world.ctx, patience=-1), ValueError, "patience of assign"),
         (lambda: follow_belief(world.ctx, targets="mouse"), TypeError, "targets"),

@@ -46,7 +46,7 @@ def test_in_a_loop_of_ones_own_a_random_walk_needs_a_generator_and_a_neighbor_se
     anna = world.add("anna", 7)
     for _ in range(20):
         here, state = anna.current_node_id, anna.get_state()
-        with pytest.raises(KeyError, match=r"random_walk needs state\['rng'\].* such as ctx.rng"):
+        with pytest.raises(KeyError, match=r"random_walk needs state\['rng'\].* for example ctx.rng"):
             random_walk(state)
         assert "action" not in state
         state["rng"] = world.ctx.rng

@@ -1,4 +1,4 @@
-"""Beliefs: what an agent knows of others from what it and its team have seen, and not seen.
+"""Beliefs: the knowledge of an agent about others, from the observations of the agent and its team.
 
     from gamms import belief
 
@@ -8,13 +8,13 @@
         known.reachable("anna")             # the ids of all nodes on which she can be
         known.probability("anna")           # node -> probability
 
-Memories hold observations (`evidence.py`), and nothing else: beliefs are worked out from these on demand, so that those
-of teammates are merged by merging observations, and a recording grows by one line for each agent and turn. `Filter` has
-the probabilities without memories, for many targets at once, `GamesFilter` for those of many games.
+Memories hold only observations (`evidence.py`): beliefs are computed from these on demand, so that the beliefs of
+teammates are merged by merging observations, and a recording grows by one line per agent and turn. `Filter` computes
+probabilities without memories, for many targets at once, `GamesFilter` for many games.
 
-Read `belief.py` first. `reach.py` has where targets can be, `filter.py` and `motion.py` where they probably are, and
-`teams.py` what teams believe in batches; all compute with `gamms.core.belief`. A new model of motion is a function in
-`motion.py`. May import: `context` and below.
+Read `belief.py` first. `reach.py` computes where targets can be, `filter.py` and `motion.py` where they probably are,
+and `teams.py` the beliefs of teams in batches; all use `gamms.core.belief`. To add a model of motion, write a function
+in `motion.py`. May import: `context` and below.
 """
 
 from gamms.belief.belief import Belief, artist, belief_of, believed, observe

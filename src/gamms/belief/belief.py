@@ -1,4 +1,4 @@
-"""What an agent believes of others: where it saw them last, where they can be, and where they probably are."""
+"""The belief of an agent about others: where they were seen last, where they can be, and where they probably are."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Sequence
@@ -12,11 +12,11 @@ import numpy as np
 from gamms.arguments import as_context, as_items, as_range
 from gamms.belief.evidence import (
     HORIZON,
-    Look,
+    Coverage,
+    ExactPosition,
     Observation,
-    Place,
     Sighting,
-    Turn,
+    TurnObservations,
     agent_on_ground,
     is_by_metres,
     last_sightings,
@@ -25,9 +25,9 @@ from gamms.belief.evidence import (
     turns_in,
 )
 from gamms.belief.filter import by_node
-from gamms.belief.ground import Ground, ground_of
+from gamms.belief.ground import BeliefMap, belief_map_of
 from gamms.belief.motion import Motion, as_motion, chain_of, evidence_of, random_walk
-from gamms.belief.reach import Reach
+from gamms.belief.reach import ReachBounds
 from gamms.context import Context
 from gamms.core import belief as core
 from gamms.ir.graph import FloatArray, IntArray
@@ -40,52 +40,54 @@ from gamms.visual.drawers.graph import render_values
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import Bar, Row, Rows, Values
 
-_MOST_BYTES = 1 << 27  # about: of what was worked out, for one map
-_MARK = 16  # of so many turns, one is kept
-_FAINT = 0.01  # of the highest probability: less is not drawn
-_CAN_BE, _DARK = (150, 110, 190), 384  # a colour, and the sum of a grey in the middle
+_MOST_BYTES = 1 << 27  # approximate size of the cached results for one map
+_MARK = 16  # one in this many turns is cached
+_FAINT = 0.01  # share of the highest probability below which nothing is drawn
+# a color, and the sum of the channels of a medium grey
+_CAN_BE = (150, 110, 190)
+_DARK = 384
 
-Found = tuple[int, int, float]  # the row of a node, that at the end of the edge, and metres from the node
+Found = tuple[int, int, float]  # row of a node, row of the end of the edge, metres from the node
 _UNSEEN: Found = (core.IS_UNSEEN, core.IS_ANYWHERE_ON_NODE, 0.0)
 _NOTHING: tuple[IntArray, FloatArray] = (np.zeros(0, np.int64), np.zeros(0))  # that a look covers
 
 Moving = Callable[[FloatArray, int], FloatArray]  # to a turn
 Looking = Callable[[FloatArray, int, list[Observation]], FloatArray]  # in a turn
 
-# By the map, which contexts share with their forks: what planners believe is worked out in a fork of each turn.
-_worked_out: WeakKeyDictionary[Ground, OrderedDict[bytes, FloatArray]] = WeakKeyDictionary()
+# By map, which contexts share with their forks: planners compute beliefs in a new fork each turn.
+_worked_out: WeakKeyDictionary[BeliefMap, OrderedDict[bytes, FloatArray]] = WeakKeyDictionary()
 
 
 def observe(ctx: Context, state: State | AerialState, *, share: bool = True, horizon: int = HORIZON) -> "Belief":
-    """Remember what the sensors show of other teams' agents now, and return what follows from all that is known.
+    """Record what the sensors show of other teams' agents, and return the belief that follows.
 
-    Call it in every turn. What is remembered is in `state["memory"]`, a short text for each turn.
+    Call it in every turn. Observations are stored in `state["memory"]`, one short text per turn.
 
     Args:
         ctx: the context.
-        state: of the agent, in its strategy.
-        share: whether it is written into `state["team_memory"]`, too: teammates know it in the next turn.
-        horizon: for at least how many turns it is remembered on which nodes no agent was. Where one was seen last is
-            never forgotten.
+        state: state of the agent, in its strategy.
+        share: whether to write the observation to `state["team_memory"]`, too: teammates know it in the next turn.
+        horizon: minimum number of turns for which nodes without agents are remembered. Last sightings are never
+        forgotten.
 
     Raises:
-        MissingKey (KeyError): the state has no name, team, turn or memory, in a loop of your own.
+        MissingKey (KeyError): in a custom loop, the state has no name, team, turn or memory.
     """
     note_senses(ctx, state, share=share, horizon=horizon)
     return believed(ctx, state)
 
 
 def believed(ctx: Context, state: State | AerialState) -> "Belief":
-    """Return what follows from what an agent and its team remember, without looking."""
+    """Return the belief that follows from the memories of an agent and its team, without new observations."""
     memories = required(state, "memory"), state.get("team_memory", {})
     return Belief(as_context(ctx, "believed"), turns_in(*memories), state["turn"], state.get("time", 0.0))
 
 
 def belief_of(ctx: Context, observer: str) -> "Belief":
-    """Return what an agent believes between two turns, for rules, drawers and tests.
+    """Return the belief of an agent between two turns, for rules, drawers and tests.
 
     Raises:
-        UnknownName (KeyError): there is no such agent.
+        UnknownName (KeyError): the agent does not exist.
     """
     team = getattr(as_context(ctx, "belief_of").agent.get_agent(observer), "team", None)
     shared = {} if team is None else ctx.game.team_memories.get(team, {})
@@ -93,74 +95,78 @@ def belief_of(ctx: Context, observer: str) -> "Belief":
 
 
 class Belief:
-    """What follows from some observations, at a turn; `observe`, `believed` and `belief_of` make it.
+    """A belief that follows from observations; made by `observe`, `believed` and `belief_of`.
 
     Args:
         ctx: the context.
-        turns: what was observed, by turn.
-        turn: the present one.
-        time: how much of it is over, where agents decide at arrivals.
+        turns: observations by turn.
+        turn: the present turn.
+        time: elapsed share of the turn, if agents decide at arrivals.
 
     Attributes:
         turn: the turn.
     """
 
-    def __init__(self, ctx: Context, turns: Mapping[int, Turn], turn: int, time: float = 0.0) -> None:
-        self._ctx, self.turn, self._time = ctx, turn, time
+    def __init__(self, ctx: Context, turns: Mapping[int, TurnObservations], turn: int, time: float = 0.0) -> None:
+        self._ctx = ctx
+        self.turn = turn
+        self._time = time
         self._turns = {then: seen for then, seen in turns.items() if then <= turn}
-        self._now: dict[bytes, FloatArray] = {}  # what was worked out already
+        self._now: dict[bytes, FloatArray] = {}  # cached results
 
     @cached_property
     def last_seen(self) -> dict[str, Sighting]:
-        """Agent -> where it was seen last, in which turn and by whom."""
+        """Agent -> its last sighting: where, in which turn and by whom."""
         return last_sightings(self._turns)
 
-    # -- where they can be ----------------------------------------------------------------------------------------
+    # -- possible positions
+    # ---------------------------------------------------------------------------------------
 
     def reachable(self, target: str, speed: float | None = None) -> set[int]:
-        """Return the ids of all nodes on which a target can be; it is on one of them.
+        """Return the ids of all nodes on which a target can be.
 
-        It has gone along edges that were open at some time since it was seen last, as fast as it can, and was on no
-        node on which a sensor would have shown it for certain. In games by metres a node stands for the edges that
-        leave it, too, so that a node in view that is empty rules nothing out.
+        The target has moved at most at its speed along edges that were open at some time since it was last seen, and
+        was never on a node on which a sensor would have shown it for certain. In games by metres a node also stands for
+        the edges that leave it, so an empty node in view excludes nothing.
 
         Args:
-            target: the name of an agent on the ground; one that is dead is nowhere.
-            speed: edges or metres in a turn; None: that of the agent, which is one edge if it has none. Give the
-                greatest where that changes.
+            target: name of an agent on the ground; the result for a dead agent is empty.
+            speed: edges or metres per turn; None: the speed of the agent, or one edge if it has none. If the speed
+            changes, give its maximum.
 
         Raises:
-            UnknownName (KeyError): there is no such agent.
-            BadType: it flies.
+            UnknownName (KeyError): the agent does not exist.
+            BadType: the agent flies.
         """
-        return set(ground_of(self._ctx.graph.columns()).ids_where(self.are_reachable([target], speed)[0]))
+        return set(belief_map_of(self._ctx.graph.columns()).ids_where(self.are_reachable([target], speed)[0]))
 
     def are_reachable(self, targets: Sequence[str], speed: float | None = None) -> BoolArray:
-        """Return the same for several targets: (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
+        """Return `reachable` of several targets, a mask (targets, nodes), with nodes as in `ctx.graph.columns()`."""
         agents = [agent_on_ground(self._ctx, name) for name in as_items(targets, "targets", "names")]
         paces = [getattr(agent, "speed", None) if speed is None else as_range(speed, "speed") for agent in agents]
         game = None if self._ctx.current_game is None else self._ctx.game
         in_metres = is_by_metres(self._ctx)
         turns = game.turn_seconds if game is not None and game.speed_unit == "metres_per_second" else 1.0
-        found = np.zeros((len(agents), ground_of(self._ctx.graph.columns()).size), bool)
-        # An agent without a speed goes along one edge of any length, also where others have metres.
+        found = np.zeros((len(agents), belief_map_of(self._ctx.graph.columns()).size), bool)
+        # An agent without a speed moves along one edge of any length, even if other agents use metres.
         for has_pace in (False, True):
             lines = [line for line, pace in enumerate(paces) if (pace is not None) is has_pace]
             if lines:
-                names, speeds = tuple(targets[line] for line in lines), [(paces[line] or 0.0) * turns for line in lines]
+                names = tuple(targets[line] for line in lines)
+                speeds = [(paces[line] or 0.0) * turns for line in lines]
                 labels = self._reached(names, speeds if has_pace else [1.0] * len(lines), has_pace and in_metres)
                 found[lines] = labels > -np.inf
         found[[not getattr(agent, "alive", True) for agent in agents]] = False
         return found
 
     def _reached(self, targets: tuple[str, ...], speeds: list[float], in_metres: bool) -> FloatArray:
-        """Return labels (targets, nodes) of what targets can have reached; see `Reach`."""
-        ground = ground_of(self._ctx.graph.columns())
+        """Return labels (targets, nodes) of the nodes that targets can have reached; see `ReachBounds`."""
+        ground = belief_map_of(self._ctx.graph.columns())
         closed = tuple((turn, arc) for turn, seen in self._turns.items() for arc in seen.closed)
         is_free = self._ctx.current_game is not None and self._ctx.game.legal == "any"
-        # One without a speed goes along a whole edge in a turn, and is between nodes only within a turn.
+        # An agent without a speed moves along a whole edge per turn, and is between nodes only within a turn.
         are_on_edges = in_metres or (is_by_metres(self._ctx) and self._ctx.game.decide == "arrival")
-        reach = Reach(
+        reach = ReachBounds(
             ground, np.array(speeds), in_metres=in_metres, are_on_edges=are_on_edges, is_free=is_free, closed=closed
         )
 
@@ -171,33 +177,34 @@ class Belief:
         labels = self._folded(key, reach.anywhere(0), reach.advance, look)
         return reach.advance(labels, self.turn + 1, self._time) if self._time else labels
 
-    # -- where they probably are ------------------------------------------------------------------------------------
+    # -- probable positions
+    # -----------------------------------------------------------------------------------------
 
     def probability(self, target: str, motion: Motion | None = None) -> dict[int, float]:
-        """Return node -> how probable it is that a target is there, without those where it cannot be.
+        """Return node -> probability that a target is there, without impossible nodes.
 
-        The probabilities are those of Bayes' rule with all that is remembered, for a target that was anywhere at turn
-        0. What the model of its motion rules out and is seen all the same begins the belief again.
+        The probabilities follow from Bayes' rule with all stored observations, for a target that was anywhere at turn
+        0. An observation that the model of motion excludes restarts the belief.
 
         Args:
-            target: the name of an agent on the ground; one that is dead is nowhere.
-            motion: how it moves; None: `random_walk()`.
+            target: name of an agent on the ground; the result for a dead agent is empty.
+            motion: model of its motion; None: `random_walk()`.
 
         Raises:
-            UnknownName (KeyError): there is no such agent.
-            BadType: it flies, or the motion is no model.
+            UnknownName (KeyError): the agent does not exist.
+            BadType: the agent flies, or the motion is not a model.
         """
-        return by_node(ground_of(self._ctx.graph.columns()), self.probabilities([target], motion)[0])
+        return by_node(belief_map_of(self._ctx.graph.columns()), self.probabilities([target], motion)[0])
 
     def probabilities(self, targets: Sequence[str], motion: Motion | None = None) -> FloatArray:
-        """Return the same for several targets: (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
+        """Return `probability` of several targets, (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
         agents = [agent_on_ground(self._ctx, name) for name in as_items(targets, "targets", "names")]
         model = random_walk() if motion is None else as_motion(motion, "motion")
         paces = [self._metres_of(agent) for agent in agents]
         if len(set(paces)) == 1:
             found = self._filtered(tuple(targets), model, paces[0])
         else:
-            found = np.zeros((len(agents), ground_of(self._ctx.graph.columns()).size))
+            found = np.zeros((len(agents), belief_map_of(self._ctx.graph.columns()).size))
             for pace in dict.fromkeys(paces):
                 lines = [line for line, one in enumerate(paces) if one == pace]
                 found[lines] = self._filtered(tuple(targets[line] for line in lines), model, pace)
@@ -205,15 +212,15 @@ class Belief:
         return found
 
     def _metres_of(self, agent: IAgent) -> float | None:
-        """Return how far an agent goes in a turn; None: it goes from node to node."""
+        """Return the metres that an agent moves per turn; None if it moves from node to node."""
         speed = getattr(agent, "speed", None)
         if speed is None or not is_by_metres(self._ctx):
             return None
         return float(speed) * (self._ctx.game.turn_seconds if self._ctx.game.speed_unit == "metres_per_second" else 1.0)
 
     def _filtered(self, names: tuple[str, ...], model: Motion, metres: float | None) -> FloatArray:
-        """Return how probable each node is (targets, nodes), of targets that go equally far in a turn."""
-        ground = ground_of(self._ctx.graph.columns())
+        """Return the probability of each node (targets, nodes), for targets of equal speed."""
+        ground = belief_map_of(self._ctx.graph.columns())
         chain = chain_of(model, ground, metres)
 
         def move(masses: FloatArray, _: int) -> FloatArray:
@@ -228,9 +235,9 @@ class Belief:
         return chain.of_nodes(self._folded(key, start, move, look))
 
     def _folded(self, key: object, start: FloatArray, move: Moving, look: Looking) -> FloatArray:
-        """Return what turns and observations make of a start, from the last turn to which that is known.
+        """Apply turns and observations to a start state, continuing from the last cached turn.
 
-        Each turn has a digest of all that led to it, so that what is kept never has to be forgotten for being wrong.
+        The cache key of a turn is a digest of everything before it, so that cached results never become invalid.
         """
         digests = [blake2b(repr(key).encode(), digest_size=16).digest()]
         for turn in range(self.turn + 1):
@@ -238,13 +245,14 @@ class Belief:
             digests.append(blake2b(digests[-1] + (seen.digest if seen else b""), digest_size=16).digest())
         if digests[-1] in self._now:
             return self._now[digests[-1]]
-        kept = _worked_out.setdefault(ground_of(self._ctx.graph.columns()), OrderedDict())
+        kept = _worked_out.setdefault(belief_map_of(self._ctx.graph.columns()), OrderedDict())
         begin = next((turn for turn in range(self.turn, 0, -1) if digests[turn] in kept), 0)
         value = kept[digests[begin]] if begin else start
         for turn in range(begin, self.turn + 1):
             if turn > begin:
                 value = move(value, turn)
-                # What is observed in a turn is left out: teammates know the same before it, and of it they do not.
+                # The observations of a turn are left out: teammates share the state before it, but
+                # not the observations of it.
                 if turn == self.turn or turn % _MARK == 0:
                     kept[digests[turn]] = value
             seen = self._turns.get(turn)
@@ -257,12 +265,12 @@ class Belief:
 
 
 def _observed(
-    ground: Ground, targets: Sequence[str], seen: list[Observation], metres: float
+    ground: BeliefMap, targets: Sequence[str], seen: list[Observation], metres: float
 ) -> tuple[core.Evidence, IntArray]:
-    """Return the observations of a turn as `Chain.observed` takes them.
+    """Return the observations of a turn in the form of `Chain.observed`.
 
-    A look rules out a part of an edge only where it covers what lies between both ends of it, and the edge is straight.
-    `metres` is how far the targets go in a turn: those that were seen within it were not so far when it began.
+    A look excludes a part of an edge only if it covers both ends, and the edge is straight. `metres` is the distance
+    that the targets move per turn: targets seen within the turn had not moved so far at its beginning.
     """
     looks = [look for one in seen for look in one.looks]
     covered = [_missed_by(ground, look) for look in looks]
@@ -277,21 +285,21 @@ def _observed(
     return evidence, np.array([0, len(looks)])
 
 
-def _missed_by(ground: Ground, look: Look) -> tuple[IntArray, FloatArray]:
-    """Return the rows of the nodes that a look covers, and how probable it is that it misses an agent there."""
+def _missed_by(ground: BeliefMap, look: Coverage) -> tuple[IntArray, FloatArray]:
+    """Return the rows of the nodes that a look covers, and the probability that it misses an agent there."""
     rows = np.arange(ground.size) if look.node_ids is None else ground.rows(look.node_ids)
     is_there = rows >= 0
     return rows[is_there], (1.0 - np.broadcast_to(look.detection, rows.shape))[is_there]
 
 
-def _kind_of(look: Look) -> int:
+def _kind_of(look: Coverage) -> int:
     if not look.is_convex:
         return core.LOOKS_AT_NODES
     return core.LOOKS_ALONG_EDGES if look.node_ids is None else core.LOOKS_ALONG_STRAIGHT_EDGES
 
 
-def _found_at(ground: Ground, row: int, place: Place | None, metres: float) -> Found:
-    """Return the place of a target that was seen."""
+def _found_at(ground: BeliefMap, row: int, place: ExactPosition | None, metres: float) -> Found:
+    """Return the position of a target that was seen."""
     if row < 0:
         return core.IS_UNKNOWN, core.IS_ANYWHERE_ON_NODE, 0.0
     if place is None:
@@ -301,21 +309,21 @@ def _found_at(ground: Ground, row: int, place: Place | None, metres: float) -> F
 
 
 def artist(observer: str, target: str, motion: Motion | None = None, *, can_be: bool = False) -> dict[str, Any]:
-    """Return an artist for `ctx.visual.add_artist` that shows where an agent believes another one to be.
+    """Return an artist for `ctx.visual.add_artist` that shows the belief of an agent about another one.
 
     Args:
-        observer: whose belief is shown.
-        target: the name of the agent that it is about.
-        motion: how that moves; None: `random_walk()`.
-        can_be: show all nodes on which it can be, instead of how probable each is.
+        observer: name of the agent whose belief is shown.
+        target: name of the agent that the belief is about.
+        motion: model of the target's motion; None: `random_walk()`.
+        can_be: whether to show all possible nodes instead of probabilities.
 
     Raises:
-        BadType: the motion is no model.
+        BadType: the motion is not a model.
     """
     model = random_walk() if motion is None else as_motion(motion, "motion of artist")
 
     def chances_of(ctx: Context) -> tuple[dict[int, float], float]:
-        """Return what is shown of each node, and the highest."""
+        """Return the shown value of each node, and the highest value."""
         belief = belief_of(ctx, observer)
         found = dict.fromkeys(sorted(belief.reachable(target)), 1.0) if can_be else belief.probability(target, model)
         most = max(found.values(), default=1.0)
@@ -338,5 +346,5 @@ def artist(observer: str, target: str, motion: Motion | None = None, *, can_be: 
         _, most = chances_of(ctx)
         return Bar(f"{target}, as {observer} believes", colors_of(ctx)[::12], "0", f"{most / 2:.3g}", f"{most:.3g}")
 
-    draw.__dict__["once_a_turn"] = True  # a belief does not glide
+    draw.__dict__["once_a_turn"] = True  # beliefs are not animated between turns
     return {"drawer": draw, "layer": Layer.VALUES, "legend": legend}

@@ -1,15 +1,15 @@
-"""What agents have observed of others, as one short text for each agent and turn in their memories.
+"""Observations of agents about others, as one short text per agent and turn in their memories.
 
 An entry of a memory is `("belief", turn, observer)` -> JSON: `found` (agent -> node; in games by metres a list of the
-node, the time of the turn, and of an agent on an edge the end of that, its id and how far the agent is from the node),
-`looks` (where agents that were not found were not noticed) and `closed` (edges that were open until then). Ascending
-ids of nodes are written as differences. An entry never changes, but for what `note` adds, so that a recording gets each
-once. In the memory of a team, what all have observed in a turn is joined, once all know it, to one entry of the
-observer "": a JSON object from observers to their entries. So the memory of a large team, which each member copies in
-each turn, stays small.
+node, the time of the turn, and for an agent on an edge the end of the edge, its id and the distance of the agent from
+the node), `looks` (where agents that were not found were not noticed) and `closed` (edges that were open until then).
+Ascending node ids are written as differences. Only `note` changes an entry later, so that a recording gets each entry
+once. In the memory of a team, all observations of a turn are joined, once all members know them, to one entry of the
+observer "": a JSON object from observers to their entries. This keeps the memory of a large team small, which each
+member copies in each turn.
 
-What is reported of an earlier turn is in an entry of its own, because the team may have joined that turn already:
-`("belief reports", turn, observer)` -> JSON, a list of (agent, node, turn when it was there, whether it was put there).
+Reports about earlier turns are in separate entries, because the team may already have joined that turn: `("belief
+reports", turn, observer)` -> JSON, a list of (agent, node, turn when it was there, whether a rule put it there).
 """
 
 import json
@@ -23,7 +23,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms.arguments import as_context, as_count, as_int, as_mapping
-from gamms.belief.ground import Arc, Ground, ground_of
+from gamms.belief.ground import Arc, BeliefMap, belief_map_of
 from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, MissingKey, NotOffered, UnknownName
@@ -38,80 +38,80 @@ from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 Memory = dict[Any, Any]
 Key = tuple[str, int, str]
 
-EdgeIds = tuple[int, int, int]  # of the nodes that an edge leads from and to, and its own
+EdgeIds = tuple[int, int, int]  # ids of the source node, the target node, and the edge
 
-ENTRY = "belief"  # the first part of a key
-_REPORTS = "belief reports"  # likewise, of what was reported of earlier turns
-_ALL = ""  # the observer of what a team has observed together; no agent has this name
-_MAP = "belief map"  # the key of the digest of the map that was seen last
-_EVENTS = "belief events"  # the key of how many events of the game were read
+ENTRY = "belief"  # first part of a key
+_REPORTS = "belief reports"  # first part of a key of reports about earlier turns
+_ALL = ""  # the observer of joined observations of a team; no agent has this name
+_MAP = "belief map"  # key of the digest of the map that was seen last
+_EVENTS = "belief events"  # key of the number of events of the game that were read
 _NO_COVERAGE = Coverage(np.zeros(0, np.int64), np.zeros(0), ())
-_NEAR = 1e-6  # map units: an agent that is seen so near a node is on it
-HORIZON = 50  # for at least how many turns looks are remembered, if nothing else is said
-_ALMOST = 0.999999  # the highest probability that is written of those below 1
+_NEAR = 1e-6  # map units: an agent seen this near a node is on it
+HORIZON = 50  # default minimum number of turns for which looks are remembered
+_ALMOST = 0.999999  # the highest probability below 1 that is written
 
-_grounds: WeakKeyDictionary[Context, dict[str, Ground]] = WeakKeyDictionary()  # the last maps, by their digests
+_grounds: WeakKeyDictionary[Context, dict[str, BeliefMap]] = WeakKeyDictionary()  # the last maps, by digest
 _MOST_MAPS = 4
 
 
-class Look(NamedTuple):
-    """Nodes on which agents would have been noticed, with some probability."""
+class Coverage(NamedTuple):
+    """Nodes on which agents would have been noticed, with a detection probability."""
 
     node_ids: IntArray | None  # (nodes,) ascending; None: all nodes
-    detection: float | FloatArray  # of all, or (nodes,)
-    not_shown: frozenset[str]  # names of the agents of which it says nothing
-    is_convex: bool = False  # whether straight edges between these nodes are in view, too
+    detection: float | FloatArray  # for all nodes, or (nodes,)
+    not_shown: frozenset[str]  # names of agents about which it has no information
+    is_convex: bool = False  # whether it also covers straight edges between these nodes
 
 
-class Place(NamedTuple):
-    """Where an agent was exactly, in a game by metres."""
+class ExactPosition(NamedTuple):
+    """The exact position of an agent, in a game by metres."""
 
-    time: float  # of the turn, from 0 to 1
+    time: float  # time within the turn, from 0 to 1
     edge: EdgeIds | None = None  # None: on its node
     offset_m: float = 0.0
 
 
-_ON_NODE = Place(0.0)
+_ON_NODE = ExactPosition(0.0)
 
 
 class Observation(NamedTuple):
-    """What one agent observed in one turn."""
+    """The observations of one agent in one turn."""
 
-    found: Mapping[str, int]  # agent -> node that it was on, or had passed last
-    looks: tuple[Look, ...]
-    closed: tuple[Arc, ...] | None  # edges that were open until this turn; None: it is not known which
-    places: Mapping[str, Place]  # agent -> where exactly, for those of which that is known
+    found: Mapping[str, int]  # agent -> its node, or the last node that it passed
+    looks: tuple[Coverage, ...]
+    closed: tuple[Arc, ...] | None  # edges that were open until this turn; None: unknown
+    places: Mapping[str, ExactPosition]  # agent -> exact position, if known
 
 
 class Report(NamedTuple):
-    """Where an agent was in an earlier turn, as it became known later."""
+    """A report about the position of an agent in an earlier turn."""
 
     name: str
     node: int
     turn: int
-    is_put: bool  # there by a rule, so that what was seen in that turn does not hold any more
+    is_put: bool  # relocated by a rule, so that earlier observations no longer hold
 
 
 class Sighting(NamedTuple):
-    """Where an agent was, in which turn, and which agent saw it; in games by metres on which edge, too."""
+    """A sighting of an agent: the node, the turn and the observer; in games by metres also the edge."""
 
-    node: int  # that it was on, or had passed last
+    node: int  # its node, or the last node that it passed
     turn: int
     by: str
-    edge: EdgeIds | None = None  # ids of the nodes that it leads from and to, and its own
-    offset_m: float = 0.0  # how far from the source of that
+    edge: EdgeIds | None = None  # ids of the source node, the target node, and the edge
+    offset_m: float = 0.0  # distance from the source of the edge
 
 
-class Turn:
-    """What some agents observed in one turn.
+class TurnObservations:
+    """The observations of some agents in one turn.
 
     Args:
-        turn: which one.
+        turn: number of the turn.
         texts: observer -> entry.
 
     Attributes:
-        texts: the same, in the order of the observers.
-        digest: bytes that are others for other texts.
+        texts: as given, sorted by observer.
+        digest: a hash of the texts.
     """
 
     def __init__(self, turn: int, texts: Mapping[str, str]) -> None:
@@ -120,12 +120,12 @@ class Turn:
 
     @cached_property
     def observations(self) -> list[Observation]:
-        """What was observed, in the order of the observers."""
+        """The observations, sorted by observer."""
         return [_read(self._turn, by, text) for by, text in self.texts.items()]
 
     @cached_property
     def found(self) -> dict[str, Sighting]:
-        """Agent -> where it was seen; of several observers, the first counts."""
+        """Agent -> its sighting; the first observer counts."""
         found: dict[str, Sighting] = {}
         for by, seen in zip(self.texts, self.observations, strict=True):
             for name, node in seen.found.items():
@@ -135,20 +135,20 @@ class Turn:
 
     @cached_property
     def joined(self) -> str:
-        """What all have observed together, as one entry."""
+        """All observations together, as one entry."""
         entries = ",".join(f"{json.dumps(by)}:{text}" for by, text in self.texts.items())
         return f"{{{entries}}}"
 
     @cached_property
     def closed(self) -> tuple[Arc, ...]:
         """Edges that were open until this turn."""
-        if not any('"closed"' in text for text in self.texts.values()):  # NOTE: which spares reading them all
+        if not any('"closed"' in text for text in self.texts.values()):  # NOTE: saves reading all entries
             return ()
         return tuple(arc for one in self.observations for arc in one.closed or ())
 
 
-def turns_in(*memories: Mapping[Any, Any]) -> dict[int, Turn]:
-    """Return what was observed in each turn, by all that is in several memories."""
+def turns_in(*memories: Mapping[Any, Any]) -> dict[int, TurnObservations]:
+    """Return the observations of each turn, merged from several memories."""
     joined: dict[int, set[str]] = {}
     alone: dict[int, dict[str, str]] = {}
     reports: dict[int, list[tuple[str, Report]]] = {}
@@ -174,8 +174,8 @@ def turns_in(*memories: Mapping[Any, Any]) -> dict[int, Turn]:
     return dict(sorted(found.items()))
 
 
-def _with_reports(turn: int, texts: Mapping[str, str], reports: Iterable[tuple[str, Report]]) -> Turn:
-    """Return a turn with what observers learnt of it later."""
+def _with_reports(turn: int, texts: Mapping[str, str], reports: Iterable[tuple[str, Report]]) -> TurnObservations:
+    """Return a turn with later reports about it."""
     entries = {by: json.loads(text) for by, text in texts.items()}
     found: dict[str, dict[str, Any]] = {by: entry.pop("found", {}) for by, entry in entries.items()}
     for by, report in sorted(reports):
@@ -183,15 +183,15 @@ def _with_reports(turn: int, texts: Mapping[str, str], reports: Iterable[tuple[s
             for places in found.values():
                 places.pop(report.name, None)
         found.setdefault(by, {}).setdefault(report.name, report.node)
-    return Turn(
+    return TurnObservations(
         turn,
         {by: _as_text({"found": dict(sorted(places.items())), **entries.get(by, {})}) for by, places in found.items()},
     )
 
 
-@lru_cache(maxsize=1 << 12)  # NOTE: which spares joining the same hundred turns in each turn
-def _turn_of(turn: int, joined: tuple[str, ...], alone: tuple[tuple[str, str], ...]) -> Turn:
-    """Return a turn by what was joined and by what was not."""
+@lru_cache(maxsize=1 << 12)  # NOTE: saves joining the same hundred turns in each turn
+def _turn_of(turn: int, joined: tuple[str, ...], alone: tuple[tuple[str, str], ...]) -> TurnObservations:
+    """Return a turn from its joined and its separate entries."""
     parts = [_entries_in(turn, text) for text in joined]
     parts.append({by: text for by, text in alone if not any(by in one for one in parts)})
     texts: dict[str, str] = {}
@@ -202,13 +202,13 @@ def _turn_of(turn: int, joined: tuple[str, ...], alone: tuple[tuple[str, str], .
 
 
 @lru_cache(maxsize=1 << 10)
-def _written_turn(turn: int, texts: tuple[tuple[str, str], ...]) -> Turn:
-    return Turn(turn, dict(texts))  # NOTE: the same for all teammates
+def _written_turn(turn: int, texts: tuple[tuple[str, str], ...]) -> TurnObservations:
+    return TurnObservations(turn, dict(texts))  # NOTE: the same object for all teammates
 
 
 @lru_cache(maxsize=1 << 10)
 def _entries_in(turn: int, text: str) -> Mapping[str, str]:
-    """Return the entries that were joined, by observer."""
+    """Return the entries in a joined text, by observer."""
     try:
         return {by: _as_text(entry) for by, entry in json.loads(text).items()}
     except (AttributeError, ValueError) as error:
@@ -216,27 +216,27 @@ def _entries_in(turn: int, text: str) -> Mapping[str, str]:
 
 
 def merge(*memories: Mapping[Any, Any]) -> dict[Key, str]:
-    """Return the observations in several memories, in the order of their turns and observers.
+    """Return the observations in several memories, sorted by turn and observer.
 
-    Beliefs of teammates are merged by merging what they follow from: the result is what Bayes' rule gives with all
-    observations, whatever the order, and an observation that several know counts once.
+    Merging observations merges the beliefs of teammates: the result follows from Bayes' rule with all observations, in
+    any order, and an observation in several memories counts once.
     """
     return {(ENTRY, turn, by): text for turn, seen in turns_in(*memories).items() for by, text in seen.texts.items()}
 
 
-def last_sightings(turns: Mapping[int, Turn]) -> dict[str, Sighting]:
-    """Return where each agent was seen last; of several observers in one turn, the first by name counts."""
+def last_sightings(turns: Mapping[int, TurnObservations]) -> dict[str, Sighting]:
+    """Return the last sighting of each agent; of several observers in one turn, the first by name counts."""
     last: dict[str, Sighting] = {}
     for turn in sorted(turns):
         last |= turns[turn].found
     return dict(sorted(last.items()))
 
 
-# -- notes ----------------------------------------------------------------------------------------------------------
+# -- writing observations -------------------------------------------------------------------------------------------
 
 
 def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizon: int) -> None:
-    """Write into memory what the sensors of an agent show in this turn of agents that are not of its team."""
+    """Write to memory what the sensors of an agent show of other teams' agents in this turn."""
     agent = as_context(ctx, "observe").agent.get_agent(required(state, "name"))
     is_between = state.get("edge") is not None
     found: dict[str, Any] = dict(_respawned(ctx, state, share=share))
@@ -257,11 +257,11 @@ def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizo
             places = data if kind in ON_GROUND else _nodes_under(ctx, data)
             found |= {one: _as_found(ctx, state, node) for one, node in places.items() if _is_other(ctx, state, one)}
             not_shown |= data.keys() - places.keys()
-        else:  # nothing sharp follows from where agents are reported
+        else:  # approximate reports give no certain positions
             not_shown |= data.keys() & ctx.agent.agents.keys()
         others = sorted(one for one in not_shown if _is_other(ctx, state, one))
         looks.append(_look(ctx, covered, others))
-    if state.get("time", 0.0):  # beliefs are of the beginning of the turn, when agents were elsewhere
+    if state.get("time", 0.0):  # beliefs are about the beginning of the turn, when agents were elsewhere
         looks = []
     _note(ctx, state, {"found": dict(sorted(found.items())), "looks": [look for look in looks if look]}, share=share)
     shared = state.get("team_memory", {})
@@ -273,24 +273,26 @@ def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizo
 def note(
     ctx: Context, state: State | AerialState, name: str, node: NodeId, *, turn: int | None = None, share: bool = True
 ) -> None:
-    """Remember that an agent is or was on a node: what a sensor of your own, a message or a rule reports.
+    """Record that an agent is or was on a node, as reported by a custom sensor, a message or a rule.
 
     Args:
         ctx: the context.
-        state: of the agent that remembers it, in its strategy.
-        name: the agent that is reported.
-        node: where.
-        turn: when it was there, as a `state["turn"]`, such as the `turn` of a message; None: now.
-        share: whether it is written into `state["team_memory"]`, too.
+        state: state of the agent that records it, in its strategy.
+        name: name of the reported agent.
+        node: its node.
+        turn: when it was there, as a `state["turn"]`, for example the `turn` of a message; None: now.
+        share: whether to write it to `state["team_memory"]`, too.
 
     Raises:
-        UnknownName (KeyError): there is no such agent or node.
-        BadValue: the turn is still to come.
+        UnknownName (KeyError): the agent or the node does not exist.
+        BadValue: the turn is in the future.
     """
-    where, now = as_int(node, f"node of agent {shown(name)}"), required(state, "turn")
+    where = as_int(node, f"node of agent {shown(name)}")
+    now = required(state, "turn")
     if not as_context(ctx, "note").graph.graph.has_node(where):
         raise UnknownName("node", where)
-    agent, then = ctx.agent.get_agent(name), now if turn is None else as_count(turn, "turn of note", 0)
+    agent = ctx.agent.get_agent(name)
+    then = now if turn is None else as_count(turn, "turn of note", 0)
     if then > now:
         raise BadValue(f"Agent {agent.name!r} cannot have been on node {where} in turn {then}: this is turn {now}.")
     if then == now:
@@ -300,7 +302,8 @@ def note(
 
 
 def _note(ctx: Context, state: State | AerialState, new: dict[str, Any], *, share: bool) -> None:
-    memory, turn = required(state, "memory"), required(state, "turn")
+    memory = required(state, "memory")
+    turn = required(state, "turn")
     key = (ENTRY, turn, required(state, "name"))
     known = json.loads(memory.get(key, "{}"))
     found = dict(sorted({**known.get("found", {}), **new["found"]}.items()))
@@ -324,32 +327,35 @@ def _write(state: State | AerialState, key: Key, text: str, *, share: bool) -> N
 
 
 def required(state: State | AerialState, key: str) -> Any:
-    """Return what a state has under a key.
+    """Return the value of a key of the state.
 
     Raises:
-        MissingKey (KeyError): it is not there.
+        MissingKey (KeyError): the key is missing.
     """
     if key not in state:
         raise MissingKey(
-            f"A belief needs state[{key!r}]. ctx.game puts it there; in a loop of your own, set name, team, turn and "
-            "memory, a dict that you keep for the agent."
+            f"A belief needs state[{key!r}]. ctx.game sets it; in your own loop, set name, team, turn and "
+            "memory, a dict that you store for the agent."
         )
     return state[key]  # type: ignore[call-overload] # one of those above
 
 
 def _is_other(ctx: Context, state: State | AerialState, name: str) -> bool:
-    """Whether an agent is on the ground and not of the team of the observer."""
-    other, team = ctx.agent.get_agent(name), required(state, "team")
+    """Return whether an agent is on the ground and on another team than the observer."""
+    other = ctx.agent.get_agent(name)
+    team = required(state, "team")
     is_mate = name == state["name"] or (team is not None and getattr(other, "team", None) == team)
     return not is_mate and other.type is not AgentType.AERIAL
 
 
 def _nodes_under(ctx: Context, data: Mapping[str, tuple[AgentType, tuple[float, ...]]]) -> dict[str, int]:
-    """Return on which nodes agents are that were seen from the air; those between nodes are left out.
+    """Return the nodes of agents that were seen from the air; agents between nodes are left out.
 
-    Which node such an agent has passed last cannot be seen.
+    The last node that an agent between nodes passed cannot be seen.
     """
-    graph, by_metres, found = ctx.graph.graph, is_by_metres(ctx), dict[str, int]()
+    graph = ctx.graph.graph
+    by_metres = is_by_metres(ctx)
+    found = dict[str, int]()
     for name, (kind, place) in data.items():
         if kind is not AgentType.AERIAL:
             node = graph.get_node(graph.nearest_node(place[0], place[1]))
@@ -359,54 +365,54 @@ def _nodes_under(ctx: Context, data: Mapping[str, tuple[AgentType, tuple[float, 
 
 
 def is_by_metres(ctx: Context) -> bool:
-    """Whether agents may be anywhere on an edge."""
+    """Return whether agents may be anywhere on an edge."""
     return ctx.current_game is not None and ctx.game.speed_unit != "edges"
 
 
 def _as_found(ctx: Context, state: State | AerialState, node: int) -> int | list[float]:
-    """Return where an agent was found as it is written."""
+    """Return the written form of the position of an agent."""
     if not is_by_metres(ctx):
         return int(node)
     place = [*node.edge[1:], node.offset_m] if isinstance(node, PassedNode) else []
-    # Where teams move one after another, others may still have their whole turn before them.
+    # If teams move one after another, others may not have moved yet in this turn.
     return [int(node), 0.0 if ctx.game.order else state.get("time", 0.0), *place]
 
 
-def _read_found(value: int | list[Any]) -> tuple[int, Place | None]:
-    """Return the node, and the exact place if it is known."""
+def _read_found(value: int | list[Any]) -> tuple[int, ExactPosition | None]:
+    """Return the node, and the exact position if it is known."""
     if isinstance(value, int):
         return value, None
     node, time, *place = value
     if not place:
-        return int(node), Place(float(time))
+        return int(node), ExactPosition(float(time))
     target, edge, offset = place
-    return int(node), Place(float(time), (int(node), int(target), int(edge)), float(offset))
+    return int(node), ExactPosition(float(time), (int(node), int(target), int(edge)), float(offset))
 
 
 def _respawned(ctx: Context, state: State | AerialState, *, share: bool) -> dict[str, int]:
-    """Return where agents were put by `ctx.game.respawn` since the agent has observed, which all strategies can read.
+    """Return where `ctx.game.respawn` has put agents since the last observation, which all strategies can read.
 
-    What may have moved since is reported of an earlier turn.
+    If the agent may have moved since, it becomes a report about an earlier turn.
     """
     found: dict[str, int] = {}
     if ctx.current_game is None:
         return found
-    with phase_of(ctx).suspended(
-        changes_world=False
-    ):  # NOTE: which spares a copy of the events of the whole game, 3 us for each
+    with phase_of(ctx).suspended(changes_world=False):  # NOTE: saves a copy of all events of the game, 3 us for each
         events = ctx.game.events
-    memory, turn, known = required(state, "memory"), state["turn"], set[str]()
+    memory = required(state, "memory")
+    turn = state["turn"]
+    known = set[str]()
     for event in reversed(events[memory.get(_EVENTS, 0) :]):
         name = event.get("agent")
         if event["kind"] != "respawned" or name in known or name not in ctx.agent.agents:
             continue
         known.add(name)
         if _is_other(ctx, state, name):
-            # A rule for deeds may have put it there in this very turn, before the observer's team was to move.
+            # A rule for deeds may have moved it in this turn, before the turn of the observer's team.
             then = min(event["turn"], turn) - _may_have_moved(ctx, state, name)
             if then == turn:
                 found[name] = event["node"]
-            elif then >= 0:  # else it can be anywhere
+            elif then >= 0:  # otherwise it can be anywhere
                 _report(state, Report(name, event["node"], then, is_put=True), share=share)
     if len(events) != memory.get(_EVENTS, 0):
         memory[_EVENTS] = len(events)
@@ -417,18 +423,20 @@ def _may_have_moved(ctx: Context, state: State | AerialState, name: str) -> bool
     """Return whether an agent may have moved between a respawn of the last turn and this observation."""
     part_of = {team: part for part, teams in enumerate(ctx.game.order or ()) for team in teams}
     is_earlier = part_of.get(getattr(ctx.agent.get_agent(name), "team", None), 0) < part_of.get(state["team"], 0)
-    # A rule for deeds may have put it where it was already, and then it has moved on; no event says which rule it was.
+    # A rule for deeds may have put it where it already was, and then it has moved on; no event names the rule.
     return is_earlier or any(rule.phase == "deeds" for rule in ctx.game.rules)
 
 
 def _look(ctx: Context, covered: Coverage, not_shown: list[str]) -> list[Any]:
-    """Return a look as it is written; [] if nothing follows from it."""
-    node_ids, detection = covered.node_ids, covered.detection
+    """Return the written form of a look; [] if nothing follows from it."""
+    node_ids = covered.node_ids
+    detection = covered.detection
     order = np.argsort(node_ids)
     order = order[detection[order] > 0.0]
     if not len(order):
         return []
-    ids, chances = node_ids[order], detection[order]
+    ids = node_ids[order]
+    chances = detection[order]
     chances = np.where(chances < 1.0, np.minimum(np.round(chances, 6), _ALMOST), 1.0)
     is_even = bool((chances == chances[0]).all())
     is_everywhere = len(ids) == len(ctx.graph.columns().node_ids)
@@ -463,8 +471,8 @@ def _reports_in(turn: int, by: str, text: str) -> list[Report]:
 
 def _nonsense(turn: int, by: str, text: str) -> BadType:
     return BadType(
-        f"Memory has {shown(text)} as what {by or 'a team'!r} has observed in turn {turn}. "
-        f"Write nothing under keys that begin with {ENTRY!r}; gamms.belief does."
+        f"The memory has {shown(text)} as the observation of {by or 'a team'!r} in turn {turn}. "
+        f"Keys that begin with {ENTRY!r} belong to gamms.belief; do not write to them."
     )
 
 
@@ -474,18 +482,19 @@ def _as_text(entry: Mapping[str, Any] | Sequence[Any]) -> str:
 
 def _read_look(
     steps: list[int] | None, detection: float | list[float], not_shown: Iterable[str] = (), is_convex: int = 0
-) -> Look:
+) -> Coverage:
     ids = None if steps is None else np.cumsum(np.array(steps, np.int64))
     chances = np.array(detection) if isinstance(detection, list) else float(detection)
-    return Look(ids, chances, frozenset(not_shown), bool(is_convex))
+    return Coverage(ids, chances, frozenset(not_shown), bool(is_convex))
 
 
-# -- what changes -----------------------------------------------------------------------------------------------------
+# -- updates of memories
+# ----------------------------------------------------------------------------------------------
 
 
 def _closed(ctx: Context, memory: Memory) -> list[list[float]] | None:
-    """Return the edges that are gone since the agent has observed last; None if that map is not known any more."""
-    ground = ground_of(ctx.graph.columns())
+    """Return the edges removed since the last observation of the agent; None if that map is no longer known."""
+    ground = belief_map_of(ctx.graph.columns())
     known = _grounds.setdefault(ctx, {})
     known[ground.digest] = ground
     while len(known) > _MOST_MAPS:
@@ -497,20 +506,20 @@ def _closed(ctx: Context, memory: Memory) -> list[list[float]] | None:
 
 
 def _keys_of(memory: Mapping[Any, Any]) -> list[Key]:
-    """Return the keys of what was observed and reported."""
+    """Return the keys of observations and reports."""
     return [key for key in memory if type(key) is tuple and len(key) == 3 and key[0] in (ENTRY, _REPORTS)]
 
 
 def _forgotten_before(turn: int, horizon: int) -> int:
-    """Return the turn before which looks are forgotten, that of all agents of a team; it changes seldom.
+    """Return the turn before which looks are forgotten, the same for all agents of a team; it changes rarely.
 
-    What is worked out from the first look on has to be worked out again whenever it does.
+    Each change means that all results from the first look on are computed again.
     """
     return turn - turn % horizon - horizon
 
 
 def _prune(memory: Memory, before: int) -> None:
-    """Forget looks of earlier turns; where each agent was seen last stays."""
+    """Forget looks of earlier turns; last sightings stay."""
     old = [key for key in _keys_of(memory) if key[1] < before]
     if not any(key[0] == _REPORTS or '"looks"' in str(memory[key]) for key in old):
         return
@@ -533,7 +542,7 @@ def _prune(memory: Memory, before: int) -> None:
 
 
 def _join(memory: Memory, turn: int) -> None:
-    """Join what was observed in turns of which all have heard; all do the same, so that they agree."""
+    """Join the observations of turns that all members know; all members do the same and get the same result."""
     keys = [key for key in _keys_of(memory) if key[0] == ENTRY]
     then_of = sorted({then for _, then, by in keys if by != _ALL and then < turn - 1})
     turns = turns_in({key: memory[key] for key in keys if key[1] in then_of}) if then_of else {}
@@ -544,13 +553,13 @@ def _join(memory: Memory, turn: int) -> None:
 
 
 def agent_on_ground(ctx: Context, name: str) -> IAgent:
-    """Return an agent that a belief can be about.
+    """Return an agent on the ground by name.
 
     Raises:
-        UnknownName (KeyError): there is no such agent.
-        BadType: it flies.
+        UnknownName (KeyError): the agent does not exist.
+        BadType: the agent flies.
     """
     agent = ctx.agent.get_agent(name)
     if agent.type is AgentType.AERIAL:
-        raise BadType(f"Beliefs are about agents that go along edges, and {name!r} flies. Ask for others only.")
+        raise BadType(f"Beliefs are about agents that move along edges, but {name!r} flies.")
     return agent

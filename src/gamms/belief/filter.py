@@ -1,4 +1,4 @@
-"""Bayes filters on a graph: where some targets probably are, by a model of their motion and by what is observed."""
+"""Bayes filters on a graph: the probable positions of targets, from a model of motion and observations."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_array, as_count, as_ids, as_items, as_key, as_known, as_mapping, as_numbers_of, as_range
-from gamms.belief.ground import Ground, ground_of
+from gamms.belief.ground import BeliefMap, belief_map_of
 from gamms.belief.motion import Chain, Motion, as_motion, chain_of, evidence_of
 from gamms.core import belief as core
 from gamms.errors import BadValue
@@ -16,36 +16,36 @@ from gamms.typing import IContext
 from gamms.typing.game import NodeId
 
 
-class Masses:
-    """Probabilities of the states of some targets, which move independently of each other by one chain.
+class StateProbabilities:
+    """Probabilities of the states of targets, which move independently of each other by one Markov chain.
 
     Args:
         ground: the map.
-        motion: how the targets move.
-        metres: how far they go in a turn, in games by metres; None: they are on nodes only.
-        number: of targets.
+        motion: model of the motion of the targets.
+        metres: distance per turn, in games by metres; None: targets are on nodes only.
+        number: the number of targets.
 
     Attributes:
-        chain: of the model, with the states.
-        masses: (states, targets) of each target they add up to 1; at first each is on any node, with the same
-            probability. Settable, to go on from earlier ones.
+        chain: the chain of the model.
+        masses: (states, targets) for each target they add up to 1; initially uniform over the nodes. Settable, to
+        continue from earlier ones.
 
     Raises:
-        BadType, BadValue: the motion is no model, or the map has no nodes.
+        BadType, BadValue: the motion is not a model, or the map has no nodes.
     """
 
-    def __init__(self, ground: Ground, motion: Motion, metres: float | None, number: int) -> None:
+    def __init__(self, ground: BeliefMap, motion: Motion, metres: float | None, number: int) -> None:
         self._ground = ground
         pace = None if metres is None else as_range(metres, "metres of a filter")
         self.chain: Chain = chain_of(as_motion(motion, "motion"), ground, pace)
         self._motion = motion
         if not ground.size:
-            raise BadValue("A filter needs a map, and the graph has no nodes. Add them before.")
+            raise BadValue("A filter needs a map, but the graph has no nodes. Add nodes first.")
         self._masses = np.tile(self.chain.shares / ground.size, (number, 1))  # (targets, states)
 
     @property
     def masses(self) -> FloatArray:
-        """(states, targets) how probable the states are; settable, see the class."""
+        """The probabilities of the states, (states, targets); settable, see the class."""
         masses: FloatArray = self._masses.T
         return masses
 
@@ -54,18 +54,18 @@ class Masses:
         self._masses = np.ascontiguousarray(_as_weights(masses, "masses", self.masses.shape).T)
 
     def predict(self, turns: int = 1) -> None:
-        """Let turns pass, in which the targets move by the model."""
+        """Advance some turns, in which the targets move by the model."""
         self._masses = self.chain.predicted(self._masses, as_count(turns, "turns", 0) * self._motion.steps)
 
     def weigh_states(self, likelihoods: FloatArray) -> FloatArray:
-        """Take in an observation by how probable it is for each state of the chain, (states, targets)."""
+        """Update with the likelihood of an observation in each state of the chain, (states, targets)."""
         of_states = _as_weights(likelihoods, "likelihoods", self.masses.shape)
-        found, totals, by_state = np.empty_like(self._masses), np.empty(len(self._masses)), np.empty(len(of_states))
-        chain, work, is_changed = (
-            self.chain.core,
-            self.chain.work_with(by_state),
-            (of_states != 1.0).any(axis=0).tolist(),
-        )
+        found = np.empty_like(self._masses)
+        totals = np.empty(len(self._masses))
+        by_state = np.empty(len(of_states))
+        chain = self.chain.core
+        work = self.chain.work_with(by_state)
+        is_changed = (of_states != 1.0).any(axis=0).tolist()
         for target, before in enumerate(self._masses):
             by_state[:] = of_states[:, target]
             totals[target] = core.weigh(
@@ -77,16 +77,16 @@ class Masses:
     def _update(
         self, looks: IntArray, seen: tuple[IntArray, FloatArray], found: IntArray, shown: BoolArray
     ) -> FloatArray:
-        """Take in one look at nodes in each of some games, and where targets were found.
+        """Update with one look at nodes in each game, and with the positions of found targets.
 
         Args:
-            looks: (games + 1,) where the nodes of each begin, and at last where they end.
-            seen: their rows, and how probable it is that a target there is missed.
-            found: (games, targets) rows of nodes; -1: it was not found.
-            shown: (games, targets) whether the look says something about a target.
+            looks: (games + 1,) offsets of the nodes of each game in `seen`.
+            seen: rows of the nodes, and the probability that a target there is missed.
+            found: (games, targets) rows of nodes; -1: not found.
+            shown: (games, targets) whether the look has information about a target.
 
         Returns:
-            (games, targets) how probable this was.
+            The probability of the observation, (games, targets).
         """
         games, targets = found.shape
         evidence = evidence_of(looks, seen, shown, found)
@@ -96,31 +96,30 @@ class Masses:
         return totals
 
 
-class Filter(Masses):
-    """Probabilities of where some targets are, which are exactly those of Bayes' rule.
+class Filter(StateProbabilities):
+    """The exact Bayesian probabilities of the positions of targets.
 
-    The targets move independently of each other. At first each is on any node, with the same probability.
+    The targets move independently of each other. The initial distribution is uniform over the nodes.
 
     Args:
-        ctx: the context, whose map is taken as it is now.
-        motion: how the targets move.
-        targets: their names.
-        metres: how far they go in a turn, in games by metres; None: they are on nodes only. What is on an edge counts
-            for the node that it has passed last.
+        ctx: the context; its present map is used.
+        motion: model of the motion of the targets.
+        targets: names of the targets.
+        metres: distance per turn, in games by metres; None: targets are on nodes only. A target on an edge counts for
+        the last node that it passed.
 
     Attributes:
-        targets: their names.
-        chain: of the model, with the states.
-        masses: (states, targets) of the chain of the model; of each target they add up to 1. Settable, to go on from
-            earlier ones.
+        targets: names of the targets.
+        chain: the chain of the model.
+        masses: (states, targets) for each target they add up to 1. Settable, to continue from earlier ones.
 
     Raises:
-        BadType, BadValue: the motion is no model, or the map has no nodes.
+        BadType, BadValue: the motion is not a model, or the map has no nodes.
     """
 
     def __init__(self, ctx: IContext, motion: Motion, targets: Iterable[str], *, metres: float | None = None) -> None:
         self.targets: Sequence[str] = tuple(as_items(targets, "targets", "names"))
-        super().__init__(ground_of(ctx.graph.columns()), motion, metres, len(self.targets))
+        super().__init__(belief_map_of(ctx.graph.columns()), motion, metres, len(self.targets))
 
     def update(
         self,
@@ -129,21 +128,21 @@ class Filter(Masses):
         found: Mapping[str, NodeId] | None = None,
         not_shown: Iterable[str] = (),
     ) -> FloatArray:
-        """Take in what was observed at one moment, between two turns.
+        """Update with an observation between two turns.
 
         Args:
             seen_nodes: ids of nodes on which a target would have been noticed.
-            detection_probability: how probable that was, or for each of these nodes how probable.
-            found: target -> the node it was seen on.
-            not_shown: targets of which `seen_nodes` say nothing.
+            detection_probability: the probability of noticing a target there; one for all nodes, or one for each node.
+            found: target -> the node on which it was seen.
+            not_shown: targets about which `seen_nodes` has no information.
 
         Returns:
-            (targets,) how probable the observation was by what was believed before. Where it was 0, the belief was
-            wrong, and begins again from this observation alone.
+            The probability (targets,) of the observation under the previous belief. If it was 0, the belief was wrong,
+            and restarts from this observation alone.
 
         Raises:
-            UnknownName (KeyError): there is no such node or target.
-            BadType, BadValue: a probability is none.
+            UnknownName (KeyError): a node or target does not exist.
+            BadType, BadValue: a probability is invalid.
         """
         seen = self._ground.known_rows(np.array(as_ids(seen_nodes, "seen_nodes"), np.int64))
         given: object = detection_probability
@@ -164,17 +163,17 @@ class Filter(Masses):
         return totals
 
     def weigh(self, likelihoods: FloatArray) -> FloatArray:
-        """Take in an observation by how probable it is for each node.
+        """Update with the likelihood of an observation for each node.
 
         Args:
-            likelihoods: (nodes, targets) of the observation, if the target is on the node; on an edge, the greater one
-                of its ends.
+            likelihoods: (nodes, targets) probability of the observation if the target is on the node; for a target on
+            an edge, the greater one of its ends.
 
         Returns:
-            As `update`.
+            See `update`.
 
         Raises:
-            BadType, BadValue: the array has another shape, or a likelihood is negative, infinite or NaN.
+            BadType, BadValue: the shape is wrong, or a likelihood is negative, infinite or NaN.
         """
         shape = self._ground.size, self.masses.shape[1]
         of_nodes = _as_weights(likelihoods, "likelihoods", shape)
@@ -184,56 +183,56 @@ class Filter(Masses):
         return self.weigh_states(of_states)
 
     def probabilities(self) -> FloatArray:
-        """Return how probable each node is, (targets, nodes) with the nodes as in `ctx.graph.columns()`."""
+        """Return the probability of each node, (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
         return self.chain.of_nodes(self._masses)
 
     def probability(self, target: str) -> dict[int, float]:
-        """Return node -> how probable it is that a target is there, without those where it cannot be.
+        """Return node -> probability that a target is there, without impossible nodes.
 
         Raises:
-            UnknownName (KeyError): there is no such target.
+            UnknownName (KeyError): the target does not exist.
         """
         as_known(as_key(target, "The name of a target"), "target", self.targets)
         return by_node(self._ground, self.probabilities()[self.targets.index(target)])
 
 
-class GamesFilter(Masses):
-    """The same for targets of many games at once: the probabilities are those of a `Filter` of each game, bit by bit.
+class GamesFilter(StateProbabilities):
+    """A filter for the targets of many games at once, with exactly the results of one `Filter` per game.
 
-    It takes 8 bytes for each state of the chain, which are the nodes or more, and each target of each game.
+    It needs 8 bytes for each state of the chain (at least the nodes), and each target of each game.
 
     Args:
-        columns: the map, such as `view.streets.columns`.
-        motion: how the targets move.
-        games: how many.
-        targets: how many in each.
-        metres: as for a `Filter`.
+        columns: the map, for example `view.streets.columns`.
+        motion: model of the motion of the targets.
+        games: number of games.
+        targets: number of targets in each game.
+        metres: see `Filter`.
 
     Raises:
-        BadType, BadValue: as for a `Filter`.
+        BadType, BadValue: see `Filter`.
     """
 
     def __init__(
         self, columns: GraphColumns, motion: Motion, games: int, targets: int = 1, *, metres: float | None = None
     ) -> None:
         self._shape = as_count(games, "games", least=0), as_count(targets, "targets", least=0)
-        super().__init__(ground_of(columns), motion, metres, self._shape[0] * self._shape[1])
+        super().__init__(belief_map_of(columns), motion, metres, self._shape[0] * self._shape[1])
 
     def update(
         self, seen: FloatArray | BoolArray, found: IntArray | None = None, not_shown: BoolArray | None = None
     ) -> FloatArray:
-        """Take in what was observed in all games at one moment, between two turns.
+        """Update with an observation in all games, between two turns.
 
         Args:
-            seen: (games, nodes) how probable it was that a target on a node would have been noticed.
-            found: (games, targets) the rows of the nodes on which targets were seen; -1: it was not seen.
-            not_shown: (games, targets) of which targets `seen` says nothing.
+            seen: (games, nodes) the probability that a target on a node would have been noticed.
+            found: (games, targets) rows of the nodes on which targets were seen; -1: not seen.
+            not_shown: (games, targets) whether `seen` has no information about a target.
 
         Returns:
-            (games, targets) as `Filter.update`.
+            (games, targets) see `Filter.update`.
 
         Raises:
-            BadType, BadValue: an array has another shape, `seen` has no probabilities, or `found` no rows of nodes.
+            BadType, BadValue: a shape is wrong, `seen` has invalid probabilities, or `found` invalid rows.
         """
         chances = as_array(seen, "seen", "probabilities").astype(np.float64, copy=False)
         found = np.full(self._shape, core.IS_UNSEEN) if found is None else as_array(found, "found", "integers")
@@ -248,24 +247,24 @@ class GamesFilter(Masses):
             if given.shape != shape:
                 raise BadValue(f"{name} needs the shape {shape}, not {given.shape}.")
         if found.max(initial=-1) >= self._ground.size:
-            raise BadValue(f"found: there is no row {found.max()}: the map has {self._ground.size} nodes, from 0.")
+            raise BadValue(f"found has row {found.max()}, but the map has {self._ground.size} nodes, from 0.")
         at, rows = np.nonzero(chances)
         looks = np.searchsorted(at, np.arange(self._shape[0] + 1))
         places = np.maximum(found, core.IS_UNSEEN).astype(np.int64)
         return self._update(looks, (rows, 1.0 - chances[at, rows]), places, ~not_shown)
 
     def reset(self, games: IntArray) -> None:
-        """Begin some games again, by their numbers: their targets may be anywhere.
+        """Restart some games, given by number: their targets may be anywhere.
 
         Raises:
-            BadType, BadValue: these are no numbers of games.
+            BadType, BadValue: invalid numbers of games.
         """
         games = as_numbers_of(games, "games", self._shape[0], "games").reshape(-1)
         masses = self._masses.reshape(*self._shape, len(self.chain.rows))
         masses[games] = self.chain.shares / self._ground.size
 
     def probabilities(self) -> FloatArray:
-        """Return how probable each node is, (games, targets, nodes) with the nodes as in the columns."""
+        """Return the probability of each node, (games, targets, nodes), with the nodes as in the columns."""
         return self.chain.of_nodes(self._masses).reshape(*self._shape, self._ground.size)
 
 
@@ -276,7 +275,7 @@ def _as_weights(given: object, name: str, shape: tuple[int, ...]) -> FloatArray:
     return weights
 
 
-def by_node(ground: Ground, probabilities: FloatArray) -> dict[int, float]:
-    """Return node -> probability for those that are more than 0."""
+def by_node(ground: BeliefMap, probabilities: FloatArray) -> dict[int, float]:
+    """Return node -> probability, without probabilities of 0."""
     rows = np.flatnonzero(probabilities)
     return dict(zip(ground.ids_where(rows), probabilities[rows].tolist(), strict=True))

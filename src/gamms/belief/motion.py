@@ -1,7 +1,7 @@
-"""How targets are expected to move: models that become Markov chains on a map.
+"""Models of the motion of targets, as Markov chains on a map.
 
-A model may have a part that is not seen, such as the goal of the target: then a state of its chain is a node together
-with that part, and what is observed says something about both.
+A model may have a hidden part, for example the goal of the target: then a state of its chain is a node together with
+this part, and observations give information about both.
 """
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
@@ -13,7 +13,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_count, as_float, as_ids, as_mapping
-from gamms.belief.ground import Ground
+from gamms.belief.ground import BeliefMap
 from gamms.core import belief as core
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
@@ -21,38 +21,39 @@ from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 from gamms.typing.game import NodeId
 
-_MOST_PARTS = 1000  # of an edge: slower targets are taken to go so much of it in a turn
+_MOST_PARTS = 1000  # parts of an edge: slower targets are treated as moving this share of an edge per turn
 _ROUNDED = 1e-9
 
 
 class Transitions(NamedTuple):
-    """Where a model leads, from states to states; each state is on a node."""
+    """The transitions of a model between states; each state is on a node."""
 
     sources: IntArray  # (transitions,) states
     targets: IntArray  # (transitions,) states
-    chances: FloatArray  # (transitions,) of each source they add up to 1
+    chances: FloatArray  # (transitions,) probabilities; they add up to 1 for each source
     rows: IntArray  # (states,) of nodes
-    shares: FloatArray  # (states,) how probable each state is at first among those on its node
+    shares: FloatArray  # (states,) initial probability of each state among those on its node
 
 
 class Chain:
-    """A Markov chain on a map, as `gamms.core.belief` computes with it.
+    """A Markov chain on a map, in the form of `gamms.core.belief`.
 
     Args:
-        found: the chain.
+        found: the transitions.
         ground: the map.
-        parts: by metres, the edges and offsets of its states; see below.
+        parts: in games by metres, the edges and offsets of the states; see below.
 
     Attributes:
         rows, shares: see `Transitions`.
-        edges: (states,) rows of the edges that the targets are on; -1: on the node.
-        ends: (states,) rows of the nodes at the ends of these edges; -1: on the node.
-        ways: where a step leads, as the core reads it.
-        core: the states, likewise.
+        edges: (states,) rows of the edges of the targets; -1: on the node.
+        ends: (states,) rows of the end nodes of these edges; -1: on the node.
+        ways: the transitions in the core.
+        core: the states in the core.
     """
 
-    def __init__(self, found: Transitions, ground: Ground, parts: tuple[IntArray, FloatArray] | None = None) -> None:
-        self.rows, self.shares = found.rows, found.shares
+    def __init__(self, found: Transitions, ground: BeliefMap, parts: tuple[IntArray, FloatArray] | None = None) -> None:
+        self.rows = found.rows
+        self.shares = found.shares
         states = len(found.rows)
         self.edges: IntArray = np.full(states, -1) if parts is None else parts[0]
         offsets_m: FloatArray = np.zeros(states) if parts is None else parts[1]
@@ -75,8 +76,10 @@ class Chain:
         self._nodes = ground.size
 
     def work_with(self, likelihoods: FloatArray) -> core.Work:
-        """Return working memory for the core, which has its likelihoods in an array (states,)."""
-        sums, weighed, missed = np.empty(len(self.rows)), np.empty(len(self.rows)), np.ones(self._nodes)
+        """Return working memory for the core around an array of likelihoods (states,)."""
+        sums = np.empty(len(self.rows))
+        weighed = np.empty(len(self.rows))
+        missed = np.ones(self._nodes)
         return core.Work(*map(kernels.buffer, (likelihoods, sums, weighed, missed)))
 
     def predicted(self, masses: FloatArray, steps: int) -> FloatArray:
@@ -87,29 +90,35 @@ class Chain:
         return found
 
     def observed(self, masses: FloatArray, evidence: core.Evidence, looks: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return probabilities after what was observed in some games, and how probable that was.
+        """Return the probabilities after observations in some games, and the probability of the observations.
 
         Args:
             masses: (games, targets, states)
-            evidence: of all games, with a finding for each.
-            looks: (games + 1,) where the looks of each game begin, and at last where they end.
+            evidence: observations of all games, with one finding per game.
+            looks: (games + 1,) offsets of the looks of each game.
 
         Returns:
-            Arrays of the shapes (games, targets, states) and (games, targets).
+            Arrays of shapes (games, targets, states) and (games, targets).
         """
         games, targets, states = masses.shape
-        found, totals = np.empty_like(masses), np.empty((games, targets))
+        found = np.empty_like(masses)
+        totals = np.empty((games, targets))
         work = self.work_with(np.empty(states))
-        values, out, bounds = kernels.buffer(masses), kernels.buffer(found), looks.tolist()
+        values = kernels.buffer(masses)
+        out = kernels.buffer(found)
+        bounds = looks.tolist()
         for game in range(games):
-            at, begin, end = game * targets * states, bounds[game], bounds[game + 1]
+            at = game * targets * states
+            begin = bounds[game]
+            end = bounds[game + 1]
             core.observe(self.core, evidence, work, values, at, out, at, begin, end, game, kernels.buffer(totals[game]))
         return found, totals
 
     def of_nodes(self, masses: FloatArray) -> FloatArray:
-        """Return how probable each node is, (targets, nodes), by probabilities (targets, states)."""
+        """Convert probabilities of states (targets, states) to probabilities of nodes (targets, nodes)."""
         found = np.zeros((len(masses), self._nodes))
-        values, out = kernels.buffer(masses), kernels.buffer(found)
+        values = kernels.buffer(masses)
+        out = kernels.buffer(found)
         for target in range(len(masses)):
             core.add_to_nodes(self.core, values, target * len(self.rows), out, target * self._nodes)
         return found
@@ -123,15 +132,15 @@ def evidence_of(
     kinds: Sequence[int] | None = None,
     places: tuple[Sequence[int], Sequence[float]] | None = None,
 ) -> core.Evidence:
-    """Return what was observed of some targets, as the core reads it.
+    """Return observations of targets in the form of the core.
 
     Args:
-        looks: (looks + 1,) where the nodes of each look begin, and at last where they end.
-        covered: their rows, and how probable it is that a target there is missed, (nodes,) each.
-        shown: (looks, targets) whether a look says something about a target.
+        looks: (looks + 1,) offsets of the nodes of each look in `covered`.
+        covered: rows of the nodes, and the probability that a target there is missed, (nodes,) each.
+        shown: (looks, targets) whether a look has information about a target.
         found: (findings, targets) rows of nodes, or `core.IS_UNSEEN`, `core.IS_UNKNOWN`.
         kinds: (looks,) what else a look covers, see `core.Evidence`; None: nothing.
-        places: of the findings, the rows of the ends of edges and metres, see there; None: any place on the nodes.
+        places: the edge ends and metres of the findings, see `core.Evidence`; None: any position at the nodes.
     """
     ends, offsets_m = (
         (np.full(found.size, core.IS_ANYWHERE_ON_NODE), np.zeros(found.size)) if places is None else places
@@ -153,66 +162,67 @@ def evidence_of(
 
 @dataclass(frozen=True)
 class Motion:
-    """A model of how a target moves; `random_walk`, `to_goals` and `mixture` make such.
+    """A model of the motion of a target; made by `random_walk`, `to_goals` and `mixture`.
 
     Attributes:
-        name: what it does and its numbers; models of one name are equal.
-        steps: how often the target moves in a turn; by metres, how often it decides at most.
-        make: from a map to the chances of one step there; for beliefs and filters, which call it.
+        name: name and parameters of the model; models of equal name are equal.
+        steps: number of moves per turn; in games by metres, the maximum number of decisions.
+        make: function from a map to the transitions of one step; called by beliefs and filters.
     """
 
     name: Hashable
     steps: int
-    make: Callable[[Ground], Transitions] = field(compare=False, repr=False)
+    make: Callable[[BeliefMap], Transitions] = field(compare=False, repr=False)
 
 
 def as_motion(value: object, name: str) -> Motion:
     """Check that a value is a model of motion.
 
     Raises:
-        BadType: it is not.
+        BadType: not a model.
     """
     if isinstance(value, Motion):
         return value
-    hint = " That makes a model: call it." if callable(value) else ""
+    hint = " It makes a model: call it." if callable(value) else ""
     raise BadType(f"{name} must be a model of motion, such as gamms.belief.random_walk(), not {shown(value)}.{hint}")
 
 
 def random_walk(stay: float | None = None, steps: int = 1) -> Motion:
-    """Expect a target to go to any neighbouring node, each as likely.
+    """Model a target that moves to a random neighboring node, with equal probabilities.
 
     Args:
-        stay: how probable it is that the target stays; None: as probable as each neighbour, which is how
-            `gamms.strategies.random_walk` walks.
-        steps: how many edges the target goes in a turn.
+        stay: probability that the target stays; None: the same as for each neighbor, which matches
+        `gamms.strategies.random_walk`.
+        steps: number of edges that the target moves per turn.
 
     Raises:
-        BadType, BadValue: `stay` is no probability, or `steps` no number of edges.
+        BadType, BadValue: `stay` is not a probability, or `steps` is not a number of edges.
     """
     share = None if stay is None else _as_probability(stay, "stay of random_walk")
     return Motion(("random_walk", share), as_count(steps, "steps of random_walk"), lambda ground: _walk(ground, share))
 
 
 def to_goals(goals: Iterable[NodeId] | Mapping[int, float], wander: float = 0.1, steps: int = 1) -> Motion:
-    """Expect a target to go to one of some goals by the shortest path, and to stay there.
+    """Model a target that takes the shortest path to one of several goals, and stays there.
 
-    Which goal it is follows from what is observed. Where no path leads to the goal, the target walks at random.
+    The goal is inferred from observations. If no path leads to the goal, the target walks at random.
 
     Args:
-        goals: ids of nodes, each as likely, or id -> how likely, in any unit.
-        wander: how probable it is that a move is a random one. With 0, a target that is seen off its path has no
-            goal any longer that would explain that, and all goals are as likely as at first.
-        steps: how many edges the target goes in a turn.
+        goals: ids of nodes with equal probabilities, or id -> weight, in any unit.
+        wander: probability that a move is random. With 0, an observation off the path excludes the goal; if it excludes
+        all goals, their probabilities are reset.
+        steps: number of edges that the target moves per turn.
 
     Raises:
-        BadType, BadValue: `goals` are none, or `wander` is no probability.
-        UnknownName (KeyError), when it is used: a goal is not on the map.
+        BadType, BadValue: `goals` is invalid, or `wander` is not a probability.
+        UnknownName (KeyError): when the model is used, a goal is not on the map.
     """
     ids = as_ids(goals, "goals of to_goals")
     weights = [goals[node] for node in ids] if isinstance(goals, Mapping) else [1.0] * len(ids)
-    shares, share = _as_shares(weights, "goals of to_goals"), _as_probability(wander, "wander of to_goals")
+    shares = _as_shares(weights, "goals of to_goals")
+    share = _as_probability(wander, "wander of to_goals")
 
-    def make(ground: Ground) -> Transitions:
+    def make(ground: BeliefMap) -> Transitions:
         rows = ground.known_rows(np.array(ids, np.int64)).tolist()
         return _joined([_path(ground, row, share) for row in rows], shares)
 
@@ -221,17 +231,18 @@ def to_goals(goals: Iterable[NodeId] | Mapping[int, float], wander: float = 0.1,
 
 
 def mixture(models: Mapping[Motion, float]) -> Motion:
-    """Expect a target to move by one of several models; which one follows from what is observed.
+    """Model a target that moves by one of several models; which one is inferred from observations.
 
     Args:
-        models: model -> how likely it is at first, in any unit.
+        models: model -> initial weight, in any unit.
 
     Raises:
-        BadType, BadValue: these are no models, or they differ in their steps.
+        BadType, BadValue: a value is not a model, or the models have different steps.
     """
     for one in as_mapping(models, "models of mixture"):
         as_motion(one, "Each of the models of mixture")
-    shares, steps = _as_shares(list(models.values()), "models of mixture"), {one.steps for one in models}
+    shares = _as_shares(list(models.values()), "models of mixture")
+    steps = {one.steps for one in models}
     if len(steps) != 1:
         raise BadValue(f"The models of a mixture have different steps, {sorted(steps)}. Give all of them the same.")
     name = ("mixture", tuple((one.name, share) for one, share in zip(models, shares, strict=True)))
@@ -239,18 +250,19 @@ def mixture(models: Mapping[Motion, float]) -> Motion:
 
 
 @lru_cache(maxsize=32)
-def chain_of(motion: Motion, ground: Ground, metres: float | None = None) -> Chain:
-    """Return the chain of a model on a map, made once; by metres in a turn, with the parts of edges."""
+def chain_of(motion: Motion, ground: BeliefMap, metres: float | None = None) -> Chain:
+    """Return the chain of a model on a map, cached; in games by metres, with states on edges."""
     found = motion.make(ground)
     return Chain(found, ground) if metres is None else _by_metres(found, ground, metres / motion.steps)
 
 
-def _by_metres(found: Transitions, ground: Ground, step_m: float) -> Chain:
-    """Return a chain whose targets are on edges for as many steps as these take: each step leads to a node, or on.
+def _by_metres(found: Transitions, ground: BeliefMap, step_m: float) -> Chain:
+    """Return a chain with states along edges: each step leads to a node, or on along an edge.
 
-    A target that reaches a node within a step decides again in the next one.
+    A target that reaches a node within a step decides again in the next step.
     """
-    here, number = np.arange(len(found.rows)), len(found.rows)
+    here = np.arange(len(found.rows))
+    number = len(found.rows)
     if step_m <= 0.0:
         return Chain(found._replace(sources=here, targets=here, chances=np.ones(number)), ground)
     pairs, which = np.unique(found.sources * number + found.targets, return_inverse=True)
@@ -259,7 +271,7 @@ def _by_metres(found: Transitions, ground: Ground, step_m: float) -> Chain:
     edges = ground.shortest_edges(found.rows[sources], found.rows[targets])
     lengths = np.where(edges >= 0, ground.columns.lengths[edges], 0.0)
     between = np.clip(np.ceil(lengths / step_m - _ROUNDED) - 1.0, 0.0, _MOST_PARTS).astype(np.int64)
-    first = number + np.cumsum(between) - between  # the first state of each edge
+    first = number + np.cumsum(between) - between  # first state of each edge
     parts = number + np.arange(between.sum())
     edge_of = np.repeat(np.arange(len(pairs)), between)
     is_last = parts == (first + between - 1)[edge_of]
@@ -275,21 +287,23 @@ def _by_metres(found: Transitions, ground: Ground, step_m: float) -> Chain:
     return Chain(longer, ground, places)
 
 
-def _walk(ground: Ground, stay: float | None) -> Transitions:
+def _walk(ground: BeliefMap, stay: float | None) -> Transitions:
     sources, targets = ground.ways
-    here, ways = np.arange(ground.size), np.bincount(sources, minlength=ground.size)
+    here = np.arange(ground.size)
+    ways = np.bincount(sources, minlength=ground.size)
     stays = 1.0 / (ways + 1.0) if stay is None else np.where(ways, stay, 1.0)
     chances = np.concatenate((stays, ((1.0 - stays) / np.maximum(ways, 1))[sources]))
     ends = np.concatenate((here, sources)), np.concatenate((here, targets))
     return Transitions(*ends, chances, here, np.ones(ground.size))
 
 
-def _path(ground: Ground, goal: int, wander: float) -> Transitions:
+def _path(ground: BeliefMap, goal: int, wander: float) -> Transitions:
     columns = ground.columns
     arcs = kernels.make_arcs(columns.targets, columns.sources, columns.lengths, ground.size)
     _, (steps,) = kernels.route_tables(arcs, np.array([goal]), columns.node_ids)
     steps[goal] = goal
-    walk, is_led = _walk(ground, None), steps >= 0
+    walk = _walk(ground, None)
+    is_led = steps >= 0
     at_random = walk.chances * np.where(is_led, wander, 1.0)[walk.sources]
     at_random = np.where(walk.sources == goal, walk.sources == walk.targets, at_random)
     led = np.flatnonzero(is_led & (np.arange(ground.size) != goal))
@@ -299,7 +313,7 @@ def _path(ground: Ground, goal: int, wander: float) -> Transitions:
 
 
 def _joined(chains: list[Transitions], shares: list[float]) -> Transitions:
-    """Return one chain of which the states of each are a part, that no transition leaves."""
+    """Return one chain that consists of several chains without transitions between them."""
     first = np.cumsum([0, *(len(chain.rows) for chain in chains)])[:-1].tolist()
     return Transitions(
         np.concatenate([chain.sources + begin for chain, begin in zip(chains, first, strict=True)]),

@@ -1,10 +1,10 @@
-"""Where agents can be at most: the nodes that they can have reached since they were seen last.
+"""Bounds on the positions of agents: the nodes that they can have reached since they were last seen.
 
-For each node, a label says more than how far an agent that is there can still go in this turn; -inf says that it cannot
-be there. Labels are strict bounds: an agent that needs as much as the label says does not get there. A turn adds the
-speed to the label, each edge takes its cost away, and what an agent may have covered of an edge, less than the whole of
-it, stays for the next turn. Of an agent that was seen on an edge it is known how much that is, and of one that was seen
-within a turn how much of the turn was over: its label is less by what it covers until then, and may be less than 0.
+The label of a node is an upper bound of the distance that an agent there can still move in this turn; -inf means that
+it cannot be there. Labels are strict bounds: an agent that needs as much as the label does not get there. A turn adds
+the speed to the label, each edge subtracts its cost, and the part of an edge that an agent may have covered, less than
+the whole edge, stays for the next turn. For an agent seen on an edge this part is known; for an agent seen within a
+turn the elapsed time is known: its label is reduced by the distance it covers until then, and may be negative.
 """
 
 from functools import lru_cache
@@ -14,38 +14,38 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.belief.evidence import Look, Observation, Place
-from gamms.belief.ground import Arc, Ground
+from gamms.belief.evidence import Coverage, ExactPosition, Observation
+from gamms.belief.ground import Arc, BeliefMap
 from gamms.core import belief as core
 from gamms.ir.graph import FloatArray, IntArray
 
-_ROUNDED = 1e-6  # of metres: by so much more than it was seen to, an agent may have gone
-_LITTLE = 1e-9  # metres: more than nothing, so that edges without a length can be gone along without a speed
+_ROUNDED = 1e-6  # of metres: tolerance for the distance that an agent was seen to move
+_LITTLE = 1e-9  # metres: a positive speed, so that edges of length 0 can be passed without a speed
 
 
-class _Edges(NamedTuple):
+class _OpenEdges(NamedTuple):
     """Edges that may have been open."""
 
-    ways: core.Ways  # with the costs of the edges
-    most_covered: FloatArray  # (nodes,) the most that an agent can have covered of an edge from there
-    enough: float  # a speed by which every path is gone along in a turn
+    ways: core.Ways  # edges with their costs
+    most_covered: FloatArray  # (nodes,) the longest part of an edge that an agent can have covered from there
+    enough: float  # a speed that suffices for every path in one turn
 
 
-class Reach:
-    """Which nodes some targets can have reached: labels (targets, nodes) that are moved from turn to turn.
+class ReachBounds:
+    """Labels (targets, nodes) of the nodes that targets can have reached, updated turn by turn.
 
     Args:
         ground: the map.
-        speeds: (targets,) edges or metres in a turn.
-        in_metres: which of both.
-        are_on_edges: whether they may be on edges, so that an empty node in view rules nothing out.
+        speeds: (targets,) edges or metres per turn.
+        in_metres: whether speeds are in metres.
+        are_on_edges: whether targets may be on edges, so that an empty node in view excludes nothing.
         is_free: whether agents may go anywhere in a turn.
-        closed: edges that are gone, with the turn in which that was seen first.
+        closed: removed edges, with the turn in which this was first observed.
     """
 
     def __init__(
         self,
-        ground: Ground,
+        ground: BeliefMap,
         speeds: FloatArray,
         *,
         in_metres: bool,
@@ -53,15 +53,19 @@ class Reach:
         is_free: bool,
         closed: tuple[tuple[int, Arc], ...],
     ) -> None:
-        self._ground, self._in_metres, self._is_free, self._closed = ground, in_metres, is_free, closed
-        self._speeds, self._are_on_edges = speeds, are_on_edges
+        self._ground = ground
+        self._in_metres = in_metres
+        self._is_free = is_free
+        self._closed = closed
+        self._speeds = speeds
+        self._are_on_edges = are_on_edges
 
     def anywhere(self, turn: int) -> FloatArray:
         """Return labels of targets that can be on any node."""
         return np.tile(self._edges(turn).most_covered, (len(self._speeds), 1))
 
     def advance(self, labels: FloatArray, turn: int, share: float = 1.0) -> FloatArray:
-        """Return the labels after the moves that lead to a turn, or after a share of these."""
+        """Return the labels after the moves of a turn, or after a share of these moves."""
         if self._is_free:
             return self.anywhere(turn)
         edges = self._edges(turn)
@@ -73,7 +77,7 @@ class Reach:
         return np.minimum(left, edges.most_covered)
 
     def observe(self, labels: FloatArray, turn: int, seen: list[Observation], targets: tuple[str, ...]) -> FloatArray:
-        """Return the labels after what was observed in a turn."""
+        """Return the labels after the observations of a turn."""
         anywhere = self.anywhere(turn)
         labels = anywhere.copy() if any(one.closed is None for one in seen) else labels.copy()
         found = {name: self._ground.row(node) for one in seen for name, node in one.found.items()}
@@ -84,7 +88,7 @@ class Reach:
             is_shown = np.flatnonzero([name not in look.not_shown and name not in found for name in targets])
             is_clear[np.ix_(is_shown, rows)] = True
         labels[is_clear] = -inf
-        is_lost = ~(labels > -inf).any(axis=1)  # something moved it that is not known here
+        is_lost = ~(labels > -inf).any(axis=1)  # it was moved by something unknown here
         labels[is_lost] = np.where(is_clear, -inf, anywhere)[is_lost]
         for line, name in enumerate(targets):
             row = found.get(name)
@@ -96,19 +100,19 @@ class Reach:
                     labels[line, row] = min(anywhere[line, row], self._covered(place, self._speeds[line]))
         return labels
 
-    def _covered(self, place: Place, speed: float) -> float:
-        """Return the label of an agent that was seen at a place, for the beginning of that turn."""
+    def _covered(self, place: ExactPosition, speed: float) -> float:
+        """Return the label of an agent seen at a place, for the beginning of this turn."""
         gone = place.time * speed if np.isfinite(speed) else 0.0
         return place.offset_m - gone + _ROUNDED * (1.0 + place.offset_m + gone)
 
-    def _edges(self, turn: int) -> _Edges:
-        """Return the edges that may have been open in the moves that lead to a turn."""
+    def _edges(self, turn: int) -> _OpenEdges:
+        """Return the edges that may have been open during the moves of a turn."""
         more = tuple(sorted({arc for seen, arc in self._closed if seen >= turn}))
         return _edges_of(self._ground, more, self._in_metres)
 
 
 @lru_cache(maxsize=8)
-def _edges_of(ground: Ground, more: tuple[Arc, ...], in_metres: bool) -> _Edges:
+def _edges_of(ground: BeliefMap, more: tuple[Arc, ...], in_metres: bool) -> _OpenEdges:
     columns = ground.columns
     ends = ground.rows(np.array([arc[:2] for arc in more], np.int64).reshape(-1)).reshape(-1, 2)
     is_there = (ends >= 0).all(axis=1)
@@ -120,10 +124,10 @@ def _edges_of(ground: Ground, more: tuple[Arc, ...], in_metres: bool) -> _Edges:
     if in_metres:
         np.maximum.at(most, sources, costs)
     ways = core.Ways(*kernels.ways_to(sources, targets, costs, ground.size))
-    return _Edges(ways, most, 1.0 + float(costs.sum()))
+    return _OpenEdges(ways, most, 1.0 + float(costs.sum()))
 
 
-def _certain_rows(ground: Ground, look: Look) -> IntArray:
+def _certain_rows(ground: BeliefMap, look: Coverage) -> IntArray:
     """Return the rows of the nodes on which a target would have been seen for certain."""
     if look.node_ids is None:
         return np.arange(ground.size if look.detection == 1.0 else 0)

@@ -1,18 +1,17 @@
-"""Rules to build games from: contacts, tags, flags, places, resources, pay-offs, ends, and conflicts of moves.
+"""Rules for games: contacts, tags, flags, places, resources, payoffs, ends of games, and conflicts of moves.
 
     ctx.game.add(gamms.rules.tag("red", "blue", hops=1))
     ctx.game.add(gamms.rules.time_limit(200))
     ctx.game.conflicts = gamms.rules.Conflicts(capacity=1, resolve=gamms.rules.by_priority(["red", "blue"]))
 
-Rules: read `contacts.py` for which agents meet (`gamms.core.contacts` finds them, asked by `meetings.py`, which has the
-columns of a turn), `gamms.core.rules` for who tags whom and what becomes of flags, then `tagging.py`, `flags.py` and
-`endings.py`. What a rule says about itself is a `RuleSpec`
-of `game/settings.py`. `places.py`, `resources.py` and `payoffs.py` count what comes of it, and `territory.py` makes the
-data that they share. Conflicts: `conflicts.py` says which agents win, `game/conflicts.py` what conflicts are.
-May import: `context` and below. To add a rule write a function `rule(ctx)`, to add a resolver call `by_rank`, or write
-a function `(contest, ctx) -> winners`: nothing needs to be registered. If parameters of a function that makes rules
-name teams, annotate them by `gamms.typing.game.Team`, TEAMS or OWNERS, so that scenario files with misspelt teams are
-refused.
+Read `contacts.py` first: which agents meet (`gamms.core.contacts` finds them; `meetings.py` passes it the columns of a
+turn). `gamms.core.rules` decides who tags whom and moves flags for `tagging.py`, `flags.py` and `endings.py`. A rule is
+declared by a `RuleSpec` of `game/settings.py`. `places.py`, `resources.py` and `payoffs.py` have rules about nodes,
+resources and points, and `territory.py` makes their shared data. `conflicts.py` decides which agents win conflicts,
+which `game/conflicts.py` defines.
+May import: `context` and below. To add a rule write a function `rule(ctx)`; to add a resolver call `by_rank`, or write
+a function `(contest, ctx) -> winners`; no registration is needed. Annotate parameters that name teams by
+`gamms.typing.game.Team`, TEAMS or OWNERS, so that scenario files with misspelled teams are refused.
 """
 
 from gamms.game.conflicts import Conflicts, Contest, at_random

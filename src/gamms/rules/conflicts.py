@@ -1,7 +1,7 @@
-"""Resolvers of conflicts between moves: which agents win where there is not room for all.
+"""Resolvers of conflicts between moves: which agents win if there is not enough room for all.
 
-A resolver is a function `(contest, ctx) -> winners`, or a `Ranking`, which the core decides by without asking. Either
-is declared once and works in `ctx.game` and in batches. `Conflicts` itself is in `game/conflicts.py`.
+A resolver is a function `(contest, ctx) -> winners`, or a `Ranking`, which the core evaluates without calling Python.
+Both work in `ctx.game` and in batches. `Conflicts` itself is in `game/conflicts.py`.
 """
 
 from collections.abc import Callable, Hashable, Sequence
@@ -18,13 +18,13 @@ from gamms.typing.game import Move
 
 @shown_as_called
 def by_rank(rank: Rank) -> Resolver:
-    """Make a resolver by which the agents with the smallest ranks win; the names decide between equals.
+    """Make a resolver that lets the agents with the smallest ranks win; ties go to the first name.
 
-    The fastest resolver of your own: agents are ranked once for a game, and not asked about in each contest.
+    This is the fastest custom resolver: agents are ranked once for a game, not in each contest.
 
     Args:
-        rank: `(name, team) -> rank`, called with the name and the team of an agent. Ranks are numbers or other values
-            that can be compared. An agent whose rank is None never wins.
+        rank: `(name, team) -> rank`, called with the name and the team of an agent. Ranks are numbers or other
+        comparable values. An agent whose rank is None never wins.
 
     Raises:
         BadType: not a function. When a game begins: ranks that cannot be compared.
@@ -36,16 +36,16 @@ def by_rank(rank: Rank) -> Resolver:
 
 @shown_as_called
 def by_priority(teams_or_key: Sequence[Hashable] | Callable[[BaseAgent], Any]) -> Resolver:
-    """Make a resolver by which those that come first win; the names decide between equals.
+    """Make a resolver that lets agents win in order of priority; ties go to the first name.
 
     Args:
-        teams_or_key: the teams, the first to win first. Or a function that is called with an agent: those with the
-            smallest values win.
+        teams_or_key: the teams in order of priority. Or a function that is called with an agent: the smallest values
+        win.
 
     Raises:
-        BadType: neither a list of teams nor a function. While resolving: values that cannot be compared.
-        BadValue: no team at all, or one twice.
-        MissingKey (KeyError): while resolving, an agent of a team that is not in the list.
+        BadType: neither a list of teams nor a function. During resolution: values that cannot be compared.
+        BadValue: the list is empty, or has a team twice.
+        MissingKey (KeyError): during resolution, an agent's team is not in the list.
     """
     if callable(teams_or_key):
         return _by_key(teams_or_key)
@@ -59,20 +59,20 @@ def by_priority(teams_or_key: Sequence[Hashable] | Callable[[BaseAgent], Any]) -
 
 @shown_as_called
 def nobody() -> Resolver:
-    """Make a resolver by which no agent wins: where too many want to go, all stay."""
+    """Make a resolver that lets no agent win: if there is not enough room, all stay."""
     return Ranking(lambda _name, _team: None, of_team=True)
 
 
 def _by_key(key: Callable[[BaseAgent], Any]) -> Resolver:
-    """Return the resolver by what a function says of the agents of a contest, who may differ from turn to turn."""
+    """Return a resolver that calls a function with each agent of a contest; its values may change every turn."""
 
     def by_priority(contest: Contest, ctx: Context) -> list[Move]:
         ranks = [key(ctx.agent.get_agent(mover.agent)) for mover in contest.movers]
         try:
-            order = sorted(range(len(ranks)), key=ranks.__getitem__)  # of equals those that come first: by name
+            order = sorted(range(len(ranks)), key=ranks.__getitem__)  # ties keep the order of names
         except TypeError:
             ranked = ", ".join(f"{one.agent}: {shown(rank)}" for one, rank in zip(contest.movers, ranks, strict=True))
-            raise BadType(f"by_priority cannot compare what its key gave for {ranked}.") from None
+            raise BadType(f"by_priority cannot compare the values of its key for {ranked}.") from None
         return [contest.movers[number] for number in order[: contest.places]]
 
     return by_priority
@@ -89,8 +89,7 @@ def _by_team(teams: list[Hashable]) -> Resolver:
     def rank_of(name: str, team: Hashable) -> int:
         if team not in ranks:
             raise MissingKey(
-                f"by_priority has no place for team {shown(team)} of agent {name!r}. "
-                f"Put it into the list {shown(teams)}."
+                f"by_priority does not list team {shown(team)} of agent {name!r}. Put it into the list {shown(teams)}."
             )
         return ranks[team]
 

@@ -1,6 +1,6 @@
-"""Contacts: pairs of agents on one node, past each other on an edge, or within some distance, and when in a turn.
+"""Contacts: pairs of agents that meet on a node, pass on an edge, or come within some distance during a turn.
 
-A turn is the time from 0 to 1; `gamms.core.contacts` says what contacts are.
+A turn is the time from 0 to 1; `gamms.core.contacts` finds the contacts.
 """
 
 from collections.abc import Iterable
@@ -14,16 +14,16 @@ from gamms.text import shown
 
 
 class Contact(NamedTuple):
-    """Two agents that meet, by name; one of each side."""
+    """Two agents that meet, by name, one of each side."""
 
     a: str  # the agent of the first side
     b: str  # that of the second
-    distance: float  # 0 on one node, or past each other; else edges, metres or map units, as was asked for
+    distance: float  # 0 on the same node or when passing; else in the unit of the query
     time: float = 1.0  # of the turn, from 0 to 1
-    a_node: int = -1  # where `a` was; on an edge, the node that it had passed last
-    b_node: int = -1  # where `b` was, likewise
-    a_xy: tuple[float, float] | None = None  # in games by metres: where exactly `a` was
-    b_xy: tuple[float, float] | None = None  # and `b`
+    a_node: int = -1  # node of `a`; on an edge, the last node that it passed
+    b_node: int = -1  # node of `b`; on an edge, the last node that it passed
+    a_xy: tuple[float, float] | None = None  # in games by metres: the exact position of `a`
+    b_xy: tuple[float, float] | None = None  # in games by metres: the exact position of `b`
 
 
 def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
@@ -38,30 +38,31 @@ def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
     air: bool = False,
     passing: bool = True,
 ) -> list[Contact]:
-    """Return all pairs of living agents, one of each side, that are in contact: first the earliest, then the nearest.
+    """Return all pairs of living agents, one of each side, that are in contact; earliest first, then nearest.
 
-    Ties are ordered by keyed draws. The moments of a turn are numbers from 0 to 1: an agent that goes n edges is at the
-    k-th node at k/n, with speeds in metres when it has gone as far; one that stays is at its node from 0 on.
+    Ties are ordered by keyed draws. Times within a turn are numbers from 0 to 1: an agent that moves along n edges is
+    at the k-th node at time k/n, or, with speeds, when it has moved that many metres; an agent that stays is at its
+    node from time 0.
 
     Args:
         ctx: the context.
-        a: one side: a team, or a function of an agent that says whether it is on that side.
-        b: the other side, likewise. No agent meets itself.
-        hops: at most so many edges apart, by the shortest path from the one to the other or back, whichever is shorter.
-        metres: the same by the lengths of the edges.
-        euclid: at most so many map units apart in a straight line; an agent on the ground is at height 0.
-            Without any of the three, agents meet on one node.
-        crossing: whether agents that are on one edge in opposite directions meet, too; None: where no distance is
-            given.
-        air: whether aerial agents take part; each is at the node nearest to it, except for `euclid`. One that flew is
-            there at the end of the turn.
-        passing: whether agents meet on their way, too; False: where they are at the end, and if they passed each other
-            on an edge. An agent that was put elsewhere since has met no agent on its way.
-            With a distance, agents are compared whenever one of the two reaches a node; one between two nodes counts as
-            on the one that it has passed.
+        a: one side: a team, or a function that returns whether an agent is on this side.
+        b: the other side, given in the same way. No agent meets itself.
+        hops: maximum number of edges between agents, by the shortest path in either direction.
+        metres: maximum length of this path.
+        euclid: maximum straight-line distance in map units; agents on the ground have height 0. Without any of these
+        three, agents must be on the same node.
+        crossing: whether agents that move along one edge in opposite directions meet; None: only if no distance is
+        given.
+        air: whether aerial agents take part; each counts as on its nearest node, except with `euclid`. An agent that
+        flew arrives at the end of the turn.
+        passing: whether agents also meet on their way; False: only where they are at the end of the turn, or when they
+        pass each other on an edge. An agent that was relocated since meets nobody on its way. With a distance, agents
+        are compared whenever one of the two reaches a node; an agent between two nodes counts as on the last node that
+        it passed.
 
     Raises:
-        BadType, BadValue: a distance is not one, or there are several.
+        BadType, BadValue: a distance is invalid, or there are several.
     """
     nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air, passing=passing)
     first: dict[tuple[str, str], Contact] = {}
@@ -71,12 +72,12 @@ def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
 
 
 def one_to_one(met: Iterable[Contact]) -> list[Contact]:
-    """Return those contacts, taken in this order, whose agents are in no earlier one that was taken."""
+    """Return the contacts, selected in order, whose agents are in no contact that was selected before."""
     taken: set[str] = set()
     pairs = []
     for contact in as_items(met, "met", "contacts"):
         if not isinstance(contact, Contact):
-            raise BadType(f"one_to_one takes what gamms.rules.contacts gives, not {shown(contact)}.")
+            raise BadType(f"one_to_one takes contacts from gamms.rules.contacts, not {shown(contact)}.")
         if contact.a not in taken and contact.b not in taken:
             taken.update(contact[:2])
             pairs.append(contact)
@@ -92,10 +93,10 @@ def as_nearness(
     air: bool = False,
     passing: bool = True,
 ) -> Nearness:
-    """Check what a caller gave.
+    """Check the distance options passed by a caller.
 
     Raises:
-        BadType, BadValue: a distance is not one, or there are several.
+        BadType, BadValue: a distance is invalid, or there are several.
     """
     distances = {"hops": hops, "metres": metres, "euclid": euclid}
     given = {unit: distance for unit, distance in distances.items() if distance is not None}
@@ -108,22 +109,26 @@ def as_nearness(
 
 
 def as_side(side: Side) -> Side:
-    """Check that a side is a team, or a function of an agent.
+    """Check that a side is a team or a function of an agent.
 
     Raises:
-        BadType: a team is no key.
+        BadType: a team is not a valid key.
     """
     return side if callable(side) else as_key(side, "A team")
 
 
 def found(ctx: Context, a: Side, b: Side, nearness: Nearness) -> list[Contact]:
-    """Return all contacts of a turn in the order that `contacts` promises; two agents may have several."""
+    """Return all contacts of a turn, in the order of `contacts`; two agents may have several."""
     turn = turn_of(ctx)
     met = turn.find(ctx, a, b, nearness)
     if met is None:
         return []
-    names, ids = turn.roster.names, turn.game.numbers.ids
-    agents, nodes, distances, times = (met.a, met.b), (met.a_nodes, met.b_nodes), met.distances, met.times
+    names = turn.roster.names
+    ids = turn.game.numbers.ids
+    agents = (met.a, met.b)
+    nodes = (met.a_nodes, met.b_nodes)
+    distances = met.distances
+    times = met.times
     flying = in_air(ctx, nearness)
     found = []
     for row in met.order[: met.kept]:

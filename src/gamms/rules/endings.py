@@ -1,4 +1,4 @@
-"""How games end: an agent reaches its goal, time is up, or one team is left."""
+"""Rules that end games: an agent reaches its goal, time is up, or one team is left."""
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
 from functools import lru_cache
@@ -20,13 +20,13 @@ from gamms.typing.game import TEAMS, Team
 from gamms.visual.drawers.rules import GOALS, as_text, render_goals
 
 _STARTS = "starts of "
-_MOST_GOALS = 64  # of which it is kept whose they are
+_MOST_GOALS = 64  # goals for which the owners are cached
 
-Nodes = NodeId | Iterable[NodeId] | str  # a node, several, or "starts of X"
+Nodes = NodeId | Iterable[NodeId] | str  # one node, several nodes, or "starts of X"
 
 
-class _Winner:
-    """Stands for a team that shows only at the end."""
+class _UndecidedWinner:
+    """A placeholder for the winner, a team that is known only at the end."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -35,7 +35,9 @@ class _Winner:
         return self._name
 
 
-ITS_TEAM, LEADER = _Winner("ITS_TEAM"), _Winner("LEADER")  # that reached its goal, with the highest score
+# the team that reached its goal; the team with the highest score
+ITS_TEAM = _UndecidedWinner("ITS_TEAM")
+LEADER = _UndecidedWinner("LEADER")
 
 
 @overload
@@ -53,29 +55,29 @@ def reach(
     score: float = 0,
     passing: bool = True,
 ) -> Rule:
-    """Make a rule by which the game ends when an agent on the ground reaches a goal of its team.
+    """Make a rule that ends the game when an agent on the ground reaches a goal of its team.
 
-    The first moment of the turn counts at which one is there: each agent that is there then is an event `reach` with
-    `agent` and `node`, and teams that get there at the same moment draw: there is no winner. See `contacts` for
-    the moments of a turn.
+    The first time in a turn at which an agent is at a goal decides: each agent that is at a goal at this time is an
+    event `reach` with `agent` and `node`. If agents of several teams are, the game is a draw, without a winner. See
+    `contacts` for the times within a turn.
 
     Args:
-        team: the team of the agents; or a mapping from teams to their `nodes`, where several compete.
-        nodes: a node, several, or the text "starts of X": where the agents of team X began.
-        winner: the team that wins, None for no team; by default the one that reached its goal.
+        team: the team of the agents; or a mapping from teams to `nodes`, if several teams compete.
+        nodes: one node, several, or the text "starts of X": the nodes on which the agents of team X began.
+        winner: the team that wins, None for no team; by default the team that reached its goal.
         score: points for each team that reached its goal.
-        passing: whether agents get to the nodes that they pass, too; False: only to those where they are at the end of
-            the turn, and all that are there are there at once.
+        passing: whether nodes that agents only pass count; False: only the nodes at the end of the turn, which all
+        agents reach at the same time.
 
     Raises:
-        BadType, BadValue: an argument is not one of these, or a winner is given for several teams.
-        UnknownName (KeyError): when it is added to a game, a node is not on the map.
+        BadType, BadValue: an argument is invalid, or a winner is given for several teams.
+        UnknownName (KeyError): when the rule is added to a game, a node is not on the map.
     """
     given = team if isinstance(team, Mapping) else {as_key(team, "team"): nodes}
     if isinstance(team, Mapping) and nodes is not None:
-        raise BadValue(f"nodes={shown(nodes)} is too much: {shown(team)} says already which team is to reach what.")
+        raise BadValue(f"nodes={shown(nodes)} is not allowed here: {shown(team)} already has the nodes of each team.")
     if winner is not ITS_TEAM and len(given) > 1:
-        raise BadValue(f"winner={shown(winner)} is for one team, and {list(given)} compete: the first to arrive wins.")
+        raise BadValue(f"winner={shown(winner)} is for one team, but {list(given)} compete: the first to arrive wins.")
     teams = sorted((as_key(one, "A team") for one in given), key=str)
     goals = {one: _as_goal(given[one], one) for one in teams}
     named = [*goals, *_named_winner(winner)]
@@ -111,23 +113,25 @@ def reach(
 
 @shown_as_called
 def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) -> Rule:
-    """Make a rule by which each agent on the ground that reaches a goal of its team scores and is out.
+    """Make a rule that scores each agent on the ground that reaches a goal of its team, and takes it out of the game.
 
-    Each is an event `arrive` with `agent` and `node`. The game goes on; `none_left(team)` ends it when no agent of
-    the team is left.
+    Each arrival is an event `arrive` with `agent` and `node`. The game goes on; `none_left(team)` ends it when the team
+    has no agents left.
 
     Args:
         team: the team of the agents.
-        nodes: a node, several, or the text "starts of X": where the agents of team X began.
-        score: points for the team, for each agent.
-        passing: whether nodes count that agents pass, too; False: only those where they are at the end of the turn.
+        nodes: one node, several, or the text "starts of X": the nodes on which the agents of team X began.
+        score: points for the team for each agent.
+        passing: whether nodes that agents only pass count; False: only the nodes at the end of the turn.
 
     Raises:
-        BadType, BadValue: an argument is not one of these.
-        UnknownName (KeyError): when it is added to a game, a node is not on the map.
+        BadType, BadValue: an argument is invalid.
+        UnknownName (KeyError): when the rule is added to a game, a node is not on the map.
     """
     goals: dict[Any, frozenset[int] | str] = {as_key(team, "team"): _as_goal(nodes, team)}
-    goal, points, counts_passing = goals[team], as_float(score, "score"), as_flag(passing, "passing")
+    goal = goals[team]
+    points = as_float(score, "score")
+    counts_passing = as_flag(passing, "passing")
 
     def prepare(ctx: Context) -> None:
         refuse_unknown(ctx, () if isinstance(goal, str) else goal)
@@ -157,16 +161,16 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
 
 @shown_as_called
 def time_limit(turns: int, winner: Team = LEADER) -> Rule:
-    """Make a rule that ends the game after so many turns.
+    """Make a rule that ends the game after a number of turns.
 
     Args:
-        turns: how many.
-        winner: the team that wins if the game lasts so long, None for no team; by default the one with the highest
-            score, if it is one alone. Teams are those that agents play for, dead ones included; where there is only
-            one, there is no winner by the score.
+        turns: the number of turns.
+        winner: the team that wins if the game lasts this long, None for no team; by default the team that alone has the
+        highest score. All teams of agents count, including teams of dead agents; if there is only one team, it does not
+        win by score.
 
     Raises:
-        BadType, BadValue: the number is not an integer, or less than 1; or the winner cannot be a team.
+        BadType, BadValue: the number is not an integer, or less than 1; or the winner is not a valid team.
     """
     last = as_count(turns, "turns")
     named = _named_winner(winner)
@@ -189,15 +193,14 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
 
 @shown_as_called
 def none_left(team: Team, winner: Team = LEADER) -> Rule:
-    """Make a rule that ends the game when no agent of a team is alive, those in the air included.
+    """Make a rule that ends the game when a team has no living agents, on the ground or in the air.
 
     Args:
-        team: the team; it is not over before the team has had an agent.
-        winner: the team that wins then, None for no team; by default the one with the highest score, if it is one
-            alone.
+        team: the team; a team that never had an agent does not end the game.
+        winner: the team that wins, None for no team; by default the team that alone has the highest score.
 
     Raises:
-        BadType: one of them cannot be a team.
+        BadType: `team` or `winner` is not a valid team.
     """
     named = [as_key(team, "team"), *_named_winner(winner)]
 
@@ -217,15 +220,15 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
 
 
 def _none_in_play(team: Team) -> str:
-    """Return the reason of an end that is as true of agents that arrived as of agents that were tagged."""
+    """Return a reason for the end that fits agents that arrived and agents that were tagged."""
     return f"no agent of {team} is in play"
 
 
 @shown_as_called
 def last_team() -> Rule:
-    """Make a rule that ends the game when the living agents are of one team, which wins, or of none.
+    """Make a rule that ends the game when all living agents are of one team, which wins, or no agent is alive.
 
-    Agents of no team (`team=None`) do not count; those in the air do.
+    Agents without a team (`team=None`) do not count; agents in the air do.
     """
 
     def last_team(ctx: Context) -> None:
@@ -238,24 +241,24 @@ def last_team() -> Rule:
 
 
 def _named_winner(winner: Team) -> list[Hashable]:
-    """Return the team that a rule says wins, checked; none for a default, and for None, which is no team."""
-    return [] if winner is None or isinstance(winner, _Winner) else [as_key(winner, "winner")]
+    """Return the team named as winner, checked, as a list; empty for a default and for None."""
+    return [] if winner is None or isinstance(winner, _UndecidedWinner) else [as_key(winner, "winner")]
 
 
 def as_nodes(given: object, name: str) -> frozenset[int]:
-    """Return the ids of a node, or of several.
+    """Return the ids of one node, or of several.
 
     Raises:
-        BadType, BadValue: there is none, or one is no integer.
+        BadType, BadValue: no node is given, or an id is not an integer.
     """
     nodes = frozenset(as_int(node, name) for node in (given if isinstance(given, Iterable) else [given]))
     if not nodes:
-        raise BadValue(f"{name} is missing: give the id of a node, or several.")
+        raise BadValue(f"{name} is missing: give one or more node ids.")
     return nodes
 
 
 def as_teams(given: object) -> frozenset[Hashable] | None:
-    """Return several teams, or one, as a set; None: all."""
+    """Return one team, or several, as a set; None: all."""
     if given is None:
         return None
     several = given if isinstance(given, Iterable) and not isinstance(given, str) else [given]
@@ -263,13 +266,13 @@ def as_teams(given: object) -> frozenset[Hashable] | None:
 
 
 def state_of(ctx: Context, group: str, key: str, start: dict[str, Any]) -> dict[str, Any]:
-    """Return what a rule remembers, in `ctx.game.data[group][key]`; the start if that is new."""
+    """Return the state of a rule, `ctx.game.data[group][key]`; `start` if it is new."""
     state: dict[str, Any] = ctx.game.data.setdefault(group, {}).setdefault(key, start)
     return state
 
 
 def all_know(group: str, key: str | None = None) -> Callable[[Mapping[str, Any], Collection[str]], dict[str, Any]]:
-    """Return a hook `disclose` by which all know what is in `ctx.game.data[group][key]`, or all of the group."""
+    """Return a `disclose` hook that shows everybody `ctx.game.data[group][key]`, or without a key the whole group."""
 
     def disclose(data: Mapping[str, Any], _: Collection[str]) -> dict[str, Any]:
         known = data.get(group, {})
@@ -281,14 +284,14 @@ def all_know(group: str, key: str | None = None) -> Callable[[Mapping[str, Any],
 
 
 def refuse_unknown(ctx: Context, nodes: Iterable[int]) -> None:
-    """Raise UnknownName for the first node that the map does not have."""
+    """Raise UnknownName for the first node that is not on the map."""
     for node in sorted(nodes):
         if not ctx.graph.graph.has_node(node):
             raise UnknownName("node", node, ctx.graph.graph.get_nodes())
 
 
 def _arrive(ctx: Context, goals: Mapping[Any, frozenset[int] | str], *, passing: bool) -> list[Hashable]:
-    """Return the teams of the agents that are first at a goal of their team; each agent is an event."""
+    """Return the teams of the first agents at a goal of their team; each agent is an event."""
     arrived = []
     for team, goal in goals.items():
         arrived += _at_goal(ctx, team, goal, passing=passing)
@@ -302,9 +305,10 @@ def _arrive(ctx: Context, goals: Mapping[Any, frozenset[int] | str], *, passing:
 def _at_goal(
     ctx: Context, team: Hashable, goal: frozenset[int] | str, *, passing: bool
 ) -> list[tuple[float, int, str, Hashable]]:
-    """Return moment, node, name and team of the agents of a team that get to its goal, each the first time."""
+    """Return (time, node, name, team) of the first visit of each agent of a team to its goal."""
     turn = turn_of(ctx)
-    roster, pieces = turn.roster, turn.scratch()
+    roster = turn.roster
+    pieces = turn.scratch()
     if team not in roster.teams:
         return []
     owners = roster.owners(_goal_of(_starts(ctx, goal) if isinstance(goal, str) else goal, team), turn.numbers)
@@ -312,51 +316,52 @@ def _at_goal(
     count = core.find_arrivals(tracks, turn.legs, pieces, roster.team, owners, roster.teams[team])
     found = []
     for piece in pieces.order[:count] if count else ():
-        node, name = turn.numbers.ids[pieces.nodes[piece]], roster.names[pieces.agents[piece]]
+        node = turn.numbers.ids[pieces.nodes[piece]]
+        name = roster.names[pieces.agents[piece]]
         found.append((pieces.since[piece], node, name, team))
     return found
 
 
 @lru_cache(_MOST_GOALS)
 def _goal_of(nodes: frozenset[int], team: Hashable) -> Mapping[int, Hashable]:
-    """Return nodes as a territory of a team; the same object for the same nodes."""
+    """Return nodes as a territory of a team; cached, so that equal nodes give the same object."""
     return dict.fromkeys(nodes, team)
 
 
 def _end_of(there: list[Hashable], winner: Team) -> tuple[str, Hashable]:
-    """Return the reason of the end when these teams have reached their goals, and the winner."""
+    """Return the reason of the end and the winner, from the teams that have reached their goals."""
     won = there[0] if winner is ITS_TEAM else winner
     return reason_of_goals(there), won if len(there) == 1 else None
 
 
 def _publish(ctx: Context, goals: Mapping[Any, frozenset[int] | str]) -> None:
-    """Say where the goals are, for those who draw the game."""
+    """Publish the goals, for drawers."""
     known: dict[Any, str] = ctx.game.data.setdefault(GOALS, {})
     for team, goal in goals.items():
         nodes = _starts(ctx, goal) if isinstance(goal, str) else goal
         parts = [*known.get(team, "").split(), *as_text(np.array(sorted(nodes), np.int64)).split()]
-        known[team] = " ".join(dict.fromkeys(parts))  # another rule may have goals of the team, too
+        known[team] = " ".join(dict.fromkeys(parts))  # another rule may have other goals for the team
 
 
 def _leader(ctx: Context) -> Hashable:
-    """Return the team with the highest score; None if there are several, or no other team."""
+    """Return the team that alone has the highest score; None if several have it, or there is no other team."""
     teams = [team for team in ctx.agent.teams if team is not None]
     best = core.leader(column("d", [ctx.game.scores[team] for team in teams]))
     return None if best < 0 else teams[best]
 
 
 def _as_goal(goal: object, team: Hashable) -> frozenset[int] | str:
-    """Return nodes, or the text of the team whose starts are the goal."""
+    """Return nodes, or the text that names the team whose starts are the goal."""
     if isinstance(goal, str):
         if not goal.startswith(_STARTS) or goal == _STARTS:
             raise BadValue(
-                f"Team {shown(team)} is to reach {shown(goal)}: give nodes, or a text such as 'starts of blue'."
+                f"Team {shown(team)} cannot reach {shown(goal)}: give nodes, or a text like 'starts of blue'."
             )
         return goal.removeprefix(_STARTS)
     return as_nodes(goal, f"A node for team {shown(team)} to reach")
 
 
 def _starts(ctx: Context, team: str) -> frozenset[int]:
-    """Return where the agents on the ground of the team of that text began."""
+    """Return the start nodes of the agents on the ground of the team named in a text."""
     agents = [agent for one, agents in ctx.agent.teams.items() if str(one) == team for agent in agents]
     return frozenset([node for node in map(ctx.game.start_node, agents) if isinstance(node, int)])

@@ -16,8 +16,8 @@ from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
 from gamms.rules.endings import all_know, refuse_unknown
 from gamms.rules.in_core import fits_core, in_core
-from gamms.rules.meetings import InTurn, column, turn_of
-from gamms.rules.territory import NO_TERRITORY, Colors, Ground, Territory, as_territory
+from gamms.rules.meetings import TurnContacts, column, turn_of
+from gamms.rules.territory import NO_TERRITORY, Colors, Territory, TerritorySource, as_territory
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, NodeId, Rule
 from gamms.typing.game import OWNERS
@@ -36,39 +36,41 @@ def capture_flag(
     colors: Colors | None = None,
     passing: bool = True,
 ) -> Rule:
-    """Make a rule by which agents on the ground take the flags of other teams and bring them home.
+    """Make a rule that lets agents on the ground take the flags of other teams and bring them home.
 
-    At the beginning of each turn a carrier that is dead, or that was tagged, respawned or eliminated since, drops its
-    flag, which is back on its base at once. Then, moment by moment as agents reach nodes on their way (see `contacts`
-    for the moments of a turn), in this order: (1) a carrier that comes home has captured its flag, which is back, too;
-    (2) an agent on the base of another team's flag that is there takes it, one flag per agent. Of several one is drawn.
-    Agents of no team (`team=None`) take none. Rules that tag should be added before this one.
+    At the beginning of each turn a carrier that is dead, or was tagged, respawned or eliminated since, drops its flag,
+    which returns to its base at once. Then, at each time at which agents reach nodes (see `contacts`), in this order:
+    (1) a carrier that is at home captures its flag, which returns to its base; (2) an agent at the base of another
+    team's flag that is there takes it, one flag per agent. If several agents could take a flag, one is drawn. Agents
+    without a team (`team=None`) take no flags. Add rules that tag before this one.
 
     Events: `take`, `drop` and `capture`, each with `agent`, `flag` (the team that owns it) and `node`.
 
     Args:
-        flags: team -> the node that is the base of its flag. Teams without one may take those of others.
-        territory: node -> team, or the name of the fact that has this: home is every node of the carrier's team. None:
-            the base of its own flag; where its team has none, any node on which one of its agents began.
-        goal: so many captures end the game, and that team wins; two at one moment draw. None: they never end it.
-        score: points for the carrier's team for a capture.
-        announce: whether strategies know: `state["facts"][key]` is team -> {"node": base, "carrier": name or
-            None}, as of the end of the last turn.
-        key: the name of its state in `ctx.game.data`: `bases`, `carriers` and `captures` by team; also the name of
-            the artist that draws it.
-        colors: team -> colour of its flag; None: those of the agents where nothing else is declared.
-        passing: whether flags are taken and brought home on nodes that are passed, too; False: only where agents are at
-            the end of the turn.
+        flags: team -> node of the base of its flag. Teams without a flag may take other flags.
+        territory: node -> team, or the name of a fact with this mapping: home is every node of the carrier's team.
+        None: home is the base of the team's own flag; for a team without a flag, any node on which one of its agents
+        began.
+        goal: number of captures that wins the game; if two teams reach it at the same time, the game is a draw. None:
+        captures do not end it.
+        score: points for the carrier's team for each capture.
+        announce: whether strategies see the flags: `state["facts"][key]` is team -> {"node": base, "carrier": name or
+        None}, as of the end of the last turn.
+        key: the key of the rule's state in `ctx.game.data`: `bases`, `carriers` and `captures` by team; also the name
+        of the artist that draws the flags.
+        colors: team -> color of its flag; None: the colors of the agents if none are declared elsewhere.
+        passing: whether agents also take flags, and bring them home, on nodes that they only pass; False: only on nodes
+        at the end of the turn.
 
     Raises:
-        BadType, BadValue: an argument is not one of these.
-        UnknownName (KeyError): when it is added to a game, a base is not a node of the map.
+        BadType, BadValue: an argument is invalid.
+        UnknownName (KeyError): when the rule is added to a game, a base is not on the map.
     """
     given: object = flags
     if not isinstance(given, Mapping) or not given:
         raise BadType(f"flags must be a mapping from teams to nodes, not {shown(flags)}.")
     as_float(score, "score")
-    game = _Flags(
+    game = _FlagRule(
         {team: as_int(flags[team], f"The base of the flag of {shown(team)}") for team in sorted(flags, key=str)},
         as_territory(territory),
         None if goal is None else as_count(goal, "goal", hint=". None never ends the game."),
@@ -96,11 +98,11 @@ def capture_flag(
     )
 
 
-class _Flags(NamedTuple):
-    """The arguments of the rule, checked. What happens in a game is in `ctx.game.data`."""
+class _FlagRule(NamedTuple):
+    """The checked arguments of `capture_flag`. The state of a game is in `ctx.game.data`."""
 
     bases: dict[Hashable, int]
-    ground: Ground | None
+    ground: TerritorySource | None
     goal: int | None
     score: float
     announce: bool
@@ -108,12 +110,12 @@ class _Flags(NamedTuple):
     passing: bool
 
     def prepare(self, ctx: Context) -> None:
-        """Check the bases against the map, and publish where the flags are."""
+        """Check the bases against the map, and publish the positions of the flags."""
         refuse_unknown(ctx, self.bases.values())
         self._publish(ctx, self._state(ctx.game.internals.state)["carriers"])
 
     def prepare_arrays(self, state: GameArrays) -> None:
-        """Publish where the flags of many games are: the carriers as numbers of agents, (games,)."""
+        """Publish the positions of the flags of many games, from the carriers (games,) as agent numbers."""
         kept = state.keep(("capture_flag", self.key), self.start_of(state.roster))
         if self.announce:
             columns = zip(self.bases.items(), kept["carriers"].T, strict=True)
@@ -121,7 +123,9 @@ class _Flags(NamedTuple):
 
     def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
         """Return the state of the rule in a game as arrays; see `start_of`."""
-        known, first, roster = ctx.game.data.get(self.key, {}), self.start_of(state.roster)(1), state.roster
+        known = ctx.game.data.get(self.key, {})
+        first = self.start_of(state.roster)(1)
+        roster = state.roster
         stopped = _stopped(ctx.game.events[known.get("seen", 0) :]) if known else set()
         for number, flag in enumerate(self.bases):
             name = known.get("carriers", {}).get(flag)
@@ -133,10 +137,10 @@ class _Flags(NamedTuple):
         return {("capture_flag", self.key): first}
 
     def start_of(self, roster: Roster) -> Callable[[int], Arrays]:
-        """Return what makes the state of the rule in many games.
+        """Return a function that makes the state of the rule for a number of games.
 
-        It is `carriers` and `stops` (games, flags), the numbers of the agents that carry flags, -1 for none, and how
-        often these had been tagged or put back before; and `captures` (games, teams).
+        The state is `carriers` and `stops` (games, flags): the numbers of the agents that carry flags, -1 for none, and
+        how often these agents had been tagged or relocated before; and `captures` (games, teams).
         """
 
         def make(games: int) -> Arrays:
@@ -156,17 +160,20 @@ class _Flags(NamedTuple):
         return state
 
     def play(self, ctx: Context) -> None:
-        turn, key = turn_of(ctx), self.key
+        turn = turn_of(ctx)
+        key = self.key
         game = turn.game.state
-        data, events = game.data.get(key) or self._state(game), game.events
+        data = game.data.get(key) or self._state(game)
+        events = game.events
         carriers: dict[Hashable, str | None] = data["carriers"]
-        known, fresh = turn.roster.kept.get(key), events[data["seen"] :]
-        # Else those that carried flags at the end of the last turn live, and were not stopped.
+        known = turn.roster.kept.get(key)
+        fresh = events[data["seen"] :]
+        # All other agents that carried flags at the end of the last turn are alive and were not stopped.
         may_drop = fresh or known is None or known.told != carriers
         if may_drop and any(carriers.values()):
             self._drop(ctx, carriers, _stopped(fresh))
         if known is None or not known.take(self):
-            known = turn.roster.kept[key] = _FlagsOfAgents(self, turn)
+            known = turn.roster.kept[key] = _CoreFlags(self, turn)
         if known.seed != turn.seed:
             known.draw_by(turn.seed)
         if known.concern(turn, carriers):
@@ -191,25 +198,27 @@ class _Flags(NamedTuple):
                 ctx.game.publish(**{self.key: flags})
 
 
-class _FlagsOfAgents:
-    """The flags of a game, as the core has them, for some agents.
+class _CoreFlags:
+    """The flags of one game in the core, for a fixed set of agents.
 
     Args:
-        flags: the arguments of the rule.
-        turn: in which these agents play.
+        flags: the checked arguments of the rule.
+        turn: the turn in which these agents play.
 
     Attributes:
         flags, seed: as given.
-        told: who carried flags when that was published last.
+        told: the carriers when they were published last.
         fact: the fact that was published last.
     """
 
-    _taken: dict[Hashable, str | None] | None = None  # who carries flags, as the core has it
+    _taken: dict[Hashable, str | None] | None = None  # flag -> carrier, as last set in the core
     told: dict[Hashable, str | None] | None = None
     fact: object = None
 
-    def __init__(self, flags: _Flags, turn: InTurn) -> None:
-        roster, count, teams = turn.roster, len(flags.bases), list(turn.roster.teams)
+    def __init__(self, flags: _FlagRule, turn: TurnContacts) -> None:
+        roster = turn.roster
+        count = len(flags.bases)
+        teams = list(turn.roster.teams)
         self.flags = flags
         self._purposes = column("Q", [0] * count)
         self.draw_by(turn.seed)
@@ -240,22 +249,22 @@ class _FlagsOfAgents:
             points=0.0,
         )
 
-    def take(self, flags: _Flags) -> bool:
-        """Go on with the arguments of another rule, of another game, if they are the same; return whether they are."""
+    def take(self, flags: _FlagRule) -> bool:
+        """Switch to the arguments of another game's rule if they are equal; return whether they are."""
         if flags is not self.flags and (flags != self.flags or [*flags.bases] != [*self.flags.bases]):
             return False
         self.flags = flags
         return True
 
     def draw_by(self, seed: int) -> None:
-        """Derive the draws of the rule from another seed, which is that of another game: nothing is known of it."""
+        """Use the random draws of another seed, for another game, and forget the carriers."""
         self.seed = seed
         self.told = None
         for flag, team in enumerate(self.flags.bases):
             self._purposes[flag] = kernels.purpose_key(seed, "capture_flag", self.flags.key, str(team))
 
-    def concern(self, turn: InTurn, carriers: Mapping[Hashable, str | None]) -> bool:
-        """Take who carries flags; return whether something may happen to some in this turn."""
+    def concern(self, turn: TurnContacts, carriers: Mapping[Hashable, str | None]) -> bool:
+        """Set the carriers; return whether any flag may be taken or captured in this turn."""
         if carriers != self._taken:
             number = turn.roster.number
             for flag, team in enumerate(self.flags.bases):
@@ -264,9 +273,11 @@ class _FlagsOfAgents:
             self._taken = dict(carriers)
         return not turn.are_steps or self._core.concern(turn.roster.games, 0)
 
-    def play(self, ctx: Context, turn: InTurn, data: dict[str, Any]) -> None:
-        """Let agents bring flags home and take them, and note that in the data of the rule."""
-        flags, roster, captures = self.flags, turn.roster, data["captures"]
+    def play(self, ctx: Context, turn: TurnContacts, data: dict[str, Any]) -> None:
+        """Let agents bring home and take flags, and update the data of the rule."""
+        flags = self.flags
+        roster = turn.roster
+        captures = data["captures"]
         self._taken = None
         for number, team in enumerate(roster.teams):
             self._captures[number] = captures.get(team, 0)
@@ -281,7 +292,8 @@ class _FlagsOfAgents:
                 won = [team for team, number in captures.items() if number >= cast("int", flags.goal)]
                 ctx.game.end("flags captured", winner=won[0] if len(won) == 1 else None)
                 return
-            name, owner = roster.names[agent], [*flags.bases][flag]
+            name = roster.names[agent]
+            owner = [*flags.bases][flag]
             ctx.game.emit(kind, agent=name, flag=owner, node=turn.numbers.ids[node])
             data["carriers"][owner] = name if kind == "take" else None
             if kind == "capture":
@@ -290,7 +302,7 @@ class _FlagsOfAgents:
                 captures[team] = captures.get(team, 0) + 1
 
     def _happened(self) -> list[tuple[str, int, int, int]]:
-        """Return the kind, agent, flag and node of what has happened."""
+        """Return (kind, agent, flag, node) of each event."""
         events = self._events
         columns = (events.kinds, events.agents, events.others, events.nodes) if events.count else ()
         rows = zip(*[column[: events.count] for column in columns], strict=True)
@@ -298,8 +310,8 @@ class _FlagsOfAgents:
         events.count = 0
         return happened
 
-    def _take_starts(self, ctx: Context, turn: InTurn) -> None:
-        """Take where the agents of teams without a base began."""
+    def _take_starts(self, ctx: Context, turn: TurnContacts) -> None:
+        """Set the start nodes of agents whose team has no base."""
         agents = [
             (turn.roster.teams[team], agent)
             for team in self._teams
@@ -312,7 +324,7 @@ class _FlagsOfAgents:
 
 
 def _stopped(events: list[dict[str, Any]]) -> set[str]:
-    """Return the names of agents that have been tagged, respawned or eliminated."""
+    """Return the names of agents that were tagged, respawned or eliminated."""
     tagged = {event["other"] for event in events if event["kind"] == "tag" and "other" in event}
     back = {event["agent"] for event in events if event["kind"] in ("respawned", "eliminated")}
     return tagged | back

@@ -1,4 +1,4 @@
-"""The rules that the core plays in batches: functions, one for each, that make what `gamms.core.rules` has of it."""
+"""Translations of the rules that the core plays in batches, one function per rule."""
 
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from functools import partial
@@ -20,34 +20,36 @@ _NOTHING = ints(0)
 _MOST_EXACT = 1 << 53  # of integers as floats
 
 
-class Flags(Protocol):
-    """The arguments of `gamms.rules.capture_flag`."""
+class FlagArguments(Protocol):
+    """The checked arguments of `gamms.rules.capture_flag`."""
 
     bases: Mapping[Hashable, int]
-    ground: Any  # a `territory.Ground`, of a module that imports this one
+    ground: Any  # a `territory.TerritorySource`; its module imports this one
     goal: int | None
     score: float
     key: str
     passing: bool
 
     def start_of(self, roster: Roster) -> Callable[[int], Arrays]:
-        """Return what makes the state of the rule in so many games."""
+        """Return a function that makes the state of the rule for a number of games."""
 
 
 def in_core(name: str, *args: object) -> Callable[[Making], rules.Rule]:
-    """Return the form in the core of a rule of a name, with its arguments."""
+    """Return a function that makes the named rule of the core with these arguments."""
     return partial(FORMS[name], *args)
 
 
 def fits_core(points: float) -> bool:
-    """Whether the core adds such points as Python does."""
+    """Return whether the core adds these points exactly as Python does."""
     return abs(points) <= _MOST_EXACT
 
 
 def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
-    """Make `gamms.rules.tag`, of all such rules of a game."""
-    roster, state = making.state.roster, making.state
-    purpose, turn = np.zeros(1, np.uint64).data, ints(1)
+    """Make `gamms.rules.tag` from all such rules of a game."""
+    roster = making.state.roster
+    state = making.state
+    purpose = np.zeros(1, np.uint64).data
+    turn = ints(1)
     behind: rules.Tagging | None = None
     for one in reversed(taggings):
         sides = ints(len(roster.names))
@@ -80,7 +82,7 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
             behind=behind,
         )
     if behind is None:
-        raise BadValue("A rule by which agents tag has one tagging or more.")
+        raise BadValue("A tag rule needs at least one pair of sides.")
     number = making.number(*(PlayedRule(bool(one.score), isinstance(one.score, float)) for one in taggings))
     tags = rules.Tags(ints(len(roster.names)))
     purposes = memory_of(state.purposes("contacts"))
@@ -88,10 +90,10 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
 
 
 def _near(nearness: Nearness, making: Making) -> Near:
-    """Return the distances between agents that count as contacts; None: they meet on nodes.
+    """Return the distances between agents that count as contacts; None: agents must be on the same node.
 
     Raises:
-        GammsError: they count straight lines between agents on edges, or in the air.
+        GammsError: a straight-line distance between agents on edges or in the air.
     """
     state, (unit, limit, *_) = making.state, nearness
     if unit is None:
@@ -108,9 +110,11 @@ def _near(nearness: Nearness, making: Making) -> Near:
     return contacts.Places(making.columns[0], flat(np.insert(state.streets.columns.xy, 2, 0.0, axis=1), np.float64))
 
 
-def capture_flag(flags: Flags, making: Making) -> rules.Rule:
+def capture_flag(flags: FlagArguments, making: Making) -> rules.Rule:
     """Make `gamms.rules.capture_flag`."""
-    state, roster, streets = making.state, making.state.roster, making.state.streets
+    state = making.state
+    roster = making.state.roster
+    streets = making.state.streets
     kept = state.keep(("capture_flag", flags.key), flags.start_of(roster))
     making.agents_in.append(kept["carriers"])
     base = streets.rows([*flags.bases.values()])
@@ -177,13 +181,13 @@ def respawn(key: str, teams: Collection[Hashable] | None, wait: int, most: int |
 
 
 def time_limit(last: int, winner: object, making: Making) -> rules.Rule:
-    """Make `gamms.rules.time_limit`; the winner is `ONE_THAT_SHOWS` or a team."""
+    """Make `gamms.rules.time_limit`; the winner is a team or `ONE_THAT_SHOWS`."""
     number = making.number(PlayedRule(reason="time limit", winner=winner, truncated=True))
     return rules.TimeLimitRule(making.games, making.events, number, last=last, winner=_code(winner))
 
 
 def none_left(team: Hashable, reason: str, winner: object, making: Making) -> rules.Rule:
-    """Make `gamms.rules.none_left`; of a team without agents, a rule that does nothing."""
+    """Make `gamms.rules.none_left`; for a team without agents, a rule that does nothing."""
     if team not in making.state.roster.teams:
         return _nothing(making)
     number = making.number(PlayedRule(reason=reason, winner=winner))
@@ -193,7 +197,7 @@ def none_left(team: Hashable, reason: str, winner: object, making: Making) -> ru
 def reach(
     goals: Mapping[Hashable, Collection[int] | str], winner: object, score: float, passing: bool, making: Making
 ) -> rules.Rule:
-    """Make `gamms.rules.reach`; the winner is `ONE_THAT_SHOWS` or a team."""
+    """Make `gamms.rules.reach`; the winner is a team or `ONE_THAT_SHOWS`."""
     roster = making.state.roster
     is_goal = np.zeros((making.state.streets.num_nodes, len(roster.teams)), np.int64)
     starters = np.zeros((len(roster.teams), len(roster.names)), np.int64)
@@ -220,10 +224,11 @@ def reach(
 
 
 def arrive(team: Hashable, goal: Collection[int] | str, points: float, passing: bool, making: Making) -> rules.Rule:
-    """Make `gamms.rules.arrive`; of a team without agents, a rule that does nothing."""
+    """Make `gamms.rules.arrive`; for a team without agents, a rule that does nothing."""
     if team not in making.state.roster.teams:
         return _nothing(making)
-    owners, starters = np.full(making.state.streets.num_nodes, -1), _NOTHING
+    owners = np.full(making.state.streets.num_nodes, -1)
+    starters = _NOTHING
     if isinstance(goal, str):
         starters = flat(_starters(goal, making), np.int64)
     else:
@@ -241,13 +246,13 @@ def arrive(team: Hashable, goal: Collection[int] | str, points: float, passing: 
 
 
 def _starters(team: str, making: Making) -> BoolArray:
-    """Return which agents on the ground are of the team of a text, (agents,)."""
+    """Return a mask (agents,) of the agents on the ground that are on the team named in a text."""
     roster = making.state.roster
     return roster.plays_for([one for one in roster.teams if str(one) == team]) & ~roster.flies
 
 
 def _owners(ground: Any, making: Making) -> Any:
-    """Return the numbers of the teams that own nodes, (nodes,); empty without a territory."""
+    """Return the numbers of the teams that own the nodes, (nodes,); empty without a territory."""
     state = making.state
     if ground is None:
         return _NOTHING
@@ -266,7 +271,7 @@ def last_team(making: Making) -> rules.Rule:
 
 
 def published(fact: str, nodes: Mapping[int, Hashable], making: Making) -> rules.Rule:
-    """Make `gamms.rules.territory.published`, which has nothing to do in a turn."""
+    """Make `gamms.rules.territory.published`, which does nothing during a turn."""
     making.state.facts.setdefault(fact, nodes)
     return _nothing(making)
 
@@ -283,4 +288,4 @@ FORMS: Mapping[str, Callable[..., rules.Rule]] = {
     one.__name__: one
     for one in (tag, capture_flag, reach, arrive, respawn, time_limit, none_left, last_team, published)
 }
-"""The rules that the core plays in batches, by name."""
+"""Rule name -> function that makes it for the core."""

@@ -1,6 +1,6 @@
-"""What `gamms.core.contacts` is asked: the columns of agents that it takes, and the contacts that it finds.
+"""Queries to `gamms.core.contacts`: the columns of agents that it needs, and the contacts that it finds.
 
-`turn_of` asks it about the game of a context.
+`turn_of` returns the query object for the game of a context.
 """
 
 from array import array
@@ -21,24 +21,27 @@ from gamms.game.travel import Reach
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
 from gamms.kernels.draws import BitArray
-from gamms.rules.visits import EdgesGoneAlong, at_end
+from gamms.rules.visits import TraveledEdges, at_end
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import TEAMS, Track
 
-_MOST_DISTANCES = 8  # for which a game keeps what is near nodes
-_MOST_TERRITORIES = 8  # of which a game keeps who owns nodes
+_MOST_DISTANCES = 8  # contact distances whose near nodes are cached per game
+_MOST_TERRITORIES = 8  # territories whose owners are cached per game
 _NOWHERE = 0.0, 0.0, 0.0
 _NO_LEG = (0,) * 4 + (0.0,) * 5
-BACKWARDS, TURNS, UNKNOWN_PLACE = 1, 2, 4  # flags of legs, see `core.Legs`
+# flags of legs, see `core.Legs`
+BACKWARDS = 1
+TURNS = 2
+UNKNOWN_PLACE = 4
 
 
 Side = Annotated[Hashable | Callable[[IAgent], object], TEAMS]  # a team, or a function of an agent
 
 
 class Nearness(NamedTuple):
-    """What counts as a contact; see `contacts`."""
+    """The distance and options that define a contact; see `contacts`."""
 
-    unit: str | None  # "hops", "metres" or "euclid"; None: on one node
+    unit: str | None  # "hops", "metres" or "euclid"; None: on the same node
     limit: float
     crossing: bool
     air: bool
@@ -49,14 +52,14 @@ Near = core.NearNodes | core.Places | core.Lines | None
 
 
 def ask(found: core.Contacts, nearness: Nearness, near: Near, *columns: Any, by_metres: bool) -> None:
-    """Say what contacts are to be found.
+    """Configure a contact search in the core.
 
     Args:
-        found: what finds them.
-        nearness: what counts as a contact.
-        near: what says how far places are from each other; None: agents meet on nodes.
-        columns: of agents and games, as `core.Contacts.ask` takes them.
-        by_metres: whether the games are by metres.
+        found: the search.
+        nearness: which agents are in contact.
+        near: distances between places; None: agents must be on the same node.
+        columns: columns of agents and games, in the order of `core.Contacts.ask`.
+        by_metres: whether positions in these games are in metres along edges.
     """
     found.ask(
         *columns,
@@ -68,13 +71,13 @@ def ask(found: core.Contacts, nearness: Nearness, near: Near, *columns: Any, by_
     )
 
 
-def _flat(columns: Iterable[np.ndarray[Any, Any]]) -> list[Any]:  # of memoryviews, which are not subscriptable
-    """Return columns as the core takes them."""
+def _flat(columns: Iterable[np.ndarray[Any, Any]]) -> list[Any]:  # Any: memoryviews are not subscriptable
+    """Return columns as flat buffers for the core."""
     return [np.ascontiguousarray(column).reshape(-1).data for column in columns]
 
 
-def column(kind: str, values: Iterable[float] = ()) -> Any:  # a memoryview, which is not subscriptable
-    """Return numbers as the core takes them: "q" and "Q" for integers with and without sign, "d" for floats."""
+def column(kind: str, values: Iterable[float] = ()) -> Any:  # Any: memoryviews are not subscriptable
+    """Return numbers as a buffer: "q" and "Q" for signed and unsigned integers, "d" for floats."""
     return memoryview(array(kind, values))
 
 
@@ -87,8 +90,8 @@ _ON_NODES = core.SEARCHES["on nodes"]
 # -- in the game of a context ------------------------------------------------------------------------------------------
 
 
-class Owners:
-    """The teams that own nodes, by the numbers of both.
+class NodeOwners:
+    """The teams that own nodes, as numbers of nodes and teams.
 
     Args:
         territory: node -> team.
@@ -102,10 +105,11 @@ class Owners:
         self._owners = np.zeros(0, np.int64)
 
     def of(self, numbers: core.NodeNumbers) -> Any:
-        """Return the number of the team that owns each node, (nodes,); -1 where it is none of these teams."""
+        """Return the number of the team that owns each node, (nodes,); -1 if it is none of these teams."""
         count = numbers.count
         if self._count < count:
-            ids, territory = numbers.ids[self._count : count], self._territory
+            ids = numbers.ids[self._count : count]
+            territory = self._territory
             new = [self._teams.get(territory[id], -1) if id in territory else -1 for id in ids]
             if count > len(self._owners):
                 self._owners = np.concatenate(
@@ -117,29 +121,29 @@ class Owners:
 
 
 class Roster:
-    """The living agents of a game, and maybe some that are out, in the order of their names, and their columns.
+    """The living agents of a game, and maybe eliminated ones, ordered by name, and their columns.
 
     Args:
-        names: of these.
-        teams: of each.
-        keys: of the names, for draws.
-        fly: whether each flies; None: none does.
-        out: which of these are out, and take no part; None: all are living.
+        names: names of the agents.
+        teams: team of each agent.
+        keys: keys of the names, for draws.
+        fly: whether each agent flies; None: no agent does.
+        out: whether each agent is eliminated and takes no part; None: all are living.
 
     Attributes:
         names: as given.
-        team_of: as given, the teams.
-        number: name -> number of the agent.
-        teams: team -> number of the team, in the order of their first agents.
+        team_of: the argument `teams`.
+        number: name -> index of the agent.
+        teams: team -> index of the team, in the order of their first agents.
         fly, out: as given.
         keys: (agents,) as given.
-        team: (agents,) numbers of teams.
-        games: the columns of agents, of one game.
-        turn: (1,) how many turns were played.
-        placed: (agents,) who was put elsewhere than it went, in `games`.
-        columns: of the tracks of agents that go along one edge in a turn, or none, which `steps` fills.
-        tags: scratch.
-        kept: what rules know of these agents, by rule.
+        team: (agents,) indices of teams.
+        games: the columns of agents, for one game.
+        turn: (1,) the number of turns played.
+        placed: (agents,) whether each agent was relocated after its move, in `games`.
+        columns: columns of the tracks of agents that move along at most one edge per turn; filled by `steps`.
+        tags: reusable buffer.
+        kept: data of rules about these agents, by rule.
     """
 
     def __init__(
@@ -160,7 +164,8 @@ class Roster:
         self.out = out
         self.keys: Any = keys.data
         self.team = column("q", [self.teams[team] for team in teams])
-        ints, floats = np.zeros((8, agents), np.int64), np.zeros((2, agents))
+        ints = np.zeros((8, agents), np.int64)
+        floats = np.zeros((2, agents))
         self.turn = column("q", [0])
         self.placed: Any = bytearray(agents)
         self.games = rules.Games(
@@ -185,16 +190,16 @@ class Roster:
         self.tags = rules.Tags(column("q", [0] * agents))
         self.kept: dict[Hashable, Any] = {}
         self._sides: dict[Hashable, Any] = {}
-        self._owners: dict[int, Owners] = {}  # by the id of the territory
+        self._owners: dict[int, NodeOwners] = {}  # by id of the territory
 
     def sides(self, ctx: Context, a: Side, b: Side, *, air: bool) -> Any:
-        """Return the side of each agent, as `core.Tracks` has it; None where one side has no agents.
+        """Return the side of each agent, for `core.Tracks`; None if one side has no agents.
 
         Args:
             ctx: the context.
             a: the first side.
             b: the second side.
-            air: whether those that fly take part.
+            air: whether flying agents take part.
         """
         if callable(a) or callable(b):
             return self._of_sides(ctx, a, b, air=air)
@@ -204,13 +209,14 @@ class Roster:
         return self._sides[key]
 
     def _of_sides(self, ctx: Context, a: Side, b: Side, *, air: bool) -> Any:
-        ours, theirs = self._members(ctx, a, air=air), self._members(ctx, b, air=air)
+        ours = self._members(ctx, a, air=air)
+        theirs = self._members(ctx, b, air=air)
         if not (any(ours) and any(theirs)):
             return None
         return column("q", [one + 2 * other for one, other in zip(ours, theirs, strict=True)])
 
     def _members(self, ctx: Context, side: Side, *, air: bool) -> list[bool]:
-        """Return of each agent whether it is of a side and takes part."""
+        """Return for each agent whether it is on a side and takes part."""
         fly = None if air else self.fly
         if not callable(side):
             return self._of_those([team == side for team in self.team_of], fly)
@@ -225,49 +231,49 @@ class Roster:
         ]
 
     def _of_those(self, members: list[bool], fly: Sequence[bool] | None) -> list[bool]:
-        """Return the same without agents that fly, or are out."""
+        """Return the members without agents that fly or are eliminated."""
         for absent in (fly, self.out):
             if absent is not None:
                 members = [one and not is_absent for one, is_absent in zip(members, absent, strict=True)]
         return members
 
     def owners(self, territory: Mapping[int, Hashable], numbers: core.NodeNumbers) -> Any:
-        """Return the number of the team that owns each node, (nodes,); -1 for a node of no team of these agents."""
+        """Return the number of the team that owns each node, (nodes,); -1 if none of these agents is on the team."""
         if id(territory) not in self._owners:
             if len(self._owners) == _MOST_TERRITORIES:
                 self._owners.clear()
-            self._owners[id(territory)] = Owners(territory, self.teams)
+            self._owners[id(territory)] = NodeOwners(territory, self.teams)
         return self._owners[id(territory)].of(numbers)
 
     def ground(self) -> Any:
-        """Return 1 for each agent that neither flies nor is out, else 0."""
+        """Return 1 for each agent that is on the ground and not eliminated, else 0."""
         if "ground" not in self._sides:
             self._sides["ground"] = column("q", self._of_those([True] * len(self.names), self.fly))
         return self._sides["ground"]
 
 
-class InTurn:
-    """Where the agents of one game are in a turn.
+class TurnContacts:
+    """Contact queries for one turn of one game.
 
     Args:
-        game: what is known of the game and its map.
+        game: cached data of the game and its map.
         roster: the agents.
-        seed: of the context.
+        seed: seed of the context.
 
     Attributes:
         game, roster: as given.
-        numbers: of the nodes of its map.
-        are_steps: whether all went along one edge or none.
-        by_metres: whether the game is by metres.
-        most, columns: of tracks, as `core.Tracks` has them: nodes, times and lengths.
-        most_legs, legs: likewise.
-        tracks: of the agents; none where all are steps.
-        edges: those that they go along.
+        numbers: numbers of the nodes of the map.
+        are_steps: whether every agent moved along at most one edge.
+        by_metres: whether positions are in metres along edges.
+        most, columns: capacity and columns of tracks, for `core.Tracks`: nodes, times and lengths.
+        most_legs, legs: capacity and columns of legs, for `core.Tracks`.
+        tracks: tracks of the agents; empty if all are steps.
+        edges: edges that the agents move along.
         seed: as given.
-        purpose: for draws.
+        purpose: purpose key of the draws.
     """
 
-    def __init__(self, game: "InGame", roster: Roster, seed: int) -> None:
+    def __init__(self, game: "GameContacts", roster: Roster, seed: int) -> None:
         self.game = game
         self.numbers = game.numbers
         self.roster = roster
@@ -278,19 +284,19 @@ class InTurn:
         self.most_legs = 0
         self.legs = NO_LEGS
         self.tracks: Sequence[Track] = ()
-        self.edges: EdgesGoneAlong | None = None
+        self.edges: TraveledEdges | None = None
         self.purpose = column("Q", [0])
         self.draw_by(seed)
-        self._ready: dict[Hashable, core.Contacts] = {}  # which were asked for contacts on nodes
+        self._ready: dict[Hashable, core.Contacts] = {}  # configured searches for contacts on nodes
         self._visits: dict[bool, core.Tracks] = {}
 
     def draw_by(self, seed: int) -> None:
-        """Derive the draws of contacts from another seed."""
+        """Use the random draws of another seed."""
         self.seed = seed
         self.purpose[0] = kernels.purpose_key(seed, "contacts")
 
     def follow(self, ctx: Context, tracks: Sequence[Track]) -> None:
-        """Take how agents moved that may have gone along several edges, or parts of some."""
+        """Set the tracks of agents that may have moved along several edges, or parts of edges."""
         number = self.numbers.number
         self.are_steps = False
         self.tracks = tracks
@@ -308,10 +314,11 @@ class InTurn:
             self.legs = _legs(self.edges, tracks, self.most_legs, number)
 
     def find(self, ctx: Context, a: Side, b: Side, nearness: Nearness) -> core.Contacts | None:
-        """Find the contacts between two sides; None: there are none."""
-        # NOTE: what finds those on nodes is the same in each turn (benchmarks: turns).
+        """Find the contacts between two sides; return None if there are none."""
+        # NOTE: searches for contacts on nodes are reused in each turn (benchmarks: turns).
         key = a, b, nearness
-        found, game = self._ready.get(key), self.game
+        found = self._ready.get(key)
+        game = self.game
         if found is not None and found.pieces is game.pieces and self.numbers.count <= game.keys:
             return found if found.find(_ON_NODES, 0.0) else None
         sides = self.roster.sides(ctx, a, b, air=nearness.air)
@@ -329,9 +336,9 @@ class InTurn:
         return found if found.find(search_for(near, nearness, by_metres=self.by_metres), nearness.limit) else None
 
     def scratch(self, parts: int = 0) -> core.Pieces:
-        """Return scratch with room for what these agents do, and so many parts of lines."""
+        """Return buffers large enough for the moves of these agents, and for `parts` straight lines."""
         agents = len(self.roster.names)
-        entries = 2 * agents * (self.most + 2 * self.most_legs + 1)  # of visits and legs, each with two
+        entries = 2 * agents * (self.most + 2 * self.most_legs + 1)  # of visits and legs, each with two ends
         pieces = max(parts, entries)
         return self.game.scratch(pieces, self.numbers.count + self.most_legs * agents)
 
@@ -345,27 +352,30 @@ class InTurn:
         ask(found, nearness, near, tracks, *columns, by_metres=self.by_metres)
 
     def visits(self, *, passing: bool) -> core.Tracks:
-        """Return the tracks of the agents on the ground, for visits of nodes."""
+        """Return the tracks of the agents on the ground, to find visits of nodes."""
         if passing not in self._visits:
             sides = self.roster.ground()
             self._visits[passing] = self._tracks(sides, at_end=not passing)
         return self._visits[passing]
 
     def xy_of(self, agent: int, time: float, node: int, nearness: Nearness, at: Position | None) -> Any:
-        """Return where on the map an agent is in a contact of a game by metres."""
+        """Return the map position (x, y) of an agent in a contact of a game by metres."""
         track = self.tracks[agent]
-        # Where agents pass each other at the end of a turn that counts edges, how they came there counts.
-        return cast("EdgesGoneAlong", self.edges).xy_at(track if nearness.passing else at_end(track), time, node, at)
+        # If agents pass each other at the end of a turn counted in edges, the way they came decides.
+        return cast("TraveledEdges", self.edges).xy_at(track if nearness.passing else at_end(track), time, node, at)
 
     def _near(self, sides: memoryview, nearness: Nearness, flying: Mapping[str, Position]) -> Near:
-        game, unit = self.game, nearness.unit
+        game = self.game
+        unit = nearness.unit
         if unit != "euclid":
             return game.near(unit, nearness.limit, game.number_all())
         places = [flying.get(name) for name in self.roster.names]
         if self.by_metres:
             tracks = self.tracks if nearness.passing else [at_end(track) for track in self.tracks]
-            return _lines(cast("EdgesGoneAlong", self.edges), tracks, places, sides)
-        ids, nodes, xyz = self.numbers.ids, self.columns[0], []
+            return _lines(cast("TraveledEdges", self.edges), tracks, places, sides)
+        ids = self.numbers.ids
+        nodes = self.columns[0]
+        xyz = []
         for agent, (side, at) in enumerate(zip(sides, places, strict=True)):
             path = nodes[self.most * agent : self.most * (agent + 1)] if side and at is None else ()
             xyz += [game.place(ids[node]) for node in path] or [at or _NOWHERE] * self.most
@@ -373,20 +383,20 @@ class InTurn:
 
 
 def in_air(ctx: Context, nearness: Nearness) -> dict[str, Position]:
-    """Return agent -> where it is, of those that fly where straight lines count."""
+    """Return agent -> position of flying agents, for straight-line distances."""
     if nearness.unit != "euclid" or not (nearness.air and ctx.agent.block.flyers):
         return {}
     return {agent.name: agent.position for agent in ctx.game.agents if agent.type is AgentType.AERIAL}
 
 
 def reach_of(arcs: kernels.Arcs, limit: float) -> core.NearNodes:
-    """Return what finds the nodes that are so near nodes along the edges of a map."""
+    """Return a search for the nodes within a distance of a node, along the edges of a map."""
     offsets, heads, costs = _flat(arcs)
     return core.NearNodes(offsets, heads, costs, limit, Reach(len(arcs.offsets) - 1).core)
 
 
 def search_for(near: Near, nearness: Nearness, *, by_metres: bool) -> int:
-    """Return how the core finds contacts."""
+    """Return the code of the search method of the core."""
     if near is None:
         return _ON_NODES
     if isinstance(near, core.NearNodes):
@@ -394,24 +404,24 @@ def search_for(near: Near, nearness: Nearness, *, by_metres: bool) -> int:
     return core.SEARCHES["near places" if isinstance(near, core.Places) else "on lines"]
 
 
-class InGame:
-    """What finding contacts in one game has learned of its map, and of the last turn.
+class GameContacts:
+    """Cached data about contacts in one game: its map, the last turn, and buffers.
 
-    It has scratch for as much as the largest turn so far has needed.
+    The buffers are as large as the largest turn so far has needed.
 
     Args:
-        ctx: the context, with the map as it is now.
-        numbers: of its nodes.
+        ctx: the context with the present map.
+        numbers: numbers of the nodes.
 
     Attributes:
-        edges: those that agents have gone along.
-        graph, revision: of the map.
-        state: of the game.
+        edges: edges that agents have moved along.
+        graph, revision: the map and its revision.
+        state: state of the game.
         numbers: as given.
-        place: node id -> where the node is, on the ground.
-        near: unit and limit of a `Nearness` -> what is so near nodes.
-        pieces: the scratch that there is.
-        keys: for how many keys it has room.
+        place: node id -> position of the node on the ground.
+        near: unit and limit of a `Nearness` -> nodes near each node.
+        pieces: the present buffers.
+        keys: number of keys that fit in the buffers.
     """
 
     def __init__(self, ctx: Context, numbers: core.NodeNumbers) -> None:
@@ -422,23 +432,23 @@ class InGame:
         self.numbers = numbers
         self.state = ctx.game.internals.state
         self._turns = ctx.game.internals.parts.turns
-        self.edges = EdgesGoneAlong(ctx)
+        self.edges = TraveledEdges(ctx)
         self.graph = graph = self.edges.graph
         self.revision = graph.revision
         self.place = cache(self._place)
         self.near = lru_cache(_MOST_DISTANCES)(self._near)
-        self._columns: Any = None  # of the map, whose nodes have these numbers
+        self._columns: Any = None  # columns of the map, whose nodes have these numbers
         self._numbers = np.zeros(0, np.int64)
-        self._steps: InTurn | None = None
+        self._steps: TurnContacts | None = None
         self._steps_of: tuple[Any, ...] = ()
-        self._seeds = -1  # how often the seed had changed when draws were derived from it
-        self._turn: InTurn | None = None
-        self._moves: TurnMoves | None = None  # of which this turn is, in this block, with these versions
+        self._seeds = -1  # how often the seed had changed when draws were last derived from it
+        self._turn: TurnContacts | None = None
+        self._moves: TurnMoves | None = None  # the moves, block and versions of the present turn
         self._block: AgentBlock | None = None
         self._versions = 0, 0, 0, 0
 
     def scratch(self, pieces: int, keys: int) -> core.Pieces:
-        """Return scratch with room for so many pieces and keys."""
+        """Return buffers with room for this many pieces and keys."""
         if pieces > self._most or keys > self.keys:
             self._most = 2 * pieces
             self.keys = 2 * keys
@@ -446,7 +456,7 @@ class InGame:
         return self.pieces
 
     def contacts(self, pieces: core.Pieces) -> core.Contacts:
-        """Return what finds contacts once."""
+        """Return a new contact search."""
         if self._contacts is None or self._contacts.pieces is not pieces:
             self._contacts = core.Contacts(pieces)
         return self._contacts
@@ -456,36 +466,41 @@ class InGame:
         return x, y, 0.0
 
     def _near(self, unit: str, limit: float, _: int) -> core.NearNodes:
-        """Return what finds the nodes so near nodes, of which there are so many."""
-        columns, numbers = self._columns, self._numbers
+        """Return a search for nodes within a distance, for the present number of nodes."""
+        columns = self._columns
+        numbers = self._numbers
         costs = np.ones(len(columns.lengths)) if unit == "hops" else columns.lengths
         ends = numbers[columns.sources], numbers[columns.targets]
         return reach_of(kernels.make_arcs(*ends, costs, self.numbers.count), limit)
 
     def number_all(self) -> int:
-        """Give all nodes of the map numbers; return how many numbers there are."""
+        """Number all nodes of the map; return how many numbers there are."""
         if self._columns is None:
             self._columns = columns = self.graph.columns()
             self._numbers = np.empty(len(columns.node_ids), np.int64)
             self.numbers.write(columns.node_ids.data, self._numbers.data)
         return self.numbers.count
 
-    def turn(self, ctx: Context) -> InTurn:
-        """Return where agents are in this turn."""
-        state, block, turns = self.state, ctx.agent.block, self._turns
+    def turn(self, ctx: Context) -> TurnContacts:
+        """Return the contact queries for this turn."""
+        state = self.state
+        block = ctx.agent.block
+        turns = self._turns
         moves: TurnMoves | None = state.moves
         versions = block.version, block.structure.version, state.turn, turns.seed_changes
-        # NOTE: before agents are moved, rules may take their moves back, which no version says.
+        # NOTE: before agents are moved, rules may undo their moves without changing a version.
         is_known = moves is self._moves and block is self._block and versions == self._versions and not turns.is_moving
         if self._turn is None or not is_known:
-            self._moves, self._block, self._versions = moves, block, versions
+            self._moves = moves
+            self._block = block
+            self._versions = versions
             if moves is not None and moves.are_steps(block):
                 self._turn = self._of_steps(ctx, moves, block, versions)
             else:
                 self._turn = self._of_tracks(ctx, state.turn)
         return self._turn
 
-    def _of_steps(self, ctx: Context, moves: TurnMoves, block: AgentBlock, versions: tuple[int, ...]) -> InTurn:
+    def _of_steps(self, ctx: Context, moves: TurnMoves, block: AgentBlock, versions: tuple[int, ...]) -> TurnContacts:
         order = moves.order
         _, structure, turn, seeds = versions
         key = order, structure
@@ -493,7 +508,7 @@ class InGame:
             self._steps_of = key
             out = [not alive for alive in order.selection.of(block.alive)]
             roster = Roster(order.names, order.all_teams(), order.keys, out=out if any(out) else None)
-            self._steps = InTurn(self, roster, ctx.seed)
+            self._steps = TurnContacts(self, roster, ctx.seed)
         if self._seeds != seeds:
             self._seeds = seeds
             self._steps.draw_by(ctx.seed)
@@ -506,22 +521,24 @@ class InGame:
         rules.fill_steps(roster.steps, roster.games, 0)
         return self._steps
 
-    def _of_tracks(self, ctx: Context, turn: int) -> InTurn:
+    def _of_tracks(self, ctx: Context, turn: int) -> TurnContacts:
         agents = ctx.game.agents
-        names, teams = [agent.name for agent in agents], [agent.team for agent in agents]
+        names = [agent.name for agent in agents]
+        teams = [agent.team for agent in agents]
         fly = [agent.type is AgentType.AERIAL for agent in agents] if ctx.agent.block.flyers else None
         roster = None if self._turn is None else self._turn.roster
         if roster is None or (roster.names, roster.team_of, roster.fly, roster.out) != (names, teams, fly, None):
             roster = Roster(names, teams, kernels.name_keys(names), fly=fly)
         roster.turn[0] = turn
-        found = InTurn(self, roster, ctx.seed)
+        found = TurnContacts(self, roster, ctx.seed)
         found.follow(ctx, ctx.game.tracks(agents))
         return found
 
 
 def living_teams(ctx: Context) -> frozenset[Hashable]:
-    """Return the teams of which agents are alive."""
-    kept, block = ctx.game.internals.kept, ctx.agent.block
+    """Return the teams that have living agents."""
+    kept = ctx.game.internals.kept
+    block = ctx.agent.block
     key = block, block.structure.version
     known = kept.get("living teams")
     if known is None or known[0] != key:
@@ -530,22 +547,24 @@ def living_teams(ctx: Context) -> frozenset[Hashable]:
     return teams
 
 
-def turn_of(ctx: Context) -> InTurn:
-    """Return where agents of a game are in this turn, until they are moved or this is called again."""
-    internals, graph = ctx.game.internals, ctx.graph.graph
-    known: InGame | None = internals.kept.get("contacts")
+def turn_of(ctx: Context) -> TurnContacts:
+    """Return the contact queries of a context for this turn; valid until agents are moved or the next call."""
+    internals = ctx.game.internals
+    graph = ctx.graph.graph
+    known: GameContacts | None = internals.kept.get("contacts")
     if known is None or known.graph is not graph or known.revision != graph.revision:
-        known = internals.kept["contacts"] = InGame(ctx, core.NodeNumbers() if known is None else known.numbers)
+        known = internals.kept["contacts"] = GameContacts(ctx, core.NodeNumbers() if known is None else known.numbers)
     return known.turn(ctx)
 
 
 def _pieces(pieces: int, keys: int) -> core.Pieces:
-    """Return scratch with room for so many pieces and keys."""
-    ints, floats = np.empty((6, pieces), np.int64), np.empty((4, pieces))
+    """Return new buffers with room for this many pieces and keys."""
+    ints = np.empty((6, pieces), np.int64)
+    floats = np.empty((4, pieces))
     return core.Pieces(*_flat((*ints[:3], *floats, *ints[3:5], np.full(keys, -1), ints[5])))
 
 
-def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], most: int, number: Callable[[int], int]) -> core.Legs:
+def _legs(edges: TraveledEdges, tracks: Sequence[Track], most: int, number: Callable[[int], int]) -> core.Legs:
     streets: dict[int, int] = {}
     rows = list[tuple[float, ...]]()
     for track in tracks:
@@ -564,9 +583,12 @@ def _legs(edges: EdgesGoneAlong, tracks: Sequence[Track], most: int, number: Cal
 
 
 def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:
-    """Return the nodes at most so many edges ahead of a node, each with the number of edges."""
-    # NOTE: 5 us for what lies 3 edges around a node of Helsinki, where a search of the whole graph takes 170 us.
-    near, hops, ring, far = graph.neighborhoods, {node: 0.0}, [node], 0.0
+    """Return the nodes at most `limit` edges ahead of a node, each with its number of edges."""
+    # NOTE: 5 us for 3 edges around a node of Helsinki, where a search of the whole graph takes 170 us.
+    near = graph.neighborhoods
+    hops = {node: 0.0}
+    ring = [node]
+    far = 0.0
     while ring and far + 1.0 <= limit:
         far += 1.0
         ring = [end for end in dict.fromkeys(end for start in ring for end in near[start]) if end not in hops]
@@ -575,7 +597,7 @@ def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:
 
 
 def _lines(
-    edges: EdgesGoneAlong, tracks: Sequence[Track], in_air: Sequence[Position | None], sides: Sequence[int]
+    edges: TraveledEdges, tracks: Sequence[Track], in_air: Sequence[Position | None], sides: Sequence[int]
 ) -> core.Lines:
     each = zip(tracks, in_air, sides, strict=True)
     rows = [list(edges.lines_of(track, at)) if side else [] for track, at, side in each]

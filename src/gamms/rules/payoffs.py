@@ -1,4 +1,4 @@
-"""Pay-offs: how many points teams get for what happens, as a table; also of zero-sum games."""
+"""Payoffs: a table of the points that teams get for events; optionally zero-sum."""
 
 from collections.abc import Hashable, Mapping
 from typing import Any
@@ -11,33 +11,34 @@ from gamms.rules.endings import all_know, state_of
 from gamms.text import shown, shown_as_called
 from gamms.typing import Rule
 
-_PAYOFFS = "payoffs"  # in `ctx.game.data`: key -> how many events were paid for
-_AGENTS = ("agent", "other")  # fields that name agents; the others may name teams, too
+_PAYOFFS = "payoffs"  # in `ctx.game.data`: key -> number of events already paid
+_AGENTS = ("agent", "other")  # fields that always name agents; other fields may name teams
 
 
 @shown_as_called
 def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, key: str = "payoff") -> Rule:
-    """Make a rule that pays for events: kind of event -> which of its fields names who is paid -> points.
+    """Make a rule that pays teams for events: kind of event -> field that names who is paid -> points.
 
     `payoff({"tag": {"agent": 3, "other": -3}, "capture": {"agent": 10}})` gives 3 points to the team of the agent that
-    tags, and takes them from that of the other. A field names an agent or a team. All events are paid for that other
-    rules have emitted until the end of a turn, whichever rules were added first. Agents of no team get nothing. Rules
-    that have points of their own need `score=0` where the table pays for the same.
+    tags, and takes 3 from the team of the tagged agent. A field names an agent or a team. The rule pays for all events
+    that other rules emit in a turn, in whatever order the rules were added. Agents without a team get nothing. Set
+    `score=0` in rules whose events the table also pays for.
 
     Args:
-        table: the pay-offs.
-        zero_sum: all other teams pay for what one gets, in equal parts, so that the scores always add up to 0. With one
-            team alone nothing is paid.
-        key: of its state; a second rule of this kind needs another one.
+        table: the payoffs.
+        zero_sum: whether all other teams pay in equal parts for the points of a team, so that the scores always add up
+        to 0. If there is only one team, nothing is paid.
+        key: key of the rule's state; a second payoff rule needs another key.
 
     Raises:
-        BadType, BadValue: an argument is not one of these.
-        UnknownName (KeyError): when it pays, an event has no such field.
+        BadType, BadValue: an argument is invalid.
+        UnknownName (KeyError): when the rule pays, an event does not have the field.
     """
     checked = {as_name(kind, "a kind of event"): _of_roles(kind, of) for kind, of in as_mapping(table, "table").items()}
     if not checked:
-        raise BadValue("table is empty: give what is paid for, such as {'tag': {'agent': 1}}.")
-    balanced, state_key = as_flag(zero_sum, "zero_sum"), as_name(key, "the state of the rule")
+        raise BadValue("table is empty: give kinds of events, for example {'tag': {'agent': 1}}.")
+    balanced = as_flag(zero_sum, "zero_sum")
+    state_key = as_name(key, "the state of the rule")
 
     def prepare(ctx: Context) -> None:
         state_of(ctx, _PAYOFFS, state_key, {"seen": len(ctx.game.events)})
@@ -79,7 +80,7 @@ def _of_roles(kind: object, given: object) -> dict[str, float]:
 
 
 def _team_of(ctx: Context, role: str, named: Any) -> Hashable:
-    """Return the team that a field of an event names, or that of the agent that it names; None if there is none."""
+    """Return the team named by a field of an event, or the team of the agent it names; None if there is none."""
     if role not in _AGENTS and named in ctx.agent.teams:
         team: Hashable = named
         return team

@@ -1,4 +1,4 @@
-"""What teams do on nodes: hold them for some turns, and discover them with their sensors."""
+"""Rules about nodes: teams hold them for some turns, or discover them with sensors."""
 
 from collections.abc import Hashable, Iterable, Mapping
 from typing import Annotated, Any, NamedTuple
@@ -31,28 +31,28 @@ def hold(
     teams: Annotated[Iterable[Hashable] | None, TEAMS] = None,
     key: str = "hold",
 ) -> Rule:
-    """Make a rule by which a team wins that holds a place for so many turns in a row.
+    """Make a rule that lets a team win when it holds a place for a number of turns in a row.
 
-    Only ends of turns count. A team holds the place while one of its living agents is there on the ground and none of
-    another team is. While several teams are there, the count of the one that holds it stops; once that team is gone,
-    the count is back at 0. When it is full, there is an event `hold` with `team` and `turns`. Agents of no team neither
-    hold a place nor contest it.
+    Only the ends of turns count. A team holds the place while one of its living agents is there on the ground and no
+    agent of another team is. While several teams are there, the count of the holding team stops; once that team has
+    left, its count returns to 0. A full count is an event `hold` with `team` and `turns`. Agents without a team neither
+    hold nor contest a place.
 
     Args:
-        nodes: the place: a node, or several.
-        turns: how many.
-        every: whether a team needs an agent on each of the nodes; False: on one of them.
+        nodes: the place: one node, or several.
+        turns: the number of turns.
+        every: whether a team needs an agent on every node; False: on one of the nodes.
         score: points for a team whose count is full.
-        ends: whether it wins then, and the game ends; False: the count begins again, so that `turns=1` gives points for
-            every turn.
-        teams: those that may hold the place, one or several; None: all. The others contest it.
-        key: of its state; a second rule of this kind needs another one.
+        ends: whether the team then wins and the game ends; False: the count starts again, so `turns=1` gives points for
+        every turn.
+        teams: teams that may hold the place, one or several; None: all. Other teams can only contest it.
+        key: key of the rule's state; a second `hold` rule needs another key.
 
     Raises:
-        BadType, BadValue: an argument is not one of these.
-        UnknownName (KeyError): when it is added to a game, a node is not on the map.
+        BadType, BadValue: an argument is invalid.
+        UnknownName (KeyError): when the rule is added to a game, a node is not on the map.
     """
-    place = _Place(
+    place = _HoldRule(
         as_nodes(nodes, "A node to hold"),
         as_count(turns, "turns"),
         as_flag(every, "every"),
@@ -78,8 +78,8 @@ def hold(
     )
 
 
-class _Place(NamedTuple):
-    """The arguments of the rule, checked. What happens in a game is in `ctx.game.data`."""
+class _HoldRule(NamedTuple):
+    """The checked arguments of `hold`. The state of a game is in `ctx.game.data`."""
 
     nodes: frozenset[int]
     turns: int
@@ -100,7 +100,8 @@ class _Place(NamedTuple):
 
     def play(self, ctx: Context) -> None:
         """Count a turn."""
-        state, there = self._state(ctx), _teams_on(ctx, self.nodes)
+        state = self._state(ctx)
+        there = _teams_on(ctx, self.nodes)
         able = [
             team for team, on in there.items() if (on == self.nodes or not self.every) and team in (self.teams or there)
         ]
@@ -141,31 +142,33 @@ def discover(
     teams: Annotated[Iterable[Hashable] | None, TEAMS] = None,
     key: str = "discovered",
 ) -> Rule:
-    """Make a rule by which teams discover nodes, and what is there, when a sensor of a living agent has them in view.
+    """Make a rule that lets teams discover nodes and their contents when a sensor of a living agent has them in view.
 
-    Ends of turns count. An agent on the ground also sees the node that it is on, and those at most `hops` edges ahead.
-    What is discovered stays known. Each discovery is an event `discover` with `agent` (of several the first by name),
-    `team`, `node`, and `first`: whether no other team has discovered it in an earlier turn. A team knows what it has
-    discovered: its `state["facts"][key]` is node -> what is there.
+    Only the ends of turns count. An agent on the ground also sees its own node and the nodes at most `hops` edges
+    ahead. Discovered nodes stay known. Each discovery is an event `discover` with `agent` (the first by name), `team`,
+    `node`, and `first`: whether no other team has discovered it in an earlier turn. `state["facts"][key]` has the
+    discoveries of the agent's team: node -> contents.
 
     Args:
-        nodes: a node, several, or node -> what is there, such as "flag" or "decoy": any plain value.
-        hops: how many edges far an agent on the ground sees without sensors.
-        score: points for each team that is the first to discover a node; two in one turn both get them.
-        teams: those that discover nodes, one or several; None: all.
-        key: of its state and its facts; a second rule of this kind needs another one.
+        nodes: one node, several, or node -> contents, for example "flag" or "decoy": any plain value.
+        hops: number of edges that an agent on the ground sees ahead without sensors.
+        score: points for each team that is the first to discover a node; two teams in the same turn both get them.
+        teams: teams that discover nodes, one or several; None: all.
+        key: key of the rule's state and facts; a second `discover` rule needs another key.
 
     Raises:
-        BadType, BadValue: an argument is not one of these.
-        UnknownName (KeyError): when it is added to a game, a node is not on the map.
+        BadType, BadValue: an argument is invalid.
+        UnknownName (KeyError): when the rule is added to a game, a node is not on the map.
     """
     hidden = sorted(as_nodes(nodes, "A node to discover"))
     what = {node: nodes[node] for node in hidden} if isinstance(nodes, Mapping) else dict.fromkeys(hidden, True)
     flaw = why_not_plain(what)
     if flaw:
-        raise BadType(f"What is on a node must be a plain value, such as 'decoy', not {shown(what)}: {flaw}.")
-    state_key, points, radius = as_name(key, "the state of the rule"), as_float(score, "score"), as_range(hops, "hops")
-    game = _Discovery(what, as_teams(teams), points, radius, state_key)
+        raise BadType(f"The contents of a node must be a plain value, for example 'decoy', not {shown(what)}: {flaw}.")
+    state_key = as_name(key, "the state of the rule")
+    points = as_float(score, "score")
+    radius = as_range(hops, "hops")
+    game = _DiscoveryRule(what, as_teams(teams), points, radius, state_key)
 
     def discover(ctx: Context) -> None:
         game.play(ctx)
@@ -184,8 +187,8 @@ def discover(
     )
 
 
-class _Discovery(NamedTuple):
-    """The arguments of the rule, checked. What happens in a game is in `ctx.game.data`."""
+class _DiscoveryRule(NamedTuple):
+    """The checked arguments of `discover`. The state of a game is in `ctx.game.data`."""
 
     what: dict[int, Any]
     teams: frozenset[Hashable] | None
@@ -194,16 +197,18 @@ class _Discovery(NamedTuple):
     key: str
 
     def prepare(self, ctx: Context) -> None:
-        """Check the nodes against the map, and publish that nothing is known."""
+        """Check the nodes against the map, and publish that nothing is discovered."""
         refuse_unknown(ctx, self.what)
         self._found_by(ctx)
         ctx.game.publish(**{self.key: {}})
 
     def play(self, ctx: Context) -> None:
-        """Let all agents look."""
-        by, known, grown = self._found_by(ctx), dict[Any, set[int]](), dict[Any, None]()
+        """Update the discoveries of all agents."""
+        by = self._found_by(ctx)
+        known = dict[Any, set[int]]()
+        grown = dict[Any, None]()
         before = {node for found in by.values() for node in found}
-        hidden = _Places(np.array([*self.what], np.int64), ctx.graph.graph.positions([*self.what]))
+        hidden = _NodeIndex(np.array([*self.what], np.int64), ctx.graph.graph.positions([*self.what]))
         for agent in ctx.game.agents:
             team = agent.team
             if team is None or not (self.teams is None or team in self.teams):
@@ -231,12 +236,12 @@ class _Discovery(NamedTuple):
         return found
 
 
-class _Places:
-    """Some nodes, found by their ids and by where they are.
+class _NodeIndex:
+    """A set of nodes, indexed by id and by position.
 
     Attributes:
-        ids: of the nodes.
-        at: (x, y) -> the ids of the nodes there.
+        ids: ids of the nodes.
+        at: (x, y) -> ids of the nodes at this position.
     """
 
     def __init__(self, ids: IntArray, xy: FloatArray) -> None:
@@ -245,13 +250,13 @@ class _Places:
             self.at.setdefault((x, y), []).append(node)
 
 
-def _shown(sensors: Iterable[ISensor], name: str, here: int, places: _Places) -> set[int]:
-    """Return which nodes, by their ids, the sensors of the agent of a name show from a node."""
+def _shown(sensors: Iterable[ISensor], name: str, here: int, places: _NodeIndex) -> set[int]:
+    """Return the ids of the nodes that the sensors of the named agent show from a node."""
     shown_ids = set[int]()
     for sensor in sensors:
         try:
             shown_ids.update(sensor.coverage(here, name).node_ids.tolist())
-        except NotOffered:  # it is no sensor of agents
+        except NotOffered:  # the sensor does not show agents
             try:
                 seen = sensor.view_from(here, name).nodes
             except NotOffered:
@@ -260,8 +265,8 @@ def _shown(sensors: Iterable[ISensor], name: str, here: int, places: _Places) ->
     return shown_ids & places.ids
 
 
-def _in_view(ctx: Context, agent: IAgent, places: _Places, hops: float) -> set[int]:
-    """Return which nodes an agent has in view, or so many edges ahead."""
+def _in_view(ctx: Context, agent: IAgent, places: _NodeIndex, hops: float) -> set[int]:
+    """Return the nodes that an agent has in view, or at most `hops` edges ahead."""
     here = agent.current_node_id
     around = () if agent.type is AgentType.AERIAL else nodes_within(ctx.graph.graph, here, hops)
     return _shown(agent.sensors.values(), agent.name, here, places) | places.ids.intersection(around)

@@ -1,4 +1,4 @@
-"""What agents use up: amounts such as fuel, which moves, turns and deeds cost, and deeds that take time to be ready."""
+"""Rules about resources: amounts, for example fuel, spent by moves, turns and deeds, and deeds with a cooldown."""
 
 from collections.abc import Collection, Hashable, Iterable, Mapping
 from functools import partial
@@ -12,14 +12,14 @@ from gamms.errors import BadValue, UnknownName
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import GraphColumns, shortest_edges
 from gamms.rules.endings import as_teams, refuse_unknown, state_of
-from gamms.rules.visits import EdgesGoneAlong
+from gamms.rules.visits import TraveledEdges
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, Rule
 from gamms.typing.game import TEAMS, Leg, Move
 from gamms.visual.drawers.standings import COOLDOWNS, RESOURCES, render_amounts, render_cooldowns
 
 _EMPTY = ("stay", "eliminate")
-_SLACK = 1e-9  # of what is needed: an amount that is just enough must not fail by rounding
+_SLACK = 1e-9  # tolerance: rounding must not refuse an amount that is just enough
 
 
 @shown_as_called
@@ -36,38 +36,39 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
     empty: str = "stay",
     teams: Annotated[Iterable[Hashable] | None, TEAMS] = None,
 ) -> Rule:
-    """Make a rule by which agents use up an amount each, such as fuel, and may recharge it on some nodes.
+    """Make a rule that gives each agent an amount, for example of fuel, to spend and to recharge on some nodes.
 
-    A move or a deed that needs more than is left is refused as a whole, deeds first, in the order in which the action
-    has them; `state["blocked"]` says why. At the end of a turn an agent pays for what it has done, an edge when it gets
-    to the end of it, then for the turn, as far as there is something left; then it recharges. An agent that has nothing
-    left at the end of its turn is an event `empty` with `agent` and `resource`. One that comes back after it was out
-    has the `start` again.
+    A move or a deed that needs more than is left is refused as a whole; deeds are checked first, in the order of the
+    action; `state["blocked"]` has the reason. At the end of a turn an agent pays for its deeds and moves (an edge when
+    it reaches its end), then for the turn, as far as the amount lasts; then it recharges. An agent that has nothing
+    left at the end of its turn is an event `empty` with `agent` and `resource`. An agent that returns after it was
+    eliminated has the `start` amount again.
 
-    Each agent knows what it has: `state["facts"][name]` is its own amount.
+    Each agent knows its own amount: `state["facts"][name]`.
 
     Args:
-        name: of the resource, its facts, and the key of its state.
-        start: what each agent has at first.
-        per_metre: the price of a map unit: along the edges, in a straight line where there is none and in the air.
-        per_edge: the price of an edge.
-        per_turn: the price of a turn.
+        name: name of the resource, of its facts, and the key of its state.
+        start: initial amount of each agent.
+        per_metre: price of a map unit: along edges; in a straight line for moves without an edge and in the air.
+        per_edge: price of an edge.
+        per_turn: price of a turn.
         per_deed: deed -> its price.
-        recharge: node -> what an agent gets at the end of each turn there; one that flies, where that node is nearest.
-        capacity: what an agent has at most; None: what it has at first.
-        empty: what comes of an agent that has nothing left: "stay" where it is, or "eliminate".
-        teams: a team, or several; None: all agents.
+        recharge: node -> amount gained at the end of each turn there; for flying agents, if this is their nearest node.
+        capacity: maximum amount of each agent; None: the initial amount.
+        empty: effect on an agent that has nothing left: "stay" where it is, or "eliminate".
+        teams: teams with the resource, one or several; None: all agents.
 
     Raises:
-        BadType, BadValue: an argument is not one of these.
-        UnknownName (KeyError): when it is added to a game, a node is not on the map, or a deed is not declared.
+        BadType, BadValue: an argument is invalid.
+        UnknownName (KeyError): when the rule is added to a game, a node is not on the map, or a deed is not declared.
     """
-    begin, full = as_range(start, "start"), as_range(start if capacity is None else capacity, "capacity")
+    begin = as_range(start, "start")
+    full = as_range(start if capacity is None else capacity, "capacity")
     if begin > full or not isfinite(begin):
         raise BadValue(f"start must be finite and at most the capacity, {full:g}, not {begin:g}.")
     prices = {} if per_deed is None else as_mapping(per_deed, "per_deed")
     rates = {} if recharge is None else as_mapping(recharge, "recharge")
-    tank = _Tank(
+    tank = _ResourceRule(
         as_name(name, "a resource"),
         begin,
         full,
@@ -79,7 +80,7 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
         as_choice(empty, "empty", _EMPTY) == "eliminate",
         as_teams(teams),
     )
-    lengths = _Lengths()
+    lengths = _MoveLengths()
 
     def resource(ctx: Context) -> None:
         tank.charge(ctx, lengths)
@@ -101,21 +102,21 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
     )
 
 
-class _Lengths:
-    """The lengths of moves on the map as it is."""
+class _MoveLengths:
+    """The lengths of moves on the present map."""
 
     def __init__(self) -> None:
         self._of: tuple[GraphColumns | None, dict[tuple[int, int], float]] = (None, {})
 
     def of(self, ctx: Context, leg: Leg) -> float:
-        """Return how long an edge is that an agent has gone along, closed since or not; removed: from end to end."""
+        """Return the length of the edge of a leg, also of a closed one; of a removed one, the straight line."""
         try:
-            return float(EdgesGoneAlong(ctx)[leg.edge].length)
+            return float(TraveledEdges(ctx)[leg.edge].length)
         except UnknownName:
             return dist(*ctx.graph.graph.positions([leg.source, leg.target]).tolist())
 
     def along(self, ctx: Context, path: tuple[int, ...]) -> float:
-        """Return how long a path is, in map units."""
+        """Return the length of a path, in map units."""
         columns = ctx.graph.columns()
         if self._of[0] is not columns:
             self._of = columns, shortest_edges(columns)
@@ -126,8 +127,8 @@ class _Lengths:
         return dist(*ctx.graph.graph.positions([source, target]).tolist()) if known is None else known
 
 
-class _Tank(NamedTuple):
-    """The arguments of the rule, checked. What happens in a game is in `ctx.game.data`."""
+class _ResourceRule(NamedTuple):
+    """The checked arguments of `resource`. The state of a game is in `ctx.game.data`."""
 
     name: str
     start: float
@@ -146,13 +147,13 @@ class _Tank(NamedTuple):
         for deed in self.per_deed:
             _check_declared(ctx, deed)
         if self.teams is None:
-            ctx.game.publish(**{self.name: self.start})  # for agents that come later
+            ctx.game.publish(**{self.name: self.start})  # for agents created later
         for agent in self._agents(ctx):
             if agent.name not in self._state(ctx)["amounts"]:
                 self._give(ctx, agent, self.start)
 
     def disclose(self, data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
-        """Return what some agents have left."""
+        """Return the amounts that the named agents have left."""
         state = data.get(RESOURCES, {}).get(self.name, {})
         own = {
             key: {name: number for name, number in state.get(key, {}).items() if name in names}
@@ -160,13 +161,14 @@ class _Tank(NamedTuple):
         }
         return {RESOURCES: {self.name: {"turn": state.get("turn", -1), **own}}}
 
-    def check(self, ctx: Context, lengths: _Lengths) -> None:
-        """Refuse what costs more than is left."""
-        state, moves = self._state(ctx), ctx.game.moves
+    def check(self, ctx: Context, lengths: _MoveLengths) -> None:
+        """Refuse moves and deeds that cost more than is left."""
+        state = self._state(ctx)
+        moves = ctx.game.moves
         deeds: dict[str, list[str]] = {}
         for deed in ctx.game.performed():
             deeds.setdefault(deed.agent, []).append(deed.kind)
-        if state["turn"] != ctx.game.turn:  # with an order of play there are several checks in a turn
+        if state["turn"] != ctx.game.turn:  # with an order of play a turn has several checks
             flying = [agent.name for agent in self._agents(ctx) if _flies(agent)]
             state["flights"] = {name: _num_moves(ctx, name) for name in flying}
             state["turn"] = ctx.game.turn
@@ -190,9 +192,10 @@ class _Tank(NamedTuple):
             elif price > left * (1 + _SLACK):
                 ctx.game.refuse(agent, f"it needs {price:g} {self.name}, and {left:g} is left")
 
-    def charge(self, ctx: Context, lengths: _Lengths) -> None:
-        """Let agents pay for what they did, recharge them, and put out those that have nothing left."""
-        state, moves = self._state(ctx), ctx.game.moves
+    def charge(self, ctx: Context, lengths: _MoveLengths) -> None:
+        """Charge agents for their moves and deeds, recharge them, and apply `empty` to agents with nothing left."""
+        state = self._state(ctx)
+        moves = ctx.game.moves
         used = dict.fromkeys((agent.name for agent in self._agents(ctx)), self.per_turn)
         for deed in ctx.game.performed():
             if deed.agent in used:
@@ -219,7 +222,7 @@ class _Tank(NamedTuple):
                 ctx.game.eliminate(agent)
 
     def _give(self, ctx: Context, agent: IAgent, amount: float) -> None:
-        """Set what an agent has, and let it know."""
+        """Set the amount of an agent, and publish it to the agent."""
         amounts = self._state(ctx)["amounts"]
         if amounts.get(agent.name) != amount:
             amounts[agent.name] = amount
@@ -230,13 +233,13 @@ class _Tank(NamedTuple):
         return state_of(ctx, RESOURCES, self.name, {"full": full, "amounts": {}, "turn": -1, "flights": {}})
 
     def _agents(self, ctx: Context) -> list[IAgent]:
-        """Return the agents that have the resource, dead ones too, in the order of their names."""
+        """Return the agents that have the resource, including dead ones, ordered by name."""
         return [agent for _, agent in sorted(ctx.agent.agents.items()) if self._counts(agent)]
 
     def _counts(self, agent: IAgent) -> bool:
         return self.teams is None or agent.team in self.teams
 
-    def _price(self, ctx: Context, move: Move, lengths: _Lengths) -> float:
+    def _price(self, ctx: Context, move: Move, lengths: _MoveLengths) -> float:
         edges = sum(start != end for start, end in pairwise(move.path))
         if move.legs:
             metres = sum([abs(leg.end - leg.begin) * lengths.of(ctx, leg) for leg in move.legs])
@@ -251,7 +254,7 @@ def _check_declared(ctx: Context, deed: str) -> None:
 
 
 def _num_moves(ctx: Context, name: str) -> int:
-    """Return how often an agent has moved; one that was not asked yet has no counts."""
+    """Return how often an agent has moved; 0 before its first decision."""
     counts = ctx.game.counts.get(name)
     return counts["moves"] if counts else 0
 
@@ -261,34 +264,35 @@ def _flies(agent: IAgent) -> bool:
 
 
 def _eliminated(ctx: Context) -> set[str]:
-    """Return the names of the agents that went out in this turn."""
+    """Return the names of the agents that were eliminated in this turn."""
     turn = ctx.game.turn + ctx.game.is_moving  # of what happens now
     events = takewhile(lambda event: event["turn"] == turn, reversed(ctx.game.events))
     return {event["agent"] for event in events if event["kind"] == "eliminated"}
 
 
 def _cooling(kind: str, data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
-    """Return for how many turns more some agents may not do a deed."""
+    """Return the number of turns that named agents must wait before they may repeat a deed."""
     known = data.get(COOLDOWNS, {}).get(kind, {}).get("left", {})
     return {COOLDOWNS: {kind: {"left": {name: more for name, more in known.items() if name in names}}}}
 
 
 @shown_as_called
 def cooldown(deed: str, turns: int) -> Rule:
-    """Make a rule by which an agent that has done something may not do it again in so many turns.
+    """Make a rule that forbids an agent to repeat a deed for a number of turns.
 
-    It is refused until then, and `state["blocked"]` names the turn in which it is ready, by its number in
-    `result.deeds`. Another agent may do it meanwhile.
+    During this time the deed is refused, and `state["blocked"]` names the turn in which it is ready, counted as in
+    `result.deeds`. Other agents are not affected.
 
     Args:
-        deed: what is done, as `ctx.game.deeds` declares it.
-        turns: in how many turns it may not be done again.
+        deed: the deed, as `ctx.game.deeds` declares it.
+        turns: number of turns in which it may not be repeated.
 
     Raises:
-        BadType, BadValue: an argument is not one of these.
-        UnknownName (KeyError): when it is added to a game, there is no such deed.
+        BadType, BadValue: an argument is invalid.
+        UnknownName (KeyError): when the rule is added to a game, the deed is not declared.
     """
-    kind, wait = as_name(deed, "a deed"), as_count(turns, "turns")
+    kind = as_name(deed, "a deed")
+    wait = as_count(turns, "turns")
 
     def left(ctx: Context) -> dict[str, int]:
         agents: dict[str, int] = state_of(ctx, COOLDOWNS, kind, {"of": wait, "left": {}})["left"]

@@ -1,4 +1,4 @@
-"""Tagging: an agent that meets a tagger goes back to its start, is eliminated, or what the game says; coming back."""
+"""Tagging: an agent that meets a tagger is respawned, eliminated, or passed to a function; and respawn of agents."""
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Annotated, NamedTuple, cast
@@ -13,8 +13,8 @@ from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import all_know, as_teams, state_of
 from gamms.rules.in_core import fits_core, in_core
-from gamms.rules.meetings import InTurn, Nearness, Side, turn_of
-from gamms.rules.territory import NO_TERRITORY, Ground, Territory, as_territory
+from gamms.rules.meetings import Nearness, Side, TurnContacts, turn_of
+from gamms.rules.territory import NO_TERRITORY, Territory, TerritorySource, as_territory
 from gamms.text import shown, shown_as_called
 from gamms.typing.game import TEAMS, Rule
 from gamms.visual.drawers.marks import render_tags
@@ -44,72 +44,74 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     territory: Territory | str | None = None,
     mutual: bool = False,
 ) -> Rule:
-    """Make a rule by which taggers tag those that they meet in a turn, one each: the earliest, of these the nearest.
+    """Make a rule that lets each tagger tag one agent that it meets in a turn: the earliest, then the nearest.
 
-    Each agent is in one pair at most, and ties are decided by keyed draws. All pairs are found before any agent is
-    moved; then the tags are counted; then the tagged agents are moved. Each tag is an event `tag` with `agent` (the
-    tagger), `other` and `node` (where the other was then, or the node that it had passed last). See `contacts`.
+    Each agent is in at most one pair, and ties are decided by keyed draws. All pairs are found first; then the tags are
+    counted; then the tagged agents are moved. Each tag is an event `tag` with `agent` (the tagger), `other` and `node`
+    (the node of the other agent at that time, or the last node that it had passed). See `contacts`.
 
-    The pairs of all such rules of a game are matched with each other, so that their order does not matter: an agent is
-    in one pair of all of them at most.
+    The pairs of all `tag` rules of a game are matched together, so their order does not matter: an agent is in at most
+    one pair of all rules.
 
     Args:
-        taggers: a team, or a function of an agent that says whether it is on that side.
-        tagged: likewise.
-        hops: tag from so many edges away, as for `contacts`. Without any of these three, on one node, or past each
-            other on an edge.
-        metres: the same by the lengths of the edges.
-        euclid: the same in a straight line, map units.
-        crossing: whether agents that are on one edge in opposite directions meet, too; None: where no distance is
-            given.
+        taggers: a team, or a function that returns whether an agent is on this side.
+        tagged: the other side, given in the same way.
+        hops: maximum number of edges between agents; see `contacts`. Without any of these three, agents must be on the
+        same node, or pass each other on an edge.
+        metres: maximum length of the path between agents.
+        euclid: maximum straight-line distance, map units.
+        crossing: whether agents that move along one edge in opposite directions meet; None: only if no distance is
+        given.
         air: whether aerial agents take part.
-        passing: whether agents meet on their way, too; False: where they are at the end of the turn.
-        then: "respawn" where it began, "eliminate", or a function `(ctx, tagger, tagged)`.
+        passing: whether agents also meet on their way; False: only where they are at the end of the turn.
+        then: "respawn" at its start, "eliminate", or a function `(ctx, tagger, tagged)`.
         score: points for the tagger's team.
-        territory: node -> team, or the name of the fact that has this: an agent can be tagged only
-            at a node of the tagger's team.
-        mutual: the other side tags, too: both agents of a pair are tagged; with a territory the one on the other's.
+        territory: node -> team, or the name of a fact with this mapping: an agent can be tagged only at a node of the
+        tagger's team.
+        mutual: whether both agents of a pair are tagged; with a territory, only the agent on the other's territory.
 
     Raises:
-        BadType, BadValue: an argument is not one of these.
+        BadType, BadValue: an argument is invalid.
     """
     nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air, passing=passing)
     sides = as_side(taggers), as_side(tagged)
-    then_checked, ground = _as_then(then), as_territory(territory)
+    then_checked = _as_then(then)
+    ground = as_territory(territory)
     as_float(score, "score")
-    return _rule_of([_Tagging(*sides, nearness, then_checked, score, ground, mutual=as_flag(mutual, "mutual"))])
+    return _rule_of([_TagRule(*sides, nearness, then_checked, score, ground, mutual=as_flag(mutual, "mutual"))])
 
 
-class _Tagging(NamedTuple):
-    """The arguments of a rule; see `tag`."""
+class _TagRule(NamedTuple):
+    """The checked arguments of `tag`."""
 
     taggers: Side
     tagged: Side
     nearness: Nearness
     then: str | Then
     score: float
-    ground: Ground | None
+    ground: TerritorySource | None
     mutual: bool
 
     @property
     def sides(self) -> tuple[Side, Side]:
-        """Taggers and tagged."""
+        """The two sides: taggers, tagged."""
         return self.taggers, self.tagged
 
     @property
     def has_core_form(self) -> bool:
-        """Whether the core plays it in batches."""
+        """Whether the core can play the rule in batches."""
         return isinstance(self.then, str) and not any(map(callable, self.sides)) and fits_core(self.score)
 
-    def collect(self, ctx: Context, turn: InTurn, number: int) -> None:
-        """Add the contacts of a turn that make tags to `turn.roster.tags`, as those of a tagging of a number."""
-        found, roster = turn.find(ctx, self.taggers, self.tagged, self.nearness), turn.roster
+    def collect(self, ctx: Context, turn: TurnContacts, number: int) -> None:
+        """Add the contacts that are tags to `turn.roster.tags`, marked with the number of this rule."""
+        found = turn.find(ctx, self.taggers, self.tagged, self.nearness)
+        roster = turn.roster
         owners = NO_TERRITORY if self.ground is None else self.ground.in_turn(ctx, turn)
         if found is not None:
             roster.tags.add(found, number, self.mutual, owners, roster.team)
 
 
-def _rule_of(taggings: Sequence[_Tagging]) -> Rule:
+def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
     def tag(ctx: Context) -> None:
         _tag(ctx, taggings)
 
@@ -126,8 +128,8 @@ def _rule_of(taggings: Sequence[_Tagging]) -> Rule:
     )
 
 
-def _tag(ctx: Context, taggings: Sequence[_Tagging]) -> None:
-    """Let agents tag in a turn of one game."""
+def _tag(ctx: Context, taggings: Sequence[_TagRule]) -> None:
+    """Play the tags of one turn of one game."""
     turn = turn_of(ctx)
     tags = turn.roster.tags
     tags.begin()
@@ -136,10 +138,13 @@ def _tag(ctx: Context, taggings: Sequence[_Tagging]) -> None:
     if tags.count == 0:
         return
     tags.match()
-    game, agents, names = ctx.game, ctx.agent, turn.roster.names
-    done = list[tuple[_Tagging, BaseAgent, BaseAgent]]()
+    game = ctx.game
+    agents = ctx.agent
+    names = turn.roster.names
+    done = list[tuple[_TagRule, BaseAgent, BaseAgent]]()
     for number, tagger, other, node in tags.made(turn.numbers):
-        tagging, one = taggings[number], agents.get_agent(names[tagger])
+        tagging = taggings[number]
+        one = agents.get_agent(names[tagger])
         done.append((tagging, one, agents.get_agent(names[other])))
         game.emit("tag", agent=names[tagger], other=names[other], node=node)
         if tagging.score:
@@ -164,26 +169,31 @@ def _as_then(then: object) -> str | Then:
 def respawn(
     after: int = 1, *, times: int | None = None, teams: Annotated[Iterable[Hashable] | None, TEAMS] = None
 ) -> Rule:
-    """Make a rule by which agents that are out come back where they began.
+    """Make a rule that returns eliminated agents to their starts.
 
-    It is for rules that eliminate, such as `tag(…, then="eliminate")`. An agent that goes out in turn t is back at the
-    end of turn t + `after`, and moves again in the turn behind it: it misses so many turns.
+    Use it with rules that eliminate, for example `tag(…, then="eliminate")`. An agent that is eliminated in turn t
+    returns at the end of turn t + `after`, and moves again in the next turn: it misses `after` turns.
 
     Args:
-        after: how many turns an agent misses.
-        times: how often each agent comes back; None: always.
-        teams: those whose agents come back, one or several; None: all.
+        after: number of turns that an agent misses.
+        times: how often each agent returns; None: always.
+        teams: teams whose agents return, one or several; None: all.
 
     Raises:
-        BadType, BadValue: an argument is not one of these.
+        BadType, BadValue: an argument is invalid.
     """
-    wait, most, those = as_count(after, "after"), None if times is None else as_count(times, "times"), as_teams(teams)
+    wait = as_count(after, "after")
+    most = None if times is None else as_count(times, "times")
+    those = as_teams(teams)
     named = sorted(those or (), key=str)
     key = " ".join(["respawn", *map(str, named)])
 
     def respawn(ctx: Context) -> None:
         state = state_of(ctx, "respawns", key, {"out": {}, "times": {}})
-        out, done, block, agents = state["out"], state["times"], ctx.agent.block, ctx.agent.agents
+        out = state["out"]
+        done = state["times"]
+        block = ctx.agent.block
+        agents = ctx.agent.agents
         for name in sorted({*out, *[block.names[row] for row in block.inactive]}):
             agent = agents.get(name)
             if agent is None:
@@ -191,14 +201,16 @@ def respawn(
             if agent.alive or not (those is None or agent.team in those):
                 out.pop(name, None)
                 continue
-            gone, before = out.setdefault(name, ctx.game.turn), done.get(name, 0)
+            gone = out.setdefault(name, ctx.game.turn)
+            before = done.get(name, 0)
             if core.comes_back(gone, wait, ctx.game.turn, before, -1 if most is None else most):
                 done[name] = before + 1
                 del out[name]
                 ctx.game.respawn(agent)
 
     def begin_arrays(ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
-        known, column = ctx.game.data.get("respawns", {}).get(key, {}), state.roster.column
+        known = ctx.game.data.get("respawns", {}).get(key, {})
+        column = state.roster.column
         return {("respawn", key): {"out": column(known.get("out", {}), -1), "times": column(known.get("times", {}), 0)}}
 
     core_form = in_core("respawn", key, those, wait, most)

@@ -1,4 +1,4 @@
-"""Territories: which team owns a node. They are data, a mapping from nodes to teams that a game publishes as a fact."""
+"""Territories: mappings from nodes to the teams that own them, published by a game as facts."""
 
 from array import array
 from collections.abc import Hashable, Iterable, Mapping, Sequence
@@ -15,7 +15,7 @@ from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
 from gamms.rules.endings import all_know
 from gamms.rules.in_core import in_core
-from gamms.rules.meetings import InTurn
+from gamms.rules.meetings import TurnContacts
 from gamms.text import shown, shown_as_called
 from gamms.typing import ColorType, NodeId, Rule
 from gamms.typing.game import OWNERS, TEAMS
@@ -33,23 +33,24 @@ Colors = Mapping[Any, ColorType]  # team -> colour
 def by_distance(
     ctx: Context, bases: Annotated[Mapping[Any, NodeId | Iterable[NodeId]], OWNERS], weight: str | None = "length"
 ) -> dict[int, Hashable]:
-    """Give every node to the team whose base is nearest by road, there or back, whichever is shorter.
+    """Give every node to the team whose base is nearest by road, in the shorter direction.
 
     Args:
         ctx: the context.
-        bases: team -> its node, or several.
-        weight: what a path costs: "length", another attribute of the edges, or None for their number.
+        bases: team -> its base, one node or several.
+        weight: cost of edges: "length", another attribute of the edges, or None for 1 per edge.
 
     Returns:
-        node -> team; of teams equally near the first by text has it. A node that no path joins to any base is left
-        out.
+        node -> team; ties go to the first team by text. Nodes without a path to any base are left out.
 
     Raises:
-        UnknownName (KeyError), BadType: a base is not a node of the map, or there is no such attribute.
+        UnknownName (KeyError), BadType: a base is not on the map, or the attribute does not exist.
     """
     if not isinstance(bases, Mapping):
         raise BadType(f"bases must be a mapping from teams to nodes, not {shown(bases)}.")
-    graph, nearest, owners = ctx.graph.graph, dict[int, float](), dict[int, Hashable]()
+    graph = ctx.graph.graph
+    nearest = dict[int, float]()
+    owners = dict[int, Hashable]()
     for team in sorted(bases, key=str):
         base = bases[team]
         several = base if isinstance(base, Iterable) else [base]
@@ -64,24 +65,24 @@ def by_distance(
 def halves(
     ctx: Context, axis: str = "x", teams: Annotated[Iterable[Hashable] | None, TEAMS] = None
 ) -> dict[int, Hashable]:
-    """Split the map across an axis, with as nearly as many nodes on either side.
+    """Split the map across an axis into halves with nearly equal numbers of nodes.
 
     Args:
         ctx: the context.
-        axis: "x" for a half to the west and one to the east, "y" for one to the south and one to the north.
-        teams: the owner of the half with the smaller coordinates, then of the other; None: the two teams that there
-            are, in the order of their text.
+        axis: "x" for a western and an eastern half, "y" for a southern and a northern half.
+        teams: owner of the half with the smaller coordinates, then of the other half; None: the two teams of the game,
+        ordered by their text.
 
     Returns:
-        node -> team; nodes on the dividing line are the second team's.
+        node -> team; nodes on the dividing line belong to the second team.
 
     Raises:
-        BadValue: there is no such axis, or there are not two teams.
+        BadValue: the axis does not exist, or there are not two teams.
     """
     column = _AXES.index(as_choice(axis, "axis", _AXES))
     sides = [team for team in ctx.agent.teams if team is not None] if teams is None else list(teams)
     if len(sides) != 2:
-        raise BadValue(f"A map has two halves, and teams are {sides}. Give halves(…, teams=(west, east)).")
+        raise BadValue(f"A map has two halves, but the teams are {sides}. Give halves(…, teams=(west, east)).")
     columns = ctx.graph.columns()
     along = columns.xy[:, column]
     if len(along) == 0:
@@ -96,10 +97,11 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
 
     Args:
         nodes: node -> team.
-        name: of the fact: `state["facts"][name]`; other rules take it as `territory=name`.
-        colors: team -> colour; None: those of the agents where nothing else is declared.
+        name: name of the fact: `state["facts"][name]`; other rules use it with `territory=name`.
+        colors: team -> color; None: the colors of the agents if none are declared elsewhere.
     """
-    territory, fact = _checked(nodes), as_name(name, "a fact")
+    territory = _checked(nodes)
+    fact = as_name(name, "a fact")
     owned = _packed(territory)
 
     def prepare(ctx: Context) -> None:
@@ -107,7 +109,7 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
         ctx.game.data.setdefault(TERRITORIES, {})[fact] = owned
 
     def published(ctx: Context) -> None:
-        if fact not in ctx.game.facts:  # it was not added, but is called by another rule
+        if fact not in ctx.game.facts:  # the rule was not added, but called by another rule
             prepare(ctx)
 
     core_form = in_core("published", fact, territory)
@@ -122,8 +124,8 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
     )
 
 
-class Ground(NamedTuple):
-    """A territory that a rule was given: the mapping, or the name of the fact that has it."""
+class TerritorySource(NamedTuple):
+    """The territory passed to a rule: a mapping, or the name of a fact with a mapping."""
 
     given: Territory | str
 
@@ -131,20 +133,20 @@ class Ground(NamedTuple):
         """Return node -> team.
 
         Raises:
-            UnknownName (KeyError): there is no such fact.
+            UnknownName (KeyError): the fact does not exist.
         """
         if not isinstance(self.given, str):
             return self.given
         as_known(self.given, "fact", facts)
         return cast("Territory", facts[self.given])
 
-    def in_turn(self, ctx: Context, turn: InTurn) -> Any:
-        """Return the numbers of the teams of a turn that own nodes, (nodes,); -1 for a node of no team that plays."""
+    def in_turn(self, ctx: Context, turn: TurnContacts) -> Any:
+        """Return the number of the team that owns each node, (nodes,); -1 for nodes of other teams."""
         owners = self.of(ctx.game.facts) if isinstance(self.given, str) else self.given
         return turn.roster.owners(owners, turn.numbers)
 
     def rows(self, facts: Mapping[str, Any], streets: Streets, teams: Sequence[Hashable]) -> IntArray:
-        """Return the numbers of the teams that own nodes, (nodes,); -1 for a node of no team that plays."""
+        """Return the number of the team that owns each node, (nodes,); -1 for nodes of other teams."""
         owners = self.of(facts)
         numbers = np.full(streets.num_nodes, -1)
         for row, node in enumerate(streets.columns.node_ids.tolist()):
@@ -153,15 +155,15 @@ class Ground(NamedTuple):
         return numbers
 
 
-def as_territory(territory: object) -> Ground | None:
-    """Return what a rule was given; None for none.
+def as_territory(territory: object) -> TerritorySource | None:
+    """Check a territory passed to a rule; None for no territory.
 
     Raises:
-        BadType: it is neither a mapping from nodes to teams nor the name of a fact.
+        BadType: neither a mapping from nodes to teams nor the name of a fact.
     """
     if territory is None:
         return None
-    return Ground(territory if isinstance(territory, str) else _checked(territory))
+    return TerritorySource(territory if isinstance(territory, str) else _checked(territory))
 
 
 def _checked(territory: object) -> dict[int, Hashable]:
@@ -174,7 +176,7 @@ def _checked(territory: object) -> dict[int, Hashable]:
 
 
 def _packed(territory: Mapping[int, Hashable]) -> dict[Hashable, str]:
-    """Return the ids of each team's nodes, as text."""
+    """Return the node ids of each team, as text."""
     owned: dict[Hashable, list[int]] = {}
     for node, team in territory.items():
         if team is not None:

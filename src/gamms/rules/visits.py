@@ -1,4 +1,4 @@
-"""Where agents were in the course of a turn of one game: at nodes, and on edges in games by metres.
+"""The positions of agents during a turn of one game: on nodes, and on edges in games by metres.
 
 A turn is the time from 0 to 1.
 """
@@ -13,23 +13,23 @@ from gamms.typing.game import Leg, Track
 from gamms.typing.graph_values import OSMEdge
 from gamms.typing.on_edges import line_along, point_along
 
-Visit = tuple[int, float, float]  # node id; from when until when
-Line = tuple[float, float, Position, Position]  # from when until when, and where an agent is then
+Visit = tuple[int, float, float]  # node id, start time, end time
+Line = tuple[float, float, Position, Position]  # start time, end time, position at the start, position at the end
 
 
 def at_end(track: Track) -> Track:
-    """Return that an agent is where it is at the end of the turn, and nothing of how it got there."""
+    """Return a track that keeps only the position at the end of the turn."""
     last = track.legs[-1]._replace(begin=track.legs[-1].end, since=1.0, until=1.0) if track.legs else None
     is_on_edge = last is not None and 0.0 < last.end < 1.0
     return Track(track.path[-1:], (1.0,), (last,) if last is not None and is_on_edge else ())
 
 
 def visits_of(track: Track) -> Sequence[Visit]:
-    """Return the nodes that an agent was at; the one that it left at once belongs to the turn before."""
+    """Return the nodes that an agent visited; a node left at time 0 belongs to the turn before."""
     path, times, legs = track
     if legs:
         return _visits_by_legs(track)
-    # NOTE: one edge or none is the usual case, and there are as many as agents (benchmarks: turns).
+    # NOTE: at most one edge is the usual case, for every agent (benchmarks: turns).
     if len(path) == 1:
         return ((path[0], times[0], 1.0),)
     if len(path) == 2 and path[0] != path[1]:
@@ -52,19 +52,20 @@ def _visits_by_legs(track: Track) -> Sequence[Visit]:
     return visits
 
 
-class EdgesGoneAlong(dict[int, OSMEdge]):
-    """id -> edge, of those that agents go along in a turn, which rules may have closed since.
+class TraveledEdges(dict[int, OSMEdge]):
+    """A mapping id -> edge of the edges that agents move along, including edges that rules have closed since.
 
     Raises:
-        UnknownName (KeyError): when an edge is asked for that was removed.
+        UnknownName (KeyError): on access to an edge that was removed.
     """
 
     def __init__(self, ctx: Context) -> None:
         super().__init__()
-        self._ctx, self.graph = ctx, ctx.graph.graph
+        self._ctx = ctx
+        self.graph = ctx.graph.graph
 
     def __missing__(self, id: int) -> OSMEdge:
-        """Look an edge up."""
+        """Look up an edge."""
         try:
             found = self.graph.get_edge(id)
         except UnknownName:
@@ -79,20 +80,20 @@ class EdgesGoneAlong(dict[int, OSMEdge]):
         return found
 
     def length_of(self, leg: Leg) -> float | None:
-        """Return how long the edge of a leg is; None: it was removed, and nothing tells where it was."""
+        """Return the length of the edge of a leg; None if the edge was removed."""
         try:
             return self[leg.edge].length
         except UnknownName:
             return None
 
     def xy_at(self, track: Track, time: float, node: int, at: Position | None) -> tuple[float, float] | None:
-        """Return where on the map an agent is; None where its edge or node is gone.
+        """Return the map position of an agent; None if its edge or node was removed.
 
         Args:
-            track: how it has moved.
-            time: of the turn.
-            node: the one that it has passed last.
-            at: where one that flies is; it is on no node.
+            track: the moves of the agent.
+            time: time within the turn.
+            node: the last node that it passed.
+            at: position of a flying agent, which is on no node.
         """
         try:
             if at is not None:
@@ -106,7 +107,7 @@ class EdgesGoneAlong(dict[int, OSMEdge]):
         return found.x, found.y
 
     def lines_of(self, track: Track, at: Position | None) -> Iterator[Line]:
-        """Yield the straight parts of the way of an agent; of one that flies, where it is."""
+        """Yield the straight parts of an agent's path; for a flying agent, its position."""
         if at is not None:
             yield track.times[0], 1.0, at, at
             return

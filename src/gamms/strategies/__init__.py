@@ -1,4 +1,4 @@
-"""Strategies to build games from: plain functions `strategy(state) -> None` that set `state["action"]`.
+"""Strategies for games: plain functions `strategy(state) -> None` that set `state["action"]`.
 
     from gamms.strategies import chase, first, patrol
 
@@ -7,28 +7,28 @@
         patrol(ctx, [0, 12, 7]),
     ))
 
-`stay` and `random_walk` are strategies; the other functions make one. What needs the map takes the context first. An
-unknown node or an impossible argument raises when the strategy is made, not when it plays.
+`stay` and `random_walk` are strategies; the other functions make strategies. Strategies that need the map take the
+context first. An unknown node or an invalid argument raises when the strategy is made, not when it plays.
 
-**No action.** A strategy that has nothing to do calls another one, its `otherwise`. With `otherwise=None` it sets no
-action, and `first` then calls the next one. An agent that stays where it wants to be sets the action to its own node.
+**No action.** A strategy that has nothing to do calls another strategy, its `otherwise`. With `otherwise=None` it sets
+no action, and `first` then calls the next strategy. An agent that stays on purpose sets the action to its own node.
 
-**Memory.** No state is kept in a function. What has to be remembered is in `state["memory"]`, so that one strategy can
-serve many agents, and a game that is reset starts from nothing.
+**Memory.** Functions keep no state. All memories are in `state["memory"]`, so that one strategy can serve many agents,
+and a game that is reset starts without memories.
 
-**Knowledge.** The map is known, and which agent is of which team; where others are, only the agent's sensors tell.
-An agent of no team (None) is an enemy of all; a sensor with `team=` leaves such agents out.
+**Knowledge.** Strategies know the map and the team of each agent; the positions of other agents come only from the
+agent's sensors. An agent without a team (None) is an enemy of all; a sensor with `team=` does not show such agents.
 
-`ctx.game` puts into the state what these read: `legal`, `draw`, `memory`, `team`. In a loop of your own, put it there
-yourself where a strategy asks for it. Without `legal`, an agent goes along one edge at a time.
+`ctx.game` sets the keys of the state that strategies read: `legal`, `draw`, `memory`, `team`. In your own loop, set
+them yourself where a strategy needs them. Without `legal`, an agent moves along one edge at a time.
 
-**Batches.** The core plays some of them in batches, by what `offer_steps` declares: `stay`, `random_walk`, `goto`,
-`follow_path`, `patrol`, `random_waypoints`, `chase`, `flee` and `first`. The others are called game by game.
+**Batches.** The core plays some strategies in batches, as declared by `offer_steps`: `stay`, `random_walk`, `goto`,
+`follow_path`, `patrol`, `random_waypoints`, `chase`, `flee` and `first`. It calls the others game by game.
 
-`travel.py` has those that need no enemies, `stops.py` how agents go along a list, `encounters.py` those that act on
-enemies, `assignment.py` the one by which a team shares them out, `sweeping.py` the one by which it visits all nodes;
-read `knowledge.py` first, which has what they know and how they go a step; `paces.py` says how long ways take.
-May import: `belief`, `context` and below. To add a strategy, write a function and name it below.
+Read `knowledge.py` first: what strategies know, and how agents take a step. `travel.py` has strategies without enemies,
+`stops.py` routes along a list of nodes, `encounters.py` strategies about enemies, `assignment.py` a team that shares
+out enemies, `sweeping.py` a team that visits all nodes; `paces.py` converts distances to turns. May import: `belief`,
+`context` and below. To add a strategy, write a function and name it below.
 """
 
 from gamms.strategies.assignment import assign

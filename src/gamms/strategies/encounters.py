@@ -1,4 +1,4 @@
-"""Strategies that act on the enemies in sight."""
+"""Strategies that react to visible enemies."""
 
 from collections.abc import Iterable, Sequence
 from math import inf
@@ -34,19 +34,19 @@ from gamms.typing import AgentType, IContext
 from gamms.typing.game import NodeId, State, Strategy
 from gamms.typing.routes import made_in_moment, made_last
 
-_FEW = 8  # enemies: of more, the nearest is searched for
-_NEAR_TURNS = 8.0  # so far an agent looks first for where it meets an enemy
+_FEW = 8  # number of enemies from which the nearest is found by a search
+_NEAR_TURNS = 8.0  # turns within which an agent first searches for a meeting point
 
-Paces = dict[Pace, dict[str, int]]  # agents in sight with their nodes, by how they go
+Paces = dict[Pace, dict[str, int]]  # nodes of visible agents by name, grouped by pace
 
 
 @shown_as_called
 def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
-    """Go to the nearest enemy in sight, by road; of several, to the first by name.
+    """Move toward the nearest visible enemy by road distance; ties go to the first name.
 
     Args:
         ctx: the context.
-        otherwise: the strategy to use when none is in sight, or there is no path; None sets no action then.
+        otherwise: the strategy to use if no enemy is visible, or there is no path; None sets no action.
     """
     as_context(ctx, "chase")
     fallback = as_otherwise(otherwise, "chase")
@@ -63,13 +63,13 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
 
 @shown_as_called
 def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
-    """Go to the legal node, perhaps the agent's own, that is farthest by road from the nearest enemy in sight.
+    """Go to the legal node, maybe the agent's own, that is farthest by road from the nearest visible enemy.
 
-    The road leads from the enemy to the node. Of several nodes the one with the lowest id is taken.
+    Distances are measured from the enemy to the node. Ties go to the lowest node id.
 
     Args:
         ctx: the context.
-        otherwise: the strategy to use when no enemy is in sight; None sets no action then.
+        otherwise: the strategy to use if no enemy is visible; None sets no action.
     """
     as_context(ctx, "flee")
     fallback = as_otherwise(otherwise, "flee")
@@ -91,22 +91,23 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
 
 @shown_as_called
 def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
-    """Stay near a node, the post, and go after the enemies in sight that come near it; it always sets an action.
+    """Stay near a node, the post, and go after visible enemies that come near it; it always sets an action.
 
-    Near means at most `radius` by road, on the way to the post. Of several enemies the agent goes to the nearest by
-    road, then to the first by name. It never goes farther away from the post than `radius`, but waits there. Without an
-    enemy near, or farther away from the post itself, it goes back.
+    An enemy is near if its road distance to the post is at most `radius`. The agent goes to the nearest such enemy by
+    road; ties go to the first name. It never leaves the radius, but waits at its border. If no enemy is near, or the
+    agent is outside the radius, it returns to the post.
 
     Args:
         ctx: the context.
         node: the post.
-        radius: metres, or the unit that the lengths of the edges have; may be infinite.
+        radius: metres, or the unit of the lengths of the edges; may be infinite.
 
     Raises:
-        UnknownName (KeyError), BadType, BadValue: the post is not a node of the map, or the radius not a distance.
+        UnknownName (KeyError), BadType, BadValue: the post is not on the map, or the radius is not a distance.
     """
     as_context(ctx, "guard")
-    post, reach = as_known_node(ctx, node, "node of guard"), as_range(radius, "radius of guard")
+    post = as_known_node(ctx, node, "node of guard")
+    reach = as_range(radius, "radius of guard")
 
     def is_near(place: int) -> bool:
         return ctx.graph.graph.distance(place, post) <= reach
@@ -128,24 +129,24 @@ def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
 def intercept(
     ctx: Context, goals: Iterable[NodeId] | None = None, otherwise: Strategy | None = random_walk
 ) -> Strategy:
-    """Go where an enemy in sight can be cut off, instead of after it.
+    """Cut off a visible enemy instead of following it.
 
-    With goals, an enemy is expected to go to the nearest of them by the shortest path: the agent goes to the node on
-    it that it reaches no later than the enemy, and of these to the one that it reaches first. Where there is none, it
-    goes to the one for which it is late by least.
+    With goals, each enemy is assumed to take the shortest path to its nearest goal: the agent goes to the node of such
+    a path that it reaches no later than the enemy, and among these to the one that it reaches first. If there is none,
+    it goes to the node for which it is least late.
 
-    Without goals, it goes towards the nearest enemy, and of several shortest ways takes the one that leaves the enemy
-    the fewest nodes which it reaches before the agent and its teammates in sight: the smallest Voronoi cell (Huang,
-    Zhang, Ding, Stipanovic, Tomlin: Guaranteed decentralized pursuit-evasion in the plane with multiple pursuers, CDC
-    2011). To make the cell small alone would end in a standoff.
+    Without goals, it moves toward the nearest enemy. Among several shortest paths it takes the one that leaves the
+    enemy the fewest nodes which the enemy reaches before the agent and its visible teammates: the smallest Voronoi cell
+    (Huang, Zhang, Ding, Stipanovic, Tomlin: Guaranteed decentralized pursuit-evasion in the plane with multiple
+    pursuers, CDC 2011). Minimizing the cell alone would end in a standoff.
 
     Args:
         ctx: the context.
-        goals: ids of the nodes to which enemies go; None: they are not known.
-        otherwise: the strategy to use when no enemy is in sight; None sets no action then.
+        goals: ids of the goals of enemies; None: unknown.
+        otherwise: the strategy to use if no enemy is visible; None sets no action.
 
     Raises:
-        UnknownName (KeyError), BadType, BadValue: a goal is not a node of the map, or there are none.
+        UnknownName (KeyError), BadType, BadValue: a goal is not on the map, or there are no goals.
     """
     as_context(ctx, "intercept")
     ends = None if goals is None else known_nodes(ctx, goals, "intercept", "goals")
@@ -165,26 +166,29 @@ def intercept(
 
 @shown_as_called
 def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | None = stay) -> Strategy:
-    """Go to the exit that the agent reaches by most turns before any enemy in sight could, and stay there.
+    """Go to the exit that the agent reaches with the greatest lead over any visible enemy, and stay there.
 
-    In each turn it looks one step ahead: of the legal nodes that no enemy in sight can reach in this turn, it goes to
-    the one from which the lead at an exit is greatest, then the one nearest to that exit. Without enemies in sight it
-    goes to the nearest exit.
+    It looks one step ahead: among the legal nodes that no visible enemy can reach in this turn, it goes to the node
+    with the greatest lead at an exit, then to the one nearest to this exit. If no enemy is visible, it goes to the
+    nearest exit.
 
     Args:
         ctx: the context.
-        exits: ids.
-        otherwise: the strategy to use where no exit can be reached; None sets no action then.
+        exits: ids of the exit nodes.
+        otherwise: the strategy to use if no exit can be reached; None sets no action.
 
     Raises:
-        UnknownName (KeyError), BadType, BadValue: an exit is not a node of the map, or there are none.
+        UnknownName (KeyError), BadType, BadValue: an exit is not on the map, or there are no exits.
     """
     as_context(ctx, "safest_exit")
-    ends, fallback = known_nodes(ctx, exits, "safest_exit", "exits"), as_otherwise(otherwise, "safest_exit")
+    ends = known_nodes(ctx, exits, "safest_exit", "exits")
+    fallback = as_otherwise(otherwise, "safest_exit")
 
     def strategy(state: State) -> None:
-        here, enemies = node_of(state, "safest_exit"), enemies_in_sight(ctx, state, "safest_exit")
-        paces, graph = by_pace(ctx, enemies), ctx.graph.graph
+        here = node_of(state, "safest_exit")
+        enemies = enemies_in_sight(ctx, state, "safest_exit")
+        paces = by_pace(ctx, enemies)
+        graph = ctx.graph.graph
         first, reached = made_last(
             ctx.graph.routes,
             ("safest_exit", state["team"], ends),
@@ -215,20 +219,20 @@ def follow_belief(
     motion: belief.Motion | None = None,
     otherwise: Strategy | None = random_walk,
 ) -> Strategy:
-    """Go where enemies most probably are, by what the agent and its team have seen, and looked at in vain.
+    """Search for enemies where they most probably are, from the observations of the agent and its team.
 
-    It updates a belief by `gamms.belief.observe` in every turn, and goes to the node with the highest probability for
-    each turn that the way takes: the greedy search of Bourgault, Furukawa, Durrant-Whyte (Coordinated decentralized
-    search for a lost target in a Bayesian world, IROS 2003).
+    It updates a belief with `gamms.belief.observe` in every turn, and goes to the node with the highest probability per
+    turn of travel: the greedy search of Bourgault, Furukawa, Durrant-Whyte (Coordinated decentralized search for a lost
+    target in a Bayesian world, IROS 2003).
 
     Args:
         ctx: the context.
-        targets: names of agents on the ground; None: all living ones of other teams.
-        motion: how they move, as `gamms.belief.random_walk()`, which is used by default.
-        otherwise: the strategy to use where there is no agent to look for; None sets no action then.
+        targets: names of agents on the ground; None: all living agents of other teams.
+        motion: model of their motion; None: `gamms.belief.random_walk()`.
+        otherwise: the strategy to use if there is no agent to search for; None sets no action.
 
     Raises:
-        BadType: `targets` are no names, or `motion` is no model.
+        BadType: `targets` are not names, or `motion` is not a model.
     """
     as_context(ctx, "follow_belief")
     model = belief.random_walk() if motion is None else as_motion(motion, "motion of follow_belief")
@@ -236,7 +240,8 @@ def follow_belief(
     fallback = as_otherwise(otherwise, "follow_belief")
 
     def strategy(state: State) -> None:
-        here, known = node_of(state, "follow_belief"), belief.observe(ctx, state)
+        here = node_of(state, "follow_belief")
+        known = belief.observe(ctx, state)
         names = _living_enemies(ctx, state) if wanted is None else wanted
         chances = known.probabilities(names, model).sum(axis=0)
         turns = turns_from(ctx, state["name"], [here])[0]
@@ -247,17 +252,19 @@ def follow_belief(
     return strategy
 
 
-# -- where to ---------------------------------------------------------------------------------------------------------
+# -- targets of moves
+# -------------------------------------------------------------------------------------------------
 
 
 def _meeting_node(ctx: Context, state: State, enemies: dict[str, int], goals: tuple[int, ...]) -> int | None:
-    """Return the node on the likely path of an enemy where the agent is first that it reaches in time."""
+    """Return the node on the likely path of an enemy that the agent reaches in time, and first among these."""
     paces = by_pace(ctx, enemies)
     nodes, of, arrivals = made_last(
         ctx.graph.routes, ("intercept", state["team"], goals), paces, lambda: _likely_paths(ctx, paces, goals)
     )
-    me, here = state.get("name"), state["curr_pos"]
-    # Of the nodes that it reaches in time it goes to the nearest, so that most agents need to look near alone.
+    me = state.get("name")
+    here = state["curr_pos"]
+    # The nearest such node is best, so most agents need to search only nearby nodes.
     near = _turns_to_near(ctx, me, here, nodes)[of]
     late = np.maximum(0.0, near - arrivals)
     best = np.lexsort((of, near, late))[0]
@@ -269,12 +276,13 @@ def _meeting_node(ctx: Context, state: State, enemies: dict[str, int], goals: tu
 
 
 def _turns_to_near(ctx: Context, name: str | None, source: int, nodes: IntArray) -> FloatArray:
-    """Return what `turns_from` returns for those of some nodes, ascending, that are near; infinite for the others."""
+    """Return `turns_from` for nodes, ascending, but infinite for nodes that are far."""
     weight, speed = pace_of(ctx, name)
     found = np.full(len(nodes), inf)
     if len(nodes) > 1 and 0.0 < speed < inf:
         near = ctx.graph.graph.distances(source, weight=weight, cutoff=_NEAR_TURNS * speed)
-        ids, far = np.fromiter(near, np.int64, len(near)), np.fromiter(near.values(), np.float64, len(near))
+        ids = np.fromiter(near, np.int64, len(near))
+        far = np.fromiter(near.values(), np.float64, len(near))
         at = np.minimum(np.searchsorted(nodes, ids), len(nodes) - 1)
         is_asked = nodes[at] == ids
         found[at[is_asked]] = turns_for(far[is_asked], speed)
@@ -282,8 +290,9 @@ def _turns_to_near(ctx: Context, name: str | None, source: int, nodes: IntArray)
 
 
 def _likely_paths(ctx: Context, paces: Paces, goals: Sequence[int]) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return ids of nodes, ascending; then for each node on the path of an enemy its place there, and the arrival."""
-    graph, options = ctx.graph.graph, list[tuple[int, float]]()
+    """Return ids of nodes, ascending; then for each node on an enemy's path its index there, and the arrival time."""
+    graph = ctx.graph.graph
+    options = list[tuple[int, float]]()
     for (weight, speed), at in _places(paces):
         far, goal = min((in_turns(graph.distance(at, goal, weight), speed), goal) for goal in goals)
         for node in graph.shortest_path(at, goal, weight) if far < inf else [at]:
@@ -294,14 +303,15 @@ def _likely_paths(ctx: Context, paces: Paces, goals: Sequence[int]) -> tuple[Int
 
 
 def _confining_node(ctx: Context, state: State, enemies: dict[str, int]) -> int:
-    """Return the legal node nearest to the nearest enemy; of several, the one that leaves it the smallest cell."""
+    """Return the legal node nearest to the nearest enemy; ties are broken by the smallest Voronoi cell."""
     me = state.get("name")
     name = _first_to_reach(ctx, state["curr_pos"], enemies)
     far = {node: turns_to(ctx, me, node, enemies[name]) for node in sorted(legal_on_map(ctx, state))}
     nearest = [node for node, turns in far.items() if turns == min(far.values())]
     if len(nearest) == 1:
         return nearest[0]
-    own, ids = 1.0 + turns_from(ctx, me, nearest), ctx.graph.columns().node_ids.tolist()
+    own = 1.0 + turns_from(ctx, me, nearest)
+    ids = ctx.graph.columns().node_ids.tolist()
     theirs = turns_from(ctx, name, [enemies[name]])[0]
     for (weight, speed), group in by_pace(ctx, mates_in_sight(ctx, state)).items():
         near = ctx.graph.graph.distances([*group.values()], weight=weight)
@@ -311,14 +321,15 @@ def _confining_node(ctx: Context, state: State, enemies: dict[str, int]) -> int:
 
 
 def _first_to_reach(ctx: Context, node: int, enemies: dict[str, int]) -> str:
-    """Return the name of the enemy that takes the fewest turns from a node to its own; of several, the first."""
-    graph, names = ctx.graph.graph, list[str]()
+    """Return the name of the enemy that needs the fewest turns from a node to its own node; ties go to the first."""
+    graph = ctx.graph.graph
+    names = list[str]()
     for (weight, speed), group in by_pace(ctx, enemies).items():
         is_searched = len(group) > _FEW and 0.0 < speed < inf
         nearest = ctx.graph.routes.nearest(node, group.values(), weight) if is_searched else None
         if nearest is None:
             names += group
-        else:  # of those that are as near up to rounding, several may take as many turns
+        else:  # enemies at equal distances, up to rounding, may need equal numbers of turns
             within = kernels.widened(graph.distance(node, nearest, weight))
             near = graph.distances(node, weight=weight, cutoff=within)
             names += [name for name, at in group.items() if at in near]
@@ -326,8 +337,9 @@ def _first_to_reach(ctx: Context, node: int, enemies: dict[str, int]) -> str:
 
 
 def _first_there(ctx: Context, paces: Paces, ends: Sequence[int]) -> dict[int, float]:
-    """Return how many turns the first of some agents takes to each of some nodes."""
-    distance, places = ctx.graph.graph.distance, _places(paces)
+    """Return how many turns the fastest of some agents needs to reach each node of `ends`."""
+    distance = ctx.graph.graph.distance
+    places = _places(paces)
     return {
         end: min((in_turns(distance(at, end, weight), speed) for (weight, speed), at in places), default=inf)
         for end in ends
@@ -335,23 +347,24 @@ def _first_there(ctx: Context, paces: Paces, ends: Sequence[int]) -> dict[int, f
 
 
 def _in_reach(ctx: Context, paces: Paces) -> set[int]:
-    """Return the nodes that one of some agents can reach in this turn."""
+    """Return the nodes that at least one of some agents can reach in this turn."""
     distances = ctx.graph.graph.distances
     near = [distances([*group.values()], weight=weight, cutoff=speed) for (weight, speed), group in paces.items()]
     return set[int]().union(*near)
 
 
 def _places(paces: Paces) -> list[tuple[Pace, int]]:
-    """Return where agents are, each place once for each pace."""
+    """Return the distinct pairs of pace and node of agents."""
     return [(pace, at) for pace, group in paces.items() for at in sorted(set(group.values()))]
 
 
-# -- whom it looks for -----------------------------------------------------------------------------------------------
+# -- targets of searches ---------------------------------------------------------------------------------------------
 
 
 def _living_enemies(ctx: Context, state: State) -> list[str]:
-    """Return the names of the living agents on the ground that are enemies, in order."""
-    team, me = state["team"], state["name"]
+    """Return the names of the living enemies on the ground, sorted."""
+    team = state["team"]
+    me = state["name"]
 
     def make() -> list[str]:
         return [

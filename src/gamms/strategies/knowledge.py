@@ -1,7 +1,7 @@
-"""What a strategy knows of its state and of the map, and how it goes from node to node.
+"""The knowledge of a strategy about its state and the map, and steps from node to node.
 
-Strategies that act on enemies need `state["team"]`, and a sensor that shows agents: AGENT, AGENT_RANGE, AGENT_ARC or
-OCCLUDED_AGENT. Such a sensor shows a flyer at the node nearest to it.
+Strategies about enemies need `state["team"]`, and a sensor that shows agents: AGENT, AGENT_RANGE, AGENT_ARC or
+OCCLUDED_AGENT. Such a sensor shows a flying agent at its nearest node.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -25,69 +25,67 @@ if TYPE_CHECKING:
 
 F = TypeVar("F")
 
-# The kinds that those on the ground may carry; data: {name: node}
+# Sensor types that agents on the ground may carry; their data is {name: node}
 _SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
 
-_warned: WeakKeyDictionary[IContext, set[str]] = WeakKeyDictionary()  # context -> strategies warned about
+_warned: WeakKeyDictionary[IContext, set[str]] = WeakKeyDictionary()  # context -> strategies that were warned about
 
 _WAYS_OUT = {
-    "blocked": "set it to why the agent's last action was not done, or None",
+    "blocked": "set it to the reason why the agent's last action was refused, or None",
     "legal": "set it to the nodes it may move to, or give the agent a NEIGHBOR sensor",
-    "memory": "set it to a dict that you keep for the agent",
+    "memory": "set it to a dict that you store for the agent",
     "name": "set it to agent.name",
-    "rng": "set it to a generator, such as ctx.rng",
+    "rng": "set it to a random generator, for example ctx.rng",
     "team": "set it to agent.team",
-    "turn": "set it to the number of turns that were played",
+    "turn": "set it to the number of turns played",
 }
 
 
 def required(state: State | AerialState, key: str, caller: str) -> Any:
-    """Return the value of a key that `ctx.game` puts into every state.
+    """Return the value of a key that `ctx.game` sets in every state.
 
     Raises:
-        MissingKey: there is none; the message says what to do about it in a loop of one's own.
+        MissingKey: the key is missing; the message explains how to set it in a custom loop.
     """
     if key not in state:
-        raise MissingKey(
-            f"{caller} needs state[{key!r}]. ctx.game puts it there; in a loop of your own, {_WAYS_OUT[key]}."
-        )
+        raise MissingKey(f"{caller} needs state[{key!r}]. ctx.game sets it; in your own loop, {_WAYS_OUT[key]}.")
     return state[key]  # type: ignore[call-overload] # the keys of `_WAYS_OUT`
 
 
 def drawn_fraction(state: State | AerialState, caller: str) -> float:
-    """Draw a number in [0, 1): from `state["draw"]`, or from `state["rng"]` in a loop that has only that."""
+    """Draw a number in [0, 1) from `state["draw"]`, or from `state["rng"]` in a custom loop."""
     if "draw" in state:
         return float(state["draw"].random())
     return float(required(state, "rng", caller).random())
 
 
 def drawn_below(state: State, n: int, caller: str) -> int:
-    """Draw an integer from 0 to `n - 1`, likewise."""
+    """Draw an integer from 0 to `n - 1` from `state["draw"]`, or from `state["rng"]` in a custom loop."""
     if "draw" in state:
         return int(state["draw"].below(n))
     return int(required(state, "rng", caller).integers(n))
 
 
 def is_aerial(state: State | AerialState) -> "TypeIs[AerialState]":
-    """Whether the state is that of an aerial agent."""
+    """Return whether the state is that of an aerial agent."""
     return isinstance(state["curr_pos"], tuple)
 
 
 def node_of(state: State, caller: str) -> int:
-    """Return the node that an agent on the ground is on.
+    """Return the node of an agent on the ground.
 
     Raises:
         BadType: the agent flies.
     """
     if is_aerial(state):
         raise BadType(
-            f"{caller} goes along edges, and an agent at {state['curr_pos']} flies. Give it another strategy."
+            f"{caller} moves along edges, but the agent at {state['curr_pos']} flies. Give it another strategy."
         )
     return state["curr_pos"]
 
 
 def legal_nodes(state: State, caller: str) -> Sequence[int]:
-    """Return the nodes that an agent on the ground may move to, its own first; without them a NEIGHBOR sensor's."""
+    """Return the legal nodes of a ground agent, its own first; without `state["legal"]` from a NEIGHBOR sensor."""
     if "legal" not in state:
         for kind, data in state["sensor"].values():
             if kind is SensorType.NEIGHBOR:
@@ -98,33 +96,33 @@ def legal_nodes(state: State, caller: str) -> Sequence[int]:
 
 
 def legal_on_map(ctx: IContext, state: State) -> Sequence[int]:
-    """Return the nodes that an agent on the ground may move to, its own first; without them those one edge away."""
+    """Return the legal nodes of an agent on the ground, its own first; by the map if `state["legal"]` is missing."""
     legal = state.get("legal")
     return ctx.graph.graph.neighborhoods[state["curr_pos"]] if legal is None else legal
 
 
 def has_speed(ctx: IContext, state: State) -> bool:
-    """Whether an agent on the ground goes along more than one edge, or part of one, in a turn of `ctx.game`."""
+    """Return whether an agent on the ground may move along several edges, or part of one, in a turn of `ctx.game`."""
     if "legal" not in state or "name" not in state:
-        return False  # in a loop of one's own a speed may mean anything
+        return False  # in a custom loop a speed may mean anything
     return getattr(ctx.agent.get_agent(state["name"]), "speed", None) is not None
 
 
 def enemies_in_sight(ctx: IContext, state: State, caller: str) -> dict[str, int]:
-    """Return the nodes of the enemies that the agent's sensors show, by name and in the order of the names."""
+    """Return the nodes of the enemies that the agent's sensors show, by name, sorted by name."""
     team = required(state, "team", caller)
     if caller not in (warned := _warned.setdefault(ctx, set())) and not _shows_agents(state):
         warned.add(caller)  # once in a context
         kinds = ", ".join(sorted(kind.name for kind in _SHOWING_AGENTS))
         who = f"agent {state['name']!r}" if "name" in state else "an agent"
         ctx.logger.warning(
-            f"{caller}: {who} carries no sensor that shows agents, so it sees no enemy. Give it {kinds}."
+            f"{caller}: {who} carries no sensor that shows agents, so it sees no enemies. Give it {kinds}."
         )
     return {name: node for name, node, other in _in_sight(ctx, state) if team is None or other != team}
 
 
 def mates_in_sight(ctx: IContext, state: State) -> dict[str, int]:
-    """Return the nodes of the teammates that the agent's sensors show, likewise."""
+    """Return the nodes of the teammates that the agent's sensors show, by name, sorted by name."""
     team = state["team"]
     return {name: node for name, node, other in _in_sight(ctx, state) if team is not None and other == team}
 
@@ -134,19 +132,20 @@ def _shows_agents(state: State) -> bool:
 
 
 def _in_sight(ctx: IContext, state: State) -> list[tuple[str, int, object]]:
-    """Return name, node and team of the agents that the sensors show, in the order of the names."""
+    """Return (name, node, team) of the agents that the sensors show, sorted by name."""
     seen: dict[str, int] = {}
     for kind, data in state["sensor"].values():
         if kind in _SHOWING_AGENTS:
             seen.update(data)
-    seen.pop(state.get("name", ""), None)  # a sensor at a fixed place shows its owner, too
-    there = ctx.agent.agents  # without those that were deleted since a sensor with a delay has seen them
+    seen.pop(state.get("name", ""), None)  # a sensor at a fixed place also shows its owner
+    there = ctx.agent.agents  # without agents that were deleted after a sensor with a delay saw them
     return [(name, seen[name], getattr(there[name], "team", None)) for name in sorted(seen) if name in there]
 
 
 def nodes_in_view(ctx: IContext, state: State) -> set[int]:
-    """Return the nodes on which the agent's sensors would show agents with some probability."""
-    agent, found = ctx.agent.get_agent(state["name"]), set[int]()
+    """Return the nodes on which the agent's sensors would show agents with a positive probability."""
+    agent = ctx.agent.get_agent(state["name"])
+    found = set[int]()
     for name, (kind, _) in state["sensor"].items():
         if kind in _SHOWING_AGENTS:
             covered = agent.sensors[name].coverage(state["curr_pos"], state["name"])
@@ -155,10 +154,10 @@ def nodes_in_view(ctx: IContext, state: State) -> set[int]:
 
 
 def as_known_node(ctx: IContext, value: object, name: str) -> int:
-    """Check that a value is the id of a node of the map.
+    """Check that a value is a node id of the map.
 
     Raises:
-        BadType, UnknownName (KeyError): it is not.
+        BadType, UnknownName (KeyError): not a node id, or not on the map.
     """
     node = as_int(value, name)
     if not ctx.graph.graph.has_node(node):
@@ -170,29 +169,29 @@ def as_strategy(value: F, name: str) -> F:
     """Check that a value is a function of the state.
 
     Raises:
-        BadType: it cannot be called with a state, makes such a function, or is an `async def`.
+        BadType: the value is not such a function, is an `async def`, or returns a strategy instead of being one.
     """
     as_function_of(value, name, "the state")
     if iscoroutinefunction(value) or iscoroutinefunction(getattr(value, "__call__", None)):  # noqa: B004 - it is looked at
-        raise BadType(f"{name} must not be an async def: await it in an async def of your own.")
+        raise BadType(f"{name} must not be an async def: await it in your own async def.")
     return value
 
 
 def known_nodes(ctx: IContext, values: Iterable[NodeId], caller: str, kind: str) -> tuple[int, ...]:
-    """Check that values are ids of nodes of the map, one at least.
+    """Check that values are node ids of the map, at least one.
 
     Raises:
-        BadType, BadValue, UnknownName (KeyError): they are not.
+        BadType, BadValue, UnknownName (KeyError): a value is not a node id, or there is none.
     """
     name = f"{kind} of {caller}"
     nodes = tuple(as_known_node(ctx, node, f"Each of {name}") for node in as_items(values, name, "node ids"))
     if not nodes:
-        raise BadValue(f"{caller} needs one node at least.")
+        raise BadValue(f"{caller} needs at least one node.")
     return nodes
 
 
 def shared_memory(state: State, key: str) -> dict[Any, Any]:
-    """Return the dict under a key of the team's memory, to be written into; an agent that shares none has its own."""
+    """Return the writable dict under a key of the team's memory, or of the agent's own if it shares none."""
     is_shared = state.get("team") is not None and "team_memory" in state
     memory: dict[Any, Any] = state["team_memory"] if is_shared else required(state, "memory", key)
     found: dict[Any, Any] = memory.setdefault(key, {})
@@ -203,7 +202,7 @@ def shared_memory(state: State, key: str) -> dict[Any, Any]:
 
 
 def move_to(ctx: IContext, state: State, target: int | None, fallback: Strategy, caller: str) -> None:
-    """Set the action to a step towards a node; without a node, or a path to it, call the fallback."""
+    """Set the action to a step toward a node; call the fallback if there is no node, or no path to it."""
     step = None if target is None else step_towards(ctx, state, target, caller)
     if step is None:
         fallback(state)
@@ -214,15 +213,15 @@ def move_to(ctx: IContext, state: State, target: int | None, fallback: Strategy,
 def move_to_agent(
     ctx: IContext, state: State, target: int | None, seen: Mapping[str, int], fallback: Strategy, caller: str
 ) -> None:
-    """Set the action to a step towards an agent in sight: to the node it has passed last, and on along its edge.
+    """Set the action to a step toward a visible agent: to the last node it passed, and on along its edge.
 
     Args:
         ctx: the context.
-        state: of an agent on the ground.
-        target: the node; None: no agent is in sight.
-        seen: the agents in sight, with the nodes that they have passed last; the first at the node is gone to.
-        fallback: is called where there is none, or no path.
-        caller: the name of the strategy, for messages.
+        state: state of an agent on the ground.
+        target: the node; None: no agent is visible.
+        seen: the visible agents with the last nodes that they passed; the first agent at `target` is followed.
+        fallback: called if there is no target, or no path.
+        caller: name of the strategy, for messages.
     """
     name = next((name for name, node in seen.items() if node == target), None)
     its: Any = None if name is None or "edge" not in state else getattr(ctx.agent.get_agent(name), "edge", None)
@@ -230,7 +229,8 @@ def move_to_agent(
         move_to(ctx, state, target, fallback, caller)
         return
     graph, edge, (source, end, street) = ctx.graph.graph, state["edge"], its
-    gone, length = getattr(ctx.agent.get_agent(cast("str", name)), "offset_m", 0.0), graph.get_edge(street).length
+    gone = getattr(ctx.agent.get_agent(cast("str", name)), "offset_m", 0.0)
+    length = graph.get_edge(street).length
     if edge is not None and set(edge[:2]) == {source, end}:  # both are on one street
         offset = state["offset_m"] if edge[0] == source else length - state["offset_m"]
         state["action"] = end if offset < gone else source
@@ -255,23 +255,24 @@ def move_to_agent(
 def step_towards(
     ctx: IContext, state: State, target: int, caller: str, is_allowed: Callable[[int], bool] | None = None
 ) -> int | list[int] | None:
-    """Return the action that leads to a node: go there, if that is legal, else along the shortest path.
+    """Return the action that leads toward a node: the node itself if it is legal, else a step of the shortest path.
 
     Args:
         ctx: the context.
-        state: of an agent on the ground.
+        state: state of an agent on the ground.
         target: a node id.
-        caller: the name of the strategy, for messages.
-        is_allowed: whether the agent may enter a node; every node by default.
+        caller: name of the strategy, for messages.
+        is_allowed: whether the agent may enter a node; None: every node.
 
     Returns:
-        A node id, perhaps the agent's own; of an agent with a speed the nodes on the path, the first one out of reach
-        included, so that what is left of its metres counts next turn; None where there is no path.
+        A node id, maybe the agent's own; for an agent with a speed the nodes of the path, up to the first one out of
+        reach, so that the rest of its metres is used next turn; None if there is no path.
 
     Raises:
         BadType: the agent flies.
     """
-    here, legal = node_of(state, caller), legal_on_map(ctx, state)
+    here = node_of(state, caller)
+    legal = legal_on_map(ctx, state)
     if is_allowed is None and state.get("xy") is not None and has_speed(ctx, state):
         starts = {here} if state["edge"] is None else {here, state["edge"][1]}
         return target if any(isfinite(ctx.graph.graph.distance(one, target)) for one in starts) else None
@@ -289,8 +290,8 @@ def step_towards(
 
 
 def _path_ahead(ctx: IContext, here: int, target: int, legal: Sequence[int]) -> list[int]:
-    """Return the nodes after `here` on the shortest path, as far as the first that is not legal at least."""
-    edges = 2  # which is enough where an agent goes along one
+    """Return the nodes after `here` on the shortest path, at least up to the first node that is not legal."""
+    edges = 2  # enough for agents that move along one edge
     while True:
         path = ctx.graph.graph.shortest_path(here, target, most_edges=edges)[1:]
         if len(path) < edges or path[-1] not in legal:
@@ -299,7 +300,7 @@ def _path_ahead(ctx: IContext, here: int, target: int, legal: Sequence[int]) -> 
 
 
 def as_otherwise(otherwise: Strategy | None, caller: str) -> Strategy:
-    """Return the strategy to use when there is nothing to do; None: one that sets no action."""
+    """Return the fallback strategy; for None a strategy that sets no action."""
     return _pass if otherwise is None else as_strategy(otherwise, f"otherwise of {caller}")
 
 
@@ -307,18 +308,18 @@ def _pass(_: object) -> None:
     """Set no action."""
 
 
-# -- in the core ----------------------------------------------------------------------------------------------
+# -- strategies in the core -----------------------------------------------------------------------------------
 
 
 def offer_steps(
     strategy: Callable[..., None], *steps: CoreStep | Callable[[Any], None], core_form: int | None = None
 ) -> None:
-    """Let the core play a strategy by these steps and those of strategies that it calls, if all of these have some.
+    """Declare the steps by which the core plays a strategy, if all strategies that it calls have steps, too.
 
     Args:
         strategy: a function of the state.
-        steps: what the core tries, one after the other.
-        core_form: by what else the core plays it; see `StrategySpec`.
+        steps: steps that the core tries, in order.
+        core_form: other ways in which the core plays it; see `StrategySpec`.
     """
     several = [(one,) if isinstance(one, CoreStep) else strategy_spec_of(one).core_steps for one in steps]
     if None not in several:

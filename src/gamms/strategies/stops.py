@@ -1,4 +1,4 @@
-"""The strategy of an agent that goes from one stop of a list to the next, as far as each turn leads."""
+"""The strategy of an agent that visits the nodes of a list, the stops, as far as each turn allows."""
 
 from array import array
 from collections.abc import Iterable
@@ -22,10 +22,11 @@ from gamms.strategies.knowledge import (
 from gamms.strategies.paces import pace_of
 from gamms.typing.game import NodeId, State, Strategy
 
-Step = tuple[int, int, float]  # a node, the index of the next stop from there, and how far it is: edges or map units
-Way = tuple[float, list[Step]]  # of one turn: how far it leads, and its nodes, beginning with the agent's own
+Step = tuple[int, int, float]  # node, index of the next stop from there, distance in edges or map units
+# the path of one turn: its length limit, and its steps, beginning with the agent's own node
+TurnPath = tuple[float, list[Step]]
 
-_MOST_NODES = 10_000  # of a way: an agent of endless speed would go round for ever
+_MOST_NODES = 10_000  # nodes of a path: an agent of unlimited speed would circle forever
 
 
 def route(
@@ -37,9 +38,9 @@ def route(
     repeat: bool,
     is_nearest_first: bool = False,
 ) -> Strategy:
-    """Return a strategy that goes from one stop to the next, and remembers which one comes next."""
+    """Return a strategy that goes from one stop to the next, and remembers the next stop."""
     as_context(ctx, caller)
-    stops = Stops(known_nodes(ctx, nodes, caller, "nodes"), repeat=repeat)
+    stops = StopList(known_nodes(ctx, nodes, caller, "nodes"), repeat=repeat)
     key = f"{caller} {list(stops.nodes)}"
     way_key = f"{key} way"
     fallback = as_otherwise(otherwise, caller)
@@ -55,44 +56,45 @@ def route(
         target = stops.nodes[at] if at < len(stops.nodes) else None
         way = None
         if target in legal_on_map(ctx, state) and _goes_beyond(ctx, state):
-            way = _way(ctx, state, stops, at)
+            way = _path_of_turn(ctx, state, stops, at)
         if way is None:
             move_to(ctx, state, target, fallback, caller)
             return
         memory[way_key] = way
         path = [node for node, *_ in way[1]]
-        state["action"] = path if path[1] == here else path[1:]  # a path to turn round by names the node behind twice
+        # a path that turns around names the agent's own node twice
+        state["action"] = path if path[1] == here else path[1:]
 
     step = CoreStep("follow", stops.nodes, int(is_nearest_first), stops.following, key)
     offer_steps(strategy, step, fallback)
     return strategy
 
 
-# -- the way of one turn --------------------------------------------------------------------------------------------
+# -- the path of one turn -------------------------------------------------------------------------------------------
 
 
 def _goes_beyond(ctx: Context, state: State) -> bool:
-    """Whether an agent may pass a stop within a turn, without being asked again there."""
+    """Return whether an agent may pass a stop within a turn without deciding there."""
     if ctx.current_game is None or not has_speed(ctx, state):
         return False
     return ctx.game.legal == "edges" and ctx.game.decide == "turn"
 
 
-def _way(ctx: Context, state: State, stops: "Stops", at: int) -> Way | None:
-    """Return the way through the stops from number `at` on, up to the first node that is out of reach in this turn.
+def _path_of_turn(ctx: Context, state: State, stops: "StopList", at: int) -> TurnPath | None:
+    """Return the path through the stops from index `at`, up to the first node out of reach in this turn.
 
     Args:
         ctx: the context.
-        state: of an agent with a speed.
+        state: state of an agent with a speed.
         stops: the list.
-        at: the index of the next stop, which is legal.
+        at: index of the next stop, which is legal.
 
     Returns:
-        None where no path leads to the next stop.
+        None if no path leads to the next stop.
     """
     graph = ctx.graph.graph
     unit, speed = pace_of(ctx, state["name"])
-    reach = speed + 1.0 if unit is None else speed  # part of an edge may have been covered before
+    reach = speed + 1.0 if unit is None else speed  # the agent may have covered part of an edge before
     last = state["curr_pos"]
     far = 0.0
     steps = [(last, at, -state.get("offset_m", 0.0))]
@@ -105,7 +107,7 @@ def _way(ctx: Context, state: State, stops: "Stops", at: int) -> Way | None:
         if unit is not None:
             weight = ctx.game.weight
         elif len(steps) == 1 or graph.distance(last, stops.nodes[at], None) <= max(1.0, speed - far):
-            weight = None  # to a node that is legal an agent goes along the fewest edges
+            weight = None  # to a legal node an agent takes the fewest edges
         path = _path(ctx, last, stops.nodes[at], weight)
         for node in path:
             far += graph.distance(last, node, unit)
@@ -121,8 +123,9 @@ def _way(ctx: Context, state: State, stops: "Stops", at: int) -> Way | None:
 
 
 def _end_of_edge(ctx: Context, state: State, target: int) -> tuple[int, float]:
-    """Return the end of its edge by which an agent goes to a node, and how far that end is."""
-    graph, weight = ctx.graph.graph, ctx.game.weight
+    """Return the end of the agent's edge that leads to a node, and the distance to this end."""
+    graph = ctx.graph.graph
+    weight = ctx.game.weight
     source, end, edge = state["edge"]  # type: ignore[misc] # the agent is on one
     length = graph.get_edge(edge).length
     gone = state["offset_m"] / length
@@ -134,7 +137,7 @@ def _end_of_edge(ctx: Context, state: State, target: int) -> tuple[int, float]:
 
 
 def _path(ctx: Context, source: int, target: int, weight: str | None) -> list[int]:
-    """Return the nodes behind `source` on the shortest path; none where there is no path."""
+    """Return the nodes after `source` on the shortest path; empty if there is no path."""
     try:
         found: list[int] = ctx.graph.graph.shortest_path(source, target, weight)[1:]
     except NoPath:
@@ -142,27 +145,27 @@ def _path(ctx: Context, source: int, target: int, weight: str | None) -> list[in
     return found
 
 
-def _stop_after(way: Way | None, state: State, before: int) -> int:
-    """Return the index of the next stop of an agent that was on this way; `before` where it is not on it."""
+def _stop_after(way: TurnPath | None, state: State, before: int) -> int:
+    """Return the index of the next stop of an agent on this path; `before` if it is not on the path."""
     here = state["curr_pos"]
     if way is None or (state.get("blocked") and way[1][0][0] == here):
         return before
     covers, steps = way
     gone = state.get("offset_m", 0.0)
     passed = [(abs(far + gone - covers), stop) for node, stop, far in steps if node == here]
-    return min(passed)[1] if passed else before  # a way may pass a node more than once
+    return min(passed)[1] if passed else before  # a path may pass a node more than once
 
 
-class Stops:
+class StopList:
     """The nodes of a list, and which of them comes next.
 
     Args:
-        nodes: ids.
-        repeat: whether the first one follows the last one.
+        nodes: ids of the stops.
+        repeat: whether the first stop follows the last.
 
     Attributes:
         nodes: as given.
-        following: of each, the index of the next one that is another node; their number after the last one.
+        following: for each stop, the index of the next stop on another node; the number of stops after the last.
     """
 
     def __init__(self, nodes: tuple[int, ...], *, repeat: bool) -> None:
@@ -172,13 +175,13 @@ class Stops:
         self._next = memoryview(array("q", self.following))
 
     def next(self, at: int, here: int) -> int:
-        """Return the index of the stop to which an agent on a node goes, given to which one it went so far."""
+        """Return the index of the next stop, for an agent on node `here` whose next stop was `at`."""
         return core.next_stop(self._ids, self._next, 0, len(self.nodes), at, here)
 
 
 def _following(nodes: tuple[int, ...], begin: int, *, repeat: bool) -> int:
     at = begin
-    for _ in nodes:  # no more than once round: they may all be the same node
+    for _ in nodes:  # at most once around: all stops may be the same node
         if at == len(nodes) or nodes[at] != nodes[begin]:
             break
         at = (at + 1) % len(nodes) if repeat else at + 1

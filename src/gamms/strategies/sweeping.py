@@ -1,4 +1,4 @@
-"""The strategy of a team that visits all nodes: which were visited, and who goes where next."""
+"""A team strategy that visits all nodes: which nodes were visited, and which agent goes where."""
 
 from collections.abc import Hashable, Iterable
 
@@ -31,30 +31,33 @@ def sweep(
     repeat: bool = False,
     otherwise: Strategy | None = stay,
 ) -> Strategy:
-    """Visit all nodes, each by one member of the team: always the nearest that is left in the agent's part of the map.
+    """Visit all nodes, each by one team member: always the nearest unvisited node in the agent's part of the map.
 
-    The map is cut into parts with as many nodes each, one for each living member in the order of the names, by
-    recursive coordinate bisection (Berger, Bokhari: A partitioning strategy for nonuniform problems on
-    multiprocessors, 1987). An agent that is done with its part helps with the others. Which nodes were visited is in
-    `state["team_memory"]`, and where the agent goes in `state["memory"]`, under `"sweep"`.
+    The map is divided into parts with equal numbers of nodes, one for each living member ordered by name, by recursive
+    coordinate bisection (Berger, Bokhari: A partitioning strategy for nonuniform problems on multiprocessors, 1987). An
+    agent that has finished its part helps with the others. The visited nodes are in `state["team_memory"]`, and the
+    agent's target in `state["memory"]`, under `"sweep"`.
 
     Args:
         ctx: the context.
-        nodes: ids of those to visit; None: all nodes.
-        by_sight: whether nodes count as visited, too, on which the agent's sensors would show agents.
-        repeat: begin again when all are visited.
-        otherwise: the strategy to use when all are visited, or the rest cannot be reached; None sets no action then.
+        nodes: ids of the nodes to visit; None: all nodes.
+        by_sight: whether nodes on which the agent's sensors would show agents also count as visited.
+        repeat: whether to begin again after all nodes were visited.
+        otherwise: the strategy to use if all nodes were visited, or the rest cannot be reached; None sets no action.
 
     Raises:
-        UnknownName (KeyError), BadType, BadValue: one is not a node of the map, or there are none.
+        UnknownName (KeyError), BadType, BadValue: a node is not on the map, or there are no nodes.
     """
     as_context(ctx, "sweep")
     chosen = None if nodes is None else known_nodes(ctx, nodes, "sweep", "nodes")
-    sees, again = as_flag(by_sight, "by_sight of sweep"), as_flag(repeat, "repeat of sweep")
+    sees = as_flag(by_sight, "by_sight of sweep")
+    again = as_flag(repeat, "repeat of sweep")
     fallback = as_otherwise(otherwise, "sweep")
 
     def strategy(state: State) -> None:
-        here, memory, board = node_of(state, "sweep"), required(state, "memory", "sweep"), shared_memory(state, "sweep")
+        here = node_of(state, "sweep")
+        memory = required(state, "memory", "sweep")
+        board = shared_memory(state, "sweep")
         visited = board.setdefault("visited", set())
         visited |= {here, *(nodes_in_view(ctx, state) if sees else ())}
         if again and visited.issuperset(_parts(ctx, None, chosen, 1)[0]):
@@ -69,8 +72,9 @@ def sweep(
 
 
 def _next_to_visit(ctx: Context, state: State, chosen: tuple[int, ...] | None, visited: set[int]) -> int | None:
-    """Return the nearest node that is left in the agent's part, else on the whole map; of several, the lowest id."""
-    name, here = required(state, "name", "sweep"), state["curr_pos"]
+    """Return the nearest unvisited node of the agent's part, else of the whole map; ties go to the lowest id."""
+    name = required(state, "name", "sweep")
+    here = state["curr_pos"]
     team = required(state, "team", "sweep")
     members = {} if team is None else _living_members(ctx, team)
     own = _parts(ctx, team, chosen, len(members) or 1)[members[name] if members else 0]
@@ -81,7 +85,7 @@ def _next_to_visit(ctx: Context, state: State, chosen: tuple[int, ...] | None, v
 
 
 def _living_members(ctx: Context, team: Hashable) -> dict[str, int]:
-    """Return the living agents of a team in the order of their names, name -> its place; not to be changed."""
+    """Return a read-only mapping name -> index of the living agents of a team, ordered by name."""
 
     def make() -> dict[str, int]:
         agents = ctx.agent.agents.values()
@@ -92,7 +96,7 @@ def _living_members(ctx: Context, team: Hashable) -> dict[str, int]:
 
 
 def _parts(ctx: Context, team: Hashable, chosen: tuple[int, ...] | None, number: int) -> list[set[int]]:
-    """Return so many parts of some nodes, with as many nodes each, by cutting along the longer side again and again."""
+    """Divide nodes into parts of equal size by repeated cuts across the longer side."""
 
     def make() -> list[set[int]]:
         ids = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen

@@ -1,4 +1,4 @@
-"""Strategies that need no enemies: they go somewhere, or are made of others."""
+"""Strategies without enemies: movement, and combinations of strategies."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import cos, inf, pi, sin
@@ -33,8 +33,8 @@ F = TypeVar("F", bound=Callable[..., None])
 
 
 def _called_with_a_state(strategy: F) -> F:
-    """Let a strategy that is called without a state, like the functions that make one, say so itself."""
-    # NOTE: a default, because a wrapper would be called in every turn of every agent (benchmarks: turns).
+    """Return the strategy with a check that explains a call without a state."""
+    # NOTE: a default argument, because a wrapper would be called for every agent and turn (benchmarks: turns).
     function: Any = strategy
     function.__signature__ = signature_of(strategy)  # without the default
     function.__defaults__ = (None,)
@@ -43,7 +43,7 @@ def _called_with_a_state(strategy: F) -> F:
 
 @_called_with_a_state
 def stay(state: State | AerialState) -> None:
-    """Stay, on an edge too; it always sets an action."""
+    """Stay, also on an edge; it always sets an action."""
     try:
         if is_aerial(state):
             state["action"] = (0.0, 0.0, 0.0)
@@ -55,19 +55,20 @@ def stay(state: State | AerialState) -> None:
 
 @_called_with_a_state
 def random_walk(state: State | AerialState) -> None:
-    """Go to one of the legal nodes, the agent's own included, each as likely; fly in any horizontal direction.
+    """Go to a legal node, maybe the agent's own, with equal probabilities; fly in a random horizontal direction.
 
-    In games by metres an agent on an edge goes on to the end of it. Without `state["legal"]`, the legal nodes are those
-    that a NEIGHBOR sensor shows.
+    In games by metres an agent on an edge goes on to its end. Without `state["legal"]`, the legal nodes are those that
+    a NEIGHBOR sensor shows.
 
     Raises:
-        MissingKey: there is neither `state["draw"]` nor `state["rng"]`, or nothing that gives legal nodes.
+        MissingKey: the state has neither `draw` nor `rng`, or no source of legal nodes.
     """
     try:
-        draw, legal = state.get("draw"), state.get("legal")
+        draw = state.get("draw")
+        legal = state.get("legal")
     except AttributeError:
         raise _no_state(state, "random_walk") from None
-    if draw is not None and legal and state.get("edge") is None:  # the usual one first: it is asked most often
+    if draw is not None and legal and state.get("edge") is None:  # the usual case first: it is called most often
         state["action"] = legal[draw.below(len(legal))]
     elif is_aerial(state):
         angle = 2.0 * pi * drawn_fraction(state, "random_walk")
@@ -80,9 +81,9 @@ def random_walk(state: State | AerialState) -> None:
 
 
 def _no_state(given: object, name: str) -> BadType:
-    """Return the error of a strategy that was called where its name alone was meant."""
+    """Return the error for a strategy that was called where its name was meant."""
     return BadType(
-        f"{name} is a strategy and makes none: games call it with a state, not with {shown(given)}. Write "
+        f"{name} is a strategy, which games call with a state, not with {shown(given)}. Write "
         f"strategy={name}, without calling it."
     )
 
@@ -99,11 +100,11 @@ def goto(
 
     Args:
         ctx: the context.
-        target: a node id, or a function of the state that gives one, or None for nowhere.
-        otherwise: the strategy to use when there is nowhere to go, or no path; None sets no action then.
+        target: a node id, or a function of the state that returns one, or None for no target.
+        otherwise: the strategy to use if there is no target, or no path; None sets no action.
 
     Raises:
-        UnknownName (KeyError), BadType: the target is not a node of the map.
+        UnknownName (KeyError), BadType: the target is not on the map.
     """
     as_context(ctx, "goto")
     fixed = None if callable(target) else as_known_node(ctx, target, "target of goto")
@@ -122,37 +123,39 @@ def goto(
 def follow_path(
     ctx: Context, nodes: Iterable[NodeId], repeat: bool = False, otherwise: Strategy | None = stay
 ) -> Strategy:
-    """Go to one node after the other, by the shortest path from wherever the agent is.
+    """Go to the nodes of a list in order, each by the shortest path.
 
-    An agent with a speed goes on beyond a node of the list in the turn in which it gets there. The index of the next
-    node is in `state["memory"]`, under `"follow_path [<nodes>]"`; the way of the last turn is under that and `" way"`.
+    An agent with a speed continues beyond a node of the list in the turn in which it arrives there. The index of the
+    next node is in `state["memory"]`, under `"follow_path [<nodes>]"`; the path of the last turn is under this key and
+    `" way"`.
 
     Args:
         ctx: the context.
-        nodes: ids; neighbours on the list need not be neighbours on the map.
-        repeat: start again after the last one.
-        otherwise: the strategy to use after the last one, or while there is no path; None sets no action then.
+        nodes: ids; consecutive nodes need not be neighbors on the map.
+        repeat: whether to start again after the last node.
+        otherwise: the strategy to use after the last node, or if there is no path; None sets no action.
 
     Raises:
-        UnknownName (KeyError), BadType, BadValue: one is not a node of the map, or there are none.
+        UnknownName (KeyError), BadType, BadValue: a node is not on the map, or there are no nodes.
     """
     return route(ctx, nodes, otherwise, "follow_path", repeat=repeat)
 
 
 @shown_as_called
 def patrol(ctx: Context, nodes: Iterable[NodeId], otherwise: Strategy | None = stay) -> Strategy:
-    """Visit nodes in a cycle, beginning with the nearest by road; ties go to the first on the list.
+    """Visit nodes in a cycle, beginning with the nearest by road; ties go to the first node of the list.
 
-    An agent with a speed goes on beyond a node of the list in the turn in which it gets there. The index of the next
-    node is in `state["memory"]`, under `"patrol [<nodes>]"`; the way of the last turn is under that and `" way"`.
+    An agent with a speed continues beyond a node of the list in the turn in which it arrives there. The index of the
+    next node is in `state["memory"]`, under `"patrol [<nodes>]"`; the path of the last turn is under this key and `"
+    way"`.
 
     Args:
         ctx: the context.
-        nodes: ids; neighbours on the list need not be neighbours on the map.
-        otherwise: the strategy to use while there is no path; None sets no action then.
+        nodes: ids; consecutive nodes need not be neighbors on the map.
+        otherwise: the strategy to use if there is no path; None sets no action.
 
     Raises:
-        UnknownName (KeyError), BadType, BadValue: one is not a node of the map, or there are none.
+        UnknownName (KeyError), BadType, BadValue: a node is not on the map, or there are no nodes.
     """
     return route(ctx, nodes, otherwise, "patrol", repeat=True, is_nearest_first=True)
 
@@ -161,27 +164,29 @@ def patrol(ctx: Context, nodes: Iterable[NodeId], otherwise: Strategy | None = s
 def random_waypoints(
     ctx: Context, nodes: Iterable[NodeId] | None = None, pause: int = 0, otherwise: Strategy | None = stay
 ) -> Strategy:
-    """Go to a node drawn at random, stay there for some turns, go to the next one drawn, and so forth.
+    """Go to a random node, stay there for some turns, go to the next random node, and so on.
 
     The random waypoint model (Johnson, Maltz: Dynamic source routing in ad hoc wireless networks, 1996) on a graph.
-    The node and the turns that are left are in `state["memory"]`, under `"random_waypoints"`.
+    The target node and the remaining turns are in `state["memory"]`, under `"random_waypoints"`.
 
     Args:
         ctx: the context.
         nodes: ids to draw from; None: all nodes.
-        pause: for how many turns it stays.
-        otherwise: the strategy to use in a turn in which no path leads to the node; the next turn draws another one.
+        pause: number of turns to stay.
+        otherwise: the strategy to use in a turn without a path to the node; the next turn draws another node.
 
     Raises:
-        UnknownName (KeyError), BadType, BadValue: one is not a node of the map, there are none, or `pause` is less
-            than 0.
+        UnknownName (KeyError), BadType, BadValue: a node is not on the map, there are no nodes, or `pause` is less than
+        0.
     """
     as_context(ctx, "random_waypoints")
     chosen = None if nodes is None else known_nodes(ctx, nodes, "random_waypoints", "nodes")
-    turns, fallback = as_count(pause, "pause of random_waypoints", 0), as_otherwise(otherwise, "random_waypoints")
+    turns = as_count(pause, "pause of random_waypoints", 0)
+    fallback = as_otherwise(otherwise, "random_waypoints")
 
     def strategy(state: State) -> None:
-        here, memory = node_of(state, "random_waypoints"), required(state, "memory", "random_waypoints")
+        here = node_of(state, "random_waypoints")
+        memory = required(state, "memory", "random_waypoints")
         target, left = memory.get("random_waypoints", (None, 0))
         is_there = target == here
         far = inf if target is None or is_there else ctx.graph.graph.distance(here, target)
@@ -206,15 +211,15 @@ def first(*strategies: Strategy) -> Strategy: ...
 def first(*strategies: AerialStrategy) -> AerialStrategy: ...
 @shown_as_called
 def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Call one strategy after the other until one sets an action.
+    """Call strategies in order until one sets an action.
 
-    An action that is there already is removed first.
+    An action that is already set is removed first.
 
     Raises:
-        BadType, BadValue: one of them is not a function, or there is none.
+        BadType, BadValue: one of them is not a function, or no strategy is given.
     """
     if not strategies:
-        raise BadValue("first needs one strategy at least.")
+        raise BadValue("first needs at least one strategy.")
     options = tuple(as_strategy(option, "Each strategy of first") for option in strategies)
 
     def strategy(state: State) -> None:
@@ -234,7 +239,7 @@ def mix(p: float, a: Strategy, b: Strategy) -> Strategy: ...
 def mix(p: float, a: AerialStrategy, b: AerialStrategy) -> AerialStrategy: ...
 @shown_as_called
 def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Call `a` with the probability `p`, else `b`; one number is drawn from `state["draw"]` in every turn.
+    """Call `a` with probability `p`, else `b`; one number is drawn from `state["draw"]` in every turn.
 
     Raises:
         BadType, BadValue: `p` is not from 0 to 1, or `a` or `b` is not a function.
@@ -249,7 +254,8 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
 
     first, second = (strategy_spec_of(one).core_steps for one in (a, b))
     if first is not None and second is not None:
-        begin, skip = CoreStep("mix", number=len(first) + 1, chance=chance), CoreStep("skip", number=len(second))
+        begin = CoreStep("mix", number=len(first) + 1, chance=chance)
+        skip = CoreStep("skip", number=len(second))
         offer_steps(strategy, begin, a, skip, b)
     return strategy
 
@@ -260,10 +266,10 @@ def human(read: Callable[[State], Any]) -> Strategy: ...
 def human(read: Callable[[AerialState], Any]) -> AerialStrategy: ...
 @shown_as_called
 def human(read: Callable[[Any], Any]) -> Callable[[Any], None]:
-    """Let a person decide, through any front end.
+    """Let a person decide, through any user interface.
 
     Args:
-        read: called with the state, returns the action; None sets none. The game checks the action, this does not.
+        read: called with the state, returns the action; None sets no action. The game checks the action.
 
     Raises:
         BadType: `read` cannot be called.
@@ -280,27 +286,29 @@ def human(read: Callable[[Any], Any]) -> Callable[[Any], None]:
 
 @shown_as_called
 def unblock(strategy: Strategy, after: int = 2) -> Strategy:
-    """Play a strategy, and give way for some turns when other agents have blocked it for some.
+    """Play a strategy, and give way for some turns after other agents have blocked it for some turns.
 
-    Two that stand face to face, or stand in a circle, would wait for each other for ever. So an agent that was in
-    conflict for `after` turns draws lots: with a probability of one half it tries on; else it steps aside or back, and
-    goes on away from there, for up to 1, 2, 4, ... turns the more often that happens (binary exponential backoff:
-    Metcalfe, Boggs: Ethernet, 1976). How often is forgotten after as many turns without a conflict.
+    Two agents face to face, or agents in a circle, would wait for each other forever. So an agent that was in conflict
+    for `after` turns draws a random number: with probability one half it tries again; else it steps aside or back, and
+    moves away from there, for up to 1, 2, 4, ... turns the more often this happens (binary exponential backoff:
+    Metcalfe, Boggs: Ethernet, 1976). The count is reset after as many turns without a conflict.
 
-    It is in `state["memory"]`, under `"unblock"`.
+    The state is in `state["memory"]`, under `"unblock"`.
 
     Args:
-        strategy: of an agent on the ground.
+        strategy: the strategy of an agent on the ground.
         after: the number of turns in conflict after which it gives way.
 
     Raises:
         BadType, BadValue: `strategy` is not a function, or `after` is less than 1.
     """
-    goes_on, patience = as_strategy(strategy, "strategy of unblock"), as_count(after, "after of unblock")
+    goes_on = as_strategy(strategy, "strategy of unblock")
+    patience = as_count(after, "after of unblock")
 
     def unblock(state: State) -> None:
-        here, memory = node_of(state, "unblock"), required(state, "memory", "unblock")
-        known = memory.get("unblock", _AT_EASE)
+        here = node_of(state, "unblock")
+        memory = required(state, "memory", "unblock")
+        known = memory.get("unblock", _NOT_BLOCKED)
         is_blocked = "in conflict" in (required(state, "blocked", "unblock") or "")
         known = memory["unblock"] = _patience_left(state, known, patience, is_blocked=is_blocked)
         if known["yield"]:
@@ -315,15 +323,15 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
     return unblock
 
 
-# -- steps ---------------------------------------------------------------------------------------------------------
+# -- counters ------------------------------------------------------------------------------------------------------
 
 
-_AT_EASE = {"blocked": 0, "calm": 0, "often": 0, "yield": 0, "ahead": None}  # turns, turns, times, turns, a node
-_MOST_OFTEN = 8  # times: 256 turns of giving way
+_NOT_BLOCKED = {"blocked": 0, "calm": 0, "often": 0, "yield": 0, "ahead": None}  # turns, turns, times, turns, a node
+_MOST_OFTEN = 8  # times: up to 256 turns of giving way
 
 
 def _patience_left(state: State, known: dict[str, Any], patience: int, *, is_blocked: bool) -> dict[str, Any]:
-    """Return what an agent remembers of being blocked after another turn; it draws when it has been so for long."""
+    """Return the counters of an agent after another turn; draws a number if it was blocked for long."""
     blocked = known["blocked"] + 1 if is_blocked else 0
     calm = 0 if is_blocked else known["calm"] + 1
     often = 0 if calm > 2 ** known["often"] else known["often"]
@@ -336,7 +344,7 @@ def _patience_left(state: State, known: dict[str, Any], patience: int, *, is_blo
 
 
 def _first_node(action: object) -> int | None:
-    """Return the node to which an action leads first; None if it is none."""
+    """Return the first node of an action; None for no action."""
     wanted = action.get("node_id") if isinstance(action, Mapping) else action
     if isinstance(wanted, Sequence):
         wanted = wanted[0] if wanted else None
