@@ -259,8 +259,8 @@ def test_a_table_that_was_written_once_says_the_same_for_ever():
         ("09 02 01 00 02 02 06 00", 1, "a byte cannot have 6 of 3 entries"),
         ("09 00 09 00 01 00 00", 1, "1 numbers cannot have the form 9"),
         ("09 00 00 00", 1, "1 numbers cannot have the form 0"),
-        ("09 ff 01 00", 1, "256 bytes are promised and 1 are there"),
-        ("09 00", 1, "2 bytes are promised and 1 are there"),
+        ("09 ff 01 00", 1, "256 bytes are stated, but only 1 exist"),
+        ("09 00", 1, "2 bytes are stated, but only 1 exist"),
         ("0a 00 01 00 00", 1, "1 numbers cannot have the form 10"),
     ],
     ids=[

@@ -136,7 +136,7 @@ def test_unknown_sensors_are_warned_about_and_skipped(ctx, heard):
     agent = ctx.agent.create_agent("a", start_node_id=0, sensors=iter(["nearr", "near"]))
     assert list(agent._sensor_list) == ["near"]
     assert len(heard) == 1
-    assert "'a' goes without a sensor: Unknown sensor 'nearr'. Did you mean 'near'?" in heard[0]
+    assert "'a' is created without a sensor: Unknown sensor 'nearr'. Did you mean 'near'?" in heard[0]
 
 
 @pytest.mark.parametrize("sensors", [[5], {"e": 5}, ["near", ["odd"]], {5: "near"}, {"": "near"}, 5, "near"])
@@ -172,7 +172,7 @@ def test_an_attribute_that_looks_misspelt_is_warned_about_once_and_kept(ctx, hea
         agent.curent_node_id = 3
         agent.energy, agent.notes, agent.alive = 3, [1], True
     assert (ann.curent_node_id, ann.current_node_id, ann.notes) == (3, 0, [1])
-    hint = "Unknown attribute 'curent_node_id'. Did you mean 'current_node_id'? It is kept as an attribute."
+    hint = "Unknown attribute 'curent_node_id'. Did you mean 'current_node_id'? It is stored as an attribute."
     assert heard == [f"Agent 'ann': {hint}"]
     with ctx.game.fork(1).ctx as ahead:
         ahead.agent.get_agent("ann").curent_node_id = 4
@@ -182,8 +182,8 @@ def test_an_attribute_that_looks_misspelt_is_warned_about_once_and_kept(ctx, hea
 def test_the_position_of_an_agent_that_does_not_fly_is_warned_about_and_kept_as_in_1_0_0(ctx, heard):
     kite = ctx.agent.create_agent("kite", start_node_id=0, position=(1.0, 2.0, 3.0))
     assert (kite.position, kite.type, kite.current_node_id) == ((1.0, 2.0, 3.0), AgentType.BASIC, 0)
-    hint = "position= is for agents that fly: give it type=AgentType.AERIAL and speed=, too."
-    assert heard == [f"Agent 'kite': {hint} It is kept as an attribute."]
+    hint = "position= is only for flying agents: also give type=AgentType.AERIAL and speed=."
+    assert heard == [f"Agent 'kite': {hint} It is stored as an attribute."]
     with pytest.raises(MissingKey, match=f"needs start_node_id=, the node it stands on. {hint}"):
         ctx.agent.create_agent("ann", position=(1.0, 2.0, 3.0))
     ctx.agent.create_agent("drone", start_node_id=0, type="AERIAL", speed=1.0, position=(1.0, 2.0, 3.0))
@@ -193,7 +193,7 @@ def test_the_position_of_an_agent_that_does_not_fly_is_warned_about_and_kept_as_
 def test_an_attribute_that_looks_misspelt_is_warned_about_in_each_context(ctx, heard):
     ctx.agent.create_agent("ann", start_node_id=0).currentnodeid = [1]
     assert heard == [
-        "Agent 'ann': Unknown attribute 'currentnodeid'. Did you mean 'current_node_id'? It is kept as an attribute."
+        "Agent 'ann': Unknown attribute 'currentnodeid'. Did you mean 'current_node_id'? It is stored as an attribute."
     ]
 
 

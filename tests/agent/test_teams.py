@@ -113,7 +113,7 @@ def test_a_team_has_the_values_of_its_members_as_they_are(ctx):
 def test_what_a_team_is_asked_wrongly_is_explained(ctx):
     team = ctx.agent.create_team("red", [0, 1])
     for index in (0, slice(0, 1), None):
-        with pytest.raises(BadType, match=r"asked for an attribute by its name, not .*: team.agents has members"):
+        with pytest.raises(BadType, match=r"the name of an attribute, not .*; team.agents has the members"):
             team[index]
     with pytest.raises(BadType, match="must be a string, not 3"):
         team.set(3, 5)
@@ -188,12 +188,12 @@ def test_all_move_or_none(ctx):
 
 def test_the_first_member_that_cannot_go_is_named(ctx):
     team = ctx.agent.create_team("red", [12, 0, 24])  # red_1 is in a corner: that it cannot go is known first
-    with pytest.raises(BadValue, match="Agent 'red_0' cannot go to node 24: no edge leads there from node 12"):
+    with pytest.raises(BadValue, match="Agent 'red_0' cannot move to node 24: there is no edge from node 12"):
         team.move([24, 24, 0])
     team.set("alive", False, where=[True, False, False])
-    with pytest.raises(BadValue, match="Agent 'red_1' cannot go to node 24"):
+    with pytest.raises(BadValue, match="Agent 'red_1' cannot move to node 24"):
         team.move([24, 24, 0])
-    with pytest.raises(BadValue, match="Agent 'red_2' cannot go to node -1"):
+    with pytest.raises(BadValue, match="Agent 'red_2' cannot move to node -1"):
         team.move([24, 0, -1])
     team.move([24, 1, 24])
     assert team.node_ids.tolist() == [12, 1, 24]
@@ -207,7 +207,7 @@ def test_a_team_moves_along_open_roads(ctx, number):
     assert set(team.random_actions().tolist()) == {0, 1, 5}
     graph.close_roads([edge])
     assert set(team.random_actions().tolist()) == {0, 5}
-    with pytest.raises(BadValue, match="'red_3' cannot go to node 1"):
+    with pytest.raises(BadValue, match="'red_3' cannot move to node 1"):
         team.move([5, 0, 0, *[1] * (number - 3)])
     graph.open_roads([edge])
     team.move([5, 0, 0, *[1] * (number - 3)])
@@ -384,8 +384,8 @@ def test_a_new_attribute_much_like_a_known_one_is_warned_about(caplog):
         team.set("fuel", 3)
         team.set("energies", 3)
     assert [one.getMessage() for one in caplog.records if one.levelname == "WARNING"] == [
-        "Team 'red': Unknown attribute 'enrgy'. Did you mean 'energy'? It is kept as an attribute.",
-        "Team 'red': Unknown attribute 'current_nod_id'. Did you mean 'current_node_id'? It is kept as an attribute.",
+        "Team 'red': Unknown attribute 'enrgy'. Did you mean 'energy'? It is stored as an attribute.",
+        "Team 'red': Unknown attribute 'current_nod_id'. Did you mean 'current_node_id'? It is stored as an attribute.",
     ]
 
 

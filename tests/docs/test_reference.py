@@ -50,7 +50,7 @@ def test_each_signature_of_a_function_has_its_module_and_the_last_one_the_text()
     )
     assert first.splitlines()[1:] == [":module: gamms.strategies", ":no-index:", "::::", ""]
     assert last.splitlines()[1] == ":module: gamms.strategies"
-    assert "Call `a` with the probability" in last.partition("\n::::\n")[0]
+    assert "Call `a` with probability" in last.partition("\n::::\n")[0]
 
 
 def test_a_type_that_is_not_public_has_its_module_where_another_one_has_its_name():

@@ -368,7 +368,7 @@ def test_each_receiver_gets_a_body_of_any_plain_kind_as_it_was_sent(body):
         (
             {"range_m": 10, "loss": 2},
             BadValue,
-            "loss of channel 'radio' must be made of probabilities from 0 to 1, not 2",
+            "loss of channel 'radio' must have probabilities from 0 to 1, not 2",
         ),
         ({"range_m": 10, "loss": [(5, 0.1), (2, 0.2)]}, BadValue, "must ascend"),
         ({"range_m": 10, "loss": len}, BadType, "loss of channel 'radio' must be a probability or pairs"),

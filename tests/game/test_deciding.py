@@ -420,7 +420,7 @@ def test_an_agent_sees_its_own_memory_and_state_and_no_other(grid):
     def look(state):
         state["memory"]["n"] = state["memory"].get("n", 0) + 1
         seen.append((ctx.game.memories, ctx.agent.get_agent(state["name"]).state is state))
-        with pytest.raises(IllegalMutation, match="look into the state of agent"):
+        with pytest.raises(IllegalMutation, match="read the state of agent"):
             ctx.agent.get_agent({"a": "b", "b": "a"}[state["name"]]).state["action"]
 
     with grid(on_illegal="stay") as ctx:

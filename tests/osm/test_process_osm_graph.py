@@ -35,7 +35,7 @@ def test_both_directions_of_a_curved_street_share_nodes(bidirectional):
 
 @pytest.mark.parametrize("crs", ["EPSG:2263", "EPSG:2277", "+proj=utm +zone=35 +units=km"])
 def test_a_map_in_feet_is_not_taken_for_one_in_metres(crs, tmp_path):
-    with pytest.raises(BadValue, match=r"counts in .*, and lengths and heights of maps are in metres"):
+    with pytest.raises(BadValue, match=r"is in .*, but lengths and heights of maps are in metres"):
         process_osm_graph(street(crs=crs))
     with pytest.raises(BadValue, match="in metres"):
         obstacle_from_file(tmp_path / "any.osm", crs=crs)

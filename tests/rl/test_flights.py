@@ -241,7 +241,7 @@ def test_an_action_may_say_how_far_an_agent_flies():
             kite.get_state()["action"] = {"direction": (3, 0, 0)} | ({} if distance is None else {"distance": distance})
             kite.set_state()
             assert kite.position == (x, 0.0, 0.0)
-        for distance, why in ((6.0, "more than agent 'kite' flies at once: 5"), (-1.0, "A distance")):
+        for distance, why in ((6.0, "more than the speed of agent 'kite', 5"), (-1.0, "A distance")):
             kite.get_state()["action"] = {"direction": (1, 0, 0), "distance": distance}
             with pytest.raises(BadValue, match=why):
                 kite.set_state()

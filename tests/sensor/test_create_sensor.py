@@ -85,7 +85,7 @@ def test_a_field_of_view_in_degrees_is_warned_about(ctx, heard, kind):
     ctx.sensor.create_sensor("eye", kind, sensor_range=5.0, fov=90)
     for i, fov in enumerate((2 * pi, 6.2832, inf)):
         ctx.sensor.create_sensor(f"round {i}", kind, sensor_range=5.0, fov=fov)
-    assert heard == ["Sensor 'eye' sees all around: fov=90 is in radians. Did you mean math.radians(90)?"]
+    assert heard == ["Sensor 'eye' sees everything: fov=90 is in radians. Did you mean math.radians(90)?"]
 
 
 def test_an_ignored_keyword_is_warned_about_once_for_each_kind(ctx, heard):
@@ -159,7 +159,7 @@ def test_an_impossible_orientation_is_refused(ctx, value):
 def test_a_keyword_that_is_set_as_an_attribute_is_warned_about(ctx, heard):
     sensor = ctx.sensor.create_sensor("s", SensorType.AGENT_RANGE, sensor_range=3)
     sensor.sensor_range, sensor.team = 5, "red"
-    kept = "is kept as an attribute of your own: set sensor."
+    kept = "is a custom attribute; use sensor."
     assert heard == [f"Sensor 's': sensor.sensor_range {kept}range.", f"Sensor 's': sensor.team {kept}notice.team."]
     with pytest.raises(AttributeError, match=r"no attribute 'teem'\. Did you mean 'team'"):
         sensor.notice.teem = "red"

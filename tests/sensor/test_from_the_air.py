@@ -158,7 +158,7 @@ def test_sensors_on_the_ground_find_drones_at_the_nearest_node(sense, ctx, drone
 def test_the_owner_must_be_there_and_fly(ctx, drone, kind):
     sensor = ctx.sensor.create_sensor("eye", SensorType[kind])
     walker = ctx.agent.create_agent("walker", start_node_id=1)
-    with pytest.raises(ValueError, match=r"'eye' .* needs an agent that flies; 'walker' does not"):
+    with pytest.raises(ValueError, match=r"'eye' .* needs a flying agent, but 'walker' does not fly"):
         walker.register_sensor("eye", sensor)
     assert walker.get_state()["sensor"] == {}
     with pytest.raises(KeyError, match=r"Unknown agent 'dron'. Did you mean 'drone'"):
@@ -185,7 +185,7 @@ def test_an_agent_on_the_ground_may_carry_a_sensor_that_is_fixed_in_the_air(ctx,
     assert list(ctx.agent.get_agent("walker").get_state()["sensor"]["tower"][1]["nodes"]) == [1]
     carried = ctx.game.snapshot()
     tower.at = None
-    with pytest.raises(ValueError, match=r"'tower' .* needs an agent that flies; 'walker' does not"):
+    with pytest.raises(ValueError, match=r"'tower' .* needs a flying agent, but 'walker' does not fly"):
         tower.sense()
     ctx.agent.get_agent("walker").deregister_sensor("tower")
     ctx.record.stop()

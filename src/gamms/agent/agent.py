@@ -1,4 +1,4 @@
-"""Agents as users hold them: views of one row of a block, with sensors and a strategy."""
+"""The agents that users hold: views of one row of a block, with sensors and a strategy."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
@@ -42,13 +42,13 @@ _AT_FIRST = ("_phase", "_ctx", "_block", "_near", "_sensor_list", "_shared", "_c
 
 
 class NoStrategy(GammsError, AttributeError):
-    """An agent is to decide and has no strategy."""
+    """An agent without a strategy was asked to decide."""
 
 
 class _Derived:
-    """What follows from where an agent is; an attribute of the caller's by the same name hides it.
+    """A property derived from the position of an agent; an attribute set by the caller hides it.
 
-    Programs written for 1.0.0 may use these names for what they like.
+    Programs written for 1.0.0 may use these names for their own attributes.
     """
 
     def __init__(self, value_of: Callable[["BaseAgent"], Any]) -> None:
@@ -59,35 +59,35 @@ class _Derived:
 
 
 class BaseAgent(AgentView, ContextPart, IAgent):
-    """An agent of any kind; a subclass says where it begins, where it is and how it acts."""
+    """An agent of any kind; subclasses define its start, its position and its actions."""
 
-    # NOTE: the last state is in a list, because setting an attribute asks whether a strategy is running (benchmarks:
-    # loop). The caller's attributes are in __dict__.
+    # NOTE: the last state is in a list, because setting an attribute checks whether a strategy is running
+    # (benchmarks: loop). The caller's attributes are in __dict__.
     __slots__ = ()
 
     _called = "agent"
 
     _SETTABLE: ClassVar = SETTABLE
-    _ACTION: ClassVar[str]  # what a strategy is to choose
+    _ACTION: ClassVar[str]  # the choice of a strategy, for messages
 
-    strategy: Strategy | MaybeNone  # the function of its state that decides for it; settable
+    strategy: Strategy | MaybeNone  # the function that decides from its state; settable
     _phase: DecidePhase
     _ctx: IContext
     _block: AgentBlock
     _row: int
-    _near: Mapping[int, Sequence[int]]  # of an agent on the ground; what is in it is a node
+    _near: Mapping[int, Sequence[int]]  # legal neighbors of each node, for agents on the ground
     _sensor_list: dict[str, ISensor]
-    _shared: tuple[ISensor, ...]  # the sensors that another agent carries, too
-    _carried: tuple[Carried, ...]  # the same as the list, in the form that is read fastest
-    _last: list[Any]  # what `get_state` returned last
+    _shared: tuple[ISensor, ...]  # sensors that another agent also carries
+    _carried: tuple[Carried, ...]  # the list of sensors in the form that is read fastest
+    _last: list[Any]  # the last result of `get_state`
 
     def __repr__(self) -> str:
-        """Name the agent and its node, and say if it is eliminated."""
+        """Return a text with the name and the node, and whether the agent is eliminated."""
         state = "" if self.alive else ", alive=False"
         return f"{type(self).__name__}({self.name!r}, current_node_id={self.current_node_id}{state})"
 
     def __getstate__(self) -> object:
-        """Return its attributes; without this, compiled classes refuse to be copied."""
+        """Return the attributes; without this, compiled classes cannot be copied."""
         return super().__getstate__()
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -116,18 +116,18 @@ class BaseAgent(AgentView, ContextPart, IAgent):
             self._block.journal.attributed([self._row], name, None)
 
     def _look_at(self, name: str) -> None:
-        """Refuse what cannot be set; warn of a name that looks misspelt, once in a context."""
+        """Refuse read-only names; warn once per context of a name that looks misspelled."""
         known = getattr(type(self), name, None)
         if isinstance(known, property) and known.fset is None:
             settable = ", ".join(sorted({"strategy", *self._SETTABLE}))
-            raise AttributeError(f"agent.{name} cannot be set; {settable} can, and attributes of other names.")
+            raise AttributeError(f"agent.{name} cannot be set; {settable} and other names can.")
         self._phase.known_names.add(name)
         if isinstance(known, (Attribute, type(None))):
             for hint in misspelt([name], sorted({"strategy", *self._SETTABLE}), "attribute"):
-                self._ctx.logger.warning(f"Agent {shown(self.name)}: {hint} It is kept as an attribute.")
+                self._ctx.logger.warning(f"Agent {shown(self.name)}: {hint} It is stored as an attribute.")
 
     def _put_attribute(self, name: str, value: object) -> None:
-        """Set an attribute that nothing refuses."""
+        """Set an attribute without checks."""
         if type(value) not in _SCALARS and not hasattr(type(self), name):
             kind = _guarded_kind(type(self), self._phase.agent_kinds)
             if not hasattr(kind, name):
@@ -135,7 +135,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
             self.__class__ = kind
         object.__setattr__(self, name, value)
 
-    # -- what it is ---------------------------------------------------------------------------------------------
+    # -- identity -----------------------------------------------------------------------------------------------
 
     @property
     def name(self) -> str:
@@ -144,7 +144,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
 
     @property
     def type(self) -> AgentType:
-        """What kind of agent this is."""
+        """The kind of this agent."""
         return _KINDS[self._block.kind[self._row]]
 
     def _put_in_team(self, team: Hashable) -> None:
@@ -152,7 +152,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
 
     @property
     def alive(self) -> bool:
-        """Whether it takes part: if not, it is neither sensed nor asked nor moved by `ctx.game`. Settable."""
+        """Whether the agent takes part; settable. Sensors and `ctx.game` ignore agents that do not."""
         return self._block.alive[self._row]
 
     @alive.setter
@@ -161,20 +161,20 @@ class BaseAgent(AgentView, ContextPart, IAgent):
 
     @property
     def state(self) -> State:
-        """What `get_state` returned last; `{}` before the first time. While agents decide, each sees only its own."""
+        """The last result of `get_state`; `{}` before the first call. While agents decide, each sees only its own."""
         phase = self._phase
         if phase.agent is not None and phase.agent is not self and self.name not in phase.names():
-            phase.refuse(f"look into the state of agent {self.name!r}")
+            phase.refuse(f"read the state of agent {self.name!r}")
         return self._last[0]  # type: ignore[no-any-return] # of an aerial agent it is another
 
     @property
     def sensors(self) -> ReadOnlyMapping:
-        """The sensors that it carries, by the names in its state; read-only."""
+        """The sensors that the agent carries, by their names in its state; read-only."""
         return ReadOnlyMapping(self._sensor_list)
 
     @property
     def prev_node_id(self) -> int:
-        """The node it came from, at first its own; settable. In `ctx.game`, unlike in an own loop, stays keep it."""
+        """The previous node, initially its own; settable. A stay keeps it in `ctx.game`, but not in custom loops."""
         return self._block.previous[self._row]
 
     @prev_node_id.setter
@@ -182,8 +182,10 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         if not self._is_closed:
             self._set("previous", self._known(node_id))
 
-    edge = _Derived(lambda one: getattr(one._on_edge(), "edge", None))  # ids of its ends and its own; None on a node
-    offset_m = _Derived(lambda one: getattr(one._on_edge(), "offset_m", 0.0))  # from the edge's source, map units
+    # (source id, target id, edge id); None on a node
+    edge = _Derived(lambda one: getattr(one._on_edge(), "edge", None))
+    # distance from the source of the edge, map units
+    offset_m = _Derived(lambda one: getattr(one._on_edge(), "offset_m", 0.0))
     xy = _Derived(lambda one: one._xy())  # where it is, map units
 
     # -- sensing, deciding, acting ------------------------------------------------------------------------------
@@ -192,7 +194,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
     def register_sensor(self, name: str, sensor: ISensor) -> None:
         """Carry a sensor; its results appear in the state under `name`.
 
-        Several agents may carry one sensor: it looks with the heading of the one that asks, and leaves that one out.
+        Several agents may carry one sensor: it uses the heading of the agent that asks, and leaves this agent out.
         """
         refuse_no_sensor(sensor)
         self._add_sensor(name, sensor)
@@ -213,16 +215,16 @@ class BaseAgent(AgentView, ContextPart, IAgent):
 
     @refused_while_deciding
     def register_strategy(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
-        """Decide with `strategy` from now on: a function of the state, or one that makes it from the context.
+        """Set the strategy: a function of the state, or a function that makes one from the context.
 
         Raises:
-            BadType: it is neither, nor None.
+            BadType: not such a function, nor None.
         """
         self.strategy = strategy
 
     @refused_while_deciding
     def sense(self) -> dict[str, tuple[SensorType, Any]]:
-        """Ask all sensors; return name -> (kind, data), as `get_state` has it under `sensor`."""
+        """Read all sensors; return name -> (kind, data), as in `get_state()["sensor"]`."""
         node, sensed = self.current_node_id, {}
         place = self._on_edge() if self._sensor_list else None
         where: Any = node if place is None else place.xy
@@ -235,8 +237,8 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         """Sense, decide and move; do nothing after the end of the context.
 
         Raises:
-            NoStrategy (AttributeError): there is no strategy.
-            BadType: the strategy has to be awaited, which only `ctx.game` does.
+            NoStrategy (AttributeError): the agent has no strategy.
+            BadType: the strategy is asynchronous, which only `ctx.game` supports.
         """
         if self._is_closed:
             return
@@ -245,15 +247,15 @@ class BaseAgent(AgentView, ContextPart, IAgent):
             raise NoStrategy(f"Agent {self.name!r} has no strategy. Give it one with register_strategy.")
         answer: Any = strategy(self.get_state())
         if answer is not None and hasattr(type(answer), "__await__"):
-            getattr(answer, "close", bool)()  # a coroutine that is never run
-            raise BadType(f"The strategy of agent {self.name!r} has to be awaited: play by ctx.game.run() or step().")
+            getattr(answer, "close", bool)()  # closes a coroutine that is never run
+            raise BadType(f"The strategy of agent {self.name!r} is asynchronous: play with ctx.game.run() or step().")
         self.set_state()
 
     # -- inside the package -------------------------------------------------------------------------------------
 
     @refused_while_deciding
     def decide_by(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
-        """Set a strategy that was checked or made before, or None."""
+        """Set a strategy that is already checked, or None."""
         self._phase.strategy_changes += 1
         self._block.structure.note((self._row,))
         object.__setattr__(self, "strategy", strategy)
@@ -263,7 +265,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         return self._block.is_closed
 
     def _begin(self, ctx: IContext, block: AgentBlock, attributes: Iterable[str]) -> IGraph:
-        """Begin as a view of a row that a subclass adds to a block; check the names of attributes; return the graph."""
+        """Initialize as a view of a row that a subclass adds to a block; check attribute names; return the graph."""
         for key in attributes:
             if key not in self._SETTABLE and not isinstance(getattr(type(self), key, None), (_Derived, type(None))):
                 raise ReservedName(key, self._SETTABLE)
@@ -274,7 +276,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
 
     @abstractmethod
     def _act(self, action: object) -> None:
-        """Do what an action that is no plain node id says."""
+        """Perform an action that is not a plain node id."""
 
     def _known(self, node_id: object) -> int:
         return known_node(self._ctx.graph.graph, self._block, node_id)
@@ -294,13 +296,13 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         return node.x, node.y
 
     def _note(self, kind: int, name: str, sensor: ISensor) -> None:
-        """Note that the agent carries a sensor, or stops carrying it."""
+        """Note in the journal that the agent gets or loses a sensor."""
         journal = self._block.journal
         if not journal.is_silent:
             journal.note(kind, {"agent_name": self.name, "name": name, "sensor_id": sensor.sensor_id})
 
     def _live_in(self, block: AgentBlock) -> None:
-        """Move into a row of another block: that of the context, or a new one to leave it; sensors stay."""
+        """Move to a row of another block: the block of the context, or a new one to leave it; sensors stay."""
         self._row, self._block = block.take_over(self._block, self._row), block
 
     def _last_state(self) -> Any:
@@ -313,11 +315,11 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         ) from None
 
     def _state_of(self, sensed: dict[str, Any]) -> State:
-        """Return a state with these results of sensors."""
+        """Return a state with these sensor results."""
         return cast("State", {"curr_pos": self.current_node_id, "sensor": sensed})
 
     def _held_data(self) -> dict[str, Any]:
-        """Return what the sensors hold without having been asked; a sensor of the caller's may have nothing yet."""
+        """Return the present data of the sensors without a new look; custom sensors may have no data."""
         held = ((name, sensor.type, getattr(sensor, "data", None)) for name, sensor in self._sensor_list.items())
         return {name: (kind, data) for name, kind, data in held}
 
@@ -335,7 +337,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
             self._carry()
 
     def _share(self, sensor: ISensor) -> None:
-        """Name this agent as the owner of a sensor for every look of its own: another agent carries it, too."""
+        """Set this agent as the owner of a sensor before each of its looks, because another agent carries it, too."""
         self._shared = (*(other for other in self._shared if other is not sensor), sensor)
         self._carry()
 
@@ -351,7 +353,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
 
 
 def _number(column: Column) -> property:
-    """Return the property that stands for a further number of agents."""
+    """Return the property of an additional number column of agents."""
     return property(
         lambda agent: getattr(agent._block, column.name)[agent._row],
         lambda agent, value: agent._set(column.name, column.checked(value, column.name)),
@@ -363,17 +365,17 @@ for _column in NUMBERS:
 
 
 class Agent(BaseAgent):
-    """An agent on the ground; see `IAgent` for what each call promises. Any other attribute is the caller's own.
+    """An agent on the ground; `IAgent` documents each call. All other attributes belong to the caller.
 
     Args:
         ctx: the context.
         name: the agent's name.
-        start_node_id: where it stands.
+        start_node_id: its first node.
         kwargs: become attributes (`team`, `orientation`, `meta`, …).
 
     Raises:
-        KeyError: there is no such node.
-        AttributeError: a keyword that is the name of a method or of something read-only.
+        KeyError: the node does not exist.
+        AttributeError: a keyword names a method or a read-only property.
     """
 
     __slots__ = ()
@@ -397,7 +399,7 @@ class Agent(BaseAgent):
 
     @property
     def speed(self) -> Any:
-        """How far it may move in a turn of `ctx.game`, in edges or metres; None for one edge. Settable."""
+        """The distance it may move per turn of `ctx.game`, in edges or metres; None for one edge. Settable."""
         return self._block.speed[self._row]
 
     @speed.setter
@@ -408,7 +410,7 @@ class Agent(BaseAgent):
 
     @property
     def orientation(self) -> tuple[float, float]:
-        """`(cos, sin)` of the heading; (0.0, 0.0) while there is none. Settable: a pair, or None to follow moves."""
+        """The heading `(cos, sin)`; (0.0, 0.0) if there is none. Settable: a pair, or None to follow moves."""
         block, row = self._block, self._row
         heading = block.heading[row]
         if heading is not None:
@@ -422,7 +424,7 @@ class Agent(BaseAgent):
         try:
             graph = self._ctx.graph.graph
             (_, x1, y1), (_, x0, y0) = graph.get_node(here), graph.get_node(before)
-        except (UnknownName, ContextTerminated):  # where it came from, or the whole graph, is gone
+        except (UnknownName, ContextTerminated):  # the previous node, or the whole graph, no longer exists
             return (0.0, 0.0)
         distance = hypot(x1 - x0, y1 - y0)
         return ((x1 - x0) / distance, (y1 - y0) / distance) if distance else (0.0, 0.0)
@@ -444,20 +446,20 @@ class Agent(BaseAgent):
 
 
 class AerialAgent(BaseAgent, IAerialAgent):
-    """An agent that flies; see `IAerialAgent` for what each call promises. Any other attribute is the caller's own.
+    """A flying agent; `IAerialAgent` documents each call. All other attributes belong to the caller.
 
     Args:
         ctx: the context.
         name: the agent's name.
-        start_node_id: the node it starts from, at its x and y and z = 0.
-        speed: how far it moves at each step, map units; not negative.
-        position: `(x, y, z)` where it starts instead.
+        start_node_id: its first node; it starts at the node's x and y with z = 0.
+        speed: distance per step, map units; not negative.
+        position: start position `(x, y, z)` instead of the node.
         kwargs: become attributes (`team`, `quat`, `orientation`, `meta`, …).
 
     Raises:
-        KeyError: there is no such node.
-        BadValue, BadType: a speed, position, quat or orientation that is none.
-        AttributeError: a keyword that is the name of a method or of something read-only.
+        KeyError: the node does not exist.
+        BadValue, BadType: an invalid speed, position, quat or orientation.
+        AttributeError: a keyword names a method or a read-only property.
     """
 
     __slots__ = ()
@@ -488,12 +490,12 @@ class AerialAgent(BaseAgent, IAerialAgent):
             setattr(self, key, value)
 
     def __repr__(self) -> str:
-        """Name the agent and where it is."""
+        """Return a text with the name and the position."""
         return f"{type(self).__name__}({self.name!r}, position={self.position})"
 
     @property
     def position(self) -> Position:
-        """`(x, y, z)`; settable: where it was is then `prev_position`, above `prev_node_id`."""
+        """The position `(x, y, z)`; settable: the old position becomes `prev_position`, above `prev_node_id`."""
         return self._block.position[self._row]  # type: ignore[return-value] # None only on the ground
 
     @position.setter
@@ -502,12 +504,12 @@ class AerialAgent(BaseAgent, IAerialAgent):
 
     @property
     def prev_position(self) -> Position:
-        """Where it was before the last move."""
+        """The position before the last move."""
         return self._block.previous_position[self._row]  # type: ignore[return-value] # as above
 
     @property
     def current_node_id(self) -> int:
-        """The node nearest to its x and y; settable: it goes there without changing its z."""
+        """The node nearest to its x and y; setting it moves the agent there without changing its z."""
         return self._block.nearest(self._row)
 
     @current_node_id.setter
@@ -517,7 +519,7 @@ class AerialAgent(BaseAgent, IAerialAgent):
 
     @property
     def quat(self) -> Quat:
-        """How it is turned, `(w, x, y, z)` of length 1; settable, of any length."""
+        """The rotation `(w, x, y, z)` as a unit quaternion; settable, with any length."""
         return self._block.quat[self._row]  # type: ignore[return-value] # as above
 
     @quat.setter
@@ -528,7 +530,7 @@ class AerialAgent(BaseAgent, IAerialAgent):
     def orientation(self) -> tuple[float, float]:
         """`(cos, sin)` of the yaw of `quat`; (0.0, 0.0) if it points straight up or down.
 
-        Settable: a pair turns it about the vertical, without pitch and roll; None leaves it unturned, facing east.
+        Settable: a pair sets the rotation about the vertical, without pitch and roll; None resets it to face east.
         """
         return kernels.yaw(self.quat)
 
@@ -538,11 +540,11 @@ class AerialAgent(BaseAgent, IAerialAgent):
 
     @property
     def speed(self) -> float:
-        """How far it moves at each step, map units."""
+        """The distance it moves at each step, map units."""
         return self._block.speed[self._row]  # type: ignore[return-value] # as above
 
     def get_state(self) -> AerialState:  # type: ignore[override] # an agent of unknown kind is taken for one on the ground
-        """Sense; return a fresh dict with `curr_pos`, `quat` and `sensor`."""
+        """Read the sensors; return a fresh dict with `curr_pos`, `quat` and `sensor`."""
         if self._is_closed:
             last: AerialState = self._last_state()
             return last
@@ -562,10 +564,10 @@ class AerialAgent(BaseAgent, IAerialAgent):
 
 
 class Attribute:
-    """An attribute of the caller's; while a strategy runs, reading it returns a read-only copy.
+    """An attribute set by the caller; while a strategy runs, reading it returns a read-only copy.
 
     Args:
-        name: the name; its value is in the `__dict__` of the agent.
+        name: name of the attribute, whose value is in the `__dict__` of the agent.
     """
 
     def __init__(self, name: str) -> None:
@@ -587,13 +589,13 @@ class Attribute:
 
 
 def _guarded_kind(kind: type, kinds: dict[type, type]) -> type:
-    """Return the subclass of a class of agents that has the attributes of one context, so that the class has none.
+    """Return a subclass of an agent class with the attributes of one context, so that the class itself stays unchanged.
 
     Args:
-        kind: the class of an agent.
-        kinds: of the context: class -> that subclass, which is added.
+        kind: class of the agent.
+        kinds: of the context: class -> its subclass; a new subclass is added.
     """
-    # NOTE: with `__getattr__` no class would be needed, but all else is read half as fast (benchmarks: the loop).
+    # NOTE: `__getattr__` would need no class, but halve the speed of all other reads (benchmarks: the loop).
     found = kinds.get(kind)
     if found is None:
         copied = {name: getattr(kind, name) for name in ("__module__", "__qualname__", "__doc__")}

@@ -1,4 +1,4 @@
-"""The sensors of agents: as they are given to them, and in the form in which agents ask them."""
+"""The sensors of agents: as passed by callers, and in the form in which agents read them."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -11,26 +11,26 @@ from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, i
 
 
 def carried(name: str, sensor: ISensor, own: str | None, near: Mapping[int, Sequence[int]]) -> Carried:
-    """Return a sensor in this form.
+    """Return a sensor in the form in which its agent reads it.
 
     Args:
-        name: what it is called in the agent's state.
+        name: name of the sensor in the agent's state.
         sensor: the sensor.
-        own: the agent that asks, if others carry the sensor, too.
-        near: the neighbourhoods of the agent's graph.
+        own: name of the agent, if others also carry the sensor.
+        near: neighborhoods of the agent's graph.
     """
     offered: Callable[[], Any] | None = getattr(sensor, "live_result", None)
     last = LiveData(sensor) if offered is None else offered()
     if own is not None:
         return name, last, None, _Look(sensor, own)
     if type(last) is list and getattr(sensor, "neighborhoods", None) is near:
-        # NOTE: without the sensor, which would be read from memory at every look (benchmarks: turns).
+        # NOTE: without the sensor object, which would be read from memory at every look (benchmarks: turns).
         return name, last, sensor.type, None
     return name, last, None, sensor
 
 
 class _Look:
-    """Asks a sensor that several agents carry on behalf of one of them."""
+    """Reads a sensor that several agents carry, on behalf of one of them."""
 
     __slots__ = ("_own", "_sensor", "sees_world_only")
 
@@ -49,19 +49,19 @@ class _Look:
         try:
             sensor.sense(node_id)
         finally:
-            if owner not in (None, own):  # a look that no agent asks for is that of the one that registered it last
+            if owner not in (None, own):  # a look without an agent belongs to the agent that registered the sensor last
                 sensor.set_owner(owner)
 
 
 def listed(sensors: Any) -> Any:
-    """Return sensors in a form that can be read more than once; anything else stays as it is."""
+    """Return sensors in a form that can be iterated more than once; other values are returned unchanged."""
     if isinstance(sensors, list | tuple | dict | str) or not isinstance(sensors, Iterable):
         return sensors
     return dict(sensors) if isinstance(sensors, Mapping) else list(sensors)
 
 
 def found_sensors(ctx: IContext, name: str, given: Any, *, skips_unknown: bool = True) -> dict[str, ISensor]:
-    """Return the sensors that an agent is to carry, by their names in its state; 1.0.0 skips unknown ids."""
+    """Return the sensors for a new agent, by their names in its state; 1.0.0 skips unknown ids."""
     is_dict = type(given) is not list and isinstance(given, Mapping)
     if isinstance(given, str) or not isinstance(given, Iterable):
         raise BadType(f"sensors= of {shown(name)} must be a list of sensor ids or a dict, not {shown(given)}.")
@@ -78,5 +78,5 @@ def found_sensors(ctx: IContext, name: str, given: Any, *, skips_unknown: bool =
         except KeyError as error:
             if not skips_unknown:
                 raise
-            ctx.logger.warning(f"Agent {shown(name)} goes without a sensor: {error}")
+            ctx.logger.warning(f"Agent {shown(name)} is created without a sensor: {error}")
     return found

@@ -1,4 +1,4 @@
-"""The agent engine: creates agents and keeps them by name."""
+"""The agent engine: creates agents and stores them by name."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
@@ -49,12 +49,12 @@ from gamms.typing.agent_engine import AgentType, Departure, IAgentEngine, Sensor
 from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, Strategy
 from gamms.typing.sensor_engine import ISensor, owner_of
 
-_MANY = 1000  # nodes, from which on an array is quicker than a look at each
+_MANY = 1000  # number of nodes from which an array is faster than single look-ups
 _KINDS_OF_KEYWORDS = frozenset({"type", "agent_type"})
-_OF_TEAMS = dict.fromkeys(("start_node_id", "sensors", "team", "strategy"))  # what a team has besides its columns
+_OF_TEAMS = dict.fromkeys(("start_node_id", "sensors", "team", "strategy"))  # data of a team in addition to its columns
 _KEYWORDS = _OF_TEAMS | dict.fromkeys(("type", "agent_type", "orientation", "meta", "speed", "position", "quat"))
 _OF_FLYERS = {
-    one: f"{one}= is for agents that fly: give it type=AgentType.AERIAL and speed=, too."
+    one: f"{one}= is only for flying agents: also give type=AgentType.AERIAL and speed=."
     for one in ("position", "quat")
 }
 
@@ -71,16 +71,17 @@ class AgentEngine(ContextPart, IAgentEngine):
         self._new_block()
         self._storage = AgentStorage(self)
         self._last_departure = Departure()
-        self._deleted: WeakSet[BaseAgent] = WeakSet()  # those that a program still holds; each has a block of its own
+        # deleted agents that a program still holds; each has its own block
+        self._deleted: WeakSet[BaseAgent] = WeakSet()
 
     @property
     def agents(self) -> dict[str, BaseAgent]:  # type: ignore[override] # an attribute, in the contract
-        """The agents by name, in the order of their creation; read-only while agents decide."""
+        """The agents by name, in order of creation; read-only while agents decide."""
         is_open = self._phase.agent is None
         return self._agents if is_open else ReadOnlyMapping(self._agents)  # type: ignore[return-value] # it reads like it
 
     def __repr__(self) -> str:
-        """Show how many agents each team has."""
+        """Return a text with the number of agents of each team."""
         teams = ", ".join(f"{shown(team)}: {number}" for team, number in Counter(self._block.teams).items())
         return f"AgentEngine({len(self._agents)} agents{f'; {teams}' if teams else ''})"
 
@@ -95,14 +96,14 @@ class AgentEngine(ContextPart, IAgentEngine):
 
     @property
     def storage(self) -> "AgentStorage":
-        """What other engines do with all agents at once; not for strategies."""
+        """Operations of other engines on all agents at once; not for strategies."""
         self._phase.refuse("use ctx.agent.storage")
         return self._storage
 
     @property
     def positions(self) -> Positions:
-        """Where all agents are; not for strategies. Ask again after agents were created or deleted."""
-        # NOTE: asked after every single move of the paper's loop (benchmarks: sense).
+        """The positions of all agents; not for strategies. Get it again after agents were created or deleted."""
+        # NOTE: read after every single move in the paper's loop (benchmarks: sense).
         if self._phase.agent is not None:
             self._phase.refuse("use ctx.agent.positions")
         if self._block.removed:
@@ -111,7 +112,7 @@ class AgentEngine(ContextPart, IAgentEngine):
 
     @property
     def structure_version(self) -> int:
-        """A number that changes with the agents, and with their lives, teams, speeds, sensors and strategies."""
+        """A number that changes when agents, or their alive flags, teams, speeds, sensors or strategies change."""
         return self._block.structure.version
 
     @overload  # type: ignore[override] # narrower: what is created is of the class that its type says
@@ -164,7 +165,7 @@ class AgentEngine(ContextPart, IAgentEngine):
     @refused_while_deciding
     @as_declared(IAgentEngine.create_agent)
     def create_agent(self, name: str, **kwargs: Any) -> BaseAgent:
-        """Create an agent, or change nothing and raise; the contract explains the keywords."""
+        """Create an agent, or raise and change nothing; the contract explains the keywords."""
         if self._ctx.is_terminated():
             raise ContextTerminated("ctx.agent")
         if as_name(name, "an agent") in self._agents:
@@ -181,11 +182,11 @@ class AgentEngine(ContextPart, IAgentEngine):
             if needed not in kwargs:
                 raise MissingKey(" ".join([f"Agent {shown(name)} needs {needed}=, {what}.", *hints]))
         for hint in hints:
-            self._ctx.logger.warning(f"Agent {shown(name)}: {hint} It is kept as an attribute.")
+            self._ctx.logger.warning(f"Agent {shown(name)}: {hint} It is stored as an attribute.")
         self._phase.known_names.update(kwargs)
         block, journal = self._block, self._block.journal
         if not journal.is_silent:
-            block.journal = Muted(journal)  # what follows is a part of the creation
+            block.journal = Muted(journal)  # all following changes are part of the creation
         try:
             agent = self._added(_CLASSES[kind], name, kwargs, strategy)
             if sensors:
@@ -211,19 +212,19 @@ class AgentEngine(ContextPart, IAgentEngine):
     ) -> Team:
         """Create the agents of a team in one call: `red_0`, `red_1`, … on the ground.
 
-        A plan of arrays (`ctx.game.command(name, plan, arrays=True)`) decides for them fastest.
+        A plan with arrays (`ctx.game.command(name, plan, arrays=True)`) decides for them fastest.
 
         Args:
-            name: of the team, and the beginning of their names.
-            start_node_ids: where they stand, (agents,).
-            sensors: that all of them carry, as for `create_agent`.
-            strategy: of all of them.
-            columns: attributes: name -> one value for all, or one for each, (agents,).
+            name: name of the team, and prefix of the agents' names.
+            start_node_ids: (agents,) first node of each agent.
+            sensors: sensors of every agent, as for `create_agent`.
+            strategy: strategy of every agent.
+            columns: attributes: name -> one value for all agents, or one for each, (agents,).
 
         Raises:
-            UnknownName (KeyError): a node is not on the map, or there is no such sensor.
-            Duplicate: there is an agent of such a name.
-            BadType, BadValue: an argument is impossible, also by its size (TooLarge); nothing has changed then.
+            UnknownName (KeyError): a node or a sensor does not exist.
+            Duplicate: an agent with one of these names exists.
+            BadType, BadValue: an argument is invalid, or the team is too large (TooLarge); nothing has changed.
         """
         team = as_name(name, "a team")
         carried = listed(sensors)
@@ -256,7 +257,7 @@ class AgentEngine(ContextPart, IAgentEngine):
     def _added_together(
         self, names: tuple[str, ...], nodes: list[int], team: str, strategy: Any, values: dict[str, list[Any]]
     ) -> Members:
-        """Add agents that carry nothing, as `create_agent` adds each; they are made when they are asked for."""
+        """Add agents without sensors; their objects are created on first access."""
         graph, block = self._ctx.graph.graph, self._block
         if block.graph is None:
             block.graph = graph
@@ -270,7 +271,7 @@ class AgentEngine(ContextPart, IAgentEngine):
             strategy = strategy_in(self._ctx, strategy)
             self._phase.strategy_changes += 1
         for hint in misspelt({**_OF_TEAMS, **values}, _KEYWORDS):
-            self._ctx.logger.warning(f"Agents of team {shown(team)}: {hint} It is kept as an attribute.")
+            self._ctx.logger.warning(f"Agents of team {shown(team)}: {hint} It is stored as an attribute.")
         block.has_teams = True
         block.add_all(names, nodes, team)
         columns = {name: column_of(column) for name, column in values.items()}
@@ -302,12 +303,12 @@ class AgentEngine(ContextPart, IAgentEngine):
         self._last_departure.next = self._last_departure = departure
 
     def create_iter(self) -> "AgentIterator":
-        """Return the agents in the order of their creation; a loop takes those of its beginning that are left."""
+        """Return an iterator over the agents in order of creation; agents deleted during the loop are skipped."""
         return AgentIterator(self)
 
     @property
     def teams(self) -> dict[Any, list[BaseAgent]]:
-        """Team -> its agents in the order of their creation, dead ones too; the teams in the order of their text."""
+        """Team -> its agents in order of creation, including dead ones; teams are sorted by their text."""
         teams: dict[Any, list[BaseAgent]] = {}
         for agent in self._agents.values():
             teams.setdefault(agent.team, []).append(agent)
@@ -315,14 +316,14 @@ class AgentEngine(ContextPart, IAgentEngine):
 
     @refused_while_deciding
     def terminate(self) -> None:
-        """Close the engine: agents stay readable and do nothing."""
-        with suppress(GammsError):  # a graph of the user's own may have ended
+        """Close the engine: agents stay readable, and their methods do nothing."""
+        with suppress(GammsError):  # a custom graph may already be closed
             self.block.locate()  # while there is a graph
         for block in (self._block, *(agent._block for agent in self._deleted)):
             block.journal = CLOSED
 
     def _stored(self) -> dict[str, Any]:
-        """Return name -> the agent, or the `Members` that it is one of."""
+        """Return name -> the agent, or the `Members` that it belongs to."""
         return self._agents.stored() if isinstance(self._agents, AgentsByName) else dict(self._agents)
 
     def _new_block(self) -> None:
@@ -330,7 +331,7 @@ class AgentEngine(ContextPart, IAgentEngine):
         self._positions = Positions(self._block)
 
     def _added(self, kind: Callable[..., BaseAgent], name: str, kwargs: dict[str, Any], strategy: Any) -> BaseAgent:
-        """Add a new agent, or change nothing."""
+        """Add a new agent; on an error nothing has changed."""
         block = self._block
         if block.graph is None:
             block.graph = self._ctx.graph.graph
@@ -347,7 +348,7 @@ class AgentEngine(ContextPart, IAgentEngine):
         return agent
 
     def _equip(self, agent: BaseAgent, sensors: dict[str, ISensor]) -> None:
-        """Give a new agent its sensors, or remove it again."""
+        """Give a new agent its sensors; on an error remove the agent."""
         owners = [(sensor, owner_of(sensor)) for sensor in sensors.values()]
         try:
             for key, sensor in sensors.items():
@@ -360,7 +361,7 @@ class AgentEngine(ContextPart, IAgentEngine):
             raise
 
     def _more_of(self, row: int) -> dict[str, Any]:
-        """Return what does not follow from the keywords of a new agent alone: how it is turned, where it flies."""
+        """Return the data that does not follow from the keywords of a new agent: rotation and position in the air."""
         block = self._block
         more = {name: getattr(block, name)[row] for name in VECTORS}
         if block.kind[row]:
@@ -372,7 +373,7 @@ class AgentEngine(ContextPart, IAgentEngine):
         self._block.journal.note(events.AGENT_DELETE, {"name": agent.name})
 
     def _take_out(self, agent: BaseAgent) -> None:
-        """Remove an agent, which goes on as the only one of a block of its own; its sensors have no owner."""
+        """Remove an agent, which continues in its own block; its sensors have no owner."""
         row, block = agent._row, self._block
         del self._agents[agent.name]
         agent._live_in(AgentBlock(block.graph))
@@ -380,20 +381,20 @@ class AgentEngine(ContextPart, IAgentEngine):
             agent._clear_owner(sensor)
         self._deleted.add(agent)
         block.remove(row)
-        if len(block.removed) > len(self._agents):  # so that deleting costs each agent its share only once
+        if len(block.removed) > len(self._agents):  # so that the cost per deletion is constant
             self._close_up()
 
     def _close_up(self) -> None:
-        """Drop the rows of agents that were removed."""
+        """Drop the rows of removed agents."""
         made = self._agents.made() if isinstance(self._agents, AgentsByName) else self._agents
         self._block.close_up()
         for agent, row in zip(made.values(), self._block.rows.of_each(made), strict=True):
             object.__setattr__(agent, "_row", row)  # NOTE: a third of the time (benchmarks: deletion)
 
     def _kind_of(self, name: str, kwargs: dict[str, Any]) -> AgentType:
-        """Return what `type` and its synonym `agent_type` ask for.
+        """Return the agent type given by `type` or its synonym `agent_type`.
 
-        As in 1.0.0, a `type` that is none means BASIC, and `agent_type` is an attribute, too, whatever it is.
+        As in 1.0.0, an invalid `type` means BASIC, and `agent_type` is also stored as an attribute.
         """
         given = kwargs.pop("type", AgentType.BASIC)
         kind = _as_type(given)
@@ -404,20 +405,20 @@ class AgentEngine(ContextPart, IAgentEngine):
 
 
 class AgentStorage(Guarded):
-    """The agents of a context as other engines need them: asked in turns, restored and copied."""
+    """Operations of other engines on the agents of a context: decide, restore and copy."""
 
     _called = "ctx.agent.storage"
 
     def __init__(self, engine: AgentEngine) -> None:
         self._engine, self._phase = engine, engine._phase
-        self._roster: Roster | None = None  # of the last snapshot that was taken or restored
+        self._roster: Roster | None = None  # roster of the last snapshot that was taken or restored
 
     def turn_access(self, agent: BaseAgent) -> TurnAccess:
-        """Return what the turn engine reads and writes of an agent; valid until `structure_version` changes."""
+        """Return the data of an agent that the turn engine uses; valid until `structure_version` changes."""
         return TurnAccess(agent._row, agent._carried, agent._last)
 
     def details(self) -> list[tuple[dict[str, ISensor], dict[str, Any], Any]]:
-        """Return the sensors, attributes and strategy of each agent, which are not to be written to."""
+        """Return the sensors, attributes and strategy of each agent, read-only."""
         return details_of(self._engine._stored())
 
     def strategies(self) -> list[Any]:
@@ -425,11 +426,11 @@ class AgentStorage(Guarded):
         return [one.strategy for one in self._engine._stored().values()]
 
     def attributes(self) -> dict[int, dict[str, Any]]:
-        """Return the attributes of agents that have some, by their rows; not to be written to."""
+        """Return the attributes of agents that have any, by row; read-only."""
         return attributes_of(self._engine._agents)
 
     def made(self) -> list[BaseAgent]:
-        """Return the agents that were made: all but those of teams that no program has asked for."""
+        """Return the agents whose objects exist: all except unused members of teams."""
         return [agent for agent in self._engine._stored().values() if type(agent) is not Members]
 
     @property
@@ -438,12 +439,12 @@ class AgentStorage(Guarded):
         return self._engine._last_departure
 
     def renew_strategies(self, own: Callable[[Any], Any]) -> None:
-        """Replace the strategies of teams, which agents get that are made later."""
+        """Replace the strategies of teams, for agents whose objects are created later."""
         for members in teams_in(self._engine._stored()).values():
             members.strategy = own(members.strategy)
 
     def snapshot(self) -> AgentsSnapshot:
-        """Return all agents as they are now, for `restore`."""
+        """Return the present state of all agents, for `restore`."""
         engine, block = self._engine, self._engine.block
         block.locate()
         roster = self._roster
@@ -460,7 +461,7 @@ class AgentStorage(Guarded):
         )
 
     def restore(self, before: AgentsSnapshot) -> None:
-        """Restore all agents: delete those that were created since, bring back those that were deleted."""
+        """Restore all agents: delete agents created since, bring back agents deleted since."""
         roster = before.roster
         is_same = roster.is_of(self._engine.block)
         if not is_same:
@@ -485,11 +486,11 @@ class AgentStorage(Guarded):
             self._roster = roster
 
     def copy_from(self, other: "AgentStorage", memo: dict[int, Any]) -> None:
-        """Take copies of the agents of another context into this one, which has none yet.
+        """Copy the agents of another context into this one, which must have none.
 
         Args:
-            other: that of the other context.
-            memo: has what takes the place of their sensors, and gets the copies; see `copy.deepcopy`.
+            other: the storage of the other context.
+            memo: maps their sensors to the copies, and gets the copies of agents; see `copy.deepcopy`.
         """
         engine, source = self._engine, other._engine.block
         block = engine.block
@@ -517,11 +518,11 @@ class AgentStorage(Guarded):
             for key in shared:
                 del memo[key]
             twin._carry()
-        for agent in other.made():  # once there are copies of all, which attributes may hold
+        for agent in other.made():  # after all copies exist, because attributes may refer to them
             memo[id(agent)].__dict__.update(copied_values(agent.__dict__, memo))
 
     def hide(self, before: AgentsSnapshot, known: Collection[str]) -> None:
-        """Keep what is known of the agents that are not among the `known`, in a copy for those that look ahead."""
+        """Hide the agents that are not `known`, in a copy of the game for agents that look ahead."""
         engine, graph = self._engine, self._engine._ctx.graph.graph
         first = graph.get_node(min(graph.get_nodes()))
         for row, columns in before.hidden(engine.block, known, first):
@@ -532,7 +533,7 @@ class AgentStorage(Guarded):
                 before.write_attributes(agent)
 
     def _restore_agents(self, before: AgentsSnapshot) -> None:
-        """Restore which agents there are, in the same order."""
+        """Restore the set of agents and their order."""
         engine = self._engine
         for name, agent in list(engine._stored().items()):
             if not before.has(name, agent):
@@ -550,18 +551,18 @@ class AgentStorage(Guarded):
                 else:
                     agent._live_in(engine._block)
                 engine._agents[name] = agent
-        for agent, own in before.deleted:  # they are again as they were when they were deleted
+        for agent, own in before.deleted:  # restored as they were when they were deleted
             agent._block, agent._row = own, 0
 
 
 def _renew(agent: BaseAgent, attributes: dict[str, Any]) -> None:
-    """Give an agent the attributes that it had."""
+    """Set the attributes of an agent to those of the snapshot."""
     agent.__dict__.clear()
     agent.__dict__.update(attributes)
 
 
 def _equip_as(agent: BaseAgent, strategy: Callable[[Any], Any] | None, sensors: dict[str, ISensor]) -> None:
-    """Give an agent the strategy and the sensors that it had."""
+    """Set the strategy and the sensors of an agent to those of the snapshot."""
     if agent.strategy is not strategy:
         agent.decide_by(strategy)
     if agent._sensor_list != sensors:
@@ -579,14 +580,14 @@ _NEEDED = {
 
 
 def _as_type(given: object) -> AgentType | None:
-    """Return a type that is given as a member, by name or by number; None if it is no type."""
+    """Return a type given as a member, by name or by number; None if it is not a type."""
     if isinstance(given, (str, AgentType)):
         return as_member(AgentType, given)
     return AgentType(int(given)) if isinstance(given, Integral) and given in _CLASSES else None
 
 
 class AgentIterator(Iterator[BaseAgent]):
-    """Loops over the agents of a context, as often as a program wants: 1.0.0 gave a view that could be reused."""
+    """Iterates over the agents of a context any number of times, as the reusable view of 1.0.0."""
 
     def __init__(self, engine: AgentEngine) -> None:
         self._engine = engine

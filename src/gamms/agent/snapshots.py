@@ -1,4 +1,4 @@
-"""What snapshots of a game hold of its agents."""
+"""Snapshots of the agents of a game."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -14,19 +14,19 @@ from gamms.typing.graph_engine import Node
 
 
 class Roster:
-    """Which agents there are and what they are; snapshots share it until that changes.
+    """The set of agents and their kinds; shared by snapshots until it changes.
 
     Args:
-        block: of the agents.
-        stored: name -> the agent, or the `Members` that it was one of, in the order of the rows.
+        block: block of the agents.
+        stored: name -> the agent, or the `Members` that it belonged to, in the order of the rows.
 
     Attributes:
         stored: as given.
-        version: of the structure of the block, at which the agents are these.
-        columns: those of the block that say it.
-        teams: the members that were not made.
-        agents: those that were made.
-        strategies, sensors: of these.
+        version: structure version of the block for which this roster is valid.
+        columns: columns of the block that define the roster.
+        teams: members whose objects did not exist.
+        agents: agents whose objects existed.
+        strategies, sensors: of `agents`.
     """
 
     def __init__(self, block: AgentBlock, stored: dict[str, Any]) -> None:
@@ -39,20 +39,20 @@ class Roster:
         self.sensors = [agent._sensor_list.copy() for agent in self.agents]
 
     def is_of(self, block: AgentBlock) -> bool:
-        """Whether agents are these now, but for members that were made since."""
+        """Return whether this roster is valid now, except for members whose objects were created since."""
         return self.version == (block.structure, block.structure.version)
 
 
 @dataclass(eq=False)
 class AgentsSnapshot:
-    """All agents at one moment: the columns, and of each agent what is not in them."""
+    """All agents at one moment: the columns, and the data of each agent outside the columns."""
 
     roster: Roster
     columns: dict[str, Any]
     attributes: list[dict[str, Any]]
-    states: list[dict[str, Any]]  # that agents were given last
-    of_teams: list[dict[str, Any]]  # the attributes of members that were not made
-    deleted: list[tuple[BaseAgent, AgentBlock]]  # with blocks of their own
+    states: list[dict[str, Any]]  # last states given to agents
+    of_teams: list[dict[str, Any]]  # attributes of members whose objects did not exist
+    deleted: list[tuple[BaseAgent, AgentBlock]]  # with their own blocks
 
     @property
     def names(self) -> list[str]:
@@ -61,24 +61,24 @@ class AgentsSnapshot:
 
     @cached_property
     def places(self) -> dict[str, Any]:
-        """Name -> the node an agent was on, or (x, y, z) of a flyer."""
+        """Name -> the node of the agent, or (x, y, z) of a flying agent."""
         nodes, positions = self.columns["games"].row("node"), self.columns["position"]
         places = zip(self.names, nodes, positions, strict=True)
         return {name: node if position is None else position for name, node, position in places}
 
     def has(self, name: str, agent: Any) -> bool:
-        """Return whether an agent was there, or `Members` for one that is not made yet."""
+        """Return whether an agent existed; `agent` may be its `Members`."""
         known = self.roster.stored.get(name)
         return known is agent or (type(known) is Members and known.made.get(name) is agent)
 
     def place_of(self, agent: BaseAgent) -> Any:
-        """Return the node an agent was on, or (x, y, z) of a flyer; where it is now if it came later."""
+        """Return the node of an agent, or (x, y, z) if it flies; the present one if it was created later."""
         if self.has(agent.name, agent):
             return self.places[agent.name]
         return getattr(agent, "position", agent.current_node_id)
 
     def places_of(self, agents: Mapping[str, BaseAgent]) -> dict[str, Any]:
-        """Return name -> what `place_of` returns, of some agents."""
+        """Return name -> position of some agents; see `place_of`."""
         stored: Mapping[str, Any] = agents.stored() if isinstance(agents, AgentsByName) else agents
         places = self.places
         return {
@@ -86,9 +86,9 @@ class AgentsSnapshot:
         }
 
     def hidden(self, block: AgentBlock, known: Collection[str], node: Node) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield the row and the columns of each agent of a copy that is not `known`, as those see it that look ahead.
+        """Yield the row and the columns, as seen in a look ahead, of each agent of a copy that is not `known`.
 
-        It has the speed that it had, and is on a node until it is placed; in the air, as high as it was.
+        Such an agent keeps its speed, and its height if it flies; it is on `node` until it is placed.
         """
         speeds = dict(zip(self.names, self.roster.columns["speed"], strict=True))
         for row, name in enumerate(block.names):
@@ -101,7 +101,7 @@ class AgentsSnapshot:
                 yield row, columns
 
     def write_attributes(self, agent: BaseAgent) -> None:
-        """Give an agent of a copy the attributes that it had, and no state."""
+        """Set the attributes of an agent of a copy, and clear its state."""
         agent._last[0] = {}
         if agent.name in self.roster.stored:
             each = zip(self.roster.agents, self.attributes, strict=True)
@@ -111,13 +111,13 @@ class AgentsSnapshot:
 
 
 def teams_in(stored: dict[str, Any]) -> dict[int, Members]:
-    """Return id() -> `Members`, of those that stand in for agents."""
+    """Return id() -> `Members`, for members whose objects do not exist."""
     each = dict(zip(map(id, stored.values()), stored.values(), strict=True))
     return {key: one for key, one in each.items() if type(one) is Members}
 
 
 def details_of(stored: dict[str, Any]) -> list[tuple[dict[str, Any], dict[str, Any], Any]]:
-    """Return the sensors, attributes and strategy of each agent, which are not to be written to."""
+    """Return the sensors, attributes and strategy of each agent, read-only."""
     alike: dict[int, Any] = {key: ({}, {}, one.strategy) for key, one in teams_in(stored).items() if not one.columns}
     return [
         alike.get(id(one)) or ({}, one.attributes(name), one.strategy)
@@ -128,7 +128,7 @@ def details_of(stored: dict[str, Any]) -> list[tuple[dict[str, Any], dict[str, A
 
 
 def attributes_of(agents: dict[str, BaseAgent]) -> dict[int, dict[str, Any]]:
-    """Return the attributes of agents that have some, by their rows; not to be written to."""
+    """Return the attributes of agents that have any, by row; read-only."""
     if not isinstance(agents, AgentsByName):
         return {row: one.__dict__ for row, one in enumerate(agents.values()) if one.__dict__}
     stored = agents.stored_once()  # NOTE: a fifth of a loop over all members (benchmarks: teams, recorded)

@@ -1,4 +1,4 @@
-"""Teams of many agents that are created, read and set together, as arrays; each agent is made when it is asked for."""
+"""Teams of many agents that are created, read and set together as arrays; agent objects are created on first access."""
 
 from collections.abc import Callable, ItemsView, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
@@ -37,8 +37,8 @@ _OF_BLOCK: dict[str, Callable[[Any, str], Any]] = {"alive": as_bool, "speed": _s
 """Columns of agents in their block -> the check of a value."""
 _NO_COLUMNS = frozenset({"name", "names", "node_ids", "agents", "start_node_id", "sensors", "team", "strategy"})
 _NO_COLUMNS |= {"type", "agent_type"}
-_MANY = 256  # members, from which on legal nodes are read from arrays of all edges
-_BYTES_PER_MEMBER, _BYTES_PER_AGENT = 450, 1_400  # measured, of members in columns and of those that are made at once
+_MANY = 256  # number of members from which legal nodes are read from arrays of all edges
+_BYTES_PER_MEMBER, _BYTES_PER_AGENT = 450, 1_400  # measured, per member in columns and per agent object
 _OF_MEMBERS: dict[str, Callable[[Agent, Any], object]] = {
     "current_node_id": lambda agent, node: agent._known(node),
     "prev_node_id": lambda agent, node: agent._known(node),
@@ -50,13 +50,13 @@ _OF_MEMBERS: dict[str, Callable[[Agent, Any], object]] = {
 
 
 class Members:
-    """The members of a team that no program has asked for yet: they carry no sensors, and each has a row in the block.
+    """The members of a team whose objects do not exist yet: they have no sensors, and each has a row in the block.
 
     Attributes:
-        names: of all.
-        strategy: of each.
-        columns: attributes, (agents,) each; members that were made have their own.
-        made: the members that were made, by name, those among them that were deleted later, too.
+        names: names of all members.
+        strategy: strategy of each member.
+        columns: attributes, (agents,) each; members with an object have their own.
+        made: members with an object by name, including those deleted later.
     """
 
     def __init__(self, names: tuple[str, ...], strategy: Any, columns: dict[str, Column]) -> None:
@@ -65,27 +65,27 @@ class Members:
 
     @cached_property
     def numbers(self) -> dict[str, int]:
-        """Name -> which member."""
+        """Name -> index of the member."""
         return {name: number for number, name in enumerate(self.names)}
 
     def attributes(self, name: str) -> dict[str, Any]:
-        """Return the attributes of a member that was not made."""
+        """Return the attributes of a member without an object."""
         if not self.columns:
             return {}
         number = self.numbers[name]
         return {key: column[number : number + 1].tolist()[0] for key, column in self.columns.items()}
 
     def copied(self) -> "Members":
-        """Return the same members as if none had been made."""
+        """Return the members as if no objects had been created."""
         return Members(self.names, self.strategy, {name: column.copy() for name, column in self.columns.items()})
 
 
 class AgentsByName(dict[str, BaseAgent]):
-    """All agents by name, in the order of their creation; `Members` stand in for those that were not made.
+    """All agents by name, in order of creation; `Members` stand in for agents without an object.
 
     Args:
         known: the agents.
-        make: makes a member of a name.
+        make: creates the object of a member by name.
     """
 
     def __init__(self, known: Mapping[str, Any], make: "Callable[[str, Members], BaseAgent]") -> None:
@@ -97,14 +97,14 @@ class AgentsByName(dict[str, BaseAgent]):
         return self._made(name, found) if type(found) is Members else found
 
     def get(self, name: Any, default: Any = None) -> Any:
-        """Return an agent by its name, or else the default."""
+        """Return an agent by name, or the default."""
         found: Any = super().get(name, default)
         return self._made(name, found) if type(found) is Members else found
 
     def __iter__(self) -> Iterator[str]:
-        return super().__iter__()  # so that copies of it are made of agents
+        return super().__iter__()  # so that copies contain agents
 
-    def values(self) -> Any:  # dict's own class of views has no name
+    def values(self) -> Any:  # Any: dict's own view classes have no public name
         """Return all agents."""
         self._make_all()
         return super().values()
@@ -115,23 +115,23 @@ class AgentsByName(dict[str, BaseAgent]):
         return super().items()
 
     def copy(self) -> dict[str, BaseAgent]:
-        """Return a dict of the agents."""
+        """Return a plain dict of the agents."""
         return dict(self.items())
 
     def stored_items(self) -> ItemsView[str, Any]:
-        """Return names, each with the agent, or the `Members` that it is one of."""
+        """Return (name, agent or the `Members` it belongs to)."""
         return super().items()
 
     def made(self) -> dict[str, BaseAgent]:
-        """Return name -> the agent, of those that were made, in no order."""
+        """Return name -> agent for agents with an object, in no order."""
         return {one.name: one for one in self.stored_once() if type(one) is not Members}
 
     def stored_once(self) -> set[Any]:
-        """Return the agents that were made, and the `Members` that stand in for others, each once."""
+        """Return the agents with an object and the `Members` that stand in for others, each once."""
         return set(super().values())
 
     def stored(self) -> dict[str, Any]:
-        """Return name -> the agent, or the `Members` that it is one of."""
+        """Return name -> the agent, or the `Members` that it belongs to."""
         return dict(self.stored_items())
 
     def _made(self, name: str, members: Members) -> BaseAgent:
@@ -146,49 +146,49 @@ class AgentsByName(dict[str, BaseAgent]):
 
 
 class Team:
-    """Agents that were created by `ctx.agent.create_team`: `red_0`, `red_1`, …, in this order in all arrays.
+    """A team created by `ctx.agent.create_team`: agents `red_0`, `red_1`, …, in this order in all arrays.
 
-    Its members are agents like others, and stay in it when they change their team or are deleted. Each is made when a
-    program asks for it; until then it is a row of the columns of all agents.
+    Members are ordinary agents, and stay in the team object when their team changes or they are deleted. The object of
+    a member is created on first access; until then the member is a row in the columns of all agents.
 
     Attributes:
-        name: of the team.
-        names: of the members.
+        name: name of the team.
+        names: names of the members.
     """
 
     def __init__(self, ctx: IContext, name: str, members: Members, block_of: Callable[[], AgentBlock]) -> None:
         self._ctx, self.name, self.names = ctx, name, members.names
         self._members, self._block_of = members, block_of
-        self._rows: tuple[Any, Any] = None, None  # of which block, and what `_selection` has found there
+        self._rows: tuple[Any, Any] = None, None  # the block, and the result of `_selection` for it
         self._draws = 0
-        self._keys: BitArray | None = None  # of the names, for draws
+        self._keys: BitArray | None = None  # keys of the names, for draws
 
     def __repr__(self) -> str:
-        """Name the team, and how many agents it has."""
+        """Return a text with the name and the number of agents."""
         return f"Team({self.name!r}, {len(self)} agents)"
 
     def __len__(self) -> int:
         return len(self.names)
 
-    if not TYPE_CHECKING:  # type checkers say it themselves
+    if not TYPE_CHECKING:  # type checkers report it themselves
 
         def __getattr__(self, name: str) -> object:
-            """Refuse a name that is no attribute of the team."""
+            """Refuse a name that is not an attribute of the team."""
             raise AttributeError(f"A team has no attribute {name!r}: team[{name!r}] is that of its members.")
 
     def __setattr__(self, name: str, value: object) -> None:
-        """Refuse to set what would be an attribute of the team, and not of its members; its names stay."""
+        """Refuse to set attributes of the team object; `set` sets those of the members."""
         if name in vars(self) and name[0] != "_":
-            raise AttributeError(f"team.{name} cannot be set: it is given when the team is created.")
+            raise AttributeError(f"team.{name} cannot be set: it is fixed when the team is created.")
         if name[0] != "_" and name not in ("name", "names"):
-            raise AttributeError(f"team.{name} cannot be set: team.set({name!r}, …) sets that of its members.")
+            raise AttributeError(f"team.{name} cannot be set: team.set({name!r}, …) sets the attribute of its members.")
         object.__setattr__(self, name, value)
 
     def __iter__(self) -> Iterator[Agent]:
         return map(self._agent, self.names)
 
     def __contains__(self, one: object) -> bool:
-        """Return whether a name, or an agent, is that of a member."""
+        """Return whether a name or an agent is a member."""
         if isinstance(one, Agent):
             return one.name in self._members.numbers and self._agent(one.name) is one
         return one in self._members.numbers if isinstance(one, str) else False
@@ -203,7 +203,7 @@ class Team:
         return cast("Agent", found)
 
     def _selection(self) -> tuple[Selection, dict[int, Agent]]:
-        """Return the rows of the members, and by their numbers, ascending, those that were deleted and have none."""
+        """Return the rows of the members, and the deleted members by index, ascending."""
         block, made = self._block_of(), self._members.made
         if self._rows[0] != (block, block.rows.version):
             gone = [self._members.numbers[name] for name, one in made.items() if one._block is not block]
@@ -214,7 +214,7 @@ class Team:
         return found
 
     def _of_block(self, column: str) -> Any:
-        """Return what the members have in a column of their block, (agents,); each that was deleted has its own."""
+        """Return a column of the block for all members, (agents,); deleted members have their own blocks."""
         rows, deleted = self._selection()
         values = rows.of(getattr(self._block_of(), column))
         if deleted:
@@ -225,24 +225,24 @@ class Team:
 
     @property
     def node_ids(self) -> IntArray:
-        """Where the members are, (agents,) ids of nodes; the array is read-only, `move` lets them go."""
+        """The nodes of the members, (agents,) ids; read-only, use `move` to move them."""
         return _read_only(np.array(self._of_block("node"), np.int64))
 
     @property
     def alive(self) -> BoolArray:
-        """Which members take part, (agents,); the array is read-only, `set` writes."""
+        """Whether each member takes part, (agents,); read-only, use `set` to change it."""
         return _read_only(np.array(self._of_block("alive"), np.bool_))
 
     def __getitem__(self, column: str) -> Column:
-        """Return the values of an attribute of all members, (agents,); the array is read-only, `set` writes.
+        """Return an attribute of all members, (agents,); read-only, use `set` to change it.
 
         Raises:
-            UnknownName (KeyError): a member has no such attribute.
-            BadType: it is no name.
+            UnknownName (KeyError): a member does not have the attribute.
+            BadType: `column` is not a name.
         """
         if not isinstance(column, str):
             raise BadType(
-                f"A team is asked for an attribute by its name, not {shown(column)}: team.agents has members."
+                f"Index a team by the name of an attribute, not {shown(column)}; team.agents has the members."
             )
         members = self._members
         try:
@@ -261,21 +261,21 @@ class Team:
         return _read_only(values)
 
     def set(self, column: str, values: object, where: object = None) -> None:
-        """Set an attribute of members, checked and recorded as `agent.energy = 5` is.
+        """Set an attribute of members, with the checks and the recording of `agent.energy = 5`.
 
         Args:
-            column: its name.
-            values: one value for all, or one for each member, (agents,).
-            where: which members, (agents,) booleans; None: all.
+            column: name of the attribute.
+            values: one value for all members, or one for each, (agents,).
+            where: mask (agents,) of the members to set; None: all.
 
         Raises:
-            BadValue: there are more or fewer values than agents, or one cannot be; nothing has changed then.
-            BadType: `where` is no array of booleans.
+            BadValue: the number of values is wrong, or a value is invalid; nothing has changed.
+            BadType: `where` is not an array of booleans.
         """
         _refuse_fixed(column)
         chosen = np.ones(len(self), np.bool_) if where is None else as_array(where, "where= of a team", "booleans")
         if chosen.shape != (len(self),):
-            raise BadType(f"where= of a team is an array ({len(self)},) of booleans, not {shown(where)}.")
+            raise BadType(f"where= of a team must be an array ({len(self)},) of booleans, not {shown(where)}.")
         phase_of(self._ctx).refuse(f"set {column!r} of team {self.name!r}")
         listed, places = each_of(values, len(self), column), np.flatnonzero(chosen).tolist()
         members, block = self._members, self._block_of()
@@ -300,7 +300,7 @@ class Team:
             setattr(self._agent(self.names[i]), column, listed[i])
 
     def _note(self, column: str, numbers: list[int]) -> None:
-        """Note the values that members which were not made have in a column."""
+        """Note in the journal the values of members without an object."""
         block = self._block_of()
         if numbers and not block.journal.is_silent:
             rows = block.rows.of_each([self.names[i] for i in numbers])
@@ -310,18 +310,18 @@ class Team:
     def _warn_of_misspelt(self, column: str) -> None:
         known = {*_OF_BLOCK, *_OF_MEMBERS, *self._attributes()}
         for hint in misspelt([column], sorted(known), "attribute"):
-            self._ctx.logger.warning(f"Team {self.name!r}: {hint} It is kept as an attribute.")
+            self._ctx.logger.warning(f"Team {self.name!r}: {hint} It is stored as an attribute.")
 
     def _attributes(self) -> Iterable[str]:
         """Return the names of the caller's attributes of members."""
         return {*self._members.columns, *(name for agent in self._members.made.values() for name in vars(agent))}
 
     def sense(self, sensor: str | ISensor) -> Sensed:
-        """Look from where the members are, with a sensor or the one of that id: one look for each.
+        """Read a sensor, given as an object or by id, at the positions of the members: one look for each.
 
         Raises:
-            UnknownName (KeyError): there is no such sensor.
-            BadType: it is none.
+            UnknownName (KeyError): the sensor does not exist.
+            BadType: not a sensor.
         """
         one = self._ctx.sensor.get_sensor(sensor) if isinstance(sensor, str) else sensor
         if not is_sensor(one):
@@ -329,10 +329,10 @@ class Team:
         return one.sense_many(self.node_ids)
 
     def random_actions(self) -> IntArray:
-        """Return a legal node for each member, its own included, each as likely: (agents,) ids.
+        """Return a random legal node for each member, its own included, with equal probabilities: (agents,) ids.
 
-        They follow from the seed of the context, the names, and how often this was called; strategies draw from
-        `state["draw"]` instead.
+        The draws depend on the seed of the context, the names, and the number of calls so far; strategies should draw
+        from `state["draw"]` instead.
         """
         phase_of(self._ctx).refuse(f"draw the random_actions of team {self.name!r}")
         _, first, counts, ids_at = self._legal()
@@ -344,13 +344,14 @@ class Team:
         return ids_at(first + kernels.below_many(bits, counts))
 
     def _legal(self) -> tuple[IntArray, IntArray, IntArray, Callable[[IntArray], IntArray]]:
-        """Return where members are, and which nodes are legal from there.
+        """Return the nodes of the members, and their legal nodes.
 
-        These are their nodes, and of each the place of the first legal one, and how many there are, (agents,) each;
-        and what returns the ids of nodes at some places.
+        Returns (nodes, first, count, ids_at): for each member its node, the position of its first legal node, and the
+        number of legal nodes, (agents,) each; `ids_at` returns the node ids at given positions.
         """
         graph, nodes = self._ctx.graph, self.node_ids
-        if len(nodes) < _MANY:  # that few do not need arrays of all edges, which are made when roads change, too
+        # for few members this is cheaper than arrays of all edges, which are rebuilt when roads change
+        if len(nodes) < _MANY:
             legal = [graph.graph.neighborhoods[node] for node in nodes.tolist()]
             counts = np.array([len(near) for near in legal], np.int64)
             ids = np.array([*chain.from_iterable(legal)], np.int64)
@@ -361,13 +362,13 @@ class Team:
         return nodes, offsets[rows], offsets[rows + 1] - offsets[rows], lambda places: node_ids[targets[places]]
 
     def move(self, node_ids: object) -> None:
-        """Move all living members at once, each along one edge or not at all.
+        """Move all living members at once, each along at most one edge.
 
         Args:
-            node_ids: where to, (agents,).
+            node_ids: target node of each member, (agents,).
 
         Raises:
-            BadValue: one is not legal, or there are more or fewer than members; none has moved then.
+            BadValue: a node is not legal, or the number of nodes is wrong; no member has moved.
         """
         phase_of(self._ctx).refuse(f"move team {self.name!r}")
         wanted, alive = np.array(as_ids(node_ids, "node_ids"), np.int64), self.alive
@@ -386,10 +387,11 @@ class Team:
                 agent._block.move(agent._row, int(wanted[i]))
 
     def _refuse_illegal(self, wanted: IntArray, alive: BoolArray) -> None:
-        """Refuse nodes, (agents,), of which one is not legal for a member that lives."""
+        """Raise BadValue if a node of `wanted` (agents,) is not legal for its living member."""
         nodes, first, counts, ids_at = self._legal()
         left, number, wrong = np.flatnonzero(alive), 0, len(self)
-        while len(left):  # look at the first legal node of each, then at the second, until it is the wanted one
+        # compare the first legal node of each member, then the second, until all wanted nodes are found
+        while len(left):
             is_left = counts[left] > number
             wrong = min(wrong, *left[~is_left][:1].tolist(), len(self))
             left = left[is_left]
@@ -397,13 +399,13 @@ class Team:
             number += 1
         if wrong < len(self):
             raise BadValue(
-                f"Agent {self.names[wrong]!r} cannot go to node {wanted[wrong]}: no edge leads there from node "
+                f"Agent {self.names[wrong]!r} cannot move to node {wanted[wrong]}: there is no edge from node "
                 f"{nodes[wrong]}."
             )
 
 
 def make_member(ctx: IContext, block: AgentBlock, name: str, members: Members) -> Agent:
-    """Return a member of a team as an agent, which is a view of its row."""
+    """Return a member of a team as an agent object, which is a view of its row."""
     agent = Agent.__new__(Agent)
     near = agent._begin(ctx, block, ()).neighborhoods
     for key, value in (("_near", near), ("_row", block.row_of(name)), ("strategy", members.strategy)):
@@ -415,21 +417,21 @@ def make_member(ctx: IContext, block: AgentBlock, name: str, members: Members) -
 
 
 def is_attribute(column: str) -> bool:
-    """Return whether a column of a team is an attribute of the caller's, which agents keep as it is given."""
+    """Return whether a column of a team is a custom attribute, which agents store unchanged."""
     return not hasattr(Agent, column)
 
 
 def _refuse_fixed(column: str) -> None:
-    """Refuse what is no column of a team that can be set."""
+    """Raise an error for columns of a team that cannot be set."""
     if as_name(column, "an attribute") == "node_ids":
-        raise BadValue("Members are put on nodes by 'current_node_id', and go along edges by team.move(node_ids).")
+        raise BadValue("Place members on nodes with 'current_node_id', or move them with team.move(node_ids).")
     settable = {*_OF_BLOCK, *_OF_MEMBERS}
     if column not in settable and not is_attribute(column):
-        raise BadValue(f"{column!r} of agents cannot be set; {', '.join(sorted(settable))} and names of your own can.")
+        raise BadValue(f"{column!r} of agents cannot be set; {', '.join(sorted(settable))} and custom names can.")
 
 
 def column_of(values: list[Any]) -> Column:
-    """Return one value for each agent as an array, of objects unless all are of one kind of number."""
+    """Return one value per agent as an array; an array of objects unless all are of one kind of number."""
     kinds = set(map(type, values))
     kind = next(iter(kinds)) if len(kinds) == 1 else object
     try:
@@ -443,7 +445,7 @@ def column_of(values: list[Any]) -> Column:
 
 
 def _changed(column: Column, values: Mapping[int, Any]) -> Column:
-    """Return a column with other values in some places."""
+    """Return a copy of a column with other values at some positions."""
     if not values:
         return column
     listed = column.tolist()
@@ -453,7 +455,7 @@ def _changed(column: Column, values: Mapping[int, Any]) -> Column:
 
 
 def _as_array(values: list[Any]) -> Column:
-    """Return the values of all members, as they are where NumPy would make texts of numbers or finds no shape."""
+    """Return the values of all members as an array, unchanged if NumPy would make texts of numbers."""
     try:
         found = np.array(values)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Agents as rows of columns: `AgentBlock`, which owns every change of them, and the change logs that others read."""
+"""Agents as rows of columns: `AgentBlock`, through which every change is made, and the change logs for readers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Position = tuple[float, float, float]  # x, y, z; map units
 Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
 
 UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
-PlaceAt = Callable[[float], Progress | None]  # a time of the turn, from 0 to 1 -> where on an edge; None: on the node
+PlaceAt = Callable[[float], Progress | None]  # time of the turn, from 0 to 1 -> position on an edge; None: on the node
 
 _COLUMNS = {column.name: column for column in AGENT_COLUMNS}
 _NUMBERS = [column.name for column in IN_GAMES if column.axis == "agent"]
@@ -36,40 +36,41 @@ _STRUCTURE = [name for name in _LISTS if name not in _PLACES]
 
 
 class AgentBlock(AgentColumns):
-    """Agents, one row each in the order of their creation, and the verbs that change them.
+    """The agents of a context, one row each in order of creation, with the methods that change them.
 
-    What callers pass is validated before (`typing.actions`), not here. Columns are read directly and written through
-    the verbs alone. Columns of numbers are views of the arrays of a `core.block.Block`, which are others once agents
-    come or go; columns whose values may be None or anything are lists.
+    Arguments are not validated here, but by the callers (`typing.actions`). Columns are read directly and written only
+    through methods. Number columns are views of the arrays of a `core.block.Block`, which are replaced when agents are
+    created or removed; columns that may hold None or any object are lists.
 
     Args:
-        graph: finds the nodes below flyers; None: their nodes are those that were written.
-        journal: how it writes.
+        graph: finds the nodes below flying agents; None: their nodes are set explicitly.
+        journal: records changes.
 
     Attributes:
-        names, teams: of each agent; a team is whatever the caller calls one.
-        kind: 0 on the ground, 1 in the air: the values of `AgentType`.
-        node, previous: ids of nodes; of a flyer those below it, the nearest ones.
-        heading: `(cos, sin)` where it was set; None where it follows from the last move, and for flyers.
-        position, previous_position: `(x, y, z)` of flyers, map units; None on the ground.
-        quat: `(w, x, y, z)` of flyers, of length 1; None on the ground.
-        speed: of flyers, map units per step; on the ground what the turn engine lets it move, None for one edge.
-        alive: whether it takes part.
-        games: the block of one game, which holds the columns of numbers, those of teams and of the game too.
-        team_rows: team -> its row in columns of teams, in the order in which teams came.
-        has_teams: whether a team was created, so that its members are made only when a program asks for them.
-        progress: on the edge that an agent on the ground is moving along; None where it has covered nothing of one.
-        graph: finds the nodes below flyers.
-        flyers: the rows of flyers, ascending.
+        names, teams: of each agent; a team is any value set by the caller.
+        kind: 0 on the ground, 1 flying: the values of `AgentType`.
+        node, previous: node ids; for a flying agent the nearest nodes below.
+        heading: `(cos, sin)` if it was set; None if it follows from the last move, and for flying agents.
+        position, previous_position: `(x, y, z)` of flying agents, map units; None on the ground.
+        quat: unit quaternion `(w, x, y, z)` of flying agents; None on the ground.
+        speed: map units per step for flying agents; on the ground the limit of the turn engine, None for one edge.
+        alive: whether the agent takes part.
+        games: the block of one game with the number columns of agents, teams and the game.
+        team_rows: team -> its row in team columns, in order of first use.
+        has_teams: whether a team was created whose agent objects are made on demand.
+        progress: position on an edge for an agent on the ground; None on a node.
+        graph: finds the nodes below flying agents.
+        flyers: the rows of flying agents, ascending.
         travellers: the rows of agents whose progress has a motion.
         inactive: the rows of agents that are not alive.
-        placed: the rows of agents that were put where they are since they moved in a turn.
-        removed: the rows of agents that were removed; `close_up` closes them up.
-        journal: how it writes: plainly (`PLAIN`), noting what it writes, or not at all (`CLOSED`).
-        rows: of the agents, by their names.
-        structure: which rows came, went, died, returned, or got another team, speed, sensor or strategy.
-        trusts_nodes: whether any integer is taken for a node, because a recording is replayed whose map has changed.
-        under_way: where agents are within a turn, where some of them decide while others go on.
+        placed: the rows of agents that were relocated after their move of the turn.
+        removed: the rows of removed agents, until `close_up`.
+        journal: records changes; or `PLAIN` (records nothing), or `CLOSED` (no more changes).
+        rows: the row of each name.
+        structure: the log of rows that were added, removed, died, returned, or changed team, speed, sensors or
+        strategy.
+        trusts_nodes: whether any integer is accepted as a node, during the replay of a recording whose map has changed.
+        under_way: positions of agents within a turn, if agents decide at arrivals.
     """
 
     __slots__ = (
@@ -108,15 +109,15 @@ class AgentBlock(AgentColumns):
         self.trusts_nodes = False
         self.graph = graph
         self.rows = RowsByName()
-        self._changed: set[int] = set()  # rows; not published yet
+        self._changed: set[int] = set()  # changed rows, not yet published
         self._have_all_changed = False
         self._logs: list[ChangeLog] = []
         self.under_way = UnderWay(self)
-        self._unlocated: set[int] = set()  # rows of flyers that have moved since their node was found
-        self._located_revision: int | None = None  # of the graph, when the nodes of the other flyers were found
+        self._unlocated: set[int] = set()  # rows of flying agents that moved since their node was found
+        self._located_revision: int | None = None  # graph revision when the nodes of the other flying agents were found
 
     def arrays(self, names: Iterable[str]) -> dict[str, Any]:
-        """Return copies of columns, those of numbers as arrays, where NaN stands for None."""
+        """Return copies of columns; number columns as arrays, with NaN for None."""
         columns: dict[str, Any] = {}
         for name in names:
             column, of = getattr(self, name), _COLUMNS[name]
@@ -126,7 +127,7 @@ class AgentBlock(AgentColumns):
         return columns
 
     def _show(self) -> None:
-        """Let the columns of numbers be views of the agents that there are now."""
+        """Set the number columns to views of the present agents."""
         row = self.games.row
         self.show(row("node"), row("previous"))
         for name in _SHOWN:
@@ -136,22 +137,22 @@ class AgentBlock(AgentColumns):
         return len(self.names)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return all but the views of numbers, which cannot be copied."""
+        """Return all attributes except the number views, which cannot be copied."""
         names = {*self.__slots__, "_changed", "journal", "progress", "teams"}.difference(_NUMBERS)
         return {name: getattr(self, name) for name in sorted(names)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Become a copy."""
+        """Restore from `__getstate__`."""
         for name, value in state.items():
             setattr(self, name, value)
         self._show()
 
-    # -- coming and going ---------------------------------------------------------------------------------------
+    # -- adding and removing ------------------------------------------------------------------------------------
 
     def add(
         self, name: str, node: int, team: Hashable = None, position: Position | None = None, speed: float | None = None
     ) -> int:
-        """Add an agent that stands on `node`, or one that flies at `position`; returns its row."""
+        """Add an agent on the ground at `node`, or a flying agent at `position`; return its row."""
         row, flies = self.games.add(1), position is not None
         self._show()
         self.node[row] = self.previous[row] = node
@@ -171,7 +172,7 @@ class AgentBlock(AgentColumns):
         return row
 
     def add_all(self, names: Sequence[str], nodes: list[int], team: Hashable) -> int:
-        """Add agents of one team that stand on these nodes; returns the row of the first."""
+        """Add agents of one team at these nodes; return the row of the first."""
         count = len(names)
         first = self.games.add(count)
         self._show()
@@ -187,14 +188,14 @@ class AgentBlock(AgentColumns):
         return first
 
     def number_teams(self, teams: Iterable[Any]) -> None:
-        """Add rows to columns of teams for those that have none; None is no team."""
+        """Add rows for new teams to the team columns; None is not a team."""
         for team in teams:
             if team is not None and team not in self.team_rows:
                 self.team_rows[team] = self.games.add(1, "team")
                 self._show()
 
     def take_over(self, source: AgentBlock, row: int) -> int:
-        """Add the agent in a row of another block; returns its row here."""
+        """Move the agent of a row of another block to this block; return its new row."""
         new = self.add(source.names[row], source.node[row], position=source.position[row])
         for name in BY_ROW:
             getattr(self, name)[new] = getattr(source, name)[row]
@@ -205,7 +206,7 @@ class AgentBlock(AgentColumns):
         return new
 
     def take_all(self, source: AgentBlock) -> None:
-        """Take copies of all agents of another block into this one, which has none yet."""
+        """Copy all agents of another block to this block, which must be empty."""
         for name in (*_LISTS, "placed", "team_rows"):
             setattr(self, name, getattr(source, name).copy())
         self.has_teams = source.has_teams
@@ -221,10 +222,10 @@ class AgentBlock(AgentColumns):
         self.structure.note((row,))
 
     def close_up(self) -> None:
-        """Close up the rows of agents that were removed."""
+        """Drop the rows of removed agents."""
         gone, self.removed = sorted(self.removed), []
         self.structure.close_up(gone, self.names)
-        self.progress = self.progress.copy()  # orders of earlier turns have that of theirs
+        self.progress = self.progress.copy()  # orders of earlier turns keep the old list
         for name in _LISTS:
             drop(getattr(self, name), gone)
         self.games.close_up(gone)
@@ -237,7 +238,7 @@ class AgentBlock(AgentColumns):
         self._have_all_changed = True
 
     def succeed(self, block: AgentBlock) -> None:
-        """Take the place of another block: write as it does, with other versions than it had."""
+        """Replace another block: use its journal, with new version numbers."""
         self.graph, self.journal = block.graph, block.journal
         self._version, self.rows.version = block.version + 1, block.rows.version + 1
         self.structure.note_all(block.structure.version)
@@ -246,10 +247,10 @@ class AgentBlock(AgentColumns):
         """Return the row of an agent (KeyError)."""
         return self.rows.of(name)
 
-    # -- verbs --------------------------------------------------------------------------------------------------
+    # -- changes ------------------------------------------------------------------------------------------------
 
     def move_all(self, rows: Selection, nodes: Sequence[int]) -> None:
-        """Move many agents on the ground; one that stays keeps its previous node."""
+        """Move many agents on the ground; an agent that stays keeps its previous node."""
         if self.is_closed:
             return
         if 2 * len(rows.rows) > len(self.node):
@@ -263,7 +264,7 @@ class AgentBlock(AgentColumns):
             self._note_moves(rows, before, ends, moved)
 
     def _note_moves(self, rows: Selection, before: Sequence[int], ends: memoryview[int], moved: int) -> None:
-        """Note the moves of those that did not stay, so many."""
+        """Record the moves of the `moved` agents that did not stay."""
         journal = self.journal
         if not self.has_teams:
             goes = compress(zip(rows.rows, ends, strict=True), map(ne, before, ends))
@@ -278,7 +279,7 @@ class AgentBlock(AgentColumns):
             journal.moved(goers, nodes)
 
     def set(self, row: int, column: str, value: object) -> None:
-        """Set the value of an agent in one of the columns of `schema.CHANGE_EVENTS`, and note it."""
+        """Set a column of `schema.CHANGE_EVENTS` for one agent, and record the change."""
         if self.is_closed:
             return
         journal = self.journal
@@ -301,7 +302,7 @@ class AgentBlock(AgentColumns):
             journal.note(event.code, {"agent_name": self.names[row], event.key: plain})
 
     def on_edge(self, row: int) -> Progress | None:
-        """Return where on an edge an agent is; None: on its node, or in the air."""
+        """Return the position of an agent on an edge; None on a node, or in the air."""
         if row not in self.travellers:
             return None
         place_at = self.under_way.places.get(row)
@@ -311,7 +312,7 @@ class AgentBlock(AgentColumns):
         return progress if progress is not None and progress.source == self.node[row] else None
 
     def set_progress(self, row: int, progress: Progress | None) -> None:
-        """Set how far along an edge an agent is."""
+        """Set the position of an agent on its edge."""
         if self.progress[row] != progress:
             self.progress[row] = progress
             self._follow_progress(row)
@@ -319,7 +320,7 @@ class AgentBlock(AgentColumns):
                 self.journal.progressed.add(self.journal.ids[row])
 
     def _follow_progress(self, row: int) -> None:
-        """Keep `travellers` as the column of progress says."""
+        """Update `travellers` after a change of the progress column."""
         progress = self.progress[row]
         if progress is not None and progress.motion:
             self.travellers.add(row)
@@ -329,7 +330,7 @@ class AgentBlock(AgentColumns):
             self._changed.add(row)
 
     def fly(self, row: int, position: Position, node: int | None = None) -> None:
-        """Move a flyer to `(x, y, z)`, map units, above a node; None: above the nearest one in the graph."""
+        """Move a flying agent to `(x, y, z)`, map units, above a node; None: above the nearest node of the graph."""
         if self.is_closed:
             return
         journal = self.journal
@@ -346,14 +347,14 @@ class AgentBlock(AgentColumns):
             journal.flew(row, self.nearest(row), position)
 
     def turn(self, row: int, quat: Quat) -> None:
-        """Turn a flyer."""
+        """Set the rotation of a flying agent."""
         if not self.is_closed:
             self.quat[row] = quat
             if self.is_noting:
                 self.journal.turned(row, quat)
 
     def write(self, row: int, values: dict[str, Any]) -> None:
-        """Overwrite columns of one agent and note nothing in the journal (used by replay and by batches)."""
+        """Overwrite columns of one agent without recording the change (used by replay and batches)."""
         for name, value in values.items():
             getattr(self, name)[row] = value
             if _COLUMNS[name].is_structure:
@@ -364,12 +365,12 @@ class AgentBlock(AgentColumns):
         if self.kind[row]:
             self._unlocated.add(row)
 
-    # -- the nodes below flyers ---------------------------------------------------------------------------------
+    # -- nodes below flying agents ------------------------------------------------------------------------------
 
     def nearest(self, row: int) -> int:
-        """Return the node nearest to a flyer, found again only if it or the graph has changed; the first of several.
+        """Return the node nearest to a flying agent, the first of several; cached until it or the graph changes.
 
-        In a graph without nodes it is the one of before.
+        In a graph without nodes the previous result is returned.
         """
         if not self.is_closed:
             self._renew_flyer_nodes()
@@ -378,16 +379,16 @@ class AgentBlock(AgentColumns):
         return self.node[row]
 
     def locate(self) -> None:
-        """Find the nodes of all flyers."""
+        """Update the nodes of all flying agents."""
         if not self.flyers or self.is_closed:
             return
         self._renew_flyer_nodes()
-        if self._unlocated:  # NOTE: a set that was large takes long to go through, empty as it is
+        if self._unlocated:  # NOTE: iterating over a set that was large is slow, even if it is empty
             for row in sorted(self._unlocated):
                 self._locate(row)
 
     def _renew_flyer_nodes(self) -> None:
-        """Let the nodes below all flyers be found again if the graph has changed."""
+        """Mark the nodes below all flying agents as outdated if the graph has changed."""
         if self.graph is not None:
             revision = self.graph.revision
             if revision is None or revision != self._located_revision:
@@ -409,30 +410,30 @@ class AgentBlock(AgentColumns):
 
     @contextmanager
     def accepting_any_node(self) -> Iterator[None]:
-        """Take any integer for a node (used by replay, because the map may have changed since)."""
+        """Accept any integer as a node (used by replay, because the map may have changed since)."""
         before, self.trusts_nodes = self.trusts_nodes, True
         try:
             yield
         finally:
             self.trusts_nodes = before
 
-    # -- what has changed ---------------------------------------------------------------------------------------
+    # -- change logs --------------------------------------------------------------------------------------------
 
     @property
     def version(self) -> int:
-        """A number that changes whenever a node, position, team or life of an agent may have."""
+        """A number that changes whenever a node, position, team or alive flag of an agent may have changed."""
         if self._changed or self._have_all_changed:
             self.publish()
         return self._version
 
     def subscribe(self) -> ChangeLog:
-        """Return a log of what changes from now on; at first all may have."""
+        """Return a log of all later changes; its first result is that everything may have changed."""
         log = ChangeLog(self.publish)
         self._logs.append(log)
         return log
 
     def publish(self) -> None:
-        """Write what has changed into the logs of all subscribers."""
+        """Write the changes to the logs of all subscribers."""
         self._version += bool(self._changed) or self._have_all_changed
         for log in self._logs:
             if self._have_all_changed:
@@ -443,19 +444,19 @@ class AgentBlock(AgentColumns):
         self._changed.clear()
 
     def structure_values(self) -> dict[str, list[Any]]:
-        """Return copies of the lists that stay until `structure` changes."""
+        """Return copies of the lists that change only with `structure`."""
         return {name: getattr(self, name).copy() for name in _STRUCTURE}
 
     def values(self) -> dict[str, Any]:
-        """Return copies of all else that `restore` takes: where agents are, and all numbers."""
+        """Return copies of the other data for `restore`: positions and all numbers."""
         values = {name: getattr(self, name).copy() for name in (*_PLACES, "placed", "team_rows")}
         values["games"] = self.games.copied()
         return values
 
     def restore(self, values: dict[str, Any], structure: dict[str, list[Any]] | None) -> None:
-        """Set the columns to what `values` and `structure_values` gave, of as many agents as there are now.
+        """Set the columns from `values` and `structure_values`, for the same number of agents as now.
 
-        Without a structure, agents, teams, speeds, lives and sensors are those of then.
+        Without a structure, agents, teams, speeds, alive flags and sensors must be unchanged since then.
         """
         for name in _PLACES:
             getattr(self, name)[:] = values[name]
@@ -479,7 +480,7 @@ class AgentBlock(AgentColumns):
         self.travellers = {row for row, one in compress(enumerate(self.progress), self.progress) if one and one.motion}
 
     def _derive(self) -> None:
-        """Derive again what follows from the columns, the rows of names among it."""
+        """Recompute the data derived from the columns, including the rows of names."""
         self.rows.reset(self.names)
         self.flyers = [*compress(count(), self.kind)]
         self.inactive = {*compress(count(), map(not_, self.alive))}
@@ -488,7 +489,7 @@ class AgentBlock(AgentColumns):
 
 
 def as_ids(nodes: Sequence[int]) -> memoryview[int]:
-    """Return ids of nodes as the core reads them: 64-bit integers, the same memory where they are such."""
+    """Return node ids as a buffer for the core: 64-bit integers, without a copy if possible."""
     if type(nodes) is list:
         return memoryview(array(INT64, nodes))
     if type(nodes) is memoryview and nodes.format == INT64:
@@ -497,38 +498,38 @@ def as_ids(nodes: Sequence[int]) -> memoryview[int]:
 
 
 def moves_of(starts: Sequence[int], ends: Sequence[int]) -> Moves:
-    """Return moves as the core has them: in the same memory where these are 64-bit integers that can be written to."""
+    """Return moves in the form of the core: without copies if the arrays are writable 64-bit integers."""
     columns = [as_ids(one) for one in (starts, ends)]
     first, last = [copied_column(one) if one.readonly else one for one in columns]
     return Moves(first, last)
 
 
 class UnderWay:
-    """Where the agents of a block are within a turn that is under way.
+    """The positions of the agents of a block within a turn.
 
-    Nothing of this is noted: where agents are when the turn is over is written then.
+    These positions are not recorded; the positions at the end of the turn are.
 
     Attributes:
-        time: of the turn, from 0 to 1.
-        places: row -> where on an edge the agent is at each time from its departure on.
+        time: time within the turn, from 0 to 1.
+        places: row -> function from a time after its departure to the position of the agent on an edge.
     """
 
     __slots__ = ("_block", "_departed", "places", "time")
 
     def __init__(self, block: AgentBlock) -> None:
         self._block = block
-        self._departed: set[int] = set()  # rows, of those that begin to move now
+        self._departed: set[int] = set()  # rows of agents that depart now
         self.time = 0.0
         self.places: dict[int, PlaceAt] = {}
 
     def depart(self, row: int, place_at: PlaceAt) -> None:
-        """Let an agent be where a function says, at each time from now on, until it arrives."""
+        """Let the position of an agent follow a function of time, from now until it arrives."""
         self.places[row] = place_at
         self._departed.add(row)
         self._block.travellers.add(row)
 
     def pass_time(self, time: float) -> None:
-        """Let it be a later time of the turn."""
+        """Advance the time of the turn."""
         self.time = time
         self._block._changed |= self._departed
         self._departed.clear()
@@ -539,27 +540,27 @@ class UnderWay:
         self._block.travellers.discard(row)
 
     def put_back(self, row: int, node: int) -> None:
-        """Put an agent back to where the turn began: to its node, or to where its progress says."""
+        """Return an agent to its position at the start of the turn: its node, or its progress."""
         self.places.pop(row, None)
         self._departed.discard(row)
         self._block.write(row, {"node": node})
 
 
 def show_game(block: AgentBlock, games: PointedColumns, number: int) -> None:
-    """Put agents on the ground where they are in a game of a batch, and note nothing in the journal."""
+    """Show the ground positions of agents in a game of a batch, without recording changes."""
     games.point(number)
     block._have_all_changed = True
 
 
 def show_progress(block: AgentBlock, on_edges: Mapping[int, Progress]) -> None:
-    """Let agents have covered this of edges in a game of a batch, by row, and note nothing in the journal."""
+    """Show the progress of agents on edges in a game of a batch, by row, without recording changes."""
     if on_edges or any(block.progress):
         block.progress[:] = map(on_edges.get, range(len(block.progress)))
         block.travellers = {row for row, progress in on_edges.items() if progress.motion}
 
 
 def show_lives(block: AgentBlock, alive: bytes) -> None:
-    """Let agents live that live in a game of a batch, (agents,) booleans, and note nothing in the journal."""
+    """Show which agents are alive in a game of a batch, (agents,) booleans, without recording changes."""
     before = bytes(block.alive)
     block.alive[:] = memoryview(alive).cast("?")
     block.inactive = {row for row, lives in enumerate(alive) if not lives}

@@ -1,4 +1,4 @@
-"""What events are applied to: a live context, or columns that were read."""
+"""Interfaces of states to which events are applied: a live context, or columns read from a file."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -11,92 +11,92 @@ from gamms.plain import Plain
 if TYPE_CHECKING:
     from gamms.ir.game_state import GameState
 
-Row = Any  # what a state calls an agent: a row of its columns, or the agent itself
+Row = Any  # reference to an agent in a state: a row of its columns, or the agent itself
 
 
 class AgentsState:
-    """The agents of a state; a subclass overrides what it keeps.
+    """The agents of a state; subclasses override the methods for data that they store.
 
-    What names an agent that is not there raises a KeyError or a ValueError.
+    Methods raise KeyError or ValueError for unknown agents.
     """
 
     def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:
-        """Add an agent: the keywords it was created with, and those columns that do not follow from them."""
+        """Add an agent: the keywords of its creation, and the columns that do not follow from them."""
 
     def remove(self, name: str) -> None:
-        """Take an agent out."""
+        """Remove an agent."""
 
     def row(self, name: str) -> Row:
-        """Return an agent by its name."""
+        """Return an agent by name."""
 
     def row_of(self, number: int) -> Row:
-        """Return an agent by its number."""
+        """Return an agent by number."""
 
     def set(self, row: Row, column: str, value: Plain) -> None:
-        """Set one of the columns of `ir.agents.BY_ROW`, or `strategies`, which are names."""
+        """Set a column of `ir.agents.BY_ROW`, or `strategies`, which are names."""
 
     def move(self, numbers: Sequence[int], nodes: Sequence[int]) -> None:
-        """Move agents on the ground, in this order; a number may come more than once."""
+        """Move agents on the ground, in this order; a number may occur more than once."""
 
     def fly(self, row: Row, node: int | None, position: tuple[float, ...]) -> None:
-        """Move a flyer to a position, above this node; None: the node was not noted."""
+        """Move a flying agent to a position above a node; None: the node was not recorded."""
 
     def turn(self, row: Row, quat: tuple[float, ...]) -> None:
-        """Turn a flyer in space."""
+        """Set the rotation of a flying agent."""
 
     def progress(self, numbers: IntArray, columns: "Mapping[str, np.ndarray[Any, Any]]") -> None:
-        """Set how far along edges agents are, as arrays by the names in `ir.events.ON_EDGES`."""
+        """Set the progress of agents along edges, as arrays by the names in `ir.events.ON_EDGES`."""
 
     def attribute(self, numbers: Sequence[int], name: str, values: Sequence[Plain] | None) -> None:
-        """Set an attribute of the caller's, one value for each agent; None: they have it no longer."""
+        """Set a custom attribute, one value for each agent; None: delete it."""
 
     def equip(self, row: Row, name: str, sensor_id: str) -> None:
-        """Let an agent carry a sensor."""
+        """Add a sensor to an agent."""
 
     def unequip(self, row: Row, name: str) -> None:
-        """Let an agent carry a sensor no longer."""
+        """Remove a sensor from an agent."""
 
 
 class State:
-    """What events are applied to: a live context, or columns that were read; a subclass overrides what it keeps.
+    """A state to which events are applied: a live context, or columns; subclasses override methods for data they store.
 
     Attributes:
         agents: the agents.
-        game: what the game has come to.
+        game: the state of the game.
     """
 
     agents: AgentsState
     game: "GameState"
 
     def restore(self, snapshot: dict[str, Any]) -> None:
-        """Become what a snapshot says."""
+        """Replace the state by a snapshot."""
 
     def end_turn(self) -> None:
         """End the turn."""
 
     def count(self, turn: int, pace: int, starts: dict[str, Any]) -> None:
-        """Number this turn, and the following ones by adding `pace`; agents began at `starts`."""
+        """Set the number of this turn, and the increment for the following turns; agents began at `starts`."""
 
     def append(self, log: str, entry: dict[str, Any]) -> None:
-        """Add to one of the logs of the game."""
+        """Append to a log of the game."""
 
     def publish(self, facts: dict[str, Any], removed: Sequence[str]) -> None:
-        """Publish facts, and withdraw others."""
+        """Publish facts, and withdraw other facts."""
 
     def set_rng(self, rng_state: Mapping[str, Plain] | None) -> None:
         """Set the state of the context's own random stream."""
 
     def change_sensors(self, groups: list[dict[str, Any]], removed: Sequence[str]) -> None:
-        """Remove sensors, then make or set others: of each type and keywords all `ids`."""
+        """Remove sensors, then add or update others: each group has a type, keywords and all `ids`."""
 
     def replace_world(self, world: bytes) -> None:
-        """Replace graph and obstacles."""
+        """Replace the graph and the obstacles."""
 
     def show(self, visuals: dict[str, Any]) -> None:
-        """Declare what it looks like."""
+        """Declare visuals."""
 
     def draw(self, drawing: dict[str, Any]) -> None:
-        """Let an artist draw these commands from now on."""
+        """Set the draw commands of an artist."""
 
     def change_component(self, kind: int, data: dict[str, Any]) -> None:
-        """Do what one of the five operation codes of components says."""
+        """Apply an operation on components, one of five operation codes."""

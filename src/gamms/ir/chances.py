@@ -1,4 +1,4 @@
-"""Probabilities that depend on a distance: how sensors notice agents, and how channels lose messages."""
+"""Probabilities that depend on distance, for detections by sensors and for message loss."""
 
 from collections.abc import Callable, Iterable
 from numbers import Real
@@ -12,35 +12,35 @@ from gamms.text import shown
 
 
 def as_chances(given: object, name: str, *, or_function: bool = False) -> FloatArray:
-    """Return the points (points, 2) of a probability: its distances, which ascend, and what it is there.
+    """Return the points (points, 2) of a probability curve: ascending distances, and the probability at each.
 
     Args:
-        given: a number, which holds at all distances, or pairs `(distance, probability)`.
-        name: what it is, for errors.
-        or_function: whether a function would do, which errors then say.
+        given: a number, for all distances, or pairs `(distance, probability)`.
+        name: name of the value, for error messages.
+        or_function: whether a function is also accepted, for error messages.
 
     Raises:
-        BadType, BadValue: it is neither.
+        BadType, BadValue: the value is neither.
     """
     pairs: object = [(0.0, given)] if isinstance(given, Real) else given
     points = _points_of(cast("Iterable[tuple[float, float]]", pairs), given, name, or_function=or_function)
     if not np.isfinite(points).all() or (points[:, 1] < 0.0).any() or (points[:, 1] > 1.0).any():
-        raise BadValue(f"{name} must be made of probabilities from 0 to 1, not {shown(given)}.")
+        raise BadValue(f"{name} must have probabilities from 0 to 1, not {shown(given)}.")
     if (np.diff(points[:, 0]) <= 0.0).any():
         raise BadValue(f"The distances of {name} must ascend, not {shown(given)}.")
     return points
 
 
 def chances_at(distances: FloatArray, points: FloatArray) -> FloatArray:
-    """Return a probability at some distances (distances,), with straight lines between its points."""
+    """Return probabilities at distances (distances,), by linear interpolation between the points."""
     return np.interp(distances, points[:, 0], points[:, 1])
 
 
 def chances_given(function: Callable[[FloatArray], object], distances: FloatArray, name: str) -> FloatArray:
-    """Return the probabilities that a function of a caller gives for some distances (distances,).
+    """Return the probabilities from a caller's function at distances (distances,).
 
     Raises:
-        BadValue: it gives others, or too many or too few.
+        BadValue: the function returns invalid values, or too many or too few.
     """
     chances = np.asarray(function(distances), np.float64)
     if chances.shape != distances.shape or not ((chances >= 0.0) & (chances <= 1.0)).all():

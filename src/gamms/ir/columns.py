@@ -1,4 +1,4 @@
-"""Columns of agents, each a list, or a view of an array where there are many: some rows of them, and which changed."""
+"""Columns of agents, as lists or views of arrays: selections of rows, and logs of changed rows."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from gamms.core.block import INT64, gather
 from gamms.ir.graph import IntArray
 
 Column = np.ndarray[Any, Any]
-_FEW = 16  # where fewer than one name in so many is asked for, each is looked up
-_FEW_DROPPED = 8  # places, up to which what is there is removed one by one
-_MOST_NOTED = 1 << 16  # rows in a `StructureLog`
+_FEW = 16  # if fewer than one name in this many is requested, each is looked up
+_FEW_DROPPED = 8  # number of positions up to which items are removed one by one
+_MOST_NOTED = 1 << 16  # most rows in a `StructureLog`
 
 
 class ChangeLog:
-    """The rows of a block whose node, position, team or life has changed, since this subscriber asked last."""
+    """The rows of a block whose node, position, team or alive flag changed since this subscriber last read the log."""
 
     __slots__ = ("_publish", "rows")
 
     def __init__(self, publish: Callable[[], None]) -> None:
-        self._publish = publish  # writes what has changed into this log
+        self._publish = publish  # writes all changes to this log
         self.rows: set[int] | None = None
 
     def take(self) -> set[int] | None:
-        """Return the rows that have changed; None where all may have, and rows may be those of other agents."""
+        """Return the changed rows; None if all may have changed, and rows may have other agents."""
         self._publish()
         rows = self.rows
         if rows is None or rows:
@@ -40,35 +40,35 @@ class ChangeLog:
 
 
 class StructureLog:
-    """The rows of a block that came, went, or changed their life, team, speed, sensors or strategy, each by a version.
+    """Log of added and removed rows, and of changes of alive flags, teams, speeds, sensors or strategies, by version.
 
-    It is for one reader, which asks for what has changed since the version at which it has asked last.
+    For one reader, which asks for the changes since the version that it last read.
 
     Attributes:
-        version: a number that changes with every row that is noted.
+        version: a number that increases with each recorded row.
     """
 
     __slots__ = ("_closed", "_first", "_rows", "version")
 
     def __init__(self) -> None:
-        self._first = self.version = 0  # the version before the first of these
+        self._first = self.version = 0  # version before the first entry
         self._rows: list[int | str] = []
-        self._closed: list[tuple[int, list[int]]] = []  # versions, and the rows that were closed up then
+        self._closed: list[tuple[int, list[int]]] = []  # (version, rows closed up at this version)
 
     def note(self, rows: Iterable[int]) -> None:
-        """Note that these rows have changed."""
+        """Record changes of these rows."""
         self._rows += rows
         self.version = self._first + len(self._rows)
         if len(self._rows) > _MOST_NOTED:
             self.note_all(self.version)
 
     def note_all(self, version: int) -> None:
-        """Note that all rows may have changed, and be those of other agents, since a version."""
+        """Record that all rows may have changed, and may have other agents, since a version."""
         self._first = self.version = version + 1
         self._rows, self._closed = [], []
 
     def close_up(self, gone: list[int], names: Sequence[str]) -> None:
-        """Number rows as they are once these, ascending, are closed up; note the names of those."""
+        """Renumber rows after these rows, ascending, are closed up; record the names of these agents."""
         self._closed.append((self.version, gone))
         name_of = {row: names[row] for row in gone}
         self._rows = [
@@ -76,9 +76,9 @@ class StructureLog:
         ]
 
     def since(self, version: int) -> tuple[list[int | str], list[list[int]]] | None:
-        """Return what has changed since a version; None: all may have.
+        """Return the changes since a version; None if everything may have changed.
 
-        That is rows, and names of agents that are gone; and the rows of these, each time that some were closed up.
+        Returns rows, and names of removed agents; and the lists of rows that were closed up, in order.
         """
         if version < self._first:
             return None
@@ -88,12 +88,12 @@ class StructureLog:
 
 
 class RowsByName:
-    """The rows of agents by their names.
+    """The rows of agents by name.
 
-    An agent has a number for as long as it is there: rows are closed up, and numbers stay.
+    An agent keeps its number while it exists, even if rows are closed up.
 
     Attributes:
-        version: changes whenever agents have other rows, or rows are those of agents that have left.
+        version: changes whenever agents get other rows, or rows belong to removed agents.
     """
 
     __slots__ = ("_number_of", "_numbers", "version")
@@ -103,7 +103,7 @@ class RowsByName:
         self.reset(())
 
     def reset(self, names: Sequence[str]) -> None:
-        """Let these be the names of all rows."""
+        """Set the names of all rows."""
         self._number_of: dict[str, int] = {}
         self._numbers: list[int] = []  # by row, ascending
         self.version += 1
@@ -125,12 +125,12 @@ class RowsByName:
         self._number_of.update(zip(names, numbers, strict=True))
 
     def leave(self, name: str) -> None:
-        """Forget a name, whose row stays until it is closed up."""
+        """Remove a name; its row remains until it is closed up."""
         del self._number_of[name]
         self.version += 1
 
     def close_up(self, gone: Sequence[int]) -> None:
-        """Close up rows, ascending."""
+        """Drop rows, ascending."""
         drop(self._numbers, gone)
         self.version += 1
 
@@ -148,19 +148,19 @@ class RowsByName:
 
 
 class Succession:
-    """How the living agents, in the order of their names, follow from those of an earlier moment.
+    """How the living agents, sorted by name, differ from those of an earlier moment.
 
     Args:
-        before: the names of those.
-        rows: which have changed since, and the names of those whose rows are gone.
+        before: names of the earlier agents.
+        rows: rows that have changed since, and names of agents whose rows are gone.
         names: by row.
         inactive: the rows of agents that are not alive.
-        closed: the rows that were closed up since, one time after the other.
+        closed: lists of rows that were closed up since, in order.
 
     Attributes:
         closed: as given.
-        gone: the places of those that are gone or have changed, ascending.
-        rows: of those that have come or changed, in the order of their names.
+        gone: indices of agents that are gone or have changed, ascending.
+        rows: rows of agents that are new or have changed, sorted by name.
     """
 
     def __init__(
@@ -174,12 +174,12 @@ class Succession:
         self.closed = closed
         noted = set(rows)
         changed: dict[str, int | None] = {one: None for one in noted if isinstance(one, str)}
-        # later, because one that came may have the name of one that is gone.
+        # after the removals, because a new agent may have the name of a removed one
         changed |= {names[one]: one for one in noted if not isinstance(one, str)}
         ordered = sorted(changed)
         self.gone: list[int] = []
         self.rows = [row for name in ordered if (row := changed[name]) is not None and row not in inactive]
-        self._places = [] if before else [0] * len(self.rows)  # before which of those that are left they belong
+        self._places = [] if before else [0] * len(self.rows)  # insert positions among the remaining agents
         for name in ordered if before else ():
             row = changed[name]
             i = bisect_left(before, name)
@@ -190,21 +190,21 @@ class Succession:
 
     @property
     def places(self) -> list[int]:
-        """The places of those that have come or changed."""
+        """The positions of new and changed agents."""
         return list(map(add, self._places, count()))
 
     def moved(self, rows: IntArray) -> IntArray:
-        """Return the rows in which those of before are now, but for those that are gone."""
+        """Return the present rows of the earlier agents, without removed ones."""
         for gone in self.closed:
             rows = rows - np.searchsorted(gone, rows)
         return rows
 
     def of_array(self, column: Column, values: ArrayLike) -> Column:
-        """Return a column without those that are gone, and with values, or one value, of those that have come."""
+        """Return an updated array column: without removed agents, with one value, or values, for new agents."""
         return np.insert(np.delete(column, self.gone), self._places, values)
 
     def of(self, column: Sequence[Any], values: Iterable[Any]) -> list[Any]:
-        """Return a column without those that are gone, and with the values of those that have come."""
+        """Return an updated list column: without removed agents, with the values of new agents."""
         if not column:
             return [*values]
         left = without(column, self.gone)
@@ -214,22 +214,22 @@ class Succession:
 
 
 def without(column: Sequence[Any], gone: Iterable[int]) -> list[Any]:
-    """Return a list without what is at some places, ascending."""
+    """Return a list without the items at ascending positions."""
     return _joined(column, [(i, i + 1, ()) for i in gone])
 
 
 def drop(column: list[Any], gone: Sequence[int]) -> None:
-    """Remove what is at some places, ascending, from a list."""
+    """Delete the items at ascending positions of a list."""
     if len(gone) > _FEW_DROPPED:
         column[:] = without(column, gone)
         return
-    # NOTE: a tenth of the time of a new list of many, and no garbage (benchmarks: deletion).
+    # NOTE: a tenth of the time of a new list, and no garbage (benchmarks: deletion).
     for i in reversed(gone):
         del column[i]
 
 
 def _joined(column: Sequence[Any], cuts: Iterable[tuple[int, int, tuple[Any, ...]]]) -> list[Any]:
-    """Return a list in which each cut, from one place to another, is replaced by other values."""
+    """Return a list in which each cut, a range of positions, is replaced by other values."""
     joined: list[Any] = []
     at = 0
     for begin, end, values in cuts:
@@ -241,19 +241,19 @@ def _joined(column: Sequence[Any], cuts: Iterable[tuple[int, int, tuple[Any, ...
 
 
 def copied_column(column: Any) -> Any:
-    """Return a copy of a list or of a view of an array."""
+    """Return a copy of a list, or of a view of an array."""
     return column.copy() if type(column) is list else np.array(column, np.int64).data
 
 
 class Selection:
-    """Some rows of columns, in an order of their own.
+    """A selection of rows, in any order.
 
     Attributes:
-        rows: which.
+        rows: the selected rows.
     """
 
-    # NOTE: getters pick whole columns in C: every turn reads and writes all agents (benchmarks: turns). What has slots
-    # is read at once, also where there is a dict for what is cached.
+    # NOTE: getters pick whole columns in C: every turn reads and writes all agents (benchmarks: turns). Slots are
+    # read fast, also with a dict for cached values.
 
     __slots__ = ("__dict__", "_pick", "rows")
 
@@ -262,8 +262,8 @@ class Selection:
         self._pick: Callable[[Sequence[Any]], Iterable[Any]] | None = None
 
     def after(self, change: Succession) -> Selection:
-        """Return the rows of the living agents once some have changed."""
-        # NOTE: `array` is there when agents move in arrays (benchmarks: death, deletion).
+        """Return the rows of the living agents after a change."""
+        # NOTE: `array` exists if agents move as arrays (benchmarks: death, deletion).
         array = change.of_array(change.moved(self.array), change.rows)
         now = Selection(array.tolist() if change.closed else change.of(self.rows, change.rows))
         now.array = array
@@ -271,7 +271,7 @@ class Selection:
 
     @cached_property
     def as_set(self) -> frozenset[int]:
-        """The rows, in no order."""
+        """The rows as a set."""
         return frozenset(self.rows)
 
     @cached_property
@@ -281,11 +281,11 @@ class Selection:
 
     @cached_property
     def buffer(self) -> memoryview[int]:
-        """The rows as the core reads them."""
+        """The rows as a buffer for the core."""
         return self.array.data
 
     def of(self, column: Sequence[Any]) -> Any:
-        """Return what the column holds in these rows: a list, or a view of an array."""
+        """Return the values of a column in these rows: a list, or a view of an array."""
         if type(column) is list:
             return self.listed(column)
         view: Any = column if type(column) is memoryview else np.asarray(column).data
@@ -296,14 +296,14 @@ class Selection:
         return values
 
     def listed(self, column: Sequence[Any]) -> list[Any]:
-        """Return what the column holds in these rows as a list."""
+        """Return the values of a column in these rows as a list."""
         pick = self._pick
         if pick is None:
             pick = self._pick = _picker(self.rows)
         return [*pick(column)]
 
     def write(self, column: MutableSequence[Any], values: Sequence[Any]) -> None:
-        """Set the column in these rows."""
+        """Set a column in these rows."""
         for row, value in zip(self.rows, values, strict=True):
             column[row] = value
 
@@ -312,7 +312,7 @@ class Selection:
         rows = self.array
         if not len(rows) or rows.max() >= len(rows):
             return rows.argsort()
-        # NOTE: all rows there are, for which this is a tenth of a sort (benchmarks: deletion).
+        # NOTE: for all rows, this is a tenth of the time of a sort (benchmarks: deletion).
         order = np.empty_like(rows)
         order[rows] = np.arange(len(rows))
         return order
@@ -327,13 +327,13 @@ class Selection:
         return self.array.take(self._order)
 
     def in_order(self, values: Sequence[int]) -> IntArray:
-        """Return values of these rows in ascending order of the rows, maybe no copies."""
+        """Return values of these rows in ascending order of the rows; may be the same array."""
         numbers = np.asarray(values)
         return numbers if self._is_ascending else numbers.take(self._order)
 
 
 def _picker(places: list[int]) -> Callable[[Sequence[Any]], Iterable[Any]]:
-    """Return the function that picks what is at these places of a list."""
+    """Return a function that picks the items at these positions of a list."""
     if places == list(range(len(places))):
         return itemgetter(slice(len(places)))
     return itemgetter(*places) if len(places) > 1 else lambda values: [values[i] for i in places]

@@ -1,6 +1,6 @@
-"""Draw commands: what every drawer emits and every render backend consumes.
+"""Draw commands: the output of all drawers and the input of all render backends.
 
-This is the visualization IR that the paper leaves as future work: no objects, only columns.
+This is the visualization IR that the paper leaves as future work: columns instead of objects.
 """
 
 from collections.abc import Mapping
@@ -13,27 +13,27 @@ import numpy as np
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
 
-FARTHEST = 1e12  # of coordinates and sizes; beyond it, differences of coordinates lose their metres
-MOST_POINTS = 1 << 20  # of drawings that are recorded
+FARTHEST = 1e12  # largest coordinates and sizes; beyond this, differences lose metres by rounding
+MOST_POINTS = 1 << 20  # most points of recorded drawings
 
 
 class DrawKind(IntEnum):
-    """What one command draws, and what its points and size mean."""
+    """The kind of a command, which defines its points and size."""
 
-    CIRCLE = 1  # the centre, and in pixels how far it is moved right and down, if it is; size = radius
+    CIRCLE = 1  # the center, and maybe an offset in pixels to the right and down; size = radius
     RECTANGLE = 2  # two points: top-left corner, in world units; (width, height), in the unit of `space`
     LINE = 3  # two or more points, an open polyline; width
-    # Three or more points, closed; what it winds around is filled, so a seam to a ring may make a hole. In pixels: a
-    # place on the map, and then two or more corners, so far right of it and below it.
+    # Three or more points, closed; filled by winding number, so a seam to a ring can make a hole. In pixels: a
+    # place on the map, then at least two corners, as offsets to the right and down.
     POLYGON = 4
-    TEXT = 5  # one point, the upper left corner, around which it is turned by the angle; size = font height
-    IMAGE = 6  # one point, the centre; size = half of the side; `text` is the path or name of the image
+    TEXT = 5  # one point, the upper left corner, which is the center of rotation by the angle; size = font height
+    IMAGE = 6  # one point, the center; size = half of the side; `text` is the path or name of the image
 
 
 class DrawSpace(IntEnum):
     """The unit of a command's size, of a rectangle's extent, of a line's width, and of a polygon's corners.
 
-    Other positions are always in world units, y up; outlines are always in pixels.
+    All other positions are in world units, y up; outlines are in pixels.
     """
 
     WORLD = 0
@@ -41,11 +41,11 @@ class DrawSpace(IntEnum):
 
 
 class Owner(NamedTuple):
-    """The agent or the teams that a command belongs to.
+    """The agent and the teams that a command belongs to.
 
     Attributes:
-        agent: the name of the agent that the command shows or goes with; "": none.
-        sides: the teams that know of it, by their texts; None: everybody does.
+        agent: name of the agent that the command shows or belongs to; "": none.
+        sides: the teams that may see it, by their texts; None: all teams.
     """
 
     agent: str = ""
@@ -63,28 +63,28 @@ class DrawCommands:
     layer: IntArray  # (commands,)
     space: IntArray  # (commands,)  DrawSpace
     size: FloatArray  # (commands,)  radius, font height or half side
-    width: FloatArray  # (commands,)  of a line, in the unit of `space`; of an outline, in pixels; 0 = filled
+    width: FloatArray  # (commands,)  line width, in the unit of `space`; outline width, in pixels; 0 = filled
     angle: FloatArray  # (commands,)  degrees, counter-clockwise
     color: "np.ndarray[Any, np.dtype[np.uint8]]"  # (commands, 4)  RGBA
     offsets: IntArray  # (commands + 1,)
     points: FloatArray  # (points, 2)
-    text: tuple[str, ...]  # (commands,)  "" where it does not apply
-    owners: Mapping[int, Owner] = field(default_factory=dict)  # row -> owner, of the commands that have one
+    text: tuple[str, ...]  # (commands,)  "" if not used
+    owners: Mapping[int, Owner] = field(default_factory=dict)  # row -> owner, for commands with an owner
 
     def __len__(self) -> int:
         return len(self.kind)
 
     def in_painting_order(self) -> IntArray:
-        """Rows from back to front."""
+        """Return the rows from back to front."""
         if (self.layer[1:] >= self.layer[:-1]).all():  # as it nearly always is
             return np.arange(len(self.layer))
         return np.argsort(self.layer, kind="stable")
 
     def to_plain(self) -> dict[str, Any]:
-        """Return the columns as plain values for a recording; images, which are files, and layers are left out.
+        """Return the columns as plain values for a recording, without images, which are files, and without layers.
 
         Raises:
-            BadValue: more points than a recording holds.
+            BadValue: there are more points than a recording may have.
         """
         if len(self.points) > MOST_POINTS:
             raise BadValue(
@@ -105,10 +105,10 @@ class DrawCommands:
 
     @classmethod
     def from_plain(cls, columns: object) -> "DrawCommands":
-        """Return commands, on layer 0, from what `to_plain` gave.
+        """Return commands, on layer 0, from the result of `to_plain`.
 
         Raises:
-            BadType, BadValue, KeyError: it did not give this.
+            BadType, BadValue, KeyError: the columns are not such a result.
         """
         if not isinstance(columns, dict):
             raise BadType(f"A recorded drawing is a dict of columns, not a {type(columns).__name__}.")
@@ -123,7 +123,7 @@ class DrawCommands:
         _check_kinds(kind, found["space"], counts, len(points))
         for name in ("size", "width", "angle", "points"):
             if not (np.abs(found[name]) <= FARTHEST).all():  # nor NaN
-                raise BadValue(f"Of the {name} in a recorded drawing one is not finite, or beyond {FARTHEST:g}.")
+                raise BadValue(f"One of the {name} in a recorded drawing is not finite, or beyond {FARTHEST:g}.")
         offsets = np.concatenate(([0], np.cumsum(counts, dtype=np.int64)))
         extents = points[offsets[:-1][kind == DrawKind.RECTANGLE] + 1]
         if any((values < 0.0).any() for values in (found["size"], found["width"], extents)):
@@ -132,10 +132,10 @@ class DrawCommands:
 
 
 def _owners_in(columns: dict[str, Any], count: int) -> dict[int, Owner]:
-    """Return the owners of the commands of a recorded drawing by row.
+    """Return row -> owner of the commands of a recorded drawing.
 
     Raises:
-        BadType, BadValue: they are not right.
+        BadType, BadValue: the columns are invalid.
     """
     agents, sides = columns.get("agents") or [""] * count, columns.get("sides") or [None] * count
     are_lists = isinstance(agents, list) and isinstance(sides, list)
@@ -150,13 +150,13 @@ def _owners_in(columns: dict[str, Any], count: int) -> dict[int, Owner]:
     return {row: owner for row, owner in enumerate(owners) if owner != Owner()}
 
 
-_FORMS: dict[str, tuple[str, tuple[int, ...], type]] = {  # kinds of numbers, shape of a row, type
+_FORMS: dict[str, tuple[str, tuple[int, ...], type]] = {  # number kinds, row shape, type
     **dict.fromkeys(("kind", "space", "counts"), ("iu", (), np.int64)),
     **dict.fromkeys(("size", "width", "angle"), ("f", (), np.float64)),
     "color": ("iu", (4,), np.uint8),
     "points": ("f", (2,), np.float64),
 }
-_POINTS_OF = {  # the fewest and the most points of a command of each kind that is recorded
+_POINTS_OF = {  # fewest and most points of recorded commands, by kind
     DrawKind.CIRCLE: (1, 1),
     DrawKind.RECTANGLE: (2, 2),
     DrawKind.LINE: (2, MOST_POINTS),
@@ -181,7 +181,7 @@ def _column(
 
 
 def _check_kinds(kind: IntArray, space: IntArray, counts: IntArray, points: int) -> None:
-    """Check that a recorded drawing has commands of known kinds, with as many points as these have."""
+    """Check that all commands of a recorded drawing have a known kind and a valid number of points."""
     is_known = np.isin(space, list(DrawSpace))
     for one, (fewest, most) in _POINTS_OF.items():
         is_known[kind == one] &= ((counts >= fewest) & (counts <= most))[kind == one]

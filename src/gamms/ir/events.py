@@ -1,8 +1,9 @@
-"""What can happen in a game: the table of event kinds.
+"""The table of event kinds.
 
-Each kind says which of its fields name agents and nodes, who may know of it, what it does to a state, and which records
-of format version 2 stand for it. A live context and the columns of a recording are both such a state, so that playing
-again and working out the state at a turn are the same act. Adding a kind is a code and an entry of `EVENTS`.
+Each kind defines which fields name agents and nodes, which audience may see it, how it changes a state, and which
+records of format version 2 correspond to it. A live context and the columns of a recording implement the same state
+interface, so that replay and the reconstruction of a turn use the same code. To add a kind, add a code and an entry of
+`EVENTS`.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -22,20 +23,20 @@ from gamms.plain import Plain
 from gamms.readonly import published
 from gamms.text import shown
 
-# A move on the ground is two ints, the number of the agent and a node id. Moves of many agents are (MOVES, an array of
-# shape (agents, 2)). All other events are tuples (kind, data).
+# A move on the ground is two ints: the number of the agent and a node id. Moves of many agents are (MOVES, an array
+# of shape (agents, 2)). All other events are tuples (kind, data).
 Log = list[Any]
-Record = tuple[int, dict[str, Any]]  # an operation code of format version 2, and its data
+Record = tuple[int, dict[str, Any]]  # operation code of format version 2, data
 
 
-REPLAYED = -1  # never written: a record of version 2 that is replayed, and what was noted when it happened
+REPLAYED = -1  # never written: a replayed record of version 2, with the events recorded when it happened
 
 
 # -- kinds ------------------------------------------------------------------------------------------------------
 
 
 class Role(Enum):
-    """What the value of a field means to the outside."""
+    """The meaning of the value of a field."""
 
     AGENT = "the name of an agent, or a list of names"
     NUMBER = "the number of an agent, or a list or an array of numbers"
@@ -50,8 +51,9 @@ class Field(NamedTuple):
     """A field of an event.
 
     Attributes:
-        role: what its value means.
-        check: takes a value and its name in an error message, and returns the checked value; None: any plain value.
+        role: meaning of its value.
+        check: function of the value and its name in an error message that returns the checked value; None: any plain
+        value.
         is_optional: whether it may be missing.
     """
 
@@ -63,7 +65,7 @@ class Field(NamedTuple):
         """Return the checked value of the field `key`.
 
         Raises:
-            KeyError, BadType, BadValue: there is none, or an impossible one.
+            KeyError, BadType, BadValue: the value is missing or invalid.
         """
         value = data[key]
         return value if self.check is None else self.check(value, key)
@@ -73,12 +75,12 @@ class EventKind(NamedTuple):
     """A kind of event.
 
     Attributes:
-        code: the number that stands for it in recordings.
-        name: what tables and streams call it.
-        fields: of the dict that is its data; of a tuple the names of its items, in their order.
-        audience: who may know of it.
-        apply: does to a state what has happened.
-        records: gives what stands for it in format version 2, by its data and who moved; None: nothing does.
+        code: its number in recordings.
+        name: its name in tables and streams.
+        fields: fields of its dict; if its data are a tuple, the names of the items, in order.
+        audience: which agents may know of it.
+        apply: applies the event to a state.
+        records: returns the records of format version 2 for its data and the moved agent; None: no records.
         is_tuple: whether its data are a tuple.
     """
 
@@ -92,14 +94,14 @@ class EventKind(NamedTuple):
 
 
 class Mover(NamedTuple):
-    """The agent that an event moves: its name, and the node it was on, or above, before."""
+    """An agent moved by an event: its name, and its node, or the node below it, before the event."""
 
     name: str
     before: int
 
 
 def _numbers(form: str, *, or_none: bool = False) -> Callable[[object, str], tuple[float, ...] | None]:
-    """Return the check of as many numbers as `form` names."""
+    """Return a check for tuples of numbers with the fields of `form`."""
     return lambda value, name: None if or_none and value is None else tuple(as_numbers(value, name, form))
 
 
@@ -109,7 +111,7 @@ def _speed(value: object, name: str) -> Any:
     return value
 
 
-_FIELDS = {  # fields of these names; all others hold any plain value
+_FIELDS = {  # fields with these names; other fields hold any plain value
     "agent_name": Field(Role.AGENT, as_name),
     "names": Field(Role.AGENT),
     "node_id": Field(Role.NODE, as_int),
@@ -125,14 +127,14 @@ _FIELDS = {  # fields of these names; all others hold any plain value
     **{column.event.key: Field(check=column.checked) for column in NUMBERS if column.event is not None},
 }
 EVENTS: dict[int, EventKind] = {}
-"""All kinds, by their codes."""
+"""All kinds by code."""
 
 _Apply = Callable[[State, Any], None]
 _Records = Callable[[Any, Mover | None], Iterator[Record]]
 
 
 def _fields_of(spec: str) -> dict[str, Field]:
-    """Return fields by their names, such as "name:AGENT ?state": a role of its own, and one that may be missing."""
+    """Return fields by name, from a spec like "name:AGENT ?state": with a role, or optional."""
     fields = {}
     for part in spec.split():
         key, _, role = part.removeprefix("?").partition(":")
@@ -149,14 +151,14 @@ def _event(
     apply: _Apply | None = None,
     records: _Records | None = None,
 ) -> int:
-    """Add a kind, by what it does to a state; return its code. What begins with a number has a tuple for its data."""
+    """Add a kind, and return its code. A spec that begins with a number field means that the data are a tuple."""
     is_tuple = fields.startswith("number ")
     EVENTS[code] = EventKind(code, name, _fields_of(fields), audience, apply or _nothing, records, is_tuple)
     return code
 
 
 def _record(code: int, name: str, audience: Audience, fields: str = "", apply: _Apply | None = None) -> int:
-    """Add a kind which is a record of format version 2 itself."""
+    """Add a kind that is also a record of format version 2."""
     return _event(code, name, audience, fields, apply, lambda data, _: iter([(code, data)]))
 
 
@@ -165,7 +167,7 @@ def _nothing(_state: State, _data: Plain) -> None:
 
 
 def _sets(column: str, key: str) -> _Apply:
-    """Return what sets one column of one agent to a field."""
+    """Return a function that sets one column of one agent from a field."""
     field = _FIELDS.get(key, Field())
 
     def apply(state: State, data: Mapping[str, Plain]) -> None:
@@ -176,7 +178,7 @@ def _sets(column: str, key: str) -> _Apply:
 
 
 def _puts(name: str) -> _Apply:
-    """Return what sets a field of the game to what was captured of it, which is under its name."""
+    """Return a function that sets a field of the game from its captured value, stored under its name."""
 
     def apply(state: State, data: Mapping[str, Plain]) -> None:
         state.game.put(name, FIELDS[name].restored(data[name]))
@@ -188,7 +190,7 @@ def _puts(name: str) -> _Apply:
 
 
 def _creation_records(data: Mapping[str, Plain], _: Mover | None) -> Iterator[Record]:
-    """Yield the creation and what 1.0.0 records beside it, or has to be given because it knows other keywords."""
+    """Yield the creation, and further records for 1.0.0, which knows other keywords."""
     yield AGENT_CREATE, {"name": data["name"], "kwargs": data["kwargs"]}
     name, given, made = {"agent_name": data["name"]}, data["kwargs"], data.get("state", {})
     for key in given:
@@ -314,7 +316,7 @@ AGENT_ATTRIBUTE = _event(0x01100016, "AGENT_ATTRIBUTE", _TEAM, "numbers name ?va
 AERIAL_AGENT_FLIGHT = _event(0x01100020, "AERIAL_AGENT_FLIGHT", _SENSED, "number node x y z", _fly, _flight_records)
 AERIAL_AGENT_TURN = _event(0x01100021, "AERIAL_AGENT_TURN", _SENSED, "number w x y z", _turn, _turn_records)
 FLYERS_ABOVE = _event(0x01100030, "FLYERS_ABOVE", _SENSED, "names node:EACH previous:EACH", _above)
-# Never written as an event: the ints of a log, and a column of their own in a file.
+# Never written as an event: integers in a log, and a separate column in a file.
 MOVES = _event(0x01100040, "MOVES", _SENSED, "number node", _move, _move_records)
 
 for _column, (_code, _name, _audience, _key, _is_record) in CHANGE_EVENTS.items():
@@ -333,10 +335,10 @@ _NODE_KEYWORDS = {"prev_node_id": AGENT_PREV_NODE, "current_node_id": AGENT_CURR
 
 
 def change(values: dict[Any, Any], changes: Mapping[str, Any]) -> None:
-    """Change a dict: what is `set`, what is `removed`, and what lists and sets have `more`."""
+    """Update a dict: items to `set`, keys to `remove`, and `more` items for lists and sets."""
     values.update(deepcopy(changes.get("set", {})))
     for key, more in changes.get("more", {}).items():
-        known = values[key]  # in place, or lists that grow in every turn would be copied in every turn
+        known = values[key]  # in place, so that lists that grow in every turn are not copied
         if isinstance(known, set):
             known.update(more)
         else:
@@ -346,28 +348,28 @@ def change(values: dict[Any, Any], changes: Mapping[str, Any]) -> None:
 
 
 LOGGED: dict[int, str] = {}
-"""Kind -> the log of `GameState` that it adds an entry to."""
+"""Kind -> the log of `GameState` to which it adds an entry."""
 
 _TEXTS = {"events": ("kind",), "deeds": ("agent", "deed"), "messages": ("channel", "sender")}  # that entries must have
 
 
 def as_entry(log: str, data: Mapping[str, Plain]) -> dict[str, Any]:
-    """Return an entry as it is in a log of `GameState`.
+    """Check an entry of a log of `GameState`, and return it.
 
     Raises:
-        BadType: it lacks what all entries have.
+        BadType: a required key is missing.
     """
     found = dict(data)
     missing = next((key for key in _TEXTS[log] if not isinstance(found.get(key), str)), None)
     if missing is not None:
         raise BadType(f"{shown(found)} is not one of the {log}: it has no {missing}.")
     if type(found.get("turn")) is not int:
-        raise BadType(f"{shown(found)} is not one of the {log}: its turn is no integer.")
+        raise BadType(f"{shown(found)} is not one of the {log}: its turn is not an integer.")
     return deepcopy(as_message(found) if log == "messages" else found)
 
 
 def _logged(code: int, name: str, audience: Audience, fields: str, log: str) -> int:
-    """Add the kind that notes an entry of a log."""
+    """Add a kind that appends an entry to a log."""
     LOGGED[code] = log
     return _event(code, name, audience, fields, lambda state, data: state.append(log, as_entry(log, data)))
 
@@ -410,7 +412,7 @@ GAME_DATA = _event(
     0x04000001, "GAME_DATA", _HOST, "?set ?more ?removed", lambda state, data: change(state.game.data, data)
 )
 DECISIONS = ("choice", "llm")
-"""Kinds of emitted events that say what was decided for an agent: only its own team may know of them."""
+"""Kinds of emitted events about decisions of an agent: visible only to its own team."""
 
 GAME_EVENT = _logged(0x04000002, "GAME_EVENT", _WITNESSED, "kind", "events")
 GAME_OVER = _event(0x04000003, "GAME_OVER", _ALL, "?reason ?winner ?truncated", _over)
@@ -462,7 +464,7 @@ COMPONENTS = frozenset([COMPONENT_REGISTER, COMPONENT_CREATE, COMPONENT_UPDATE, 
 
 
 def events_of(log: Log) -> Iterator[tuple[int, Any]]:
-    """Yield the events of a log: moves that follow each other as one, `(MOVES, [number, node, number, node, …])`."""
+    """Yield the events of a log; consecutive moves are one event, `(MOVES, [number, node, number, node, …])`."""
     types, begin = list(map(type, log)), 0
     for _ in range(types.count(tuple)):
         end = types.index(tuple, begin)
@@ -476,7 +478,7 @@ def events_of(log: Log) -> Iterator[tuple[int, Any]]:
 
 
 def steps_of(log: Log) -> Iterator[tuple[int, Any]]:
-    """Yield the same with each move by itself."""
+    """Yield the events of a log, with each move separately."""
     for kind, data in events_of(log):
         if kind == MOVES:
             moves = data if isinstance(data, list) else data.tolist()
@@ -487,7 +489,7 @@ def steps_of(log: Log) -> Iterator[tuple[int, Any]]:
 
 
 def records_of(kind: int, data: Plain, mover: Mover | None = None) -> Iterator[Record]:
-    """Yield the records of format version 2 that stand for an event; else the event itself."""
+    """Yield the records of format version 2 for an event; without such records, the event itself."""
     known = EVENTS.get(kind)
     if known is None or known.records is None:
         yield kind, data
@@ -496,12 +498,12 @@ def records_of(kind: int, data: Plain, mover: Mover | None = None) -> Iterator[R
 
 
 def renumbered(kind: int, data: Plain, number_of: Callable[[int], int]) -> Any:
-    """Return the data of an event with other numbers of agents.
+    """Return the data of an event with other agent numbers.
 
     Args:
-        kind: of the event.
-        data: of the event; not changed.
-        number_of: number -> the other number of the same agent.
+        kind: kind of the event.
+        data: data of the event; unchanged.
+        number_of: number -> new number of the same agent.
     """
     fields = EVENTS[kind].fields if kind in EVENTS else {}
     if isinstance(data, tuple):

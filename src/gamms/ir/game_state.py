@@ -1,4 +1,4 @@
-"""The state of a game at a moment, apart from the agents and the world."""
+"""The state of a game, except for the agents and the world."""
 
 from collections.abc import Container, Hashable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from copy import deepcopy
@@ -18,7 +18,7 @@ from gamms.text import shown
 
 PHASES = ("decide", "resolve", "apply", "rules", "draw")
 LOGS = ("events", "errors", "deeds", "messages")
-"""The fields of a state to which entries are only appended."""
+"""The append-only fields of a state."""
 
 _HISTORY = (
     *("turn", "over", "last_turn", "moves", "counts", "team_memories", "departed", "blocked", "delayed_looks"),
@@ -30,10 +30,10 @@ _Given = Mapping[Any, float] | Iterable[tuple[Any, float]]
 
 
 class Scores(dict[Any, float]):
-    """Scores by team, agent or any other key; one that was not set is 0.
+    """Scores by team, agent or any other key; missing keys have the score 0.
 
     Raises:
-        BadType: one that is set is no number, or NaN.
+        BadType: a new score is not a number, or NaN.
     """
 
     def __init__(self, scores: _Given = (), /, **named: float) -> None:
@@ -48,7 +48,7 @@ class Scores(dict[Any, float]):
         super().__setitem__(key, cast("float", score))
 
     def update(self, scores: _Given = (), /, **named: float) -> None:  # type: ignore[override] # as that of a dict
-        """Set scores as a dict takes them: all, or none where one cannot be."""
+        """Update scores like a dict; on an error nothing is set."""
         given = {**dict(scores), **named}
         for key, score in given.items():
             _refuse_no_score(key, score)
@@ -59,7 +59,7 @@ class Scores(dict[Any, float]):
         return self
 
     def setdefault(self, key: Hashable, score: object = 0) -> float:
-        """Set a score that was not set yet, and return it."""
+        """Return the score of a key; set it first if it is missing."""
         if key not in self:
             self[key] = score
         return self[key]
@@ -71,17 +71,17 @@ def _refuse_no_score(key: Hashable, score: object) -> None:
 
 
 LogMarks = tuple[Sequence[list[Any]], Sequence[int]]
-"""Logs at a moment: their lists, which may have further entries by now, and how many entries each had."""
+"""A marker of logs at a moment: their lists, which may grow later, and their lengths at that moment."""
 
 
 def log_at(log: list[Any], entries: list[Any], length: int, marked: int) -> list[Any]:
-    """Return a log as it was at a moment, to append to.
+    """Return a log as it was at a moment, as a list that may be appended to.
 
     Args:
-        log: as it is now.
-        entries: its list at that moment.
-        length: how many entries this had.
-        marked: up to which entry of the log other marks may need it.
+        log: the present list.
+        entries: the list at that moment.
+        length: its length at that moment.
+        marked: number of entries of the present list that other markers need.
     """
     if log is entries and marked <= length:
         del entries[length:]
@@ -89,9 +89,9 @@ def log_at(log: list[Any], entries: list[Any], length: int, marked: int) -> list
 
 
 def joined_end(known: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, Any]:
-    """Return the end of a game that two rules end in one turn.
+    """Return the end of a game that two rules end in the same turn.
 
-    An end by what happened goes before one by time; reasons are in alphabetical order, and a team wins if both agree.
+    An end by events overrides an end by time; reasons are sorted alphabetically, and a team wins only if both agree.
     """
     if known is None or (known["truncated"] and not new["truncated"]):
         return new
@@ -103,12 +103,12 @@ def joined_end(known: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, A
 
 
 class BlockedAgents(MutableMapping[str, str]):
-    """Agent -> why it did not do in its last turn what it wanted.
+    """Agent -> reason why its last action was not performed.
 
-    Conflicts of many agents are noted as arrays, and written out when one of them is read.
+    Conflicts of many agents are stored as arrays, and converted to texts on access.
 
     Args:
-        known: what is in it at first.
+        known: initial reasons.
     """
 
     def __init__(self, known: Mapping[str, str] | None = None) -> None:
@@ -125,7 +125,7 @@ class BlockedAgents(MutableMapping[str, str]):
         del self._written()[name]
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Return why an agent was blocked; the default if it was not."""
+        """Return the reason of an agent, or the default."""
         return self._written().get(name, default)  # NOTE: without an exception, for each agent (benchmarks: turns)
 
     def __iter__(self) -> Iterator[str]:
@@ -135,21 +135,21 @@ class BlockedAgents(MutableMapping[str, str]):
         return len(self._written())
 
     def __bool__(self) -> bool:
-        """Whether there are any, without writing them out."""
+        """Return whether any agent was blocked, without writing out conflicts."""
         return bool(self.known or self.stopped)
 
     def add(self, name: str, why: str) -> str:
-        """Note why an agent was blocked, after what is known already; return all of it."""
+        """Add a reason to those known already; return the complete reason."""
         known = self._written() if self.stopped else self.known
         known[name] = all_known = f"{known[name]}; {why}" if name in known else why
         return all_known
 
     def add_conflicts(self, names: Sequence[str], agents: IntArray, nodes: IntArray) -> None:
-        """Note which agents, by their numbers among names, conflicts have stopped on the way to nodes."""
+        """Add conflicts: the indices of agents in `names`, and the nodes that they wanted to reach."""
         self.stopped.append((names, agents, nodes))
 
     def drop_conflicts(self, names: Sequence[str]) -> None:
-        """Forget those conflicts of the agents of these names, this very list, that were not written out."""
+        """Drop conflicts with exactly this list of names that were not written out."""
         self.stopped = [stopped for stopped in self.stopped if stopped[0] is not names]
 
     def _written(self) -> dict[str, str]:
@@ -162,7 +162,7 @@ class BlockedAgents(MutableMapping[str, str]):
 
 
 def in_conflict(end: object) -> str:
-    """Say on the way to which node or edge an agent was stopped by a conflict."""
+    """Return the reason of an agent that a conflict has stopped on its way to a node or edge."""
     where = f"node {end}" if isinstance(end, int) else str(end)
     return f"in conflict with other agents on the way to {where}"
 
@@ -195,93 +195,93 @@ _FACTS = (_dicts_of, _captured_each, _private_facts)
 
 
 def as_scores(scores: Plain) -> Scores:
-    """Return scores.
+    """Return checked scores.
 
     Raises:
-        BadValue: these are none.
+        BadValue: the scores are invalid.
     """
     try:
         return Scores(scores)
     except (TypeError, ValueError) as error:
-        raise BadValue(f"its scores are none ({error})") from error
+        raise BadValue(f"its scores are invalid ({error})") from error
 
 
 _OVER = {"reason", "winner", "truncated"}
 
 
 def as_over(value: object) -> dict[str, Any] | None:
-    """Return why a game is over; None: it goes on.
+    """Return the checked end of a game; None while it continues.
 
     Raises:
-        BadValue: a game is not over like this.
+        BadValue: the value does not describe an end.
     """
     if value is not None and (not isinstance(value, Mapping) or set(value) != _OVER):
-        raise BadValue(f"A game is over with {sorted(_OVER)}, not with {shown(value)}.")
+        raise BadValue(f"The end of a game has the keys {sorted(_OVER)}, not {shown(value)}.")
     return None if value is None else dict(value)
 
 
 def as_blocked(value: object) -> BlockedAgents:
-    """Return agent -> why it did not do what it wanted.
+    """Return checked reasons: agent -> why its action was not performed.
 
     Raises:
-        BadType: it is something else.
+        BadType: the value is not such a mapping.
     """
     if not isinstance(value, Mapping) or not all(isinstance(text, str) for pair in value.items() for text in pair):
-        raise BadType(f"Agents and why they were blocked are texts, not {shown(value)}.")
+        raise BadType(f"Blocked agents must be a dict of texts, not {shown(value)}.")
     return BlockedAgents(value)
 
 
 def as_looks(value: object) -> dict[int, dict[str, Any]]:
-    """Return what a sensor is still to report: turn -> what it saw then, by the names of agents.
+    """Return checked pending reports of a sensor: turn -> data by agent name.
 
     Raises:
-        BadType: it is something else.
+        BadType: the value is not such a mapping.
     """
     looks = value.items() if isinstance(value, Mapping) else [(None, None)]
     if not all(
         type(turn) is int and isinstance(seen, dict) and all(isinstance(name, str) for name in seen)
         for turn, seen in looks
     ):
-        raise BadType(f"What a sensor is still to report is a dict of turns, not {shown(value)}.")
+        raise BadType(f"The pending reports of a sensor must be a dict by turn, not {shown(value)}.")
     return dict(looks)
 
 
 @dataclass(eq=False, slots=True)
 class GameState:
-    """What a game has come to: plain values, which the turn engine, rules and the recorder read and write.
+    """The state of a game: plain values that the turn engine, rules and the recorder read and write.
 
-    Each field is one entry: snapshots, forks, keyframes and what a team knows follow from it (`FIELDS`). Keyframes have
-    the fields in this order.
+    Each field is declared once: snapshots, forks, keyframes and the knowledge of teams are derived from the
+    declarations (`FIELDS`). Keyframes store the fields in this order.
 
     Attributes:
-        scores: numbers by any key; this dict is never replaced.
-        data: the plain values that rules remember.
-        over: reason, winner and truncated of a game that has ended; None while it goes on.
-        turn: the number of turns that were played.
-        events: what was emitted, in order; append-only: dicts with `turn` and `kind`.
-        errors: what strategies did wrong, in order; append-only.
-        deeds: what agents did besides moving, in order; append-only: dicts with `turn`, `agent`, `deed`, `at`.
-        messages: what agents sent by channels and who hears it when, in order; append-only: see `ir.messages`.
-        blocked: agent -> why it did not do in its last turn what it wanted; only those that did not.
-        facts: what was published, read-only values; this dict is never replaced.
-        agent_facts: agent -> what was published to it alone.
-        team_facts: team -> what was published to it alone.
-        memories: agent -> what it remembers; this dict is never replaced, nor are those in it.
-        team_memories: team -> what it remembers.
-        delayed_looks: (sensor, the agent that carries it, or "") -> turn -> what it saw then and is still to report.
-        counts: agent -> how often it moved, was blocked, and so on.
+        scores: numbers by any key; this dict object is never replaced.
+        data: plain values stored by rules.
+        over: reason, winner and truncated of a finished game; None while it continues.
+        turn: number of turns played.
+        events: emitted events in order, append-only: dicts with `turn` and `kind`.
+        errors: errors of strategies in order, append-only.
+        deeds: deeds of agents in order, append-only: dicts with `turn`, `agent`, `deed`, `at`.
+        messages: messages sent on channels, with receivers and arrival turns, in order, append-only: see `ir.messages`.
+        blocked: agent -> reason why its last action was not performed; only for blocked agents.
+        facts: published facts, read-only values; this dict object is never replaced.
+        agent_facts: agent -> facts published only to it.
+        team_facts: team -> facts published only to it.
+        memories: agent -> its memory; this dict object and the memories are never replaced.
+        team_memories: team -> its memory.
+        delayed_looks: (sensor, name of its agent or "") -> turn -> data of that turn, to be reported later.
+        counts: agent -> numbers of its moves, blocked moves, and so on.
         timings: seconds by phase.
-        moves: of the last turn; None before the first. Any: the turn engine's own class.
-        departed: agent -> its team and node when it was deleted, of those that were since the game has begun.
-        last_turn: the turn after which the latest `run` stops; None: no such.
-        began: agent -> where it began, for a game that was resumed from a recording.
-        start: the snapshot to which `reset` returns; None before the first turn. Any: it holds what all engines gave.
-        drawn: what a scenario has made for the seed of the start; replaced, never changed. Any: the builder's own form.
-        parts_played: of a turn that is under way how many parts have moved, in a fork for agents that decide in it;
-            None: it is between two turns.
+        moves: moves of the last turn; None before the first turn. Any: the turn engine has its own class.
+        departed: agent -> its team and node at deletion, for agents deleted during the game.
+        last_turn: the turn after which the present `run` stops; None: no limit.
+        began: agent -> its start, for a game resumed from a recording.
+        start: the snapshot to which `reset` returns; None before the first turn. Any: it contains data of all engines.
+        drawn: data drawn by a scenario from the seed of the start; replaced, never mutated. Any: form of the builder.
+        parts_played: number of parts of the present turn that have moved, in a fork for agents that decide in it; None:
+        between two turns.
         has_begun: whether a turn was played since the game was created, reset or resumed.
-        stream_version: changes whenever counts and memories are other objects, and all random streams begin again.
-        marked: of each log, up to which entry snapshots need its list.
+        stream_version: changes when counts and memories are replaced and all random streams restart.
+        marked: for each log, the number of entries that snapshots need.
     """
 
     scores: Scores = kept(
@@ -348,7 +348,7 @@ class GameState:
     marked: Sequence[int] = kept(lambda: (0,) * len(LOGS))
 
     def put(self, name: str, value: object) -> None:
-        """Set a field to another value, in place where others hold a reference to it."""
+        """Set a field, in place if other objects refer to its value."""
         refill = FIELDS[name].refill
         if refill is None:
             setattr(self, name, value)
@@ -356,20 +356,20 @@ class GameState:
             refill(getattr(self, name), value)
 
     def put_known(self, source: "GameState", agents: Container[str], teams: Container[Any]) -> None:
-        """Set the fields of which agents know a part to what some agents, of these teams, know of another game."""
+        """Copy the knowledge of agents, and of their teams, from another game, for fields that agents know partly."""
         for name, one in FIELDS.items():
             if one.axis is not None:
                 self.put(name, one.copy_for(getattr(source, name), agents, teams))
 
     def copies(self) -> list[Any]:
-        """Return the values that snapshots hold, those of the fields `SAVED` in their order; None for an empty dict."""
+        """Return the values for snapshots, of the fields `SAVED` in order; None for an empty dict."""
         values = [*_saved_of(self)]
         for i, copy in _COPIED:
             values[i] = copy(values[i], None) if values[i] else None
         return values
 
     def restore(self, values: list[Any]) -> None:
-        """Set the fields to copies of what `copies` returned."""
+        """Set the fields to copies of the values from `copies`."""
         for i, name in _SHARED:
             setattr(self, name, values[i])
         for i, name, copy, make in _REPLACED:
@@ -380,51 +380,51 @@ class GameState:
             fill(getattr(self, name), copy(values[i], None) if values[i] else {})
 
     def marks(self) -> LogMarks:
-        """Return the logs as they are now, for `go_to`."""
+        """Return markers of the present logs, for `go_to`."""
         logs = _logs_of(self)
         self.marked = tuple(map(len, logs))
         return logs, self.marked
 
     def go_to(self, marks: LogMarks) -> None:
-        """Let the logs be as they were when `marks` was called."""
+        """Restore the logs to their state at `marks`."""
         logs, lengths = marks
         for name, entries, length, marked in zip(LOGS, logs, lengths, self.marked, strict=True):
             setattr(self, name, log_at(getattr(self, name), entries, length, marked))
         self.marked = lengths
 
     def copy_logs(self, source: "GameState") -> None:
-        """Take copies of the logs of another game, with the same entries."""
+        """Copy the logs of another game, with the same entries."""
         for name in LOGS:
             setattr(self, name, getattr(source, name).copy())
 
     def memory_of(self, name: str) -> dict[Any, Any]:
-        """Return the memory of an agent, to be written to."""
+        """Return the writable memory of an agent."""
         return self.memories.setdefault(name, {})
 
     def clear_history(self) -> None:
-        """Forget what has happened in the game; scores, data, facts and agents' memories stay."""
+        """Clear the history of the game; scores, data, facts and agents' memories stay."""
         fresh = GameState()
         for name in _HISTORY:
             setattr(self, name, getattr(fresh, name))
 
     def begin_from_here(self) -> None:
-        """Forget what has happened, and take the game at its next turn for its start."""
+        """Clear the history, and make the next turn the start of the game."""
         self.clear_history()
         self.start, self.has_begun = None, False
         self.stream_version += 1
 
 
 FIELDS: dict[str, GameField] = {one.name: one.metadata["done"] for one in fields(GameState)}
-"""What is done with each field of a game."""
+"""The declaration of each field of a game."""
 
 FIELD_EVENTS = {name: one.event for name, one in FIELDS.items() if one.event is not None}
-"""Field of a game -> the kind of event that notes another value of it."""
+"""Field of a game -> kind of the event that records a change."""
 
 COPY_OF = {name: one.copied for name, one in FIELDS.items() if one.copied is not None}
-"""Field of a game -> what returns the copy of its value that snapshots hold."""
+"""Field of a game -> function that copies its value for snapshots."""
 
 SAVED = [*COPY_OF]
-"""The fields whose values snapshots hold, but for the logs."""
+"""The fields in snapshots, except for the logs."""
 
 _saved_of = attrgetter(*SAVED)
 _logs_of = attrgetter(*LOGS)

@@ -28,7 +28,7 @@ def polygon(points: FloatArray | Sequence[Sequence[float]]) -> "Polygon":
 
 
 def union_of(outlines: Sequence[FloatArray]) -> "list[Polygon]":
-    """Return the areas that the outlines (corners, 2) of some polygons enclose together, as shapely Polygons."""
+    """Return the union of polygons with outlines (corners, 2), as shapely Polygons."""
     import shapely
 
     parts = shapely.get_parts(shapely.union_all([shapely.make_valid(shapely.Polygon(one)) for one in outlines]))
@@ -36,25 +36,25 @@ def union_of(outlines: Sequence[FloatArray]) -> "list[Polygon]":
 
 
 def rings_of(polygon: "Polygon") -> list[FloatArray]:
-    """Return the rings of a Polygon, each (corners + 1, 2): the outer one, then its holes the other way around."""
+    """Return the rings of a Polygon, each (corners + 1, 2): the outer ring, then its holes in opposite direction."""
     import shapely
 
     return [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.normalize(polygon))]
 
 
 def seamed(rings: Sequence[FloatArray]) -> FloatArray:
-    """Return one line (points, 2) along the rings of a polygon, as `rings_of` gives them, with a seam to each hole."""
+    """Return one line (points, 2) along the rings of a polygon, see `rings_of`, with a seam to each hole."""
     outer, *holes = rings
     return np.concatenate([outer[:-1], *(np.concatenate([outer[:1], hole]) for hole in holes)])
 
 
 def joined_lines(points: FloatArray, offsets: IntArray, groups: IntArray) -> list[tuple[int, FloatArray]]:
-    """Return the lines of each group, joined where two of it meet, as (group, points).
+    """Return the lines of each group, joined where two lines meet, as (group, points).
 
     Args:
         points: (points, 2)
         offsets: (lines + 1,)
-        groups: (lines,) whole numbers from 0 on, without gaps.
+        groups: (lines,) integers from 0, without gaps.
     """
     import shapely
 
@@ -80,10 +80,10 @@ def points_of(shape: object, name: str) -> FloatArray:
     """
     try:
         shape = _line_of_text(shape) if isinstance(shape, str) else shape
-        coordinates: Any = getattr(shape, "coords", shape)  # of a shape with several parts this raises
+        coordinates: Any = getattr(shape, "coords", shape)  # raises for a shape with several parts
         given = np.array([tuple(point)[:2] for point in coordinates])
         if given.dtype.kind in "USb":
-            raise TypeError("text and bools are no numbers")  # noqa: TRY301 - the except says which shape it was
+            raise TypeError("text and bools are not numbers")  # noqa: TRY301 - the except says which shape it was
         points = given.astype(np.float64)
     except (TypeError, ValueError, NotImplementedError) as error:
         raise BadValue(f"{name} must be a LineString or a list of (x, y) pairs, not {shown(shape)}: {error}") from error
@@ -98,23 +98,24 @@ def _line_of_text(text: str) -> "LineString":
     import shapely
 
     try:
-        with np.errstate(invalid="ignore"):  # `points_of` says what is not finite
+        with np.errstate(invalid="ignore"):  # `points_of` reports coordinates that are not finite
             return shapely.from_wkt(text)
     except shapely.errors.ShapelyError as error:
-        raise ValueError(f"this is no well-known text ({error})") from None
+        raise ValueError(f"it is not well-known text ({error})") from None
 
 
 def polylines_of(shapes: Mapping[int, object], name_of: Callable[[int], str]) -> dict[int, FloatArray]:
     """Return the points (points, 2) of many LineStrings or sequences of coordinates, by row; see `points_of`."""
     found: dict[int, FloatArray] = {}
-    if any(hasattr(type(shape), "coords") for shape in shapes.values()):  # else shapely need not be loaded
+    if any(hasattr(type(shape), "coords") for shape in shapes.values()):  # otherwise shapely need not be loaded
         import shapely
 
         lines = {row: shape for row, shape in shapes.items() if isinstance(shape, shapely.LineString)}
         points, owners = shapely.get_coordinates(list(lines.values()), return_index=True)
         points.setflags(write=False)
         bounds = np.searchsorted(owners, np.arange(len(lines) + 1)).tolist()
-        if np.isfinite(points).all() and min(np.diff(bounds), default=2) > 1:  # else `points_of` says which is wrong
+        # otherwise `points_of` reports the invalid one
+        if np.isfinite(points).all() and min(np.diff(bounds), default=2) > 1:
             found = {row: points[a:b] for row, a, b in zip(lines, bounds[:-1], bounds[1:], strict=True)}
     return {row: found[row] if row in found else points_of(shape, name_of(row)) for row, shape in shapes.items()}
 
@@ -122,7 +123,7 @@ def polylines_of(shapes: Mapping[int, object], name_of: Callable[[int], str]) ->
 def nearest_lines(
     points: FloatArray, starts: FloatArray, ends: FloatArray
 ) -> "tuple[np.ndarray[Any, np.dtype[np.int64]], FloatArray]":
-    """Return the nearest of some straight lines (lines, 2) to each of `points` (points, 2), and its distance."""
+    """Return the nearest of some line segments (lines, 2) for each of `points` (points, 2), and its distance."""
     import shapely
 
     tree = shapely.STRtree(shapely.linestrings(np.stack((starts, ends), axis=1)))
@@ -131,7 +132,7 @@ def nearest_lines(
 
 
 def distances_to(points: FloatArray, starts: FloatArray, ends: FloatArray) -> FloatArray:
-    """Return the distance of each of `points` (points, 2) to the straight line of the same row."""
+    """Return the distance of each of `points` (points, 2) to the line segment of the same row."""
     along, to = ends - starts, points - starts
     square = (along * along).sum(axis=1)
     share = np.clip((to * along).sum(axis=1) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
@@ -141,7 +142,7 @@ def distances_to(points: FloatArray, starts: FloatArray, ends: FloatArray) -> Fl
 def lines_near(
     points: FloatArray, starts: FloatArray, ends: FloatArray, distance: float
 ) -> "tuple[np.ndarray[Any, np.dtype[np.int64]], np.ndarray[Any, np.dtype[np.int64]]]":
-    """Return the rows of points (points, 2) and straight lines (lines, 2) that are within a distance of each other."""
+    """Return pairs of rows of points (points, 2) and line segments (lines, 2) that are within a distance."""
     import shapely
 
     tree = shapely.STRtree(shapely.linestrings(np.stack((starts, ends), axis=1)))
@@ -150,11 +151,11 @@ def lines_near(
 
 
 class LineTree:
-    """Finds the nearest of many polylines by an R-tree, which takes a second for a million lines to build.
+    """An R-tree that finds the nearest of many polylines; building it takes a second for a million lines.
 
     Args:
-        ends: (lines, 2, 2) first and last point of each.
-        polylines: line -> (points, 2), of those that are not straight.
+        ends: (lines, 2, 2) first and last point of each line.
+        polylines: line -> (points, 2), for lines that are not straight.
     """
 
     def __init__(self, ends: FloatArray, polylines: Mapping[int, FloatArray]) -> None:
@@ -169,7 +170,7 @@ class LineTree:
         self._tree, self._point = shapely.STRtree(lines), shapely.Point
 
     def nearest(self, place: tuple[float, float]) -> int:
-        """Return the line nearest to a place; of several within a billionth of the distance, the first."""
+        """Return the line nearest to a place; ties within a billionth of the distance go to the first line."""
         point = self._point(place)
         (line,), (distance,) = self._tree.query_nearest(point, return_distance=True, all_matches=False)
         as_near = self._tree.query(point, predicate="dwithin", distance=distance * (1.0 + 1e-9))
@@ -177,10 +178,10 @@ class LineTree:
 
 
 class NearLines:
-    """Finds the polylines that are near to points.
+    """Finds polylines near points.
 
     Args:
-        lines: (points, 2) of each.
+        lines: (points, 2) of each line.
     """
 
     def __init__(self, lines: Sequence[FloatArray]) -> None:
@@ -191,17 +192,17 @@ class NearLines:
         self._tree, self._distance, self._points = shapely.STRtree(self._lines), shapely.distance, shapely.points
 
     def within(self, points: FloatArray, distance: float) -> tuple[IntArray, IntArray, FloatArray]:
-        """Return rows of points (points, 2), lines within a distance of them, and how far those are, (pairs,) each."""
+        """Return rows of points (points, 2), rows of lines within a distance, and the distances, (pairs,) each."""
         near = self._points(points)
         rows, lines = self._tree.query(near, predicate="dwithin", distance=distance)
         return rows, lines, self._distance(near[rows], self._lines[lines])
 
 
 def nearest_on(points: FloatArray, place: tuple[float, float]) -> tuple[float, float]:
-    """Return the point of a polyline (points, 2) that is nearest to a place.
+    """Return the point of a polyline (points, 2) nearest to a place.
 
     Returns:
-        Its share of the way along the polyline, from 0 to 1, and its distance from the place.
+        Its position as a share of the length of the polyline, from 0 to 1, and its distance from the place.
     """
     steps = np.diff(points, axis=0)
     lengths = np.hypot(*steps.T)
@@ -214,16 +215,16 @@ def nearest_on(points: FloatArray, place: tuple[float, float]) -> tuple[float, f
 
 
 def region_of(shape: object, name: str, from_lonlat: Callable[[FloatArray], FloatArray]) -> "Polygon":
-    """Return a polygon or several, prepared for many queries.
+    """Return one or several polygons, prepared for many queries.
 
     Args:
-        shape: an outline as a sequence of (x, y) pairs; a shapely polygon or multipolygon; or a dict of GeoJSON, whose
-            positions are longitude and latitude.
-        name: of the argument, for the message.
-        from_lonlat: turns positions (points, 2) of GeoJSON into x and y.
+        shape: an outline as a sequence of (x, y) pairs; a shapely polygon or multipolygon; or a GeoJSON dict, with
+        positions as longitude and latitude.
+        name: name of the argument, for error messages.
+        from_lonlat: converts GeoJSON positions (points, 2) to x and y.
 
     Raises:
-        BadValue: it is none of these, has no area, crosses itself or is not finite.
+        BadValue: not such a shape, or it has no area, crosses itself or is not finite.
     """
     import shapely
 
@@ -243,7 +244,7 @@ def region_of(shape: object, name: str, from_lonlat: Callable[[FloatArray], Floa
 
 
 def _polygons(shape: Mapping[Any, Any], name: str) -> list[Any]:
-    """Return the coordinates of the polygons in an object of GeoJSON."""
+    """Return the coordinates of the polygons in a GeoJSON object."""
     if shape.get("type") == "FeatureCollection" and isinstance(shape.get("features"), list):
         return [one for part in shape["features"] for one in _polygons_of_feature(part, name)]
     return _polygons_of_feature(shape, name)
@@ -278,7 +279,7 @@ def _ring(ring: object, name: str) -> FloatArray:
 
 
 def are_inside(region: "Polygon", xy: FloatArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
-    """Return which points (points, 2) are in a region or on its rim."""
+    """Return which points (points, 2) are in a region or on its border."""
     import shapely
 
     found: np.ndarray[Any, np.dtype[np.bool_]] = shapely.intersects_xy(region, xy)
@@ -288,13 +289,13 @@ def are_inside(region: "Polygon", xy: FloatArray) -> "np.ndarray[Any, np.dtype[n
 def lines_inside(
     region: "Polygon", ends: FloatArray, polylines: Mapping[int, FloatArray], *, touching: bool
 ) -> "np.ndarray[Any, np.dtype[np.bool_]]":
-    """Return which polylines lie wholly in a region, or of which a part does.
+    """Return a mask of the polylines that lie completely, or partly, in a region.
 
     Args:
         region: see `region_of`.
-        ends: (lines, 2, 2) first and last point of each.
-        polylines: line -> (points, 2), of those that are not straight.
-        touching: whether a part is enough.
+        ends: (lines, 2, 2) first and last point of each line.
+        polylines: line -> (points, 2), for lines that are not straight.
+        touching: whether lines that are partly inside count.
     """
     import shapely
 
@@ -312,7 +313,7 @@ def lines_inside(
 
 
 def line_string_class() -> "type[LineString]":
-    """Return Shapely's LineString itself, which 1.0.0 could be asked for."""
+    """Return Shapely's LineString class, which 1.0.0 also offers."""
     import shapely
 
     return shapely.LineString  # type: ignore[no-any-return] # shapely has no types

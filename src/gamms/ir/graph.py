@@ -1,4 +1,4 @@
-"""The road network as columns: what every kernel and every drawer reads."""
+"""The road network as columns, for kernels and drawers."""
 
 from abc import abstractmethod
 from collections.abc import ItemsView, Iterator, Mapping, Sequence, ValuesView
@@ -19,17 +19,17 @@ A = TypeVar("A", bound=np.ndarray[Any, Any])
 
 
 def read_only(array: A) -> A:
-    """Return the array, which can be written to no longer."""
+    """Make an array read-only, and return it."""
     array.setflags(write=False)
     return array
 
 
 class NodeFinder(Protocol):
-    """The part of a graph that finds the nodes below flyers."""
+    """The part of a graph that finds the nodes below flying agents."""
 
     @property
     def revision(self) -> int | None:
-        """Changes whenever the graph does; None where it cannot tell."""
+        """A number that changes with every change of the graph; None if unknown."""
 
     def get_nodes(self) -> Iterator[int]:
         """Return the ids of all nodes."""
@@ -39,10 +39,10 @@ class NodeFinder(Protocol):
 
 
 class ByRow(Mapping[int, V]):
-    """What some rows of a table have, in arrays: never changed, and cheap to make of a million rows.
+    """Values of some rows of a table, as arrays: immutable, and cheap to create for a million rows.
 
     Attributes:
-        rows: that have something, ascending.
+        rows: rows that have a value, ascending.
     """
 
     __slots__ = ("_are_all", "rows")
@@ -53,27 +53,27 @@ class ByRow(Mapping[int, V]):
 
     @abstractmethod
     def at(self, place: int) -> V:
-        """Return what `rows[place]` has."""
+        """Return the value of `rows[place]`."""
 
     @abstractmethod
     def all(self) -> list[V]:
-        """Return what the rows have, in their order."""
+        """Return all values, in the order of the rows."""
 
     @abstractmethod
     def chosen(self, places: IntArray, rows: IntArray) -> Self:
-        """Return what `self.rows[places]` have, under other row numbers (places,), which ascend."""
+        """Return the values of `self.rows[places]` under other, ascending row numbers (places,)."""
 
     def get(self, row: object, default: Any = None) -> Any:
-        """Return what a row has, or the default."""
+        """Return the value of a row, or the default."""
         place = self._place(row)
         return default if place < 0 else self.at(place)
 
     def items(self) -> ItemsView[int, V]:
-        """Return the rows, and what they have."""
+        """Return (row, value) pairs."""
         return dict(zip(self.rows.tolist(), self.all(), strict=True)).items()
 
     def values(self) -> ValuesView[V]:
-        """Return what the rows have, in their order."""
+        """Return all values, in the order of the rows."""
         return dict(enumerate(self.all())).values()
 
     def __getitem__(self, row: int) -> V:
@@ -95,7 +95,7 @@ class ByRow(Mapping[int, V]):
         return f"{type(self).__name__}({len(self)} rows)"
 
     def _place(self, row: object) -> int:
-        """Return where in `rows` a row is, or -1."""
+        """Return the index of a row in `rows`, or -1."""
         if not isinstance(row, (int, np.integer)):
             return -1
         if self._are_all:
@@ -105,12 +105,12 @@ class ByRow(Mapping[int, V]):
 
 
 class CodedValues(ByRow[Any]):
-    """An attribute of some rows; rows that have the same value share it.
+    """An attribute of some rows; rows with equal values share one object.
 
     Args:
-        rows: that have the attribute, ascending.
-        codes: (rows,) which of the values each has.
-        choices: the values.
+        rows: rows that have the attribute, ascending.
+        codes: (rows,) index of the value of each row.
+        choices: the distinct values.
     """
 
     __slots__ = ("choices", "codes")
@@ -120,15 +120,15 @@ class CodedValues(ByRow[Any]):
         self.codes, self.choices = codes, choices
 
     def at(self, place: int) -> Any:
-        """Return what `rows[place]` has."""
+        """Return the value of `rows[place]`."""
         return self.choices[self.codes[place]]
 
     def all(self) -> list[Any]:
-        """Return what the rows have, in their order."""
+        """Return all values, in the order of the rows."""
         return list(map(self.choices.__getitem__, self.codes.tolist()))
 
     def chosen(self, places: IntArray, rows: IntArray) -> Self:
-        """Return what `self.rows[places]` have, under other row numbers."""
+        """Return the values of `self.rows[places]` under other row numbers."""
         return type(self)(rows, self.codes[places], self.choices)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -136,11 +136,11 @@ class CodedValues(ByRow[Any]):
 
 
 class Polylines(ByRow[FloatArray]):
-    """The shapes of the edges that are not straight, in one array.
+    """The shapes of edges that are not straight, in one array.
 
     Args:
-        rows: of these edges, ascending.
-        starts: (rows,) the first has the points `points[starts[0] : ends[0]]`.
+        rows: rows of these edges, ascending.
+        starts: (rows,) the first edge has the points `points[starts[0] : ends[0]]`.
         ends: (rows,)
         points: (points, 2), read-only.
     """
@@ -152,16 +152,16 @@ class Polylines(ByRow[FloatArray]):
         self.starts, self.ends, self.points = starts, ends, points
 
     def at(self, place: int) -> FloatArray:
-        """Return what `rows[place]` has."""
+        """Return the points of `rows[place]`."""
         return self.points[self.starts[place] : self.ends[place]]
 
     def all(self) -> list[FloatArray]:
-        """Return what the rows have, in their order."""
+        """Return the points of all rows, in the order of the rows."""
         points = self.points
         return [points[start:end] for start, end in zip(self.starts.tolist(), self.ends.tolist(), strict=True)]
 
     def among(self, rows: RowArray) -> list[tuple[int, FloatArray]]:
-        """Return which of some rows (rows,) have a polyline, as positions in `rows`, and which."""
+        """Return (index in `rows`, polyline) of the rows (rows,) that have a polyline."""
         if not len(self.rows):
             return []
         places = np.minimum(np.searchsorted(self.rows, rows), len(self.rows) - 1)
@@ -169,7 +169,7 @@ class Polylines(ByRow[FloatArray]):
         return [(i, self.at(place)) for i, place in zip(found.tolist(), places[found].tolist(), strict=True)]
 
     def chosen(self, places: IntArray, rows: IntArray) -> Self:
-        """Return what `self.rows[places]` have, under other row numbers."""
+        """Return the polylines of `self.rows[places]` under other row numbers."""
         return type(self)(rows, self.starts[places], self.ends[places], self.points)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -200,7 +200,7 @@ class GraphColumns:
 
 
 def locked_columns(columns: GraphColumns) -> GraphColumns:
-    """Return the same columns for strategies, which cannot write to their memory."""
+    """Return columns for strategies, which cannot write to their memory."""
     changed: dict[str, Any] = {
         field.name: locked(value)
         for field in fields(columns)
@@ -222,19 +222,19 @@ def _locked_rows(values: Mapping[int, Any]) -> Mapping[int, Any]:
 def edge_as_given(
     id: int, ends: tuple[int, int], length: float, line: FloatArray | None, attributes: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return an edge as `add_edge` takes it: with the ids of its ends, a polyline or None, and other attributes."""
+    """Return an edge in the form of `add_edge`: with the ids of its ends, a polyline or None, and other attributes."""
     shape = {} if line is None else {"linestring": line}
     return {**attributes, "id": id, "source": ends[0], "target": ends[1], "length": length, **shape}
 
 
 def with_edges(columns: GraphColumns, rows: IntArray, offsets: IntArray, out_edges: IntArray) -> GraphColumns:
-    """Return a graph with some of its edges, in another order.
+    """Return a graph with a selection of its edges, in another order.
 
     Args:
-        columns: of the graph.
-        rows: (chosen,) of these edges.
+        columns: columns of the graph.
+        rows: (chosen,) rows of the selected edges.
         offsets: (nodes + 1,) see `GraphColumns`.
-        out_edges: (chosen,) likewise.
+        out_edges: (chosen,) see `GraphColumns`.
     """
     moved = np.full(len(columns.edge_ids), -1)
     moved[rows] = np.arange(len(rows))
@@ -253,7 +253,7 @@ def with_edges(columns: GraphColumns, rows: IntArray, offsets: IntArray, out_edg
 
 
 def _renamed(values: Mapping[int, V], moved: IntArray) -> Mapping[int, V]:
-    """Return what rows have under their new numbers (rows,), in any order; -1 for those that are left out."""
+    """Renumber values by row: `moved` (rows,) has the new row, in any order; -1 for rows that are dropped."""
     old = values.rows if isinstance(values, ByRow) else np.fromiter(values, np.int64, len(values))
     rows = moved[old]
     places = np.flatnonzero(rows >= 0)
@@ -264,7 +264,7 @@ def _renamed(values: Mapping[int, V], moved: IntArray) -> Mapping[int, V]:
 
 
 def shortest_edges(columns: GraphColumns) -> dict[tuple[int, int], float]:
-    """Return (source id, target id) -> the length of the shortest edge from the one to the other."""
+    """Return (source id, target id) -> length of the shortest edge between the two nodes."""
     lengths: dict[tuple[int, int], float] = {}
     ends = columns.node_ids[columns.sources].tolist(), columns.node_ids[columns.targets].tolist()
     for source, target, length in zip(*ends, columns.lengths.tolist(), strict=True):

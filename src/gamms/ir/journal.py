@@ -1,4 +1,4 @@
-"""The journal in which a context notes events, in their order, for recordings."""
+"""The journal in which a context records events in order, for recordings."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -12,17 +12,17 @@ from gamms.plain import Plain
 
 
 class Journal:
-    """Notes the events of one context since a recording began; a block of agents writes into it.
+    """The events of one context since a recording began; written by a block of agents.
 
     Attributes:
-        log: what has happened; the reader empties it.
-        ids: row of an agent -> the number by which moves name it, which stays when rows are closed up.
-        names: that number -> the agent's name.
-        in_arrays: by how much the log is longer than its entries, of which one may hold the moves of many agents; the
-            reader sets it to 0.
-        progressed: the numbers of agents whose progress along an edge was set; the reader empties it.
-        is_silent: whether it notes nothing; `log`, `flew`, `turned` and `attributed` are then not to be used.
-        is_closed: whether the context has ended, so that agents are no longer changed.
+        log: the events; emptied by the reader.
+        ids: row of an agent -> its number in moves, which does not change when rows are closed up.
+        names: number -> name of the agent.
+        in_arrays: number of moves in `log` beyond its length, because one entry may hold the moves of many agents;
+        reset by the reader.
+        progressed: numbers of agents whose progress along an edge was set; emptied by the reader.
+        is_silent: whether nothing is recorded; `log`, `flew`, `turned` and `attributed` must not be used then.
+        is_closed: whether the context has ended, so that agents no longer change.
     """
 
     is_silent: bool = False
@@ -36,15 +36,15 @@ class Journal:
         self.ids = list(range(len(names)))
 
     def note(self, kind: int, data: Plain) -> None:
-        """Note something other than a move; `data` are plain values."""
+        """Record an event other than a move; `data` are plain values."""
         self.log.append((kind, data))
 
     def append(self, kind: int, data: Plain) -> None:
-        """Take an event of a recording that has been applied to the context, as it is."""
+        """Append an event of a recording that has already been applied to the context."""
         self.log.append((kind, data))
 
     def moved(self, rows: IntArray, nodes: IntArray) -> None:
-        """Note the moves of many agents: their rows, each once, and the ids of their nodes, (agents,) each."""
+        """Record the moves of many agents: their distinct rows, and the ids of their nodes, (agents,) each."""
         moves = np.empty((len(rows), 2), np.int64)
         moves[:, 0] = np.array(self.ids, np.int64).take(rows)
         moves[:, 1] = nodes
@@ -52,21 +52,21 @@ class Journal:
         self.in_arrays += 2 * len(rows) - 1
 
     def flew(self, row: int, node: int, position: tuple[float, float, float]) -> None:
-        """Note that a flyer is somewhere else, above this node."""
+        """Record a new position of a flying agent above a node."""
         self.log.append((AERIAL_AGENT_FLIGHT, (self.ids[row], node, *position)))
 
     def turned(self, row: int, quat: tuple[float, float, float, float]) -> None:
-        """Note that a flyer has turned."""
+        """Record a new rotation of a flying agent."""
         self.log.append((AERIAL_AGENT_TURN, (self.ids[row], *quat)))
 
     def attributed(self, rows: Iterable[int], name: str, values: Plain) -> None:
-        """Note that an attribute of the caller's was set, one value for each agent; None: they have it no longer."""
+        """Record a change of a custom attribute, one value for each agent; None: it was deleted."""
         data = {"numbers": [self.ids[row] for row in rows], "name": name}
         self.in_arrays += len(data["numbers"]) - 1
         self.note(AGENT_ATTRIBUTE, data if values is None else {**data, "values": values})
 
     def entered(self, row: int, name: str) -> None:
-        """Number an agent that has come, in the last row."""
+        """Give a number to a new agent in the last row."""
         del self.ids[row:]
         self.ids += [-1] * (row - len(self.ids))  # rows of agents whose creation failed
         self.ids.append(len(self.names))
@@ -77,12 +77,12 @@ class Journal:
         self.ids[row], self.names[number] = number, name
 
     def close_up(self, gone: list[int]) -> None:
-        """Forget the numbers of these rows, ascending, which are closed up."""
-        drop(self.ids, [row for row in gone if row < len(self.ids)])  # no numbers of agents whose creation failed
+        """Drop the numbers of rows, ascending, that are closed up."""
+        drop(self.ids, [row for row in gone if row < len(self.ids)])  # agents whose creation failed have no numbers
 
 
 class Muted(Journal):
-    """Another journal while what happens is not noted; agents that come and go still have their numbers."""
+    """A wrapper of a journal that records nothing; new and removed agents still get their numbers."""
 
     is_silent = True
 
@@ -91,19 +91,19 @@ class Muted(Journal):
         self._journal = journal
 
     def note(self, kind: int, data: Plain) -> None:
-        """Note nothing."""
+        """Record nothing."""
 
     def entered(self, row: int, name: str) -> None:
-        """Number an agent that has come, in the last row."""
+        """Give a number to a new agent in the last row."""
         self._journal.entered(row, name)
 
     def close_up(self, gone: list[int]) -> None:
-        """Forget the numbers of these rows, ascending, which are closed up."""
+        """Drop the numbers of rows, ascending, that are closed up."""
         self._journal.close_up(gone)
 
 
 class _Silent(Journal):
-    """Notes nothing."""
+    """A journal that records nothing."""
 
     is_silent = True
 
@@ -123,10 +123,10 @@ class _Silent(Journal):
 
 
 class _Closed(_Silent):
-    """Notes nothing, because nothing is changed any more."""
+    """A journal that records nothing, for a context that has ended."""
 
     is_closed = True
 
 
-PLAIN = _Silent([])  # agents are changed and nothing is noted
-CLOSED = _Closed([])  # the context has ended: agents are no longer changed
+PLAIN = _Silent([])  # agents change without records
+CLOSED = _Closed([])  # the context has ended: agents no longer change

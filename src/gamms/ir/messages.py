@@ -1,8 +1,8 @@
-"""Messages that were sent, as the log of a game holds them: who hears each of them, and when.
+"""The log of messages of a game: their receivers and arrival turns.
 
-An entry has `turn` (the number of the turn in which it was sent, from 1), `channel`, `sender`, `to`, `body`, `size` (of
-the body, bytes), `heard` and `overheard` (agent -> the number of the turn in which it has the message in its inbox),
-`lost` and `jammed` (agents). It says everything as soon as a message is sent: what is under way follows from the log.
+An entry has `turn` (number of the turn in which it was sent, from 1), `channel`, `sender`, `to`, `body`, `size` (of the
+body, bytes), `heard` and `overheard` (agent -> number of the turn in which the message is in its inbox), `lost` and
+`jammed` (agents). The entry is complete as soon as a message is sent: messages in transit follow from the log.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -13,15 +13,15 @@ from gamms.text import shown
 
 MESSAGE_COLUMNS = ("turn", "channel", "sender", "to", "receiver", "outcome", "arrival", "size", "body")
 ARRIVALS = ("heard", "overheard")
-"""The keys of those that hear a message, with the turns in which they do."""
+"""The keys with the receivers of a message and their arrival turns."""
 _NAMES = ("lost", "jammed")
 
 
 def as_message(entry: dict[str, Any]) -> dict[str, Any]:
-    """Check that a dict is an entry of the log.
+    """Check an entry of the log.
 
     Raises:
-        BadType: it is not.
+        BadType: it is not an entry.
     """
     times = [entry.get(key) for key in ARRIVALS]
     names: list[Any] = [entry.get(key) for key in _NAMES]
@@ -30,12 +30,12 @@ def as_message(entry: dict[str, Any]) -> dict[str, Any]:
     if not (has_times and has_numbers and all(isinstance(one, list) for one in names)) or not all(
         isinstance(name, str) for one in (*times, *names) for name in one
     ):
-        raise BadType(f"{shown(entry)} is not one of the messages: it does not say who hears it, and when.")
+        raise BadType(f"{shown(entry)} is not one of the messages: it does not have receivers and arrival turns.")
     return entry
 
 
 def message_table(entries: Iterable[Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """Return entries as columns: one row for each message and agent; one with receiver None where it reaches none."""
+    """Return entries as columns, one row per message and receiver; receiver None if a message reaches no agent."""
     rows: list[tuple[Any, ...]] = []
     for entry in entries:
         first, last = [entry[key] for key in MESSAGE_COLUMNS[:4]], [entry["size"], entry["body"]]

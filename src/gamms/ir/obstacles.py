@@ -1,4 +1,4 @@
-"""Obstacles as columns: what is drawn, and what sight is checked against; and the colours of their types."""
+"""Obstacles as columns, for drawing and sight lines; and the colors of their types."""
 
 from typing import NamedTuple
 
@@ -27,5 +27,5 @@ COLOR_TYPES: dict[int, str] = dict(
         )
     )
 )
-"""Colours that programs rely on, of the types 0-31; a type without a colour is drawn in `OTHER_OBSTACLE`."""
+"""Colors of the types 0-31, which programs rely on; other types are drawn in `OTHER_OBSTACLE`."""
 OTHER_OBSTACLE = (169, 169, 169)

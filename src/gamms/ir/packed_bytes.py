@@ -1,7 +1,7 @@
-"""Packed bytes and columns of integers: the parts of saved graphs, sight tables and recordings.
+"""Packed bytes and columns of integers: the parts of saved graphs, visibility tables and recordings.
 
-Packed bytes are their size and a deflate stream of zlib. A column holds integers as unsigned ones (zigzag): the lowest
-byte of each, then the second byte of each, and so on. `packing.py` turns plain values into packed bytes.
+Packed bytes are a size and a raw deflate stream of zlib. A column stores integers as unsigned ones (zigzag): the lowest
+byte of each, then the second byte of each, and so on. `packing.py` converts plain values to packed bytes.
 docs/recording-format.md describes both byte by byte.
 """
 
@@ -12,17 +12,17 @@ import numpy as np
 from gamms.errors import BadFile
 from gamms.ir.graph import IntArray
 
-BEST, FAST = 6, 4  # levels of zlib: for what is written once, and for what is written while a game runs
-_LARGE = 1 << 23  # bytes; more are compressed with less effort
-_TABLE = 9  # the form of a column with a table; earlier versions wrote it for large columns
-_MOST_IN_BYTE = 8  # entries of a table that one byte can name
+BEST, FAST = 6, 4  # zlib levels: for files written once, for files written during a game
+_LARGE = 1 << 23  # bytes; larger data are compressed with less effort
+_TABLE = 9  # form of a column with a table; earlier versions wrote it for large columns
+_MOST_IN_BYTE = 8  # entries of a table that fit into one byte
 
 
 # -- packed bytes -----------------------------------------------------------------------------------------------
 
 
 def varint(value: int) -> bytes:
-    """Return a non-negative number as LEB128: seven bits a byte, lowest first."""
+    """Return a non-negative number as LEB128: seven bits per byte, lowest first."""
     out = bytearray()
     while value > 127:
         out.append(value & 127 | 128)
@@ -40,7 +40,7 @@ def packed(data: bytes, level: int = BEST) -> bytes:
 
 
 def unpacked(data: bytes, most: int) -> tuple[bytes, bytes]:
-    """Return the data given to `packed`, and the bytes that follow it.
+    """Unpack the data of `packed`; return it, and the bytes that follow it.
 
     Raises:
         BadFile: the bytes are damaged, or would decompress to more than `most` bytes.
@@ -48,23 +48,23 @@ def unpacked(data: bytes, most: int) -> tuple[bytes, bytes]:
     reader = ByteReader(data)
     size = reader.varint()
     if size > most:
-        raise BadFile(f"{size} bytes of memory are far more than the size of the file explains")
+        raise BadFile(f"{size} bytes of memory are too many for the size of the file")
     inflate = zlib.decompressobj(-15)
     try:
         raw = inflate.decompress(memoryview(data)[reader.at :], size + 1)
     except zlib.error as error:
         raise BadFile(f"it cannot be decompressed ({error})") from error
     if len(raw) != size or not inflate.eof:
-        raise BadFile(f"it does not decompress to the {size} bytes that are promised")
+        raise BadFile(f"it does not decompress to the stated {size} bytes")
     return raw, inflate.unused_data
 
 
 class ByteReader:
-    """Reads bytes from front to back, never past their end.
+    """Reads bytes sequentially, never past their end.
 
     Attributes:
         data: all bytes.
-        at: the position of the next byte.
+        at: position of the next byte.
     """
 
     __slots__ = ("at", "data")
@@ -77,10 +77,10 @@ class ByteReader:
         """Return the next `size` bytes.
 
         Raises:
-            BadFile: there are fewer; the other methods raise it, too.
+            BadFile: there are fewer bytes; all methods may raise this.
         """
         if size > len(self.data) - self.at:
-            raise BadFile(f"{size} bytes are promised and {len(self.data) - self.at} are there")
+            raise BadFile(f"{size} bytes are stated, but only {len(self.data) - self.at} exist")
         self.at += size
         return self.data[self.at - size : self.at]
 
@@ -116,7 +116,7 @@ class ByteReader:
         if count > 8 or (count == 0) != (size == 0):
             raise BadFile(f"a column of {size} numbers cannot have the form {count}")
         planes = np.frombuffer(self.take(count * size), np.uint8).reshape(count, size)
-        width = 1 << max(count - 1, 0).bit_length()  # NOTE: narrow numbers take half the time of wide ones
+        width = 1 << max(count - 1, 0).bit_length()  # NOTE: narrow integers take half the time of wide ones
         wide = np.zeros((size, width), np.uint8)
         wide[:, :count] = planes.T
         zigzag = wide.view(f"<u{width}").reshape(-1)
@@ -127,7 +127,7 @@ class ByteReader:
         return np.cumsum(self.column(size), dtype=np.int64)
 
     def finish(self) -> None:
-        """Refuse bytes that are left over."""
+        """Raise BadFile if bytes are left over."""
         if self.at != len(self.data):
             raise BadFile(f"{len(self.data) - self.at} bytes are left over")
 
@@ -136,21 +136,21 @@ class ByteReader:
 
 
 def steps(numbers: IntArray) -> IntArray:
-    """Return the difference of each number from the one before, the first from 0; they wrap around at 64 bits."""
+    """Return the differences of consecutive numbers, the first from 0, with wraparound at 64 bits."""
     differences = numbers.copy()
     differences[1:] -= numbers[:-1]
     return differences
 
 
 def column(numbers: IntArray) -> bytes:
-    """Return integers as the bytes of a column."""
+    """Encode integers as a column."""
     if not len(numbers):
         return b"\0"
     low = int(numbers.min())
     high = int(numbers.max())
     largest = max(2 * high, -2 * low - 1)  # after zigzag
     count = max(1, (largest.bit_length() + 7) // 8)
-    bits = 32 if largest < 1 << 32 else 64  # NOTE: narrow numbers take half the time (benchmarks: teams, recorded).
+    bits = 32 if largest < 1 << 32 else 64  # NOTE: narrow integers take half the time (benchmarks: teams, recorded).
     wide = numbers.astype(f"i{bits >> 3}", copy=False)
     zigzag = ((wide << 1) ^ (wide >> (bits - 1))).view(f"u{bits >> 3}")
     # NOTE: a shift for each byte takes a fifth of the time of a copy of every eighth byte (benchmarks: teams).

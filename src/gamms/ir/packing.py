@@ -1,8 +1,8 @@
-"""Plain values as bytes, and back: MessagePack with extension types, packed by `packed_bytes.py`.
+"""Encoding of plain values as bytes: MessagePack with extension types, packed by `packed_bytes.py`.
 
-In a value each container is an extension whose content is one flat array of scalars and further extensions. So the
-library decodes one level at a time: depth, memory and keys are checked before anything is made of the next one.
-The same value gives the same bytes. docs/recording-format.md describes all of it byte by byte.
+Each container in a value is an extension whose content is one flat array of scalars and further extensions. So the
+library decodes one level at a time: depth, memory and keys are checked before the next level is created. Equal values
+give equal bytes. docs/recording-format.md describes the format byte by byte.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,9 +28,9 @@ Array = npt.NDArray[Any]
 """An array of any numbers."""
 
 Item: TypeAlias = "bool | int | float | str | Ext | None"
-"""What MessagePack holds of a value: a scalar, or an extension, which is not opened yet."""
+"""MessagePack's form of a value: a scalar, or an unopened extension."""
 
-MOST_DEPTH = 32  # containers in each other
+MOST_DEPTH = 32  # nested containers
 DTYPES = {
     name: np.dtype(name)
     for name in (
@@ -39,17 +39,17 @@ DTYPES = {
     )
 }
 
-_NAMES = {dtype: name for name, dtype in DTYPES.items()}  # NOTE: NumPy takes 8 us to say a dtype's own name
+_NAMES = {dtype: name for name, dtype in DTYPES.items()}  # NOTE: NumPy takes 8 us to return the name of a dtype
 _TUPLE, _LIST, _DICT, _SET, _FROZENSET, _BYTES, _INT, _TEXT, _ARRAY = range(9)  # codes of extensions
-_PLAIN_CODES = frozenset({_BYTES, _INT, _TEXT})  # what is in no container
+_PLAIN_CODES = frozenset({_BYTES, _INT, _TEXT})  # types without containers
 _EXTENSION_HEADS = bytes((*range(0xC7, 0xCA), *range(0xD4, 0xD9)))
-_ONE = b"\x91"  # the head of an array with one item, which holds a value
+_ONE = b"\x91"  # the head of an array with one item, which contains a value
 _SCALARS = frozenset({type(None), bool, int, float, str})
 
-# Bytes of memory, copies that are made of a state included.
+# Bytes of memory, including the copies of a state.
 _OF_ITEM = 48
 _OF_CONTAINER = 160
-_OF_BYTE = 4  # a letter of a text takes so much where there is an emoji in it
+_OF_BYTE = 4  # a character of a text takes this much if the text has an emoji
 
 # -- bodies -----------------------------------------------------------------------------------------------------
 
@@ -59,37 +59,37 @@ def pack(value: Plain, where: str, level: int = BEST) -> bytes:
 
     Args:
         value: the value.
-        where: what it is, for the message of an error.
-        level: of zlib.
+        where: name of the value, for error messages.
+        level: zlib level.
 
     Raises:
-        BadType, BadValue: something in it is not plain.
+        BadType, BadValue: a part of the value is not plain.
     """
     return pack_parts([to_bytes(value, where)], level=level)
 
 
 def unpack(body: bytes, decoder: "Decoder", *, is_new: bool = True) -> Plain:
-    """Return what `pack` got.
+    """Unpack the value of `pack`.
 
     Args:
-        body: what `pack` returned.
-        decoder: of the file.
-        is_new: whether the value is charged to the file; what is read again is not.
+        body: the packed bytes.
+        decoder: decoder of the file.
+        is_new: whether the memory of the value is charged to the file; not for repeated reads.
 
     Raises:
-        BadFile: it is damaged, or the file has too much of it.
+        BadFile: the bytes are damaged, or the memory limit of the file is exceeded.
     """
     return decoder.value(unpack_parts(body, decoder.most_bytes)[0], is_new=is_new)
 
 
 def pack_parts(values: Sequence[bytes], columns: Sequence[bytes] = (), cost: int = 0, level: int = BEST) -> bytes:
-    """Return values, and columns behind them, as packed bytes that `unpack_parts` accepts.
+    """Return values, followed by columns, as packed bytes for `unpack_parts`.
 
     Args:
         values: the bytes of plain values.
         columns: the bytes of columns.
-        cost: of the columns, in bytes of memory.
-        level: of zlib.
+        cost: memory of the columns in bytes.
+        level: zlib level.
     """
     data = b"".join(values)
     others = b"".join(columns)
@@ -103,10 +103,10 @@ def pack_parts(values: Sequence[bytes], columns: Sequence[bytes] = (), cost: int
 
 
 def unpack_parts(body: bytes, most: int, *, has_columns: bool = False) -> tuple[bytes, bytes]:
-    """Return the bytes of the values, and those of the columns.
+    """Return the bytes of the values, and the bytes of the columns.
 
     Raises:
-        BadFile: they are damaged, or would decompress to more than `most` bytes.
+        BadFile: the bytes are damaged, or would decompress to more than `most` bytes.
     """
     values, rest = unpacked(body, most)
     columns = b""
@@ -118,7 +118,7 @@ def unpack_parts(body: bytes, most: int, *, has_columns: bool = False) -> tuple[
 
 
 def padded(body: bytes, cost: int) -> bytes:
-    """Return packed bytes, with zeros behind them where readers would refuse so much memory of so few bytes."""
+    """Return packed bytes, padded with zeros if readers would otherwise refuse their memory cost."""
     return body + bytes(max(0, -(-cost // PER_BYTE) - len(body)))
 
 
@@ -126,7 +126,7 @@ def padded(body: bytes, cost: int) -> bytes:
 
 
 def array_bytes(array: Array) -> bytes:
-    """Return the bytes of an array: the first bytes of all items, then all second ones; of integers, of differences."""
+    """Return the bytes of an array: the first byte of all items, then the second; integers as differences."""
     flat = np.ascontiguousarray(array).reshape(-1)
     if flat.dtype.kind in "iu":
         flat = steps(flat)
@@ -135,10 +135,10 @@ def array_bytes(array: Array) -> bytes:
 
 
 def array_of(data: bytes, dtype: "np.dtype[Any]") -> Array:
-    """Return the items that `array_bytes` got, (items,).
+    """Return the items (items,) encoded by `array_bytes`.
 
     Raises:
-        BadFile: some bytes are missing.
+        BadFile: bytes are missing.
     """
     if len(data) % dtype.itemsize:
         raise BadFile("a column is cut off")
@@ -153,26 +153,26 @@ def array_of(data: bytes, dtype: "np.dtype[Any]") -> Array:
 
 
 def to_bytes(value: Plain, where: str, depth: int = MOST_DEPTH) -> bytes:
-    """Return a plain value as bytes, the same bytes for the same value.
+    """Encode a plain value; equal values give equal bytes.
 
     Args:
-        value: what is written.
-        where: what it is, for the message.
-        depth: how many containers may be in each other.
+        value: the value.
+        where: name of the value, for error messages.
+        depth: maximum depth of nested containers.
 
     Raises:
-        BadType: something in it is not plain.
-        BadValue: it is too deep.
+        BadType: a part of the value is not plain.
+        BadValue: the value is nested too deeply.
     """
     try:
         return _encoder().encode([_written(value, depth)])
     except TypeError as error:
         raise BadType(
             f"{where} cannot be recorded: {reason(error)}. Only None, bool, int, float, str, bytes, list, tuple, set, "
-            f"dict and NumPy arrays of numbers can; convert it first."
+            f"dict and NumPy arrays of numbers can be recorded; convert it first."
         ) from None
     except RecursionError:
-        raise BadValue(f"{where} cannot be recorded: more than {MOST_DEPTH} containers are in each other.") from None
+        raise BadValue(f"{where} cannot be recorded: containers are nested more than {MOST_DEPTH} deep.") from None
 
 
 @cache
@@ -190,7 +190,7 @@ def _extension() -> "type[Ext]":
 
 
 def _written(value: Plain, depth: int) -> Item:
-    """Return the scalar or the extension that says a value in which `depth` containers may be in each other."""
+    """Return the scalar or the extension for a value with at most `depth` nested containers."""
     kind = type(value)
     if kind is int:
         return _of_int(value)
@@ -211,7 +211,7 @@ def _container(code: int, items: list[Plain], depth: int) -> Item:
         try:
             return _extension()(code, _encoder().encode(items))
         except (OverflowError, UnicodeEncodeError):
-            pass  # a long integer, or half of a surrogate pair
+            pass  # a long integer, or an unpaired surrogate
     return _extension()(code, _encoder().encode([_written(one, depth - 1) for one in items]))
 
 
@@ -233,7 +233,7 @@ def _of_text(value: str) -> Item:
 
 def _of_set(value: set[Plain] | frozenset[Plain], depth: int) -> Item:
     encode = _encoder().encode
-    items = sorted(value, key=lambda one: encode([_written(one, depth - 1)]))  # a set has no order, and a file has
+    items = sorted(value, key=lambda one: encode([_written(one, depth - 1)]))  # sorted, because sets have no order
     return _container(_FROZENSET if isinstance(value, frozenset) else _SET, items, depth)
 
 
@@ -264,22 +264,22 @@ _WAYS: dict[type, Callable[[Plain, int], Item]] = {
 
 
 def from_bytes(data: bytes) -> Plain:
-    """Return the value that was written, where it is all that a file has.
+    """Decode a value that makes up a whole file.
 
     Raises:
-        BadFile: no writer makes this.
+        BadFile: the bytes are invalid.
     """
     return Decoder(Allowance(len(data), "A value")).value(data)
 
 
 def cost_of(data: bytes) -> int:
-    """Return what a decoder charges for a value that was written, in bytes of memory."""
+    """Return the memory cost of an encoded value, in bytes, as charged by a decoder."""
     return _OF_BYTE * len(data) + _cost_within(data)
 
 
 def _cost_within(data: bytes) -> int:
-    """Return what is charged for the containers among the items of a MessagePack array, and for what is in them."""
-    # NOTE: arrays of numbers are most of what agents sense; to open them took ten times as long (benchmarks).
+    """Return the memory cost of the containers among the items of a MessagePack array, including their contents."""
+    # NOTE: arrays of numbers are most of the sensor data; opening them would take ten times as long (benchmarks).
     if len(data.translate(None, _EXTENSION_HEADS)) == len(data):
         return 0  # NOTE: a hundredth of the time for the names of a large team (benchmarks: teams, recorded)
     extension, cost = _extension(), 0
@@ -291,25 +291,25 @@ def _cost_within(data: bytes) -> int:
 
 
 def _cost_of_container(data: bytes) -> int:
-    """Return what is charged for a container with these bytes, but not for those in it."""
+    """Return the memory cost of a container, without nested containers."""
     return _OF_CONTAINER + _OF_ITEM * _count_of(data) + len(data)
 
 
 def most_cost_of(data: bytes) -> int:
-    """Return at most how much memory values take that were written, in a hundredth of the time."""
+    """Return an upper bound of the memory cost of encoded values, in a hundredth of the time."""
     containers = len(data) - len(data.translate(None, _EXTENSION_HEADS))
     return (_OF_ITEM + _OF_BYTE + MOST_DEPTH) * len(data) + _OF_CONTAINER * containers
 
 
 class Decoder:
-    """Decodes the values of one file, which may take time and memory in proportion to its size.
+    """Decodes the values of one file, within time and memory proportional to its size.
 
     Args:
-        allowance: what all of them together may take.
+        allowance: memory limit for all values together.
 
     Attributes:
-        most_bytes: of values at one place.
-        keys: those of the file that were read before.
+        most_bytes: memory limit for the values of one block.
+        keys: dict keys read before in this file.
     """
 
     def __init__(self, allowance: Allowance) -> None:
@@ -317,20 +317,20 @@ class Decoder:
         self.most_bytes = allowance.total // _OF_BYTE
 
     def value(self, data: bytes, *, is_new: bool = True) -> Plain:
-        """Return the value that was written.
+        """Decode a value.
 
         Args:
             data: its bytes.
-            is_new: whether it is charged to the file; what is read again is not.
+            is_new: whether its memory is charged to the file; not for repeated reads.
 
         Raises:
-            BadFile: no writer makes this, or the file has too much of it.
+            BadFile: the bytes are invalid, or the memory limit of the file is exceeded.
         """
         self.allowance.begin()
         charge = self.allowance.charge if is_new else lambda _: None
         charge(_OF_BYTE * len(data))
         if data[:1] != _ONE:
-            raise BadFile("a value does not begin like one")
+            raise BadFile("a value has an invalid beginning")
         try:
             (one,) = _flat().decode(data)
             return self._opened(one, MOST_DEPTH, charge)
@@ -340,7 +340,7 @@ class Decoder:
             raise BadFile(f"a value is damaged ({reason(error)})") from error
 
     def _opened(self, item: Item, depth: int, charge: Callable[[int], None]) -> Plain:
-        """Return what a scalar or an extension says."""
+        """Return the value of a scalar or an extension."""
         if not isinstance(item, _extension()):
             return item
         code, data = item.code, bytes(item.data)
@@ -351,7 +351,7 @@ class Decoder:
         if code == _INT:
             return self.keys.check(int.from_bytes(data, "big", signed=True))
         if depth < 1:
-            raise BadFile(f"more than {MOST_DEPTH} containers are in each other")
+            raise BadFile(f"containers are nested more than {MOST_DEPTH} levels deep")
         make = _MAKERS[code]
         charge(_cost_of_container(data))
         items: list[Plain] = [*_flat().decode(data)]
@@ -364,14 +364,14 @@ class Decoder:
 
 @cache
 def _flat() -> "MessagePackDecoder[list[Item]]":
-    """Return a decoder that refuses containers but extensions, which it does not open."""
+    """Return a decoder that allows only extensions as containers, and does not open them."""
     from msgspec.msgpack import Decoder, Ext
 
     return Decoder(list[bool | int | float | str | Ext | None])
 
 
 def _count_of(data: bytes) -> int:
-    """Return how many items a MessagePack array says it has, at most as many as there are bytes."""
+    """Return the stated number of items of a MessagePack array, limited by the number of bytes."""
     head = data[0] if data else 0
     count = int.from_bytes(data[1:5] if head == 0xDD else data[1:3], "big") if head >= 0xDC else head & 15
     return min(count, len(data))
@@ -381,14 +381,14 @@ def _dict_of(items: list[Plain], keys: Keys) -> dict[Plain, Plain]:
     names = items[::2]
     found = dict(zip(names if {str}.issuperset(map(type, names)) else map(keys.check, names), items[1::2], strict=True))
     if len(found) != len(names):
-        raise BadFile("a dict has a key that is there twice")
+        raise BadFile("a dict has the same key twice")
     return found
 
 
 def _array_from(items: list[Plain], _: Keys) -> Array:
     name, data, *shape = items
     if len(shape) > MOST_DIMENSIONS or not all(type(length) is int and 0 <= length < 1 << 40 for length in shape):
-        raise BadFile(f"an array has the impossible shape {shown(shape)}")
+        raise BadFile(f"an array has the invalid shape {shown(shape)}")
     if type(data) is not bytes:
         raise BadFile("an array has no bytes")
     flat = array_of(data, DTYPES[name])

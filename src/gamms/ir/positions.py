@@ -1,4 +1,4 @@
-"""Where agents are: one object that sensors, rules and drawing ask, brought up to date whenever it is asked."""
+"""The positions of agents, for sensors, rules and drawing; updated on access."""
 
 from collections.abc import Collection, Mapping, MutableSequence, Sequence
 from typing import Any
@@ -12,7 +12,7 @@ from gamms.ir.progress import Progress
 
 
 def _frozen(values: object, kind: type) -> Any:
-    """Return a read-only array of what a column holds."""
+    """Return a read-only array of the values of a column."""
     return read_only(np.array(values, kind))
 
 
@@ -20,10 +20,10 @@ _NO_XYZ = np.zeros((0, 3))
 
 
 class Positions:
-    """Where the agents of a block are, in the order of their creation.
+    """The positions of the agents of a block, in order of creation.
 
-    What it returns is valid until an agent changes, and not to be written to; arrays that were returned stay as they
-    are. Agents that are not alive stand on no node.
+    Results are read-only and valid until an agent changes; returned arrays never change. Agents that are not alive are
+    on no node.
 
     Args:
         block: the agents.
@@ -36,16 +36,16 @@ class Positions:
 
     def __init__(self, block: AgentBlock) -> None:
         self.block = block
-        self._noted: list[str] = []  # the names, as they were noted
-        self._noted_at = -1  # at this version of the structure
-        self._read_at = -1  # the version of the arrays
+        self._noted: list[str] = []  # names, as a list that is never changed
+        self._noted_at = -1  # structure version of the names
+        self._read_at = -1  # version of the arrays
         self._node_ids: IntArray
         self._flyers: IntArray
         self._flyer_xyz: FloatArray
 
     @property
     def version(self) -> int:
-        """A number that changes whenever a node, position, team or life of an agent may have."""
+        """A number that changes whenever a node, position, team or alive flag of an agent may have changed."""
         block = self.block
         if block.flyers:
             block.locate()
@@ -53,22 +53,22 @@ class Positions:
 
     @property
     def structure_version(self) -> int:
-        """A number that changes whenever agents come or go, or a team or life of one may have changed."""
+        """A number that changes whenever agents are created or deleted, or a team or alive flag may have changed."""
         return self.block.structure.version
 
     @property
     def names(self) -> Sequence[str]:
-        """The names (agents,)."""
+        """The names, (agents,)."""
         return self.block.names
 
     @property
     def teams(self) -> Sequence[Any]:
-        """The teams (agents,)."""
+        """The teams, (agents,)."""
         return self.block.teams
 
     @property
     def nodes(self) -> "memoryview[int]":
-        """The node ids (agents,), of flyers those below them."""
+        """The node ids (agents,), for flying agents the nodes below them."""
         block = self.block
         if block.flyers:
             block.locate()
@@ -80,26 +80,26 @@ class Positions:
         return self.block.previous
 
     def noted_names(self) -> list[str]:
-        """Return the names, to be kept: one list until agents come, go or change."""
+        """Return the names as a list that is never changed, valid until agents change."""
         version = self.block.structure.version
         if self._noted_at != version:
             self._noted, self._noted_at = list(self.block.names), version
         return self._noted
 
     def noted(self) -> tuple[Sequence[str], Sequence[Any]]:
-        """Return the names and `places`, to be kept; see `noted_names`."""
+        """Return the names and `places`, which may be stored; see `noted_names`."""
         block, names = self.block, self.noted_names()
         if block.flyers or block.travellers:
             return names, self.places
-        # NOTE: in line, for every turn (benchmarks: turns; teams).
+        # NOTE: inline, because it runs every turn (benchmarks: turns; teams).
         node = block.node
         return names, copied_column(node) if block.has_teams else node.tolist()
 
     @property
     def places(self) -> MutableSequence[Any]:
-        """Where the agents are (agents,), as a list or a view of an array of its own.
+        """The positions of the agents (agents,), as a list or a view of an array.
 
-        Ids of nodes; of those who fly points (x, y, z), of those on an edge their `Progress`.
+        Node ids; for flying agents points (x, y, z), for agents on edges their `Progress`.
         """
         places = self._with_flyers(self.block.node, self.block.position)
         if self.block.travellers:
@@ -109,7 +109,7 @@ class Positions:
 
     @property
     def previous_places(self) -> MutableSequence[Any]:
-        """Where the agents were before their last moves (agents,), in the same form: ids of nodes, and points."""
+        """The positions before the last moves (agents,), in the same form: node ids and points."""
         return self._with_flyers(self.block.previous, self.block.previous_position)
 
     def _with_flyers(self, nodes: Any, points: Sequence[Any]) -> MutableSequence[Any]:
@@ -123,24 +123,24 @@ class Positions:
 
     @property
     def node_ids(self) -> IntArray:
-        """The same (agents,) as an array."""
+        """The node ids (agents,) as an array."""
         self._catch_up()
         return self._node_ids
 
     def node_ids_of(self, rows: list[int]) -> IntArray:
-        """Return those of some agents (rows,), at a cost that does not grow with the number of others."""
+        """Return the node ids of some agents (rows,), at a cost independent of the number of other agents."""
         found: IntArray = np.asarray(self.nodes).take(rows)
         return found
 
     @property
     def flyers(self) -> IntArray:
-        """The rows (flyers,) of those who fly, ascending."""
+        """The rows (flyers,) of flying agents, ascending."""
         self._catch_up()
         return self._flyers
 
     @property
     def flyer_xyz(self) -> FloatArray:
-        """Where these are (flyers, 3), map units."""
+        """The positions of flying agents (flyers, 3), map units."""
         self._catch_up()
         return self._flyer_xyz
 
@@ -150,34 +150,34 @@ class Positions:
         return self.block.travellers
 
     def on_edge(self, row: int) -> Progress | None:
-        """Return where on an edge an agent is; None: on its node, or in the air."""
+        """Return the position of an agent on an edge; None on a node, or in the air."""
         return self.block.on_edge(row)
 
     def subscribe(self) -> ChangeLog:
-        """Return a log of the agents that are elsewhere from now on; one that goes on along its edge is not in it."""
+        """Return a log of agents that change their node or edge; moves along the same edge are not included."""
         return self.block.subscribe()
 
     @property
     def on_edges(self) -> Mapping[int, Progress]:
-        """Row -> where it is, of the agents that are on an edge."""
+        """Row -> position of the agents on edges."""
         block = self.block
         return {row: progress for row in sorted(block.travellers) if (progress := block.on_edge(row)) is not None}
 
     @property
     def inactive(self) -> Collection[int]:
-        """The rows of the agents that are not alive."""
+        """The rows of agents that are not alive."""
         return self.block.inactive
 
     @property
     def living(self) -> IntArray:
-        """The rows of the agents that are alive, ascending."""
+        """The rows of living agents, ascending."""
         rows = np.arange(len(self.block))
         inactive = self.block.inactive
         return np.delete(rows, list(inactive)) if inactive else rows
 
     @property
     def living_rows(self) -> list[int]:
-        """The same as a fresh list."""
+        """The rows of living agents, ascending, as a fresh list."""
         rows, inactive = range(len(self.block)), self.block.inactive
         return [row for row in rows if row not in inactive] if inactive else list(rows)
 
@@ -186,12 +186,12 @@ class Positions:
         return self.block.rows.of(name)
 
     def found(self, rows: list[int]) -> dict[str, int]:
-        """Return name -> node id of agents whose rows were asked for just now."""
+        """Return name -> node id of agents given by rows of the last query."""
         names, nodes = self.block.names, self.block.node
         return {names[row]: nodes[row] for row in rows}
 
     def _catch_up(self) -> None:
-        """Read the arrays again, if something has changed."""
+        """Read the arrays again if something has changed."""
         version, block = self.version, self.block
         if version != self._read_at:
             self._read_at = version

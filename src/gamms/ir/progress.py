@@ -1,23 +1,23 @@
-"""Where along an edge an agent is."""
+"""The position of an agent along an edge."""
 
 from enum import IntEnum
 from typing import NamedTuple
 
 
 class Motion(IntEnum):
-    """How an agent that has covered part of an edge counts."""
+    """The state of an agent that has covered a part of an edge."""
 
-    NONE = 0  # as on the node that the edge leads from: games that count edges know no places between nodes
-    FORWARD = 1  # as on the edge, on its way to the end of it
-    BACK = 2  # as on the edge, on its way back
+    NONE = 0  # counts as on the source node: games that count edges have no positions between nodes
+    FORWARD = 1  # on the edge, moving to its end
+    BACK = 2  # on the edge, moving back
     STOPPED = 3  # as on the edge
 
 
 class Progress(NamedTuple):
-    """How much of an edge an agent on the ground has covered, short of its end."""
+    """The part of an edge that an agent on the ground has covered, before it reaches the end."""
 
-    source: int  # node id; the last one that the agent has passed
+    source: int  # node id; the last node that the agent passed
     target: int  # node id
-    share: float  # of the edge; more than 0, less than 1
-    edge: int = 0  # id of the edge that it is on, unless its motion is NONE
+    share: float  # covered share of the edge, between 0 and 1
+    edge: int = 0  # id of the edge, unless the motion is NONE
     motion: int = Motion.NONE

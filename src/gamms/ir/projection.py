@@ -1,8 +1,8 @@
-"""Projections between degrees and metres, and true lengths on the ellipsoid.
+"""Projections between degrees and metres, and lengths on the ellipsoid.
 
-Zones of UTM (EPSG:326xx, 327xx, of Europe 258xx, of Finland 3067) are computed here, with the series of Krüger (1912)
-to the sixth order as Karney gives them ("Transverse Mercator with an accuracy of a few nanometers", 2011); any other
-CRS takes pyproj.
+UTM zones (EPSG:326xx, 327xx, for Europe 258xx, for Finland 3067) are computed here, with the series of Krüger (1912) to
+sixth order as given by Karney ("Transverse Mercator with an accuracy of a few nanometers", 2011); all other CRSs use
+pyproj.
 """
 
 import re
@@ -19,10 +19,10 @@ from gamms.text import shown
 WGS84 = "EPSG:4326"
 _UTM_REACH = 84.0  # degrees of latitude
 _CENTIMETRE = 0.01
-_BEYOND = 10.0  # degrees: a map may reach beyond its zone, a swapped latitude and longitude reaches farther
-_A = 6378137.0  # metres, the radius at the equator of both ellipsoids
+_BEYOND = 10.0  # degrees: a map may extend beyond its zone; with swapped latitude and longitude it extends farther
+_A = 6378137.0  # metres, equatorial radius of both ellipsoids
 _WGS84_F, _GRS80_F = 1.0 / 298.257223563, 1.0 / 298.257222101  # flattenings
-_K0, _EAST = 0.9996, 500_000.0  # scale and easting of the middle meridian of a zone
+_K0, _EAST = 0.9996, 500_000.0  # scale and easting of the central meridian of a zone
 _FORTH = (  # coefficients of n, n^2, … (Karney 2011, equation 35), row j for the j-th multiple of the angle
     (1 / 2, -2 / 3, 5 / 16, 41 / 180, -127 / 288, 7891 / 37800),
     (0, 13 / 48, -3 / 5, 557 / 1440, 281 / 630, -1983433 / 1935360),
@@ -39,8 +39,8 @@ _BACK = (  # equation 36
     (0, 0, 0, 0, 4583 / 161280, -108847 / 3991680),
     (0, 0, 0, 0, 0, 20648693 / 638668800),
 )
-_ROUNDS = 3  # of Newton's method for the latitude, which doubles the right digits
-_TURNS = 20  # of Vincenty's iteration, which takes four unless the ends are on opposite sides of the globe
+_ROUNDS = 3  # iterations of Newton's method for the latitude; each doubles the number of correct digits
+_TURNS = 20  # iterations of Vincenty's method, which takes four except for antipodal points
 _SAME_ANGLE, _LOST_ANGLE = 1e-15, 1e-9  # radians: nanometres, and millimetres
 _EPSG = re.compile(r"\s*EPSG\s*:\s*(\d{4,5})\s*", re.IGNORECASE)
 
@@ -49,7 +49,7 @@ def utm_crs(lonlat: FloatArray) -> str:
     """Return the UTM zone of the mean position, as `EPSG:326xx` (north) or `EPSG:327xx` (south).
 
     Raises:
-        BadValue: a position lies beyond 84 degrees north or south, where UTM ends, or far beside the zone.
+        BadValue: a position lies beyond 84 degrees north or south, where UTM ends, or far from the zone.
     """
     farthest = float(np.abs(lonlat[:, 1]).max())
     if farthest > _UTM_REACH:
@@ -57,7 +57,7 @@ def utm_crs(lonlat: FloatArray) -> str:
             f"The map reaches latitude {farthest}: UTM, the projection to metres, ends at "
             f"{_UTM_REACH} degrees. Project the network yourself and give it to process_osm_graph."
         )
-    turn = np.exp(1j * np.radians(lonlat[:, 0])).mean()  # on the circle: a map may straddle the date line
+    turn = np.exp(1j * np.radians(lonlat[:, 0])).mean()  # on the circle, because a map may straddle the date line
     zone = int((np.degrees(np.angle(turn)) + 180.0) // 6.0) % 60 + 1
     crs = f"EPSG:{(32600 if lonlat[:, 1].mean() >= 0.0 else 32700) + zone}"
     if not _is_in_zone(lonlat, crs).all():
@@ -69,10 +69,10 @@ def utm_crs(lonlat: FloatArray) -> str:
 
 
 def project(points: FloatArray, source: object, target: str) -> FloatArray:
-    """Project positions (points, 2) from one CRS to another; degrees are longitude, latitude.
+    """Project positions (points, 2) from one CRS to another; degrees are (longitude, latitude).
 
     Raises:
-        BadValue: a position has no place in the target.
+        BadValue: a position cannot be projected to the target.
     """
     xy = _transformed(points, source, target)
     lost = np.flatnonzero(~np.isfinite(xy).all(axis=1))
@@ -85,12 +85,12 @@ def project(points: FloatArray, source: object, target: str) -> FloatArray:
 
 
 def project_back_and_forth(points: FloatArray, source: str, target: str) -> FloatArray:
-    """Project positions (points, 2), and check that each one projects back to within a centimetre.
+    """Project positions (points, 2), and check that each projects back to within a centimetre.
 
-    Far from its zone, a projection gives the numbers of another place, or useless ones.
+    Far from its zone, a projection gives coordinates of another place, or invalid ones.
 
     Raises:
-        BadValue: a position lies outside the projection, or one of the two names no CRS.
+        BadValue: a position lies outside the projection, or an argument is not a CRS.
     """
     there = _transformed(points, source, target)
     lonlat, again = _transformed(points, source, WGS84), _transformed(there, target, WGS84)
@@ -108,10 +108,10 @@ def project_back_and_forth(points: FloatArray, source: str, target: str) -> Floa
 
 
 def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return metres along the WGS84 ellipsoid between positions (lines, 2) in degrees.
+    """Return distances in metres along the WGS84 ellipsoid between positions (lines, 2) in degrees.
 
-    By the inverse formula of Vincenty (1975), which is good to 0.1 mm; between places on almost opposite sides of the
-    globe, where it has no answer, by the great circle, which is good to 0.6 %.
+    Uses the inverse formula of Vincenty (1975), accurate to 0.1 mm; for nearly antipodal points, where it does not
+    converge, the great circle, accurate to 0.6 %.
     """
     f, apart = _WGS84_F, np.radians((end[:, 0] - start[:, 0] + 180.0) % 360.0 - 180.0)
     reduced = [np.arctan((1.0 - f) * np.tan(np.radians(side[:, 1]))) for side in (start, end)]
@@ -144,42 +144,42 @@ def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def crs_of(crs: object) -> tuple[str, bool]:
-    """Return the text of a CRS that a graph names, and whether it counts in degrees; else it counts in metres.
+    """Return the text of a CRS, and whether its unit is degrees; otherwise it is metres.
 
     Raises:
-        BadValue: it names no CRS, or one that counts in something else, such as feet.
+        BadValue: not a CRS, or its unit is something else, for example feet.
     """
     if isinstance(crs, str) and (crs == WGS84 or zone_of(crs) is not None):
         return crs, crs == WGS84
     pyproj = _pyproj()
     try:
         known = pyproj.CRS.from_user_input(crs)
-    except (pyproj.exceptions.CRSError, ValueError) as error:  # a ValueError of an integer of 4,300 digits
-        raise BadValue(f"graph['crs'] is {shown(crs)}, which names no CRS. Give one such as 'EPSG:32635'.") from error
+    except (pyproj.exceptions.CRSError, ValueError) as error:  # ValueError for an integer of 4,300 digits
+        raise BadValue(f"graph['crs'] is {shown(crs)}, which is not a CRS. Give one such as 'EPSG:32635'.") from error
     name = str(known.to_string())
     for axis in known.axis_info[:2]:
         if not known.is_geographic and axis.unit_conversion_factor not in (0.0, 1.0):  # 0: unknown
             raise BadValue(
-                f"{name:.80} counts in {axis.unit_name}, and lengths and heights of maps are in metres. Project the "
+                f"{name:.80} is in {axis.unit_name}, but lengths and heights of maps are in metres. Project the "
                 "map to a CRS in metres, such as that of its UTM zone."
             )
     return name, bool(known.is_geographic)
 
 
 def _is_in_zone(lonlat: FloatArray, crs: str) -> "np.ndarray[Any, np.dtype[np.bool_]]":
-    """Return whether positions (points, 2) lie in the zone where a CRS is in use, or not far beside it.
+    """Return whether positions (points, 2) lie in the zone of a CRS, or near it.
 
-    Longitude decides: a northern zone is good south of the equator, too.
+    Only longitude matters: a northern zone is also valid south of the equator.
     """
     zone = zone_of(crs)
     west, east = (zone.west, zone.east) if zone else _area_of_use(crs)
-    width = (east - west) % 360.0 or 360.0  # an area may straddle the date line
+    width = (east - west) % 360.0 or 360.0  # the area may straddle the date line
     off_middle = np.abs((lonlat[:, 0] - west - width / 2.0 + 180.0) % 360.0 - 180.0)
     return off_middle <= width / 2.0 + _BEYOND
 
 
 def _area_of_use(crs: str) -> tuple[float, float]:
-    """Return the degrees of longitude between which a CRS is in use."""
+    """Return the range of longitudes, in degrees, of a CRS."""
     if crs == WGS84:
         return -180.0, 180.0
     area = _pyproj().CRS.from_user_input(crs).area_of_use
@@ -187,11 +187,11 @@ def _area_of_use(crs: str) -> tuple[float, float]:
 
 
 def _transformed(points: FloatArray, source: object, target: object) -> FloatArray:
-    """Return positions (points, 2) of one CRS in another; infinite where there is none."""
+    """Transform positions (points, 2) from one CRS to another; infinite if impossible."""
     if source == target:
         return points
     before, after = (zone_of(crs) if isinstance(crs, str) else None for crs in (source, target))
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # far away: it is refused afterwards
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # overflows are refused afterwards
         if before is not None and target == WGS84:
             return _from_zone(points, before)
         if after is not None and source == WGS84:
@@ -199,18 +199,18 @@ def _transformed(points: FloatArray, source: object, target: object) -> FloatArr
     return np.column_stack(_transformer(source, target).transform(points[:, 0], points[:, 1]))
 
 
-# -- zones of UTM -------------------------------------------------------------------------------------------------
+# -- UTM zones ----------------------------------------------------------------------------------------------------
 
 
 class Zone(NamedTuple):
-    """A zone of UTM.
+    """A UTM zone.
 
     Attributes:
-        middle: degrees of longitude of its middle meridian.
-        north: metres, the y of the equator.
-        flattening: of its ellipsoid.
-        west: degrees of longitude from which it is in use.
-        east: to which it is.
+        middle: longitude of its central meridian, degrees.
+        north: northing of the equator, metres.
+        flattening: flattening of its ellipsoid.
+        west: western limit of use, degrees of longitude.
+        east: eastern limit of use, degrees of longitude.
     """
 
     middle: float
@@ -222,7 +222,7 @@ class Zone(NamedTuple):
 
 @cache
 def zone_of(crs: str) -> Zone | None:
-    """Return the zone of UTM that a CRS is; None if it is another one."""
+    """Return the UTM zone of a CRS; None for other CRSs."""
     found = _EPSG.fullmatch(crs)
     code = int(found[1]) if found else 0
     if code == 3067:
@@ -236,7 +236,7 @@ def zone_of(crs: str) -> Zone | None:
 
 
 def _to_zone(lonlat: FloatArray, zone: Zone) -> FloatArray:
-    """Return degrees (points, 2) as metres; infinite beside half of the globe, where the series are of no use."""
+    """Convert degrees (points, 2) to metres; infinite on the far half of the globe, where the series are invalid."""
     east = np.radians((lonlat[:, 0] - zone.middle + 180.0) % 360.0 - 180.0)
     tangent, e = np.tan(np.radians(lonlat[:, 1])), _eccentricity(zone.flattening)
     conformal = _conformal(tangent, e)
@@ -249,7 +249,7 @@ def _to_zone(lonlat: FloatArray, zone: Zone) -> FloatArray:
 
 
 def _from_zone(xy: FloatArray, zone: Zone) -> FloatArray:
-    """Return metres (points, 2) as degrees; infinite where these belong to no place."""
+    """Convert metres (points, 2) to degrees; infinite if they belong to no place."""
     radius, _, back = _series(zone.flattening)
     z = (xy - (_EAST, zone.north)) / (_K0 * radius) @ (1j, 1.0)
     plain = z - sum(one * np.sin(2.0 * j * z) for j, one in enumerate(back, 1))
@@ -268,7 +268,7 @@ def _from_zone(xy: FloatArray, zone: Zone) -> FloatArray:
 
 
 def _conformal(tangent: FloatArray, e: float) -> FloatArray:
-    """Return the tangents of conformal latitudes, of those of latitudes (Karney 2011, equations 7 to 9)."""
+    """Convert tangents of latitudes to tangents of conformal latitudes (Karney 2011, equations 7 to 9)."""
     sigma = np.sinh(e * np.arctanh(e * tangent / np.hypot(1.0, tangent)))
     found: FloatArray = tangent * np.hypot(1.0, sigma) - sigma * np.hypot(1.0, tangent)
     return found
@@ -280,7 +280,7 @@ def _eccentricity(flattening: float) -> float:
 
 @cache
 def _series(flattening: float) -> tuple[float, list[float], list[float]]:
-    """Return the radius of the rectified sphere, and the coefficients there and back."""
+    """Return the radius of the rectifying sphere, and the series coefficients in both directions."""
     n = flattening / (2.0 - flattening)
     powers = n ** np.arange(1, 7)
     radius = _A / (1.0 + n) * (1.0 + n**2 / 4.0 + n**4 / 64.0 + n**6 / 256.0)
@@ -292,21 +292,21 @@ def _series(flattening: float) -> tuple[float, list[float], list[float]]:
 
 @lru_cache(maxsize=32)
 def _transformer(source: object, target: object) -> Any:
-    """Return the operation that PROJ ranks first.
+    """Return the transformation that PROJ ranks first.
 
-    It is one for all places: PROJ by itself may choose another one for the way back, which leads up to 150 m off.
+    One transformation for all places: PROJ itself may choose another for the inverse, with errors up to 150 m.
     """
     pyproj = _pyproj()
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # a grid of corrections would be better, and is not installed
+            warnings.simplefilter("ignore", UserWarning)  # a better correction grid exists, but is not installed
             found = pyproj.transformer.TransformerGroup(source, target, always_xy=True).transformers
     except pyproj.exceptions.ProjError as error:
         raise BadValue(
-            f"There is no way from {shown(source)} to {shown(target)}: {error}. Give a CRS such as 'EPSG:32635'."
+            f"Cannot transform from {shown(source)} to {shown(target)}: {error}. Give a CRS such as 'EPSG:32635'."
         ) from error
     if not found:
-        raise BadValue(f"There is no way from {shown(source)} to {shown(target)}. Give a CRS such as 'EPSG:32635'.")
+        raise BadValue(f"Cannot transform from {shown(source)} to {shown(target)}. Give a CRS such as 'EPSG:32635'.")
     return found[0]
 
 

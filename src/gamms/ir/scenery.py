@@ -1,6 +1,6 @@
-"""Scenery: what is drawn around the streets and blocks no sight, as columns: buildings, and the areas and lines below.
+"""Base maps as columns: buildings, areas and lines that are drawn around the streets and block no sight.
 
-It comes with a map, in the same units; files, recordings and snapshots keep it. Nothing but drawers reads it.
+A base map belongs to a map and has the same units; files, recordings and snapshots store it. Only drawers read it.
 """
 
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from gamms.ir.draw import FARTHEST
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 
-MOST_POINTS = 1 << 20  # of shapes and of walls, so that what a file draws stays bounded
+MOST_POINTS = 1 << 20  # of shapes and of walls, to limit the drawing of untrusted files
 
 
 class SceneryKind(IntEnum):
-    """What a shape is; those below `WATERWAY` are areas, the others lines. Others than these are not drawn."""
+    """The kind of a shape; kinds below `WATERWAY` are areas, the others lines. Unknown kinds are not drawn."""
 
     GREEN = 1  # parks, grass, woods and cemeteries
     WATER = 2
@@ -28,10 +28,10 @@ class SceneryKind(IntEnum):
 
 @dataclass(slots=True, frozen=True, eq=False)
 class Scenery:
-    """Buildings, and shapes that lie below all else; areas as polygons whose holes are joined to them by a seam.
+    """A base map: buildings, and shapes below all other drawings; areas are polygons with holes joined by seams.
 
     Raises:
-        BadValue: the columns do not fit together, are not finite, or hold too much.
+        BadValue: the columns are inconsistent, not finite, or too large.
     """
 
     kinds: IntArray  # (shapes,)  SceneryKind
@@ -60,11 +60,11 @@ class Scenery:
             column.setflags(write=False)
 
     def are_areas(self) -> BoolArray:
-        """Return which shapes, (shapes,), are areas."""
+        """Return a mask (shapes,) of the shapes that are areas."""
         return self.kinds < SceneryKind.WATERWAY
 
 
 def no_scenery() -> Scenery:
-    """Return a scenery without anything."""
+    """Return an empty base map."""
     nothing = ObstacleColumns(np.zeros(0, np.int64), np.zeros((0, 4, 3)), np.zeros(0, np.int64))
     return Scenery(np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros((0, 2)), nothing)

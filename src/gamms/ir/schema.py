@@ -1,13 +1,13 @@
 """The schema: one table of the columns of agents, teams and games, `COLUMNS`.
 
-It is read by `ir/agents.py` (the block, snapshots and forks), `ir/events.py` (the kinds of event that note a change),
-`agent/agent.py` (properties), `recorder` (keyframes, replays, states of recordings) and `game/batch`. The fields of the
-game are entries of `GameState` in `ir/game_state.py`, one for each.
+Used by `ir/agents.py` (the block, snapshots and forks), `ir/events.py` (event kinds for changes), `agent/agent.py`
+(properties), `recorder` (keyframes, replays, states of recordings) and `game/batch`. The fields of the game are
+declared in `GameState` in `ir/game_state.py`.
 
-A further number per agent is one entry, such as
-`Column("battery", np.float64, 1.0, event=ChangeEvent(0x01100015, "AGENT_BATTERY", Audience.TEAM, "battery"))`. Then it
-is a property of agents that can be set, kept by snapshots and forks, and written to recordings where it is not 1.0. A
-number for each team or for the game, such as the map that it is played on, is an entry with another `axis`.
+To add a number per agent, add one entry, for example `Column("battery", np.float64, 1.0, event=ChangeEvent(0x01100015,
+"AGENT_BATTERY", Audience.TEAM, "battery"))`. It becomes a settable property of agents, is stored by snapshots and
+forks, and is recorded where it differs from 1.0. A number per team or for the game, for example the map of a game, is
+an entry with another `axis`.
 """
 
 from collections.abc import Callable, Container
@@ -21,11 +21,11 @@ import numpy as np
 from gamms.arguments import as_bool, as_float, as_int
 from gamms.core.block import INT64, BlockColumn
 
-Memo = dict[int, Any]  # id() of an object -> what takes its place in a fork; see `copy.deepcopy`
+Memo = dict[int, Any]  # id() of an object -> its counterpart in a fork; see `copy.deepcopy`
 
 
 class Audience(Enum):
-    """Who may know of an event while the game goes on."""
+    """The audience of an event while the game is played."""
 
     ALL = "all; of values by agents and teams, a team knows its own"
     TEAM = "the team of the agent"
@@ -36,14 +36,14 @@ class Audience(Enum):
 
 
 class ChangeEvent(NamedTuple):
-    """The kind of event that notes a change of a column of agents, or of a field of the game.
+    """The kind of event that records a change of a column of agents, or of a field of the game.
 
     Attributes:
-        code: the number that stands for it in recordings.
-        name: what tables and streams call it.
-        audience: who may know of it.
-        key: of the value in its data.
-        is_record: whether it is a record of format version 2, too.
+        code: its number in recordings.
+        name: its name in tables and streams.
+        audience: which agents may know of it.
+        key: key of the value in its data.
+        is_record: whether it is also a record of format version 2.
     """
 
     code: int
@@ -57,20 +57,20 @@ class Column(NamedTuple):
     """A column of agents, of teams or of the game.
 
     Attributes:
-        name: of the column.
-        kind: of its numbers in arrays; None: it holds any Python values.
-        initial: the number that a new agent has, and agents in keyframes without the column; None: all keyframes have
-            it.
-        shape: of a row in arrays; a value that has one may be None, which is NaN in arrays.
-        event: notes a change of one agent; None: other events say it, or nothing changes it.
-        attribute: what agents call it where that is not the name.
-        is_structure: whether it says which agents there are and what they are, not where.
-        is_watched: whether a change of it gives a block another version.
-        is_in_block: whether blocks have it; the other columns are in keyframes alone, from what agents hold.
-        parts: the columns that stand for it in keyframes.
-        axis: what has a value in it: each "agent", each "team", or the "game". The last two are in blocks of games
-            (`AgentBlock.games`) and in keyframes where they are not as at first.
-        is_copied: whether snapshots and forks have the numbers; otherwise they begin with the initial one.
+        name: name of the column.
+        kind: type of its numbers in arrays; None: any Python values.
+        initial: value of new agents, and of agents in keyframes without the column; None: all keyframes have the
+        column.
+        shape: shape of a row in arrays; values of such columns may be None, which is NaN in arrays.
+        event: records a change for one agent; None: other events record it, or it never changes.
+        attribute: name of the attribute of agents, if it differs from `name`.
+        is_structure: whether it defines which agents exist and their kind, not their position.
+        is_watched: whether a change of it changes the version of a block.
+        is_in_block: whether blocks have it; other columns exist only in keyframes, from data of the agents.
+        parts: the columns that store it in keyframes.
+        axis: owner of each value: "agent", "team", or "game". Columns of the last two are in blocks of games
+        (`AgentBlock.games`), and in keyframes if they differ from the initial value.
+        is_copied: whether snapshots and forks copy the numbers; otherwise they begin with the initial value.
         is_recorded: whether keyframes have it.
     """
 
@@ -89,10 +89,10 @@ class Column(NamedTuple):
     is_recorded: bool = True
 
     def checked(self, value: object, name: str) -> Any:
-        """Return a value of the column as a plain number; `name` is what to call it in an error.
+        """Return a checked value of the column as a plain number; `name` is its name in error messages.
 
         Raises:
-            BadType, BadValue: it is none.
+            BadType, BadValue: the value is invalid.
         """
         return _CHECKS[self.kind](value, name)
 
@@ -102,7 +102,7 @@ _CODES: dict[type, str] = {np.bool_: "?", np.int64: INT64, np.float64: "d"}
 
 COLUMNS = (  # in the order of keyframes
     Column("names", is_structure=True),
-    Column("numbers", np.int64, is_in_block=False),  # by which moves in recordings name agents
+    Column("numbers", np.int64, is_in_block=False),  # by which moves in recordings refer to agents
     Column("kind", np.int64, is_structure=True),
     Column(
         "node",
@@ -168,7 +168,7 @@ BY_ROW = tuple(column.name for column in AGENT_COLUMNS if column.is_in_block)
 """The names of the columns of agents in a block."""
 
 PLACES = tuple(column for column in AGENT_COLUMNS if column.is_in_block and not column.is_structure)
-"""The columns of a block that say where agents are and how: whatever may change in each turn."""
+"""The columns of positions and states in a block: all that may change in each turn."""
 
 IN_GAMES = tuple(
     BlockColumn(
@@ -182,47 +182,47 @@ IN_GAMES = tuple(
     for column in COLUMNS
     if column.is_in_block and column.kind is not None and not (column.shape and column.axis == "agent")
 )
-"""The columns of numbers that cannot be None, as a `core.block.Block` has them."""
+"""The number columns without None, as in a `core.block.Block`."""
 
 NUMBERS = tuple(column for column in AGENT_COLUMNS if column.initial is not None)
-"""The columns of a further number per agent, which agents have as a property."""
+"""The columns of additional numbers per agent, which agents have as properties."""
 
 RECORDED_NUMBERS = tuple(column for column in NUMBERS if column.is_recorded)
-"""Those of them that keyframes have."""
+"""The additional numbers in keyframes."""
 
 VECTORS = {column.name: column.shape[0] for column in AGENT_COLUMNS if column.shape}
-"""Name -> how many numbers a row has, of columns that may be None."""
+"""Name -> number of values per row, for columns that may be None."""
 
 CHANGE_EVENTS = {column.name: column.event for column in AGENT_COLUMNS if column.event is not None}
-"""Name of a column -> the kind of event that notes a change of it."""
+"""Name of a column -> kind of the event that records its changes."""
 
 ATTRIBUTES = {column.name: column.attribute or column.name for column in AGENT_COLUMNS}
-"""Name of a column -> what agents call it."""
+"""Name of a column -> name of the attribute of agents."""
 
 SETTABLE = {ATTRIBUTES[name] for name in CHANGE_EVENTS} | {column.name for column in NUMBERS}
-"""The names of the attributes of agents that stand for a column and can be set."""
+"""The names of settable attributes of agents that are stored in columns."""
 
 ON_EDGES = tuple(part.name for column in AGENT_COLUMNS for part in column.parts)
-"""The columns that hold an `ir.progress.Progress`; the last two may be missing in games that count edges."""
+"""The columns of an `ir.progress.Progress`; the last two may be missing in games that count edges."""
 
 
 # -- the game ---------------------------------------------------------------------------------------------------
 
 
 class GameField(NamedTuple):
-    """What is done with a field of `GameState`.
+    """The declaration of a field of `GameState`.
 
     Attributes:
-        copied: returns the copy of a value that a snapshot or a fork holds, with what takes the place of which objects
-            (see `copy.deepcopy`); None: they do not hold it.
-        is_own: whether forks begin with one of their own all the same.
-        refill: sets what is in a dict of which others hold a reference; None: the value is replaced.
-        captured: returns a value as plain values for keyframes; None: they do not hold it.
-        restored: returns the value that was captured.
-        is_seldom: whether keyframes have it only where it is not empty.
-        axis: what agents know of it: all ("game"), or what is under the name of an agent or under a team ("agent",
-            "team"); None: nothing.
-        event: notes the captured value where it has changed; None: other events say it, or nothing does.
+        copied: function that copies a value for a snapshot or a fork, with a memo of replaced objects (see
+        `copy.deepcopy`); None: not copied.
+        is_own: whether forks begin with a new value if it is not copied.
+        refill: function that sets the contents of a dict to which other objects refer; None: the value is replaced.
+        captured: function that returns a value as plain values for keyframes; None: not in keyframes.
+        restored: function that restores a captured value.
+        is_seldom: whether keyframes have it only if it is not empty.
+        axis: the part known to agents: everything ("game"), or the value under the agent's name or team ("agent",
+        "team"); None: nothing.
+        event: records the captured value after a change; None: other events record it, or nothing does.
     """
 
     copied: Callable[[Any, Memo | None], Any] | None = None
@@ -235,12 +235,12 @@ class GameField(NamedTuple):
     event: ChangeEvent | None = None
 
     def copy_for(self, value: Any, agents: Container[str], teams: Container[Any]) -> Any:
-        """Return a copy of what some agents, of these teams, may know of a value."""
+        """Return a copy of the part of a value that some agents, of these teams, may know."""
         own = {"agent": agents, "team": teams}.get(self.axis or "game")
         known = value if own is None else {key: one for key, one in value.items() if key in own}
         return known if self.copied is None else self.copied(known, None)
 
 
 def kept(make: Callable[[], Any], *done: Any, **by_name: Any) -> Any:
-    """Return a field of `GameState`: what makes its first value, and the arguments of `GameField`."""
+    """Return a field of `GameState`: with its initial value, and the arguments of `GameField`."""
     return field(default_factory=make, metadata={"done": GameField(*done, **by_name)})

@@ -1,4 +1,4 @@
-"""What sensors saw, as columns: of many looks at once, and of the last look as a drawer needs it."""
+"""Sensor results as columns: of many looks at once, and of the last look for drawing."""
 
 from collections.abc import Callable, Hashable, Sequence, Sized
 from dataclasses import dataclass, field
@@ -12,10 +12,10 @@ from gamms.ir.graph import FloatArray, IntArray
 
 @dataclass(slots=True, frozen=True, eq=False)
 class Sensed:
-    """The results of many looks: look `i` saw `values[offsets[i]:offsets[i + 1]]`.
+    """The results of many looks: look `i` has `values[offsets[i]:offsets[i + 1]]`.
 
-    What the values are depends on the kind of sensor: ids of nodes (and `edges`, ids of edges, likewise ragged); or
-    positions in `names`, of agents; or, for a sensor that looks one by one, the `data` of each look, one per look.
+    The values depend on the type of sensor: node ids (with edge ids in `edges`, also ragged); or, for agents, indices
+    in `names`; or, for a sensor that looks one by one, the `data` of each look, one per look.
     """
 
     offsets: IntArray  # (looks + 1,)
@@ -23,12 +23,12 @@ class Sensed:
     _edges: "Sensed | Callable[[], Sensed] | None" = None
     names: tuple[str, ...] = ()  # of agents
     places: "IntArray | FloatArray | None" = (
-        None  # (values,) ids of the nodes, or (values, 3): where agents are reported
+        None  # (values,) node ids, or (values, 3): reported positions of agents
     )
 
     @property
     def edges(self) -> "Sensed | None":
-        """The edges that were seen, of looks at the map; put together when asked for."""
+        """The seen edges, for sensors of the map; computed on access."""
         if callable(self._edges):
             object.__setattr__(self, "_edges", self._edges())
         return self._edges  # type: ignore[return-value] # it is called by now
@@ -37,31 +37,31 @@ class Sensed:
         return len(self.offsets) - 1
 
     def __getitem__(self, look: int) -> "np.ndarray[Any, Any]":
-        """What one look saw."""
+        """Return the values of one look."""
         look = range(len(self))[look]
         return self.values[self.offsets[look] : self.offsets[look + 1]]
 
 
 @dataclass(slots=True, frozen=True, eq=False)
 class Coverage:
-    """Where a sensor would show agents at this moment: what follows from not seeing one."""
+    """The nodes on which a sensor would show agents at this moment, to infer from not seeing them."""
 
     node_ids: IntArray  # (nodes,) in insertion order
-    detection: FloatArray  # (nodes,)  how probable it is that an agent on the node is noticed
-    not_shown: tuple[str, ...]  # names of the agents that it does not show wherever they are: of other teams, dead
-    is_exact: bool = True  # whether the agents that it shows are where it shows them at this moment
-    is_convex: bool = False  # whether it covers all that lies in a straight line between nodes that it covers
+    detection: FloatArray  # (nodes,)  probability that an agent on the node is detected
+    not_shown: tuple[str, ...]  # names of agents that it never shows: of other teams, or dead
+    is_exact: bool = True  # whether the shown positions are exact and up to date
+    is_convex: bool = False  # whether it covers the straight line between any two covered nodes
 
 
 class AgentLook(NamedTuple):
-    """How a sensor shows agents, so that others may look in its place.
+    """A description of how a sensor shows agents, for shared looks.
 
     Attributes:
         radius: map units; may be infinite.
-        teams: the teams whose agents alone it shows; None: all.
-        others: the teams whose agents it does not show.
-        is_plain: whether it shows all these agents that are within the radius of its own one, where they are.
-        is_late: whether it reports what it saw in earlier turns.
+        teams: the only teams that it shows; None: all.
+        others: teams that it does not show.
+        is_plain: whether it shows all these agents within the radius, at their exact positions.
+        is_late: whether it reports earlier turns.
     """
 
     radius: float
@@ -71,7 +71,7 @@ class AgentLook(NamedTuple):
     is_late: bool = False
 
     def shows(self, team: Hashable) -> bool:
-        """Whether it shows agents of a team where they are in view."""
+        """Return whether it shows agents of a team."""
         return (self.teams is None or team in self.teams) and team not in self.others
 
 
@@ -81,7 +81,7 @@ def _no_points() -> FloatArray:
 
 @dataclass(slots=True, frozen=True, eq=False)
 class SensorView:
-    """What a sensor saw last, in map units: all that a drawer needs to know of it."""
+    """The last view of a sensor, in map units, for drawing."""
 
     nodes: FloatArray = field(default_factory=_no_points)  # (nodes, 2)
     lines: FloatArray = field(default_factory=_no_points)  # (points, 2)  polylines of edges
@@ -89,8 +89,8 @@ class SensorView:
     agents: FloatArray = field(default_factory=_no_points)  # (agents, 2)
     names: tuple[
         str, ...
-    ] = ()  # (agents,) of them, so that they can be found again; or none, where they may not be there
-    outline: FloatArray = field(default_factory=_no_points)  # (corners, 2)  of the field of view; none: no bounds
+    ] = ()  # (agents,) their names, to find them again; or empty, if they may be elsewhere
+    outline: FloatArray = field(default_factory=_no_points)  # (corners, 2)  of the field of view; empty: unlimited
 
 
 def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:
@@ -100,7 +100,7 @@ def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:
 
 
 def sensed_arrays(looks: Sequence[IntArray], edges: Callable[[], Sensed] | None = None) -> Sensed:
-    """Return what looks saw, given as arrays."""
+    """Return the results of looks, given as arrays."""
     return Sensed(_offsets(looks), np.concatenate(looks) if looks else np.zeros(0, np.int64), edges)
 
 

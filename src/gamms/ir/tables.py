@@ -14,19 +14,20 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _OF_EMPTY = 64  # bytes
-_MOST_CHARACTERS, _SHARE = 1 << 18, 16  # of texts in an array, if they are more than so many times their lengths
+# most characters of texts in an array that has more than this many times their lengths
+_MOST_CHARACTERS, _SHARE = 1 << 18, 16
 
 Column = np.ndarray[Any, Any]
 Rows = Sequence[Mapping[str, Any]] | Mapping[str, Sequence[Any]]
 
 
 def table_of(rows: Rows) -> dict[str, "np.ndarray[Any, Any]"]:
-    """Columns of equal length: integers, floats, bools and texts as such, anything else, or None, as objects.
+    """Return columns of equal length: arrays of integers, floats, bools or texts, otherwise of objects.
 
-    Texts are objects, too, where one of them is so long that an array for all would be almost empty.
+    Texts are also objects if one of them is so long that an array for all would be almost empty.
 
     Raises:
-        TooLarge (ValueError): rows have so many columns of their own that a table of them does not fit into memory.
+        TooLarge (ValueError): rows have so many different columns that their table does not fit in memory.
     """
     if isinstance(rows, Mapping):
         return {name: _column(list(values)) for name, values in rows.items()}
@@ -37,12 +38,12 @@ def table_of(rows: Rows) -> dict[str, "np.ndarray[Any, Any]"]:
 
 
 def with_latlon(table: Mapping[str, Column], streets: GraphColumns) -> dict[str, Column]:
-    """Add latitude and longitude, `lat` and `lon`, of `x` and `y`, or else of nodes in the column `node` or `at`.
+    """Add latitude and longitude, `lat` and `lon`, of `x` and `y`, or of nodes in the column `node` or `at`.
 
-    They are NaN where the map lacks the node.
+    They are NaN for nodes that are not on the map.
 
     Raises:
-        BadValue: the table has no such column, or the map no CRS.
+        BadValue: the table has no such column, or the map has no CRS.
     """
     has_xy = all(name in table and table[name].dtype.kind in "if" for name in "xy")
     of_nodes = [name for name in ("node", "at") if name in table]
@@ -63,7 +64,7 @@ def with_latlon(table: Mapping[str, Column], streets: GraphColumns) -> dict[str,
 
 
 def frame_of(columns: Mapping[str, "np.ndarray[Any, Any]"]) -> "pd.DataFrame":
-    """Return columns of equal length as a data frame of pandas.
+    """Return columns of equal length as a pandas data frame.
 
     Raises:
         MissingExtra (ImportError): pandas is not installed.
@@ -81,13 +82,13 @@ def _column(values: list[Any]) -> "np.ndarray[Any, Any]":
     if kinds and kinds <= {int, float}:
         return _made(values, np.float64)
     column = np.empty(len(values), object)
-    for place, value in enumerate(values):  # not at once: lists of equal length would become a matrix
+    for place, value in enumerate(values):  # one by one, because lists of equal length would become a matrix
         column[place] = value
     return column
 
 
 def _are_even(texts: list[str]) -> bool:
-    """Return whether the longest of these texts is not far longer than the others."""
+    """Return whether the longest text is not much longer than the others."""
     lengths = list(map(len, texts))
     return max(lengths) * len(texts) <= _MOST_CHARACTERS + _SHARE * sum(lengths)
 

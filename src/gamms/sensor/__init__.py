@@ -1,6 +1,6 @@
-"""Sensors: what an agent sees of the world from where it is.
+"""Sensors: they report what an agent sees from its position.
 
-Read `catalog.py` first: it says which kinds there are and how each is made. A new kind is one row there.
+Read `catalog.py` first: the table of all kinds of sensors. A new kind is one row there.
 May import: typing, kernels, ir and below, never another engine.
 """
 

@@ -1,4 +1,4 @@
-"""AERIAL, AERIAL_AGENT and what obstacles leave of them: looking from the air along an axis."""
+"""The sensors AERIAL and AERIAL_AGENT, and their occluded variants: views from the air along an axis."""
 
 from collections.abc import Sequence
 from math import inf, pi, sqrt
@@ -34,7 +34,7 @@ _KINDS = (AgentType.BASIC, AgentType.AERIAL)
 
 
 class Pose(NamedTuple):
-    """Where a sensor is, and where it looks."""
+    """The position and the viewing direction of a sensor."""
 
     position: FloatArray  # (3,)
     axis: Axis
@@ -44,18 +44,18 @@ class FlyingSensor(Sensor):
     """Looks from an aerial agent, or from a fixed place in the air.
 
     Attributes:
-        range: map units, in space; may be infinite.
+        range: map units, in 3D; may be infinite.
         fov: full opening angle of the cone in radians.
-        quat: how the sensor is turned relative to its owner (absolute at a fixed place): it looks along its x axis.
-        at: (x, y, z) to look from; None looks from the owner.
+        quat: rotation relative to the owner (absolute at a fixed place); the sensor looks along its x axis.
+        at: fixed position (x, y, z); None: the position of the owner.
     """
 
-    range: float  # how far it sees in space, map units
-    fov: float  # the full opening angle of its cone, radians
+    range: float  # range in 3D, map units
+    fov: float  # full opening angle of the cone, radians
 
     _type: ClassVar[SensorType]
     _is_occluded = False
-    _defaults: ClassVar[tuple[float, Quaternion]]  # fov and quat, where they are not given
+    _defaults: ClassVar[tuple[float, Quaternion]]  # default fov and quat
     _widest = inf
 
     def __init__(
@@ -75,7 +75,7 @@ class FlyingSensor(Sensor):
 
     @property
     def quat(self) -> Quaternion:
-        """(w, x, y, z) of length 1; settable to any length but zero."""
+        """The rotation (w, x, y, z), of length 1; settable to any nonzero length."""
         return self._quat
 
     @quat.setter
@@ -83,12 +83,12 @@ class FlyingSensor(Sensor):
         w, x, y, z = as_numbers(quat, name := f"quat of {self.sensor_id!r}", "(w, x, y, z)")
         unit = kernels.unit_quaternion((w, x, y, z))
         if unit is None:
-            raise BadValue(f"{name} must not be zero: it has no direction. (1, 0, 0, 0) turns nothing.")
+            raise BadValue(f"{name} must not be zero: it has no direction. (1, 0, 0, 0) is no rotation.")
         self._quat = unit
 
     @property
     def at(self) -> Axis | None:
-        """The fixed place it looks from; settable."""
+        """The fixed position (x, y, z), or None; settable."""
         return self._at
 
     @at.setter
@@ -98,32 +98,32 @@ class FlyingSensor(Sensor):
 
     @refused_while_deciding
     def set_owner(self, owner: str | None) -> None:
-        """Name the agent that carries the sensor; None for no agent.
+        """Set the name of the agent that carries the sensor; None for no agent.
 
         Raises:
-            UnknownName (KeyError): there is no such agent.
-            BadValue (ValueError): it does not fly, and no place is fixed.
+            UnknownName (KeyError): the agent does not exist.
+            BadValue (ValueError): the agent does not fly, and the sensor has no fixed position.
         """
         self._refuse_ground_agent(owner)
         super().set_owner(owner)
 
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
-        """Return what it would see now, for drawing."""
+        """Return the present view of the sensor, for drawing."""
         self._refuse_ground_agent(owner)
         return super().view_from(node_id, owner)
 
     def _refuse_ground_agent(self, owner: str | None) -> None:
         if owner is not None and self.ctx.agent.get_agent(owner).type is not AgentType.AERIAL and self._at is None:
             raise BadValue(
-                f"Sensor {self.sensor_id!r} ({self.type}) needs an agent that flies; {owner!r} does not. "
-                "Create it with type=AgentType.AERIAL, or fix the sensor with at=(x, y, z)."
+                f"Sensor {self.sensor_id!r} ({self.type}) needs a flying agent, but {owner!r} does not fly. "
+                "Create it with type=AgentType.AERIAL, or give the sensor a fixed position with at=(x, y, z)."
             )
 
     def pose(self) -> Pose | None:
-        """Return the pose of the sensor; None while no agent carries it and no place is fixed.
+        """Return the pose of the sensor; None without an owner and a fixed position.
 
         Raises:
-            BadValue: an agent on the ground carries it, and its place is fixed no longer.
+            BadValue: the owner is on the ground, and the sensor no longer has a fixed position.
         """
         if self._at is not None:
             return Pose(np.array(self._at), kernels.quaternion_to_direction(self._quat))
@@ -135,8 +135,8 @@ class FlyingSensor(Sensor):
         return Pose(np.array(owner.position), kernels.quaternion_to_direction(turned))
 
     def _reaches(self, offsets: FloatArray, axis: Axis) -> IntArray:
-        """Return which offsets (points, 3) lie in range and in the cone, by index."""
-        # Squares are compared, which are the same on every machine and in batches.
+        """Return the indices of offsets (points, 3) that lie in range and in the cone."""
+        # Compares squares, which are the same on every machine and in batches.
         near = np.flatnonzero(kernels.squares(*offsets.T) <= self.range * self.range)
         if self.fov >= 2.0 * pi:
             return near
@@ -146,26 +146,26 @@ class FlyingSensor(Sensor):
 class AerialSensor(FlyingSensor):
     """`data`: fresh `{'nodes': {id: Node}, 'edges': [OSMEdge, …]}` of the ground below, in insertion order.
 
-    A node is seen if it is at most `range` away in space and inside the cone, both rims included. An edge is seen if
-    both its ends are. Without an owner and a fixed place nothing is seen.
+    A node is seen if it is at most `range` away in 3D and inside the cone, both borders included. An edge is seen if
+    both its ends are. Without an owner and a fixed position nothing is seen.
 
     Args:
         ctx: the context.
-        sensor_id: the sensor's name.
+        sensor_id: name of the sensor.
         sensor_range: map units.
-        fov: full opening angle of the cone in radians, at most 0.9 pi: a wider one is narrowed.
-        quat: how it is turned relative to its owner; by default it looks straight down.
+        fov: full opening angle of the cone in radians, limited to 0.9 pi.
+        quat: rotation relative to the owner; by default it looks straight down.
 
     Raises:
-        BadValue, BadType: a range or fov that is negative, NaN or no number; a quaternion that is zero or none.
+        BadValue, BadType: range or fov is negative, NaN or not a number; the quaternion is zero or invalid.
     """
 
     _type = SensorType.AERIAL
     _defaults = (pi / 3.0, DOWN)
-    _widest = 0.9 * pi  # of a cone that looks at the ground, as in 1.0.0
+    _widest = 0.9 * pi  # widest cone toward the ground, as in 1.0.0
 
     def sense(self, node_id: int | None = None) -> None:  # noqa: ARG002 - it looks from the air
-        """Look at the ground."""
+        """Sense the ground."""
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
         pose = self.pose()
@@ -173,17 +173,17 @@ class AerialSensor(FlyingSensor):
         self._last[:] = {"nodes": nodes, "edges": edges}, pose
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
-        """Look once for each node asked about, always from where the sensor is. `data` stays as it is."""
+        """Sense once for each node, always from the position of the sensor. `data` is unchanged."""
         nodes, edges = self._seen(self.pose())
         looks = len(as_ids(node_ids, "node_ids"))
         return Sensed(*ragged([[*nodes]] * looks), Sensed(*ragged([[edge.id for edge in edges]] * looks)))
 
     @of_data
     def last_view(self) -> SensorView:
-        """Return the nodes and edges seen last, and the ground inside the cone they were seen in."""
+        """Return the nodes and edges seen last, and the part of the ground inside the cone at that time."""
         pose: Pose | None = self._last[1]
         outline = np.zeros((0, 2))
-        if pose is not None and not self._is_occluded:  # what obstacles leave of it is not a polygon
+        if pose is not None and not self._is_occluded:  # the visible area behind obstacles is not a polygon
             outline = fov_geometry.footprint(*pose, self.range, self.fov)
         return map_view(self._view_data(), outline)
 
@@ -201,28 +201,28 @@ class AerialSensor(FlyingSensor):
 
 
 class OccludedAerialSensor(AerialSensor):
-    """The same, without what obstacles hide: sight lines run from the sensor to the nodes on the ground."""
+    """An AERIAL sensor that does not see through obstacles, with sight lines from the sensor to the nodes."""
 
     _type = SensorType.OCCLUDED_AERIAL
     _is_occluded = True
 
 
 class AerialAgentSensor(DetectingSensor, FlyingSensor):
-    """`data`: fresh `{agent name: (AgentType, (x, y, z))}` of the other agents, in the order of their creation.
+    """`data`: fresh `{agent name: (AgentType, (x, y, z))}` of the other agents, in order of creation.
 
-    Agents on the ground are at the height of their node, 0 on a flat map. Seen is an agent at most `range` away in
-    space and inside the cone, both rims included, but for one at the very point of the sensor, as in 1.0.0. Without an
-    owner and a fixed place none is seen.
+    Agents on the ground are at the height of their node, 0 on a flat map. An agent is seen if it is at most `range`
+    away in 3D and inside the cone, both borders included, but not exactly at the position of the sensor, as in 1.0.0.
+    Without an owner and a fixed position no agent is seen.
 
     Args:
         ctx: the context.
-        sensor_id: the sensor's name.
+        sensor_id: name of the sensor.
         sensor_range: map units.
-        fov: full opening angle of the cone in radians; 2 pi sees all around.
-        quat: how it is turned relative to its owner; by default it looks straight ahead.
+        fov: full opening angle of the cone in radians; 2 pi sees in all directions.
+        quat: rotation relative to the owner; by default it looks straight ahead.
 
     Raises:
-        BadValue, BadType: a range or fov that is negative, NaN or no number; a quaternion that is zero or none.
+        BadValue, BadType: range or fov is negative, NaN or not a number; the quaternion is zero or invalid.
     """
 
     _type = SensorType.AERIAL_AGENT
@@ -230,16 +230,16 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
     _notice = None
 
     def sense(self, node_id: int | None = None) -> None:  # noqa: ARG002 - it looks from the air
-        """Look for agents."""
+        """Sense agents."""
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
         pose = self.pose()
         self._last[:] = self._seen(pose), pose
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
-        """Look once for each node asked about, always from where the sensor is; values are positions in `names`.
+        """Sense once for each node, always from the position of the sensor; values are indices in `names`.
 
-        `data` stays as it is.
+        `data` is unchanged.
         """
         pose = self.pose()
         with self.notice.rolled_back():
@@ -289,7 +289,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
 
     @of_data
     def last_view(self) -> SensorView:
-        """Return the agents seen last, where they were then, and the shadow of the cone they were seen in."""
+        """Return the agents seen last, their positions at that time, and the ground below the cone."""
         pose: Pose | None = self._last[1]
         agents = np.array([place[:2] for _, place in self._view_data().values()], np.float64).reshape(-1, 2)
         outline = np.zeros((0, 2))
@@ -298,7 +298,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         return SensorView(agents=agents, names=self._names(), outline=outline)
 
     def _found(self, pose: Pose | None, look: Look) -> tuple[IntArray, Coordinates]:
-        """Return the rows (agents,) of those that are seen, and where they are."""
+        """Return the rows (agents,) of the agents that are seen, and their positions."""
         nearby, near = memory_of(self.ctx).nearby, np.zeros(0, np.int64)
         if pose is None:
             return near, nearby.in_space(near)
@@ -323,7 +323,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
 
 
 class OccludedAerialAgentSensor(AerialAgentSensor):
-    """The same, without the agents that obstacles hide."""
+    """An AERIAL_AGENT sensor that does not see agents behind obstacles."""
 
     _type = SensorType.OCCLUDED_AERIAL_AGENT
     _is_occluded = True

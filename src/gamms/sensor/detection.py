@@ -1,4 +1,4 @@
-"""Which of the agents in view a sensor reports, by team and at random, and how exactly."""
+"""Detection: the team filter, detection probability and errors of a sensor of agents."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -27,20 +27,20 @@ Detection = float | Sequence[tuple[float, float]] | Chance | None
 
 
 class DetectionModel(Guarded):
-    """Which of the agents in view one sensor reports, and how exactly; all as they are, unless something is set.
+    """The detection settings of one sensor of agents; by default all agents in view are reported without errors.
 
     Attributes:
-        team: a team, or several in a list, tuple or set: only their agents are reported; None: of all teams.
-        exclude: likewise, of agents that are not reported; None: no team.
-        detection: how probable it is that an agent in view is noticed: a number, pairs `(distance, probability)` with
-            straight lines between them, or a function from distances (agents,) to probabilities (agents,). None:
-            always. What is drawn follows from the seed of the context, the sensor, its owner, the turn of the game, how
-            many looks there were in it before, and the agent's name.
-        position_noise_m: the standard deviation of the error of a reported place along each axis, map units; the errors
-            are Gaussian, and others for each agent and look. None: no error.
-        false_alarm_rate: how many agents are reported in a look, on the average, which it has not noticed, on nodes
-            that it covers: a Poisson number, at most 100. None: no agents.
-        delay_turns: how many turns of the game old the look is that is reported. None: the look itself.
+        team: a team, or several in a list, tuple or set, whose agents are reported; None: all teams.
+        exclude: a team, or several, whose agents are not reported; None: no team.
+        detection: probability that an agent in view is detected: a number, pairs `(distance, probability)` with linear
+        interpolation, or a function from distances (agents,) to probabilities (agents,). None: always. The draws depend
+        on the seed of the context, the sensor, its owner, the turn of the game, the number of earlier looks in the
+        turn, and the agent's name.
+        position_noise_m: standard deviation of the error of a reported position along each axis, map units; errors are
+        Gaussian and independent for each agent and look. None: no error.
+        false_alarm_rate: mean number of false reports per look, of agents that were not detected, on covered nodes:
+        Poisson distributed, at most 100. None: no false reports.
+        delay_turns: age of the reported look in turns of the game. None: the present look.
     """
 
     _called = "sensor.notice"
@@ -57,10 +57,11 @@ class DetectionModel(Guarded):
 
     def __init__(self, sensor_id: str, phase: DecidePhase = UNDECIDED) -> None:
         self._sensor_id, self._phase = sensor_id, phase
-        self._looks: dict[str | None, tuple[int, int]] = {}  # by owner: the turn of the last look, and which of it
+        # owner -> (turn of the last look, number of looks in this turn)
+        self._looks: dict[str | None, tuple[int, int]] = {}
 
     def __setattr__(self, name: str, value: object) -> None:
-        """Set an attribute that there is; refused while a strategy is running."""
+        """Set an existing attribute; refused while a strategy is running."""
         if name[0] != "_" and not hasattr(type(self), name):
             raise AttributeError(f"sensor.notice has no attribute {name!r}.{nearest(name, ATTRIBUTES_OF)}")
         super().__setattr__(name, value)
@@ -70,22 +71,22 @@ class DetectionModel(Guarded):
 
     @property
     def reports_all(self) -> bool:
-        """Whether it reports every agent in view as it is."""
+        """Whether every agent in view is reported without errors."""
         return self._reports_all
 
     @property
     def needs_chance(self) -> bool:
-        """Whether distances matter."""
+        """Whether the detection probability is needed."""
         return self._chance is not None
 
     @property
     def has_errors(self) -> bool:
-        """Whether agents may be reported where they are not."""
+        """Whether agents may be reported at wrong positions."""
         return bool(self._position_noise_m or self._false_alarm_rate or self._delay_turns)
 
     @property
     def detection(self) -> Detection:
-        """See above; settable."""
+        """See the class; settable."""
         return self._detection
 
     @detection.setter
@@ -95,7 +96,7 @@ class DetectionModel(Guarded):
 
     @property
     def position_noise_m(self) -> float | None:
-        """See above; settable."""
+        """See the class; settable."""
         return self._position_noise_m
 
     @position_noise_m.setter
@@ -107,7 +108,7 @@ class DetectionModel(Guarded):
 
     @property
     def false_alarm_rate(self) -> float | None:
-        """See above; settable."""
+        """See the class; settable."""
         return self._false_alarm_rate
 
     @false_alarm_rate.setter
@@ -120,7 +121,7 @@ class DetectionModel(Guarded):
 
     @property
     def delay_turns(self) -> int | None:
-        """See above; settable."""
+        """See the class; settable."""
         return self._delay_turns
 
     @delay_turns.setter
@@ -130,18 +131,18 @@ class DetectionModel(Guarded):
 
     @refused_while_deciding
     def reset(self) -> None:
-        """Forget how many looks there were."""
+        """Reset the count of looks."""
         self._looks.clear()
 
     def repeated(self) -> "DetectionModel":
-        """Return a copy whose next look draws what the last one of this turn drew, and changes nothing here."""
+        """Return a copy whose next look repeats the draws of the last look of this turn; this object is unchanged."""
         twin = copy(self)
         twin._looks = {owner: (turn, look - 1) for owner, (turn, look) in self._looks.items()}
         twin._is_trial = True
         return twin
 
     def in_arrays(self, radius: float) -> AgentLook:
-        """Return which agents are reported around an agent, and whether this is exact."""
+        """Return a description of the agents reported around an agent, and whether this is exact."""
         return AgentLook(
             radius,
             teams=None if self.team is None else tuple(teams_in(self.team)),
@@ -152,7 +153,7 @@ class DetectionModel(Guarded):
 
     @contextmanager
     def rolled_back(self) -> Iterator[None]:
-        """Undo what looks of a running strategy change, so that they do not decide what the sensor notices later."""
+        """Undo the looks of a running strategy, so that they do not change later draws."""
         if self._phase.agent is None:
             yield
             return
@@ -164,7 +165,7 @@ class DetectionModel(Guarded):
             self._looks, self._is_trial = looks, False
 
     def wanted(self, rows: list[int], teams: Sequence[Any]) -> list[int]:
-        """Return those rows whose agents are of a team that is reported; `teams` by row."""
+        """Return the rows whose agents are on a reported team; `teams` by row."""
         if self.team is None and self.exclude is None:
             return rows
         others = () if self.exclude is None else teams_in(self.exclude)
@@ -173,7 +174,7 @@ class DetectionModel(Guarded):
 
     @refused_while_deciding
     def look(self, ctx: IContext, owner: str | None) -> Look:
-        """Count one more look of this owner's."""
+        """Count and return one more look of this owner."""
         turn = 0 if (game := ctx.current_game) is None else game.turn
         last, looks = self._looks.get(owner, (turn, 0))
         looks = looks if last == turn else 0
@@ -183,7 +184,7 @@ class DetectionModel(Guarded):
     def is_noticed(
         self, look: Look, names: list[str], distances: FloatArray
     ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
-        """Draw which agents are noticed (agents,)."""
+        """Draw which agents are detected, (agents,)."""
         chances = self.chances(distances)
         noticed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
         noticed = kernels.fraction_many(look.bits(names, "detection")) < chances
@@ -191,26 +192,26 @@ class DetectionModel(Guarded):
 
     @property
     def needs_look(self) -> bool:
-        """Whether a look is to be counted, because something is drawn in it or kept of it."""
+        """Whether looks must be counted, because draws or delays depend on them."""
         return self._chance is not None or self.has_errors
 
     @refused_while_deciding
     def delayed(self, ctx: IContext, look: Look, seen: dict[str, Any]) -> dict[str, Any]:
-        """Return what is reported of what is seen now, and what was before, by the names of agents."""
+        """Return the report for the present look, by agent names, after the delay."""
         return delayed(ctx, look, seen, self._delay_turns, is_noted=not self._is_trial) if self._delay_turns else seen
 
     def chances(self, distances: FloatArray) -> FloatArray:
-        """Return how probable it is that agents at some distances are noticed (agents,)."""
+        """Return the detection probabilities at distances (agents,)."""
         if self._chance is None:
             return np.ones(len(distances))
         return chances_given(self._chance, distances, f"detection of {self._sensor_id!r}")
 
 
 class DetectingSensor(Sensor):
-    """Mix-in: senses agents, which it may miss.
+    """Mix-in for sensors of agents, with detection settings.
 
     Attributes:
-        notice: which of the agents in view it reports: by team, and at random.
+        notice: the detection settings.
     """
 
     __slots__ = ()
@@ -221,14 +222,14 @@ class DetectingSensor(Sensor):
 
     @property
     def notice(self) -> DetectionModel:
-        """Which of the agents in view are reported: by team, and at random."""
-        if self._notice is None:  # NOTE: made when asked for, so that a look touches less memory (see `NearbyAgents`)
+        """The detection settings: team filter, probability and errors."""
+        if self._notice is None:  # NOTE: created on demand, so that a look touches less memory (see `NearbyAgents`)
             self._notice = DetectionModel(self.sensor_id, self._phase)
             self._phase.sensor_changes += 1  # from now on it counts its looks
         return self._notice
 
     def in_arrays(self) -> AgentLook | None:
-        """Return how it shows agents; of a class of the user's own None."""
+        """Return a description of how it shows agents; None for custom classes."""
         if not self._is_ours:
             return None
         found = AgentLook(self.range, is_plain=True) if self._notice is None else self._notice.in_arrays(self.range)
@@ -236,11 +237,11 @@ class DetectingSensor(Sensor):
 
     @property
     def _is_all_around(self) -> bool:
-        """Whether it sees all around its agent."""
+        """Whether it looks in all directions around its agent."""
         return False
 
     def coverage(self, node_id: int | None = None, owner: str | None = None) -> Coverage:
-        """Return on which nodes it would show agents on the ground now; a class of the user's own is not asked."""
+        """Return the nodes on which it would show agents on the ground now; not for custom classes."""
         if not self._is_ours:
             return super().coverage(node_id, owner)
         looking = self._copy_for_view()
@@ -253,22 +254,22 @@ class DetectingSensor(Sensor):
         if self._notice is None:
             return Coverage(node_ids, np.ones(len(distances)), not_shown, is_convex=self._is_convex)
         chances = self._notice.chances(distances)
-        if self._notice.delay_turns:  # it shows nothing of this moment
+        if self._notice.delay_turns:  # it shows nothing of the present
             chances = np.zeros(len(distances))
         is_exact = not self._notice.has_errors
         return Coverage(node_ids, chances, not_shown, is_exact=is_exact, is_convex=self._is_convex)
 
     @property
     def _is_convex(self) -> bool:
-        """Whether it covers all that lies in a straight line between nodes that it covers."""
+        """Whether it covers the straight line between any two covered nodes."""
         return False
 
     @abstractmethod
     def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
-        """Return the ids of the nodes in view (nodes,), and how far away they are (nodes,)."""
+        """Return the ids of the nodes in view (nodes,), and their distances (nodes,)."""
 
     def _report(self, look: Look, node_id: int | None, seen: dict[str, Any]) -> dict[str, Any]:
-        """Return what is reported of what is seen, by the names of agents in the order of their creation."""
+        """Return the report of a look, by agent names in order of creation."""
         notice = self.notice
         if notice.false_alarm_rate and (count := look.count_false_alarms(notice.false_alarm_rate)):
             node_ids, row_of = self._covered(node_id)[0], self.ctx.agent.positions.row_of
@@ -282,11 +283,11 @@ class DetectingSensor(Sensor):
         return notice.delayed(self.ctx, look, seen)
 
     def _names(self) -> tuple[str, ...]:
-        """Return the names of the agents seen last, if they are where they were reported."""
+        """Return the names of the agents seen last, if they were reported without errors."""
         return () if self._notice is not None and self._notice.has_errors else tuple(self._view_data())
 
     def _reportable(self) -> Reportable:
-        """Return the agents that may be reported though they are not noticed."""
+        """Return the agents that may be reported falsely."""
         positions, notice = self.ctx.agent.positions, self.notice
         teams = [None if given is None else (*teams_in(given),) for given in (notice.team, notice.exclude)]
 
@@ -295,22 +296,23 @@ class DetectingSensor(Sensor):
             names = [positions.names[row] for row in rows]
             return Reportable(names, kernels.name_keys(names))
 
-        # NOTE: the same for the looks of all agents, until one dies or changes its team (benchmarks: false alarms).
+        # NOTE: shared by the looks of all agents until one dies or changes its team (benchmarks: false
+        # alarms).
         slot = "false alarms", type(self).__name__, repr(teams)
         return made_last(self.ctx.graph.routes, slot, (positions, positions.structure_version, teams), make)
 
     def _reportable_rows(self) -> list[int]:
-        """Return the rows of these agents, whatever their team."""
+        """Return the rows of the agents that may be reported falsely, of any team."""
         rows: list[int] = self.ctx.agent.positions.living.tolist()
         return rows
 
     @abstractmethod
     def _sighting(self, node_id: int) -> Any:
-        """Return what is reported of an agent on a node."""
+        """Return the reported value of an agent on a node."""
 
     @abstractmethod
     def _displaced(self, sightings: list[Any], errors: FloatArray) -> list[Any]:
-        """Return what is reported of agents whose places are off by some errors (sightings, 3)."""
+        """Return the reported values of agents whose positions have errors (sightings, 3)."""
 
     def _named(self, reports: list[dict[str, Any]]) -> Sensed:
         """Return reports as arrays."""
@@ -324,10 +326,10 @@ class DetectingSensor(Sensor):
 
     @abstractmethod
     def _places(self, sightings: list[Any]) -> IntArray | FloatArray:
-        """Return where agents are reported, (sightings,) ids of nodes or (sightings, 3)."""
+        """Return the reported positions, (sightings,) node ids or (sightings, 3)."""
 
     def reset(self) -> None:
-        """Forget what was sensed, how often, and what is still to be reported."""
+        """Clear the sensed data, the count of looks, and pending reports."""
         super().reset()
         if self._notice is not None:
             self._notice.reset()
@@ -335,15 +337,15 @@ class DetectingSensor(Sensor):
 
     @property
     def _remembers_no_more(self) -> bool:
-        """Whether it remembers nothing but what it has shown."""
+        """Whether its only state is the data it has shown."""
         return self._notice is None
 
     def _snapshot(self) -> tuple[Any, ...]:
-        """Return what was sensed and how often, for `_restore`."""
+        """Return the sensed data and the count of looks, for `_restore`."""
         return tuple(self._last), {} if self._notice is None else self._notice._looks.copy()
 
     def _restore(self, before: tuple[Any, ...]) -> None:
-        """Restore what was sensed and how often."""
+        """Restore the sensed data and the count of looks."""
         self._last[:], looks = before
         if self._notice is not None:
             self._notice._looks = looks.copy()
@@ -355,7 +357,7 @@ class DetectingSensor(Sensor):
 
 
 def teams_in(given: object) -> Collection[Any]:
-    """Return the teams that a keyword names: one, or several in a list, tuple or set."""
+    """Return the teams given by a keyword: one, or several in a list, tuple or set."""
     return given if isinstance(given, list | tuple | set | frozenset) else (given,)
 
 

@@ -1,4 +1,4 @@
-"""The sensor engine: creates sensors and keeps them by name."""
+"""The sensor engine: creates sensors and stores them by name."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -31,9 +31,9 @@ from gamms.typing.sensor_engine import (
     refuse_no_sensor,
 )
 
-_ALL_ROUND = tau + 0.1  # more is in degrees, and not rounded
+_ALL_ROUND = tau + 0.1  # larger angles are in degrees by mistake, not rounding errors
 
-# Kinds by the class that senses them, for type checkers.
+# Sensor types by their class, for type checkers.
 _Neighbor = Literal[SensorType.NEIGHBOR]
 _Map = Literal[SensorType.MAP, SensorType.RANGE, SensorType.ARC]
 _OccludedMap = Literal[SensorType.OCCLUDED_MAP]
@@ -44,21 +44,22 @@ _AerialAgent = Literal[SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT
 
 
 class SensorSettings(NamedTuple):
-    """The sensors there are and how they are set, at one moment."""
+    """The sensors and their settings at one moment."""
 
     sensors: tuple[Any, ...]
     owners: tuple[str | None, ...]
-    keywords: tuple[dict[str, Any] | None, ...]  # None: its class is the caller's
-    simple: tuple[Sensor, ...]  # those that remember only what they have shown
-    memories: tuple[tuple[Callable[[], Any], Callable[[Any], None]], ...]  # gives what each other has sensed; restores
+    keywords: tuple[dict[str, Any] | None, ...]  # None: a custom class
+    simple: tuple[Sensor, ...]  # sensors whose only state is the data they have shown
+    # for each other sensor, functions that return and restore its state
+    memories: tuple[tuple[Callable[[], Any], Callable[[Any], None]], ...]
 
 
 class SensorsSnapshot(NamedTuple):
     """The sensors at one moment."""
 
     settings: SensorSettings
-    shown: list[Any]  # by each simple one, and from where
-    sensed: list[Any]  # by the others whose class has a `snapshot`
+    shown: list[Any]  # data and place of each simple sensor
+    sensed: list[Any]  # state of the other sensors
 
 
 class SensorEngine(ContextPart, ISensorEngine):
@@ -85,7 +86,7 @@ class SensorEngine(ContextPart, ISensorEngine):
 
     @property
     def storage(self) -> "SensorStorage":
-        """What other engines do with the sensors; not for strategies."""
+        """Operations of other engines on the sensors; not for strategies."""
         self._phase.refuse("use ctx.sensor.storage")
         return self._storage
 
@@ -120,7 +121,7 @@ class SensorEngine(ContextPart, ISensorEngine):
     def create_sensor(
         self, sensor_id: str, sensor_type: SensorType | str | None = None, **options: Unpack[SensorOptions]
     ) -> Sensor:
-        """Create a built-in sensor and keep it; the contract explains the keywords."""
+        """Create and store a built-in sensor; the contract explains the keywords."""
         synonym = options.pop("type", None)
         sensor_type = _checked_type(synonym if sensor_type is None else sensor_type, sensor_id)
         kind = KINDS[sensor_type]
@@ -131,14 +132,14 @@ class SensorEngine(ContextPart, ISensorEngine):
             fov = options.get("fov")
             if isinstance(fov, float | int) and _ALL_ROUND < fov < inf:
                 self.ctx.logger.warning(
-                    f"Sensor {sensor_id!r} sees all around: fov={fov} is in radians. Did you mean math.radians({fov})?"
+                    f"Sensor {sensor_id!r} sees everything: fov={fov} is in radians. Did you mean math.radians({fov})?"
                 )
         self._keep(sensor)
         return sensor
 
     @refused_while_deciding
     def from_function(self, sensor_id: str, fn: Callable[..., Any]) -> FunctionSensor:
-        """Create a sensor whose `data` is what a function returns, and keep it."""
+        """Create and store a sensor whose `data` is the result of a function."""
         self._refuse_name(sensor_id)
         sensor = FunctionSensor(self.ctx, sensor_id, fn)
         self._keep(sensor)
@@ -146,14 +147,14 @@ class SensorEngine(ContextPart, ISensorEngine):
 
     @refused_while_deciding
     def add_sensor(self, sensor: ISensor) -> None:
-        """Keep a sensor under its own name."""
+        """Store a sensor under its own name."""
         refuse_no_sensor(sensor)
         self._refuse_name(sensor.sensor_id)
         self._keep(sensor)
 
     @refused_while_deciding
     def delete_sensor(self, sensor_id: str) -> None:
-        """Remove a sensor, which no agent carries any longer; its name is free then."""
+        """Remove a sensor from its agents and from the engine; its name becomes free."""
         sensor = self.get_sensor(sensor_id)
         for agent in self.ctx.agent.create_iter():
             carried: Mapping[str, ISensor] = getattr(agent, "sensors", {})
@@ -172,17 +173,18 @@ class SensorEngine(ContextPart, ISensorEngine):
 
     @refused_while_deciding
     def custom(self, name: str) -> Callable[[type], type]:
-        """Decorator: the class senses a kind of its own, `SensorType.<name>`.
+        """Return a decorator for the class of a custom kind of sensor, `SensorType.<name>`.
 
         Raises:
-            BadValue: the name is no identifier, or means something else on an enum.
+            BadValue: the name is not an identifier, or is reserved by enums.
         """
         if as_name(name, "a kind of sensor") in SensorType.__members__:
             self.ctx.logger.warning(f"SensorType.{name} exists already and is used again.")
         member = kind_called(name)
 
         def decorate(cls: type) -> type:
-            # What a built-in parent says about itself is ignored; duck-typed classes are sensors from now on.
+            # The type of a built-in parent class is ignored; duck-typed classes count as sensors from now
+            # on.
             cls.type = property(lambda _: member, lambda _, __: None)  # type: ignore[attr-defined] # ISensor's property
             ISensor.register(cls)
             if "type" in getattr(cls, "__abstractmethods__", ()):
@@ -196,7 +198,7 @@ class SensorEngine(ContextPart, ISensorEngine):
         """Close the engine; sensors stay readable."""
 
     def _warn_of_ignored(self, sensor_id: str, kind: SensorType, ignored: Iterable[str]) -> None:
-        """Warn about keywords that a kind does not take, once for each kind and keyword."""
+        """Warn about keywords that a kind ignores, once for each kind and keyword."""
         for name in sorted(ignored):
             if (kind, name) not in self._warned:
                 self._warned.add((kind, name))
@@ -214,10 +216,10 @@ class SensorEngine(ContextPart, ISensorEngine):
 
 
 class SensorStorage(Guarded):
-    """The sensors of a context as other engines need them: described, restored and copied.
+    """Operations of other engines on the sensors of a context: describe, restore and copy.
 
     Attributes:
-        memory: what the built-in sensors share.
+        memory: the caches shared by the built-in sensors.
     """
 
     _called = "ctx.sensor.storage"
@@ -226,10 +228,10 @@ class SensorStorage(Guarded):
         self._engine, self._phase = engine, phase_of(engine.ctx)
         self.memory = Memory(engine.ctx)
         self._settings_now: SensorSettings | None = None
-        self._changes = -1, -1  # the counts of changes when these were found
+        self._changes = -1, -1  # change counters at the last look-up of the settings
 
     def described(self) -> list[dict[str, Any]]:
-        """Return `id` and `type` of every sensor, and for built-in kinds the `keywords` to create it again."""
+        """Return `id` and `type` of every sensor, and for built-in kinds the `keywords` that create it."""
         described: list[dict[str, Any]] = []
         for sensor_id, sensor in self._engine._sensors.items():
             kind = KINDS.get(sensor.type)
@@ -240,15 +242,15 @@ class SensorStorage(Guarded):
         return described
 
     def put(self, described: Mapping[str, Any]) -> None:
-        """Create a sensor as `described` returned it, or set the one of that name to its keywords.
+        """Create a sensor from a description of `described`, or update the sensor of this name.
 
-        A sensor of another built-in kind is replaced; one of the caller's class stays. A kind that is not built in
-        cannot be created, which is warned about.
+        A sensor of another built-in kind is replaced; a custom one stays. A kind that is not built in cannot be
+        created; this logs a warning.
         """
         name, kind = described["id"], SensorType.__members__.get(str(described["type"]))
         known = self._engine._sensors.get(name)
         if known is None and kind not in KINDS:
-            self._engine.ctx.logger.warning(f"Sensor {name!r} is of the kind {described['type']}: add it yourself.")
+            self._engine.ctx.logger.warning(f"Sensor {name!r} has the kind {described['type']}: add it yourself.")
         if kind not in KINDS or (known is not None and not _is_built_in(known)):
             return
         if known is not None and known.type is not kind:
@@ -258,20 +260,20 @@ class SensorStorage(Guarded):
         KINDS[kind].change(made, described["keywords"])
 
     def snapshot(self) -> SensorsSnapshot:
-        """Return the sensors there are, how they are set and what they have sensed, for `restore`."""
+        """Return the sensors, their settings and their data, for `restore`."""
         settings = self._settings()
         shown = [one for sensor in settings.simple for one in sensor._last]
         return SensorsSnapshot(settings, shown, [sensed() for sensed, _ in settings.memories])
 
     def restore_keywords(self, before: SensorsSnapshot) -> None:
-        """Set the sensors as they were set, before agents carry them again: it says which agents may."""
+        """Restore the settings of sensors before agents carry them again: settings decide which agents may."""
         if self._settings() is not before.settings:
             for sensor, keywords in zip(before.settings.sensors, before.settings.keywords, strict=True):
                 if keywords is not None and _keywords_of(sensor) != keywords:
                     _set(sensor, keywords)
 
     def restore(self, before: SensorsSnapshot, *, forget: bool = False) -> None:
-        """Restore the sensors; with `forget`, they forget what they have sensed, also those of the caller's classes."""
+        """Restore the sensors; with `forget`, clear all sensed data, also of custom classes."""
         if self._settings() is not before.settings:
             self.restore_keywords(before)
             self._set_all(before.settings)
@@ -291,25 +293,25 @@ class SensorStorage(Guarded):
                 sensor.reset()
 
     def copy_from(self, other: "SensorStorage", memo: dict[int, Any]) -> None:
-        """Take copies of the sensors of another context into this one, which has none yet.
+        """Copy the sensors of another context into this one, which must have none.
 
         Args:
-            other: the storage of that context.
-            memo: has what takes the place of its other parts, and gets the copies; see `copy.deepcopy`.
+            other: the storage of the other context.
+            memo: maps other parts of the context to their copies, and gets the copies; see `copy.deepcopy`.
         """
         memo[id(other)], memo[id(other._engine)], memo[id(other.memory)] = self, self._engine, self.memory
         for name, part in vars(other.memory).items():
             memo[id(part)] = getattr(self.memory, name)
         for sensor in other._engine._sensors.values():
             for sensed in sensor._last if isinstance(sensor, Sensor) else ():
-                memo[id(sensed)] = sensed  # no look changes what an earlier one has given
+                memo[id(sensed)] = sensed  # later looks do not change earlier data
         self._engine._sensors |= {name: _copy_of(sensor, memo) for name, sensor in other._engine._sensors.items()}
         self._engine._warned |= other._engine._warned
 
     def hide(self, before: SensorsSnapshot, known: Collection[str]) -> None:
-        """Let sensors that belong to none of the `known` agents be set as at a snapshot, and forget what they saw.
+        """Reset the settings of sensors that no `known` agent carries to those of a snapshot, and clear their data.
 
-        It is for a copy, so that the snapshot may be of another context.
+        Used for copies, so the snapshot may be from another context.
         """
         then = {
             one.sensor_id: keywords
@@ -325,8 +327,8 @@ class SensorStorage(Guarded):
                 _set(sensor, keywords)
 
     def _settings(self) -> SensorSettings:
-        """Return how the sensors are set now; the same object as long as nothing has changed."""
-        # NOTE: most snapshots are of games whose sensors stay as they are (benchmarks: snapshots).
+        """Return the present settings of the sensors; the same object as long as nothing has changed."""
+        # NOTE: most snapshots are of games whose sensors do not change (benchmarks: snapshots).
         known, changes = self._settings_now, self._counts()
         sensors = tuple(self._engine._sensors.values())
         if known is None or self._changes != changes or known.sensors != sensors:
@@ -338,7 +340,7 @@ class SensorStorage(Guarded):
         return known
 
     def _set_all(self, settings: SensorSettings) -> None:
-        """Restore which sensors there are, and who carries them."""
+        """Restore the set of sensors and their owners."""
         self._engine._sensors.clear()
         for sensor, owner in zip(settings.sensors, settings.owners, strict=True):
             self._engine._sensors[sensor.sensor_id] = sensor
@@ -374,7 +376,7 @@ def _is_simple(sensor: object) -> TypeGuard[Sensor]:
 
 
 def _memory_of(sensor: object) -> tuple[Callable[[], Any], Callable[[Any], None]] | None:
-    """Return the functions that give and restore what a sensor has sensed; the caller's classes need not have them."""
+    """Return functions that return and restore the state of a sensor; custom classes may lack them."""
     if isinstance(sensor, DetectingSensor):
         return sensor._snapshot, sensor._restore
     give, restore = getattr(sensor, "snapshot", None), getattr(sensor, "restore", None)
@@ -382,7 +384,7 @@ def _memory_of(sensor: object) -> tuple[Callable[[], Any], Callable[[Any], None]
 
 
 def _copy_of(sensor: ISensor, memo: dict[int, Any]) -> ISensor:
-    """Return a copy; a sensor of the caller's class that cannot be copied is shared."""
+    """Return a copy; a custom sensor that cannot be copied is shared."""
     if isinstance(sensor, Sensor):
         return copied_part(sensor, memo)
     try:
@@ -406,7 +408,7 @@ def _checked_type(kind: object, sensor_id: str) -> SensorType:
 
 
 def _way_out(kind: SensorType, name: str) -> str:
-    """What to write instead of a keyword that a kind ignores."""
+    """Return a hint to replace a keyword that a kind ignores."""
     known = KINDS[kind].names()
     others = [other.name for other, one in KINDS.items() if name in one.names()]
     if others:

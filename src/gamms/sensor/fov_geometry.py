@@ -1,4 +1,4 @@
-"""Fields of view as polygons and polylines, for drawing: computed when asked for, never while sensing."""
+"""Fields of view as polygons and polylines, computed on demand for drawing."""
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import chain
@@ -13,22 +13,24 @@ Point = Sequence[float] | FloatArray  # (3,)
 
 _CORNERS = 48  # of a full circle
 _AROUND = np.linspace(0.0, 2.0 * pi, _CORNERS, endpoint=False)
-_TURNS = np.linspace(0.0, 2.0 * pi, 96, endpoint=False)  # of rays around the rim of a cone: not all reach the ground
+# of rays around the border of a cone, some of which miss the ground
+_TURNS = np.linspace(0.0, 2.0 * pi, 96, endpoint=False)
 _RINGS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of rays inside a cone, as shares of its half angle
-_RAYS = 180  # along which an area in sight is measured
-_HALVINGS, _ROUNDS, _JUMP = 10, 4, 0.05  # of each ray, and of the angle where the next ray reaches so much less far
-_RIM = 1e-9  # of a radius: what lies on its rim is inside, however it was rounded
+_RAYS = 180  # rays along which a visible area is measured
+# bisections of each ray, and of the angle between rays whose lengths differ by this share
+_HALVINGS, _ROUNDS, _JUMP = 10, 4, 0.05
+_RIM = 1e-9  # share of a radius: points on the border are inside in spite of rounding
 
 
 def disc(x: float, y: float, radius: float) -> FloatArray:
-    """Corners (48, 2) of the disc around a place; none (0, 2) where the radius is infinite."""
+    """Return the corners (48, 2) of a disc around a place; (0, 2) if the radius is infinite."""
     return _arc(x, y, radius, _AROUND)
 
 
 def sector(x: float, y: float, radius: float, heading: tuple[float, float], fov: float) -> FloatArray:
-    """Corners (corners, 2) of the sector that opens `fov` radians around `heading`: its centre, then the arc.
+    """Return the corners (corners, 2) of a sector of `fov` radians around `heading`: its center, then the arc.
 
-    An agent without a heading, (0.0, 0.0), sees a disc. No corners, (0, 2), where the radius is infinite.
+    Without a heading, (0.0, 0.0), the sector is a disc. Returns no corners, (0, 2), if the radius is infinite.
     """
     if fov >= 2.0 * pi or heading == (0.0, 0.0):
         return disc(x, y, radius)
@@ -45,12 +47,12 @@ def area_in_sight(
     heading: tuple[float, float],
     fov: float,
 ) -> FloatArray:
-    """Corners (corners, 2) of what of a sector is in sight from its centre; none (0, 2) where the radius is infinite.
+    """Return the corners (corners, 2) of the part of a sector visible from its center; (0, 2) for an infinite radius.
 
     Args:
-        is_visible: whether each of some points (points, 2) is in sight.
-        x: of the centre.
-        y: of the centre.
+        is_visible: returns whether each of some points (points, 2) is visible.
+        x: x of the center.
+        y: y of the center.
         radius: map units.
         heading: see `sector`.
         fov: full opening angle in radians.
@@ -83,15 +85,15 @@ def area_in_sight(
 
 
 def footprint(position: Point, axis: Point, radius: float, fov: float) -> FloatArray:
-    """Corners (corners, 2) of the ground, z = 0, that is inside a cone of view and at most `radius` away from its tip.
+    """Return the corners (corners, 2) of the ground, z = 0, inside a cone of view and at most `radius` from its tip.
 
-    Where no ground is, the shadow of the cone stands in. None (0, 2) where the view has no end.
+    If the cone meets no ground, returns its shadow instead; (0, 2) if the view is unlimited.
 
     Args:
         position: (3,) the tip of the cone.
-        axis: (3,) where it looks, of any positive length.
-        radius: map units, through the air; may be infinite.
-        fov: full opening angle in radians; from pi on, the cone counts as a ball.
+        axis: (3,) viewing direction, of any positive length.
+        radius: map units, in 3D; may be infinite.
+        fov: full opening angle in radians; from pi on, the cone is treated as a ball.
     """
     x, y, z = position
     if fov >= pi or radius == 0.0:
@@ -105,7 +107,7 @@ def footprint(position: Point, axis: Point, radius: float, fov: float) -> FloatA
     meets &= reach <= radius * (1.0 + _RIM)
     corners = np.array([x, y]) + rim[meets, :2] * reach[meets, None]
     if abs(z) < radius < inf:
-        edge = disc(0.0, 0.0, np.sqrt(radius * radius - z * z))  # as far as the eye reaches on the ground
+        edge = disc(0.0, 0.0, np.sqrt(radius * radius - z * z))  # the radius on the ground
         is_seen = edge @ cone.axis[:2] - z * cone.axis[2] >= radius * np.cos(fov / 2.0)
         corners = np.vstack([corners, np.array([x, y]) + edge[is_seen]])
     outline = _hull(corners)
@@ -113,9 +115,9 @@ def footprint(position: Point, axis: Point, radius: float, fov: float) -> FloatA
 
 
 def shadow(position: Point, axis: Point, radius: float, fov: float) -> FloatArray:
-    """Corners (corners, 2) of the shadow that a cone of view, cut off at `radius` and at the ground, casts from above.
+    """Return the corners (corners, 2) of the vertical shadow of a cone of view, limited by `radius` and by the ground.
 
-    All that is seen in the air is over it. The arguments are those of `footprint`.
+    All visible points in the air are above it. The arguments are those of `footprint`.
     """
     x, y, z = position
     if fov >= pi or radius == inf:
@@ -127,7 +129,7 @@ def shadow(position: Point, axis: Point, radius: float, fov: float) -> FloatArra
 
 
 def polylines(edges: Iterable[OSMEdge]) -> tuple[FloatArray, IntArray]:
-    """Points (points, 2) and offsets (lines + 1,) of edges; those without a polyline are left out."""
+    """Return points (points, 2) and offsets (lines + 1,) of edges; straight edges are left out."""
     flats = [flat for edge in edges if len(flat := edge.points) >= 4]
     offsets = np.cumsum([0, *(len(flat) // 2 for flat in flats)], dtype=np.int64)
     return np.fromiter(chain.from_iterable(flats), np.float64).reshape(-1, 2), offsets
@@ -140,7 +142,7 @@ def _arc(x: float, y: float, radius: float, angles: FloatArray) -> FloatArray:
 
 
 class _Cone:
-    """Rays around an axis (3,), all `half` radians away from it."""
+    """Rays around an axis (3,), at an angle of `half` radians from it."""
 
     def __init__(self, axis: Point, half: float) -> None:
         self.axis = np.asarray(axis, np.float64) / np.linalg.norm(axis)
@@ -149,13 +151,13 @@ class _Cone:
         self._ahead, self._across = np.cos(half) * self.axis, np.cross(self.axis, self._aside)
 
     def rays(self, turns: FloatArray) -> FloatArray:
-        """Unit rays (turns, 3), by how far around the axis each is."""
+        """Return unit rays (turns, 3) at angles around the axis."""
         around = np.outer(np.cos(turns), self._aside) + np.outer(np.sin(turns), self._across)
         rays: FloatArray = self._ahead + around
         return rays
 
     def turns_that_fall(self, slope: float) -> FloatArray:
-        """Where around the axis (0 or 2,) the rays have `slope` as their z."""
+        """Return the angles around the axis (0 or 2,) at which rays have `slope` as their z."""
         tilt = np.hypot(self._aside[2], self._across[2])
         if abs(slope - self._ahead[2]) >= tilt:
             return np.zeros(0)
@@ -164,14 +166,14 @@ class _Cone:
 
 
 def _to_ground(z: float, rays: FloatArray) -> FloatArray:
-    """How far along each unit ray (rays, 3) from a height the ground is: negative behind, infinite or NaN nowhere."""
+    """Return distances to the ground along unit rays (rays, 3) from a height; negative behind, NaN or inf if none."""
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         reach: FloatArray = -z / rays[:, 2]
     return reach
 
 
 def _hull(points: FloatArray) -> FloatArray:
-    """Corners (corners, 2) of the convex hull, counter-clockwise."""
+    """Return the corners (corners, 2) of the convex hull, counter-clockwise."""
     ordered = sorted(set(map(tuple, points.tolist())))
     if len(ordered) < 3:
         return np.array(ordered, np.float64).reshape(-1, 2)
@@ -180,7 +182,7 @@ def _hull(points: FloatArray) -> FloatArray:
 
 
 def _lower(points: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
-    """The lower half of the hull of points that are in order (monotone chain)."""
+    """Return the lower half of the hull of sorted points (monotone chain)."""
     chain: list[tuple[float, ...]] = []
     for x, y in points:
         while len(chain) > 1 and _turn(chain[-2], chain[-1], (x, y)) <= 0.0:
@@ -190,5 +192,5 @@ def _lower(points: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
 
 
 def _turn(a: tuple[float, ...], b: tuple[float, ...], c: tuple[float, ...]) -> float:
-    """Positive where the way from a over b to c bends to the left."""
+    """Return a positive number if the path a, b, c turns left."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

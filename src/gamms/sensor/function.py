@@ -1,4 +1,4 @@
-"""A sensor made of a plain function."""
+"""A sensor defined by a plain function."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,11 +14,11 @@ from gamms.typing.sensor_engine import SensorType
 
 
 class FunctionSensor(Sensor):
-    """`data`: what a function returns.
+    """`data`: the result of a function.
 
-    The function is called as `fn()`, `fn(node_id)` or `fn(node_id, agent)`, by how many parameters it has; `agent` is
-    the owner, or None. What it returns is copied all the way down: it may return what it goes on writing to, and what
-    an agent writes into what it has sensed is seen by no other.
+    The function is called as `fn()`, `fn(node_id)` or `fn(node_id, agent)`, depending on its number of parameters;
+    `agent` is the owner, or None. Its result is deep-copied, so that later changes of it, or changes by one agent,
+    affect no other agent.
 
     Args:
         ctx: the context.
@@ -26,7 +26,7 @@ class FunctionSensor(Sensor):
         fn: the function.
 
     Raises:
-        BadType: `fn` cannot be called so.
+        BadType: `fn` cannot be called in one of these ways.
     """
 
     sees_world_only = False
@@ -47,7 +47,7 @@ class FunctionSensor(Sensor):
 
     @refused_while_deciding
     def reset(self) -> None:
-        """Forget what was sensed."""
+        """Clear the sensed data."""
         self._last[0] = None
 
     def sense(self, node_id: int | None = None) -> None:
@@ -60,13 +60,13 @@ class FunctionSensor(Sensor):
             self._last[0] = copied(sensed)
         except Exception as error:
             error.add_note(
-                f"What the function of sensor {self.sensor_id!r} returns is copied: every agent gets its own."
+                f"The result of the function of sensor {self.sensor_id!r} is copied: every agent gets its own."
             )
             raise
 
 
 def _parameters(fn: object, sensor_id: str) -> int:
-    """Return how many arguments, at most two, a function is to be called with."""
+    """Return the number of arguments, at most two, with which a function is called."""
     from inspect import Parameter
 
     wanted = f"The function of sensor {sensor_id!r} must take (), (node_id) or (node_id, agent)"
@@ -74,7 +74,7 @@ def _parameters(fn: object, sensor_id: str) -> int:
         raise BadType(f"{wanted}; {shown(fn)} is no function.")
     try:
         parameters = list(signature_of(fn).parameters.values())
-    except (TypeError, ValueError):  # some builtins do not tell
+    except (TypeError, ValueError):  # some builtins have no signature
         return 1
     positional = [one for one in parameters if one.kind in (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)]
     needed = [one for one in positional if one.default is Parameter.empty]

@@ -1,4 +1,4 @@
-"""The sensors that look over the ground: NEIGHBOR, MAP, RANGE, ARC, the AGENT kinds, and those past obstacles."""
+"""Sensors on the ground: NEIGHBOR, MAP, RANGE, ARC, the AGENT kinds, and their occluded variants."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from functools import partial
@@ -33,36 +33,36 @@ from gamms.typing import IContext
 from gamms.typing.graph_engine import NodeColumns
 from gamms.typing.sensor_engine import SensorType
 
-_LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
-_MANY = 256  # looks at neighbours, from which on they are read from arrays of all edges
+_LEAST, _MOST = 1e-150, 1e150  # distances whose squares neither vanish nor overflow
+_MANY = 256  # number of looks from which neighbors are read from arrays of all edges
 
 
 class GroundSensor(Sensor):
-    """Looks over the ground, from the node it is asked about or from a fixed place.
+    """A sensor on the ground, which looks from a given node or from a fixed place.
 
-    A sight line of an occluded sensor runs from where it looks to each node, both ends `observer_height` above the
-    ground. What lies behind an obstacle is not seen; the node that it is on always is.
+    The sight lines of an occluded sensor run from its place to each node, with both ends `observer_height` above the
+    ground. Nodes behind an obstacle are not seen; the node of the sensor always is.
 
     Args:
         ctx: the context.
-        sensor_id: the sensor's name.
-        sensor_type: its kind.
+        sensor_id: name of the sensor.
+        sensor_type: kind of the sensor.
         sensor_range: map units; may be infinite.
-        fov: full opening angle in radians; exactly 2 pi sees all around.
+        fov: full opening angle in radians; exactly 2 pi sees in all directions.
         orientation: `(cos, sin)` relative to the owner's heading; absolute without an owner.
-        observer_height: of the sight lines above the ground, map units; used by occluded sensors alone.
+        observer_height: height of sight lines above the ground, map units; used only by occluded sensors.
 
     Attributes:
         range: map units; may be infinite.
-        fov: full opening angle in radians; exactly 2 pi sees all around.
+        fov: full opening angle in radians; exactly 2 pi sees in all directions.
         orientation: `(cos, sin)` relative to the owner's heading; absolute without an owner or at a fixed place.
-        at: a node id or (x, y) to look from, whatever node is asked about; None looks from that node.
+        at: fixed place, a node id or (x, y); None: the node passed to `sense`.
     """
 
     __slots__ = ("_at", "_memory", "_observer_height", "fov", "orientation", "range")
 
     _is_occluded = False
-    looks_from_points = True  # its place may be (x, y): where an agent is that carries it along an edge
+    looks_from_points = True  # its place may be (x, y), the position of an agent on an edge
 
     range: float
     fov: float
@@ -90,7 +90,7 @@ class GroundSensor(Sensor):
 
     @property
     def at(self) -> Place | None:
-        """The fixed place it looks from; settable."""
+        """The fixed place it looks from, or None; settable."""
         return self._at
 
     @at.setter
@@ -98,21 +98,21 @@ class GroundSensor(Sensor):
         self._at = None if at is None else checked_place(self.ctx, at, f"at of {self.sensor_id!r}")
 
     def place(self, node_id: int | None) -> Place:
-        """Return where it looks from when asked about a node."""
+        """Return the place from which it looks for a node id."""
         if self._at is not None:
             return self._at
         if node_id is None:
-            raise BadType(f"Sensor {self.sensor_id!r} has no place of its own: sense(node_id), or give it at=.")
+            raise BadType(f"Sensor {self.sensor_id!r} has no fixed place: call sense(node_id), or set at=.")
         return node_id  # the graph checks it
 
     @property
     def looks_alike(self) -> Hashable:  # type: ignore[override] # it depends on how it is set
-        """What those have in common that see all around from their agents' nodes."""
+        """A key shared by all sensors that look in all directions from their agents' nodes in the same way."""
         is_usual = self._is_ours and not self._is_occluded and "sense" not in self.__dict__
         return (type(self), self.range) if is_usual and self.fov == FULL_CIRCLE and self._at is None else None
 
     def _tunnel(self, place: Place) -> int:
-        """Return the tunnel of a place (x, y): that of its owner, which is on an edge; 0 on the surface."""
+        """Return the tunnel of a place (x, y), which is that of its owner on an edge; 0 on the surface."""
         if self._owner is None or self._at is not None or not isinstance(place, tuple):
             return 0
         ground = self.ctx.graph.graph.ground([self.ctx.agent.get_agent(self._owner).current_node_id])
@@ -124,7 +124,7 @@ class GroundSensor(Sensor):
         return self.fov != FULL_CIRCLE and self._at is None
 
     def heading(self) -> Heading:
-        """Return where it looks, turned by the heading of its owner; (0.0, 0.0) while that has none."""
+        """Return the viewing direction, rotated by the heading of its owner; (0.0, 0.0) if the owner has none."""
         if self._owner is None or self._at is not None:
             return self.orientation
         cos, sin = self.ctx.agent.get_agent(self._owner).orientation
@@ -132,14 +132,14 @@ class GroundSensor(Sensor):
         return (x * cos - y * sin, x * sin + y * cos)
 
     def set_owner(self, owner: str | None) -> None:
-        """Name the agent that carries the sensor; None for no agent, which also clears the last look."""
+        """Set the name of the agent that carries the sensor; None for no agent, which also clears the last look."""
         super().set_owner(owner)
         if owner is None:
             self._last[1] = None
 
     @refused_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
-        """Return what it would see now, for drawing."""
+        """Return the present view of the sensor, for drawing."""
         if node_id is None and self._at is None:
             if self._last[1] is None:
                 return SensorView()
@@ -148,7 +148,7 @@ class GroundSensor(Sensor):
 
     @of_data
     def outline(self) -> FloatArray:
-        """Return the corners (corners, 2) of the field of view of the last look; none where it had no end."""
+        """Return the corners (corners, 2) of the field of view of the last look; empty if it was unlimited."""
         looked: tuple[Place, float, float, Heading] | None = self._last[1]  # place, range, fov, heading
         if looked is None:
             return np.zeros((0, 2))
@@ -160,7 +160,7 @@ class GroundSensor(Sensor):
         return self._area(x, y, radius, heading, fov)
 
     def _area(self, x: float, y: float, radius: float, heading: Heading, fov: float) -> FloatArray:
-        """Return the corners of what it covers from a place."""
+        """Return the corners of the area that it covers from a place."""
         if self._is_occluded:
             views = self._memory.views_past_obstacles
             return views.area((x, y), (radius, heading, fov), self._observer_height)
@@ -171,7 +171,7 @@ class GroundSensor(Sensor):
 
 
 class OccludedSensor(GroundSensor):
-    """Mix-in: looks past obstacles, and not through them; see `GroundSensor`."""
+    """Mix-in for sensors that do not see through obstacles; see `GroundSensor`."""
 
     __slots__ = ()
 
@@ -190,8 +190,8 @@ class OccludedSensor(GroundSensor):
 class MapSensor(GroundSensor):
     """`data`: fresh `{'nodes': {id: Node}, 'edges': [OSMEdge, …]}`, in insertion order.
 
-    A node is seen if it is at most `range` away from where the sensor looks and inside its field of view, both rims
-    included; the node it stands on always is. An edge is seen if both its ends are.
+    A node is seen if it is at most `range` away from the sensor and inside its field of view, both borders included;
+    the node of the sensor is always seen. An edge is seen if both its ends are.
 
     For the arguments see `GroundSensor`.
     """
@@ -199,13 +199,13 @@ class MapSensor(GroundSensor):
     __slots__ = ()
 
     def sense(self, node_id: int | None = None) -> None:
-        """Look around."""
+        """Sense the nodes and edges around."""
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
         place = self.place(node_id) if node_id is None or self._at is not None else node_id
         radius, fov, last = self.range, self.fov, self._last
         heading = ALL_AROUND if fov == FULL_CIRCLE else self.heading()
-        # NOTE: without another call for most looks of most games (benchmarks: peers).
+        # NOTE: inline for the most common case (benchmarks: peers).
         hidden = self._is_occluded
         nodes, edges = self._look(place, heading) if hidden else self._memory.views.look(place, radius, fov, heading)
         last[0] = {"nodes": nodes.copy(), "edges": edges.copy()}
@@ -213,11 +213,11 @@ class MapSensor(GroundSensor):
 
     @refused_while_deciding
     def shared_look(self) -> sight.Views:
-        """Return what those that look alike have seen, for as long as agents decide."""
+        """Return the views shared by sensors that look alike, valid while agents decide."""
         return sight.Views(self._memory.views.known(self.range), (self.range, self.fov, ALL_AROUND))
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
-        """Look from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` stays as it is."""
+        """Sense from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` is unchanged."""
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         is_usual = self.fov == FULL_CIRCLE and self.range < inf and self._at is None and not self._is_occluded
         known = self._memory.views.known(self.range) if is_usual else {}
@@ -226,11 +226,11 @@ class MapSensor(GroundSensor):
 
     @of_data
     def last_view(self) -> SensorView:
-        """Return the nodes and edges seen last, and the field of view from where they were seen."""
+        """Return the nodes and edges seen last, and the field of view at that time."""
         return map_view(self._view_data(), self.outline())
 
     def _where(self, place: Place) -> tuple[float, float]:
-        node = self._view_data()["nodes"].get(place)  # where it was then, unless the data was emptied since
+        node = self._view_data()["nodes"].get(place)  # its position at that time, unless the data was emptied since
         return super()._where(place) if node is None else (node.x, node.y)
 
     def _look(self, place: Place, heading: Heading) -> View:
@@ -241,13 +241,13 @@ class MapSensor(GroundSensor):
 
 
 class OccludedMapSensor(OccludedSensor, MapSensor):
-    """The same, without what obstacles hide."""
+    """A MAP sensor that does not see through obstacles."""
 
     __slots__ = ()
 
 
 def map_view(data: dict[str, Any], outline: FloatArray) -> SensorView:
-    """Return what a sensor of nodes and edges shows of its `data`."""
+    """Return the view of a sensor of nodes and edges, from its `data`."""
     nodes = np.array([(node.x, node.y) for node in data.get("nodes", {}).values()], np.float64).reshape(-1, 2)
     return SensorView(nodes, *fov_geometry.polylines(data.get("edges", ())), outline=outline)
 
@@ -263,7 +263,7 @@ class NeighborSensor(Sensor):
         self._neighborhoods = ctx.graph.graph.neighborhoods
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
-        """Look from many nodes; values are ids of nodes. `data` stays as it is."""
+        """Sense from many nodes; values are ids of nodes. `data` is unchanged."""
         near, nodes = self._neighborhoods, as_ids(node_ids, "node_ids")
         if len(nodes) < _MANY:
             return Sensed(*ragged([[*near[node_id]] for node_id in nodes]))
@@ -274,11 +274,11 @@ class NeighborSensor(Sensor):
 
     @property
     def neighborhoods(self) -> Mapping[int, Sequence[int]]:
-        """Those of the graph, which looks copy into `data` and do nothing else (used by agents)."""
+        """The neighborhoods of the graph, which a look only copies to `data` (used by agents)."""
         return self._neighborhoods
 
     def sense(self, node_id: int) -> None:
-        """Look around."""
+        """Sense the neighbors of a node."""
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
         try:
@@ -293,12 +293,13 @@ class NeighborSensor(Sensor):
 
 
 class AgentSensor(DetectingSensor, GroundSensor):
-    """`data`: fresh `{agent name: id of its node}` of the other agents around, in the order of their creation.
+    """`data`: fresh `{agent name: node id}` of the other agents nearby, in order of creation.
 
-    Of an agent on an edge the id is a `PassedNode`, which says where on the edge it is, unless reports may be wrong.
+    For an agent on an edge the id is a `PassedNode`, which also has its position on the edge, unless reports have
+    errors.
 
-    Without an owner, or at a fixed place, every agent counts as another. The geometry is that of `MapSensor`, applied
-    to the nodes the agents stand on, or fly nearest to.
+    Without an owner, or at a fixed place, all agents count as others. The geometry is that of `MapSensor`, applied to
+    the nodes of the agents, or the nearest nodes of flying agents.
 
     For the other arguments see `GroundSensor`.
 
@@ -324,7 +325,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
         self._owner = owner
 
     def sense(self, node_id: int | None = None) -> None:
-        """Look around."""
+        """Sense the agents around."""
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
         place = self.place(node_id) if node_id is None or self._at is not None else node_id
@@ -347,16 +348,16 @@ class AgentSensor(DetectingSensor, GroundSensor):
 
     @property
     def looks_alike(self) -> Hashable:  # type: ignore[override] # as above
-        """What those have in common that see all around from their agents' nodes, and report all that they see."""
+        """A key shared by all sensors that look in all directions from their agents' nodes, and report all they see."""
         return super().looks_alike if self._notice is None or self._notice.reports_all else None
 
     @refused_while_deciding
     def shared_look(self) -> sight.Sight | None:
-        """Return what finds the agents around those that look alike, for as long as they decide; None: nothing does."""
+        """Return a search for agents that sensors which look alike share while agents decide; None if there is none."""
         return self._memory.nearby.shared_look(self.range)
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
-        """Look from many nodes; values are positions in `names`. `data` stays as it is."""
+        """Sense from many nodes; values are indices in `names`. `data` is unchanged."""
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         own = self._owner if self._at is None else None
         with self._phase.suspended() if self._notice is None else self._notice.rolled_back():
@@ -393,7 +394,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
 
     @of_data
     def last_view(self) -> SensorView:
-        """Return the agents seen last, where they were then, and the field of view from where they were seen."""
+        """Return the agents seen last, their positions at that time, and the field of view at that time."""
         graph = self.ctx.graph.graph
         kept = [node for node in self._view_data().values() if graph.has_node(node)]
         agents = graph.positions(kept)
@@ -405,7 +406,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
         return node_id
 
     def _displaced(self, sightings: list[int], errors: FloatArray) -> list[int]:
-        """Return the nodes nearest to the displaced ones."""
+        """Return the nodes nearest to the positions with errors."""
         graph = self.ctx.graph.graph
         x, y = (graph.positions(sightings) + errors[:, :2]).T
         nodes: list[int] = graph.nearest_node(x, y).tolist()
@@ -415,7 +416,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
         return np.array(sightings, np.int64)
 
     def _found(self, place: Place, heading: Heading) -> tuple[Positions, list[int], Look | None]:
-        """Return where agents are, the rows of those that are seen, ascending, and the look, if one was counted."""
+        """Return the positions of agents, the rows of seen agents, ascending, and the look, if it was counted."""
         nearby = self._memory.nearby
         if heading == ALL_AROUND:
             positions, rows = nearby.within(place, self.range)
@@ -436,7 +437,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
         return positions, rows, look
 
     def _unhidden(self, place: Place, rows: list[int], positions: Positions) -> list[int]:
-        """Return those rows whose agents no obstacle hides; tables know of nodes, and not of places on edges."""
+        """Return the rows of agents that no obstacle hides; visibility tables know nodes, but not places on edges."""
         xy, height = self._memory.nearby.xy, self._observer_height
         between = [row for row in rows if positions.on_edge(row) is not None] if positions.travellers else []
         on_nodes = sorted({*rows}.difference(between)) if between else rows
@@ -453,7 +454,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
 
 
 class OccludedAgentSensor(OccludedSensor, AgentSensor):
-    """The same, without the agents that obstacles hide."""
+    """An AGENT sensor that does not see agents behind obstacles."""
 
     __slots__ = ()
 
@@ -463,7 +464,7 @@ def _edges_of(views: list[View]) -> Sensed:
 
 
 def _listed(positions: Positions, found: list[list[int]], own: str | None) -> Sensed:
-    """Return the rows of the agents that each look has found as what was sensed, but for one agent."""
+    """Return the agents found by each look, as rows, except for one agent."""
     names = tuple(positions.names)
     left_out = names.index(own) if own is not None and own in names else -1
     offsets, rows = ragged([[row for row in some if row != left_out] for some in found])
@@ -475,10 +476,10 @@ def _selected(rows: list[int], is_kept: "np.ndarray[Any, np.dtype[np.bool_]]") -
 
 
 def checked_place(ctx: IContext, at: object, name: str) -> Place:
-    """Return a node id or (x, y) from what a caller passed.
+    """Check a place passed by a caller: a node id or (x, y).
 
     Raises:
-        UnknownName (KeyError): there is no such node.
+        UnknownName (KeyError): the node does not exist.
         BadType, BadValue: neither an integer nor a pair of finite numbers.
     """
     if isinstance(at, str) or not hasattr(at, "__len__") or getattr(at, "ndim", 1) == 0:

@@ -1,6 +1,6 @@
-"""The agents that are near a place, remembered as long as agents and the graph stay as they are.
+"""The agents near a place, cached until agents or the graph change.
 
-`Memory` is all that the built-in sensors of a context share.
+`Memory` holds all caches that the built-in sensors of a context share.
 """
 
 from collections.abc import Collection, Iterable
@@ -26,29 +26,29 @@ from gamms.typing import IContext
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import Line, PassedNode
 
-_SLACK = 1e-6  # map units: boxes are compared with this tolerance, because places on an edge are rounded
-_MOST_COMPARED = 1000  # agents: with more, looks in space between two moves look up only those that are near
-_MOST_RADII = 64  # for which agents are kept in cells
-_MOST_NODES = 1 << 20  # whose places are remembered
-_SHARE_MOVED = 8  # where one agent in so many has moved, all are entered again
-_LOOKS_OF_SOME = 8  # questions of looks in space between two moves, from which on the places of all agents are found
-_LOOKS_WITHOUT_CELLS = 8  # of those in space at one moment: with fewer, looking at all is cheaper than making cells
+_SLACK = 1e-6  # map units: tolerance for boxes, because places on an edge are rounded
+_MOST_COMPARED = 1000  # number of agents above which looks in 3D between moves only examine nearby agents
+_MOST_RADII = 64  # radii for which agents are stored in cells
+_MOST_NODES = 1 << 20  # nodes whose positions are cached
+_SHARE_MOVED = 8  # if one agent in this many has moved, all are entered again
+_LOOKS_OF_SOME = 8  # looks in 3D between two moves after which the positions of all agents are computed
+_LOOKS_WITHOUT_CELLS = 8  # looks in 3D at one moment below which scanning all agents is cheaper than a grid
 
 
 class Coordinates(NamedTuple):
-    """Where agents are in space, in the order of their creation."""
+    """The 3D positions of agents, in order of creation."""
 
-    xyz: FloatArray  # (agents, 3)  of the node or the place on an edge, on the ground, or of an agent that flies
+    xyz: FloatArray  # (agents, 3)  position of the node, on the edge, or in the air
     is_flying: BoolArray  # (agents,)
     is_outside: BoolArray  # (agents,)  not in a tunnel
 
     def of(self, rows: IntArray) -> "Coordinates":
-        """Return where some of them are."""
+        """Return the positions of some agents."""
         return Coordinates(self.xyz[rows], self.is_flying[rows], self.is_outside[rows])
 
 
 class PlacesOfNodes(dict[int, tuple[float, float]]):
-    """Node id -> (x, y), of nodes that were asked for."""
+    """A cache node id -> (x, y), filled on demand."""
 
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
@@ -58,17 +58,17 @@ class PlacesOfNodes(dict[int, tuple[float, float]]):
         return place
 
     def renew(self, nodes: Iterable[int]) -> None:
-        """Forget all nodes but some, which are entered at once (KeyError)."""
+        """Replace the cache by the given nodes (KeyError)."""
         self.clear()
         ids = [*dict.fromkeys(nodes)]
         self.update(zip(ids, map(tuple, self._ctx.graph.graph.positions(ids).tolist()), strict=True))
 
 
 class NearbyAgents:
-    """The agents of one context, as sensors find them.
+    """An index of the agents of one context, for sensors.
 
     Attributes:
-        places_of_nodes: where nodes are; valid after a question of who is near.
+        places_of_nodes: positions of nodes; valid after a query.
     """
 
     def __init__(self, ctx: IContext) -> None:
@@ -86,18 +86,19 @@ class NearbyAgents:
         self._positions: Positions | None = None  # of which the cells are
         self._moved_since: ChangeLog | None = None
         self._version = 0  # of these
-        self._moment: object = None  # in which it was looked whether they are still so
+        self._moment: object = None  # the moment at which the index was last checked
         self._revision: int | None = None  # of the graph
-        self._entered: tuple[AgentBlock, int, int | None] | None = None  # of which all are on nodes; and of the graph
+        # (block, version, graph revision) of the last full update, if all agents were on nodes
+        self._entered: tuple[AgentBlock, int, int | None] | None = None
         self.places_of_nodes = PlacesOfNodes(ctx)
         self._agents = sight.Places(self.places_of_nodes)
         self._sights: dict[float, sight.Sight] = {}
 
     def places(self) -> FloatArray:
-        """Return where all agents are (agents, 2); those on an edge are between its ends.
+        """Return the positions of all agents (agents, 2); agents on an edge are between its ends.
 
         Raises:
-            UnknownName (KeyError): an agent stands on a node that was removed.
+            UnknownName (KeyError): the node of an agent was removed.
         """
         positions, graph = self._ctx.agent.positions, self._ctx.graph.graph
         if self._places is None or not self._are_places_known(positions):
@@ -112,14 +113,14 @@ class NearbyAgents:
         return revision is not None and self._key == (positions, positions.version, revision)
 
     def coordinates(self) -> Coordinates:
-        """Return where all agents are in space.
+        """Return the 3D positions of all agents.
 
         Raises:
-            UnknownName (KeyError): an agent stands on a node that was removed.
+            UnknownName (KeyError): the node of an agent was removed.
         """
         xy, positions = self.places(), self._ctx.agent.positions
         if self._coordinates is None:
-            # On an edge an agent is as high as the node that it passed last, and in its tunnel.
+            # An agent on an edge has the height and the tunnel of the last node that it passed.
             xyz, is_on_surface = on_ground(self._ctx, positions.node_ids, xy)
             is_flying = np.zeros(len(xy), np.bool_)
             xyz[positions.flyers], is_flying[positions.flyers] = positions.flyer_xyz, True
@@ -128,10 +129,10 @@ class NearbyAgents:
         return self._coordinates
 
     def living_near(self, x: float, y: float, radius: float) -> IntArray:
-        """Return the rows of the living agents above and below a disc, ascending, and perhaps of others that live.
+        """Return the rows of the living agents above and below a disc, ascending; other living agents may be included.
 
         Raises:
-            UnknownName (KeyError): an agent stands on a node that was removed.
+            UnknownName (KeyError): the node of an agent was removed.
         """
         if self._is_moving(self._ctx.agent.positions):
             return self._living_above(self._catch_up(), x, y, radius)
@@ -143,7 +144,7 @@ class NearbyAgents:
         return living if rows is None else living[np.sort(rows)]
 
     def in_space(self, rows: IntArray) -> Coordinates:
-        """Return where some agents are, (rows,)."""
+        """Return the 3D positions of some agents, (rows,)."""
         positions = self._ctx.agent.positions
         if not self._is_moving(positions):
             return self.coordinates().of(rows)
@@ -156,7 +157,7 @@ class NearbyAgents:
         return Coordinates(xyz, is_flying, is_on_surface | is_flying)
 
     def _is_moving(self, positions: Positions) -> bool:
-        """Return whether it pays to look some agents up, because one of many may move after each look."""
+        """Return whether single look-ups pay off, because one of many agents may move after each look."""
         if self._phase.moment is not None or positions.travellers or len(positions.names) <= _MOST_COMPARED:
             return False
         if self._moved != (positions, positions.version):
@@ -173,9 +174,9 @@ class NearbyAgents:
         return np.array(sorted({*rows, *flying}), np.int64)
 
     def xy(self, rows: list[int]) -> FloatArray:
-        """Return where some agents are on the map (rows, 2)."""
+        """Return the map positions of some agents (rows, 2)."""
         positions = self._ctx.agent.positions
-        # While agents decide, many ask for what is the same for all; else one may move after each look.
+        # While agents decide, results are shared by many looks; otherwise one agent may move after each look.
         if not positions.travellers and (self._phase.moment is not None or self._are_places_known(positions)):
             return self.places()[rows]
         xy = self._xy_of(positions, rows)
@@ -184,12 +185,12 @@ class NearbyAgents:
         return xy
 
     def by_name(self, place: Place, radius: float, own: str | None) -> dict[str, int]:
-        """Return a fresh dict of the living agents within a radius of a place: name -> what is reported of it.
+        """Return a fresh dict of the living agents within a radius of a place: name -> reported value.
 
         Args:
-            place: where it looks from.
+            place: the place of the sensor.
             radius: map units.
-            own: the name of an agent that is left out.
+            own: name of an agent that is left out.
         """
         # NOTE: most looks of most games end here (benchmarks: peers).
         moment, positions = self._phase.moment, self._positions
@@ -209,14 +210,14 @@ class NearbyAgents:
         return nodes
 
     def shared_look(self, radius: float) -> sight.Sight | None:
-        """Return what finds agents around nodes until one moves; None where some are on edges."""
+        """Return a search for agents around nodes, valid until an agent moves; None if agents are on edges."""
         if not self._follow() and self._catch_up().travellers:
             return None
         return self._sights.get(radius) or self._sight(radius)
 
     def _follow(self) -> bool:
-        """Enter where agents are now, if they have done nothing since but go to nodes; return whether this is so."""
-        # NOTE: each turn begins here (benchmarks: turns).
+        """Update the index if agents have only moved to nodes since; return whether this was possible."""
+        # NOTE: called first in each turn (benchmarks: turns).
         graph, block = self._graph, self._ctx.agent.positions.block
         if graph is None or (block, block.structure.version, graph.revision) != self._entered or block.travellers:
             return False
@@ -227,16 +228,16 @@ class NearbyAgents:
         return True
 
     def on_edges(self, positions: Positions, rows: list[int]) -> dict[str, int]:
-        """Return what is reported of those agents that are on edges, by their names."""
+        """Return name -> reported value of the given agents that are on edges."""
         travellers = positions.travellers
         moving = [row for row in rows if row in travellers] if travellers else []
         return {positions.names[row]: self._travellers.sighting(positions, row) for row in moving}
 
     def within(self, place: Place, radius: float) -> tuple[Positions, list[int]]:
-        """Return where agents are, and the rows of those within `radius` of a place, the rim included.
+        """Return the positions, and the rows of the agents within `radius` of a place, the border included.
 
         Raises:
-            UnknownName (KeyError): there is no such node, or an agent stands on one that was removed.
+            UnknownName (KeyError): the node does not exist, or the node of an agent was removed.
         """
         positions = self._catch_up()
         return positions, self._rows_within(positions, place, radius)
@@ -244,7 +245,7 @@ class NearbyAgents:
     def ahead(
         self, place: Place, radius: float, heading: tuple[float, float], fov: float
     ) -> tuple[Positions, list[int]]:
-        """Return what `within` does of those in a field of view, of `fov` radians around a heading (cos, sin)."""
+        """Return the result of `within` for agents in a field of view of `fov` radians around a heading (cos, sin)."""
         positions = self._catch_up()
         x, y = self._coordinates_of(place)
         rows = self._sight(radius).rows_ahead(x, y, *kernels.cone(heading, fov))
@@ -275,7 +276,7 @@ class NearbyAgents:
         return found
 
     def _catch_up(self) -> Positions:
-        """Enter where agents are now, and return it."""
+        """Update the index, and return the positions of agents."""
         moment = self._phase.moment
         if moment is not None and moment is self._moment and self._positions is not None:
             return self._positions
@@ -309,7 +310,7 @@ class NearbyAgents:
             self._agents.fill(positions.noted_names(), nodes)
         except UnknownName:
             self._revision = None
-            self._xy_of(positions)  # which says whose node it is
+            self._xy_of(positions)  # raises an error that names the agent
             raise
         inactive, travellers = positions.inactive, positions.travellers
         for row in {*inactive, *travellers} if inactive or travellers else ():
@@ -325,7 +326,7 @@ class NearbyAgents:
                 one.move(row)
 
     def _xy_of(self, positions: Positions, rows: list[int] | None = None) -> FloatArray:
-        """Return where the nodes are that some agents are on, or have passed last (rows, 2); None: of all."""
+        """Return the positions of the last nodes of some agents (rows, 2); None: of all agents."""
         graph, nodes = self._ctx.graph.graph, positions.node_ids if rows is None else positions.node_ids_of(rows)
         try:
             return graph.positions(nodes)
@@ -336,16 +337,16 @@ class NearbyAgents:
 
 
 def _is_on_node(positions: Positions, row: int) -> bool:
-    """Whether an agent lives and is not on an edge."""
+    """Return whether an agent is alive and not on an edge."""
     if row in positions.inactive:
         return False
     return row not in positions.travellers or positions.on_edge(row) is None
 
 
 class Travellers:
-    """The agents on edges, as sensors find them: by the boxes around their edges, and exactly where that is not enough.
+    """The agents on edges, found by the boxes around their edges, and by exact positions where needed.
 
-    An agent that goes on along its edge changes no box, so that many agents can be asked in the course of a turn
+    An agent that moves along its edge does not change its box, so that many queries during a turn stay cheap
     (benchmarks: travel).
     """
 
@@ -353,19 +354,19 @@ class Travellers:
         self._ctx = ctx
         self._moved: ChangeLog | None = None
         self._key: tuple[Positions | None, int | None, int] = (None, None, 0)
-        self._boxes: FloatArray = np.zeros((4, 0))  # (4, agents)  least x, y, greatest x, y; NaN for those on nodes
+        self._boxes: FloatArray = np.zeros((4, 0))  # (4, agents)  minimum x, y, maximum x, y; NaN for agents on nodes
         self._edges: dict[
             int, tuple[Line, float]
-        ] = {}  # by row, of the edge that one is on, or was last, and its length
+        ] = {}  # by row: the present or last edge, and its length
         self._places: dict[int, tuple[float, float] | None] = {}  # by row
 
     def place(self, positions: Positions, row: int) -> tuple[float, float] | None:
-        """Return where an agent is that is on an edge; None for others. Where the edge is gone, it is at its node."""
+        """Return the position of an agent on an edge, or at its node if the edge was removed; None for others."""
         self._catch_up(positions)
         return self._place(positions, row)
 
     def within(self, positions: Positions, place: tuple[float, float], radius: float) -> list[int]:
-        """Return the rows of the living agents on edges within `radius` of a place, the rim included, ascending."""
+        """Return the rows of the living agents on edges within `radius` of a place, the border included, ascending."""
         self._catch_up(positions)
         (x, y), reach, (left, low, right, high) = place, radius + _SLACK, self._boxes
         is_near = (left <= x + reach) & (right >= x - reach) & (low <= y + reach) & (high >= y - reach)
@@ -378,7 +379,7 @@ class Travellers:
         return found
 
     def sighting(self, positions: Positions, row: int) -> int:
-        """Return what is reported of an agent: the node that it is on or has passed, and where on an edge it is."""
+        """Return the reported value of an agent: its last node, with its position on the edge."""
         node, progress = positions.nodes[row], positions.on_edge(row)
         xy = None if progress is None else self.place(positions, row)
         if progress is None or xy is None or not self._edges[row][0].lengths:
@@ -393,7 +394,7 @@ class Travellers:
         return self._places[row]
 
     def _catch_up(self, positions: Positions) -> None:
-        """Find the edges of the agents that are on others now, and forget where agents were."""
+        """Update the edges of agents that are now on other edges, and clear cached positions."""
         graph = self._ctx.graph.graph
         key = positions, graph.revision, positions.version
         if key == self._key and graph.revision is not None:
@@ -412,7 +413,7 @@ class Travellers:
             try:
                 edge = graph.get_edge(progress.edge)
                 points, length = edge.points, edge.length
-            except UnknownName:  # it is gone: the agent counts as on its node
+            except UnknownName:  # the edge was removed: the agent counts as on its node
                 points, length = coordinates(self._ctx, progress.source), 0.0
             xs, ys = points[::2], points[1::2]
             self._boxes[:, row] = min(xs), min(ys), max(xs), max(ys)
@@ -420,11 +421,11 @@ class Travellers:
 
 
 class Memory:
-    """What sensors share; one per context.
+    """The caches shared by the sensors of one context.
 
     Attributes:
-        views, views_past_obstacles: what was seen from where.
-        nearby: which agents are near a place.
+        views, views_past_obstacles: views by place.
+        nearby: the index of agents.
     """
 
     def __init__(self, ctx: IContext) -> None:
@@ -434,6 +435,6 @@ class Memory:
 
 
 def memory_of(ctx: IContext) -> Memory:
-    """Return the memory of the context's sensor engine; one of its own for a sensor in an engine of another class."""
+    """Return the caches of the context's sensor engine; new ones for a sensor in a custom engine."""
     shared = getattr(getattr(ctx.sensor, "storage", None), "memory", None)
     return shared if isinstance(shared, Memory) else Memory(ctx)

@@ -1,4 +1,4 @@
-"""What built-in sensors have in common: a name, a kind, an owner, the last result, a fixed place, a field of view."""
+"""The base class of built-in sensors: name, kind, owner, last result, fixed place, field of view."""
 
 from collections.abc import Callable, Iterable, Sequence
 from copy import copy
@@ -15,23 +15,23 @@ from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, SensorType
 
-Heading = tuple[float, float]  # (cos, sin); (0.0, 0.0) sees all around
+Heading = tuple[float, float]  # (cos, sin); (0.0, 0.0) looks in all directions
 ALL_AROUND: Heading = (0.0, 0.0)
 
 R = TypeVar("R")
 S = TypeVar("S", bound="Sensor")
 
-ATTRIBUTES_OF = {  # keyword of `create_sensor` -> the attribute that it sets, where that is called otherwise
+ATTRIBUTES_OF = {  # keyword of `create_sensor` -> its attribute, if the names differ
     "sensor_range": "range",
     **{name: f"notice.{name}" for name in ("team", "exclude", "detection")},
     **{name: f"notice.{name}" for name in ("position_noise_m", "false_alarm_rate", "delay_turns")},
 }
 _OURS = "gamms.sensor."
-_UNIT = 1e-9  # how much the length of a direction that is given may miss 1, to be read back as it was given
+_UNIT = 1e-9  # directions whose length differs from 1 by less are stored unchanged
 
 
 def of_data(look: Callable[[S], R]) -> Callable[[S], R]:
-    """Decorate a method that reads `data`, to raise BadValue where it was set to what no such sensor sees."""
+    """Decorate a method that reads `data`, to raise BadValue if a caller has set `data` to something invalid."""
 
     @wraps(look)
     def read(sensor: S) -> R:
@@ -41,33 +41,33 @@ def of_data(look: Callable[[S], R]) -> Callable[[S], R]:
             raise
         except (AttributeError, LookupError, TypeError, ValueError) as error:
             raise BadValue(
-                f"The data of sensor {shown(sensor.sensor_id)} was set to {shown(sensor._last[0])}, which is nothing "
-                f"that it sees. Call sense again before it is drawn."
+                f"The data of sensor {shown(sensor.sensor_id)} was set to {shown(sensor._last[0])}, which "
+                f"is not data of this kind of sensor. Call sense again before drawing it."
             ) from error
 
     return read
 
 
 class FixedType(GammsError, AttributeError):
-    """The type of a built-in sensor cannot be set."""
+    """An attempt to set the type of a built-in sensor."""
 
 
 class Sensor(ContextPart, ISensor):
-    """A built-in sensor; a subclass writes `sense`."""
+    """A built-in sensor; subclasses define `sense`."""
 
-    # NOTE: slots, not properties, and what changes with every look in a list, because setting an attribute asks whether
-    # a strategy is running: the paper's loop reads and writes them at every step (benchmarks: the loop).
+    # NOTE: slots, and frequently changing values in a list, because setting an attribute checks whether a
+    # strategy is running: the paper's loop reads and writes them at every step (benchmarks: the loop).
     __slots__ = ("_last", "_owner", "_phase", "ctx", "sensor_id", "type")
 
     _called = "sensor"
-    _CHECKS: ClassVar[dict[str, Callable[[Any, str], Any]]]  # attribute -> what it may be set to
+    _CHECKS: ClassVar[dict[str, Callable[[Any, str], Any]]]  # attribute -> check of its values
 
-    sees_world_only = True  # and nothing that belongs to the program
-    _is_ours: ClassVar[bool] = True  # whether its class is not one of the user's own
+    sees_world_only = True  # reads only the world, no data of the program
+    _is_ours: ClassVar[bool] = True  # whether its class is built in
 
-    type: SensorType  # what kind of sensor it is
+    type: SensorType  # kind of the sensor
     sensor_id: str  # its name
-    ctx: IContext  # the context that it looks at
+    ctx: IContext  # the context of the sensor
     _phase: DecidePhase
     _last: list[Any]  # `data`; the place, range and heading of the last look
     _owner: str | None
@@ -92,11 +92,11 @@ class Sensor(ContextPart, ISensor):
         return f"{type(self).__name__}({self.sensor_id!r}, {self.type}, owner={self._owner!r})"
 
     def __setattr__(self, name: str, value: object) -> None:
-        """Set an attribute after a look at it; refused while a strategy is running.
+        """Set an attribute after checks; refused while a strategy is running.
 
         Raises:
-            BadValue, BadType: it cannot be set to that.
-            FixedType (AttributeError): the type of a built-in sensor is what its class says.
+            BadValue, BadType: the value is invalid.
+            FixedType (AttributeError): the type of a built-in sensor is fixed by its class.
         """
         if name[0] != "_":
             self._phase.refuse(f"set sensor.{name}")
@@ -113,15 +113,15 @@ class Sensor(ContextPart, ISensor):
         path = ATTRIBUTES_OF[name]
         if hasattr(self, path.partition(".")[0]):
             self.ctx.logger.warning(
-                f"Sensor {self.sensor_id!r}: sensor.{name} is kept as an attribute of your own: set sensor.{path}."
+                f"Sensor {self.sensor_id!r}: sensor.{name} is a custom attribute; use sensor.{path}."
             )
 
     @property
     def data(self) -> Any:
-        """What was sensed last; settable. While agents decide, it is read-only, and that of others is not shown."""
+        """The data of the last look; settable. While agents decide, it is read-only, and only its owner may read it."""
         phase = self._phase
         if phase.agent is not None and self._owner not in (None, *phase.names()):
-            phase.refuse(f"look at what the sensor {self.sensor_id!r} of agent {self._owner!r} has seen")
+            phase.refuse(f"read the data of sensor {self.sensor_id!r} of agent {self._owner!r}")
         return phase.shown(self._last[0])
 
     @data.setter
@@ -129,38 +129,38 @@ class Sensor(ContextPart, ISensor):
         self._last[0] = data
 
     def _view_data(self) -> Any:
-        """Return what is drawn: `data`, or that of the nearest kind; see `catalog.derived`."""
+        """Return the data to draw: `data`, or the data of the underlying kind; see `catalog.derived`."""
         return self.data
 
     @refused_while_deciding
     def update(self, data: dict[str, Any]) -> None:
-        """Ignore `data`: a built-in sensor sees for itself."""
+        """Ignore `data`: a built-in sensor collects its own data."""
 
     @refused_while_deciding
     def set_owner(self, owner: str | None) -> None:
-        """Name the agent that carries the sensor; None for no agent."""
+        """Set the name of the agent that carries the sensor; None for no agent."""
         self._phase.owner_changes += 1
         object.__setattr__(self, "_owner", None if owner is None else as_name(owner, "the owner of a sensor"))
 
     @refused_while_deciding
     def reset(self) -> None:
-        """Forget what was sensed."""
+        """Clear the sensed data."""
         self._last[:] = [] if isinstance(self._last[0], list) else {}, None
 
     def live_result(self) -> Sequence[Any]:
-        """Return the list whose first item is what was sensed last; of a class of the user's own, its `data`."""
+        """Return the list whose first item is the data of the last look; for custom classes, `data`."""
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.live_result")
         return self._last if self._is_ours else super().live_result()
 
     @property
     def _remembers_no_more(self) -> bool:
-        """Whether it remembers nothing but what it has shown."""
+        """Whether its only state is the data it has shown."""
         return True
 
     @refused_while_deciding
     def data_from(self, place: Any, owner: str | None) -> Any:
-        """Return what it would show an agent now, as `data`; no look is counted."""
+        """Return the `data` that an agent would get now; the look is not counted."""
         twin = self._copy_for_view()
         twin._owner = owner
         twin.sense(place)
@@ -168,7 +168,7 @@ class Sensor(ContextPart, ISensor):
 
     @refused_while_deciding
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:
-        """Return what it would see now, for drawing; a class of the user's own is not asked, but what it saw last."""
+        """Return the present view, for drawing; for custom classes, the last view."""
         if not self._is_ours:
             return self.last_view()
         twin = self._copy_for_view()
@@ -180,22 +180,22 @@ class Sensor(ContextPart, ISensor):
         return twin.last_view()
 
     def _copy_for_view(self) -> Self:
-        """A sensor that looks in its place."""
+        """Return a sensor to look with in its place."""
         twin = copy(self)
         twin._last = list(self._last)
         return twin
 
     def places_of(self, node_ids: Iterable[int]) -> FloatArray:
-        """Return where the nodes of a look are (nodes, 2); those that were removed since then are left out."""
+        """Return the positions of the nodes of a look (nodes, 2); nodes removed since then are left out."""
         graph = self.ctx.graph.graph
         return graph.positions([id for id in node_ids if graph.has_node(id)])
 
 
 def checked_orientation(value: Iterable[object], name: str) -> Heading:
-    """Return `(cos, sin)` of length 1 from what a caller passed.
+    """Check an orientation, and return it as `(cos, sin)` of length 1.
 
     Raises:
-        BadValue: it is no pair of finite numbers, or (0, 0).
+        BadValue: not a pair of finite numbers, or (0, 0).
     """
     try:
         x, y = (as_float(part, name) for part in value)

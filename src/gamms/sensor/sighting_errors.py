@@ -1,7 +1,7 @@
-"""What is wrong with what a sensor reports: false sightings and noisy places, drawn by keyed draws, and delay.
+"""Errors of sensor reports: false alarms and position noise by keyed draws, and delay.
 
-The model is the usual one of target tracking (Bar-Shalom, Willett and Tian, "Tracking and Data Fusion", 2011): the
-errors of places are Gaussian and independent, and false sightings are a Poisson process, uniform on what is covered.
+The model is the common one of target tracking (Bar-Shalom, Willett and Tian, "Tracking and Data Fusion", 2011):
+position errors are Gaussian and independent, and false alarms are a Poisson process, uniform on the covered area.
 """
 
 from collections.abc import Collection, Iterable, Sequence
@@ -17,54 +17,55 @@ from gamms.plain import to_plain
 from gamms.typing import IContext
 
 AXES = ("x", "y", "z")
-MOST_FALSE_ALARMS = 100.0  # per look: so many would hide any agent
+MOST_FALSE_ALARMS = 100.0  # per look: more would hide any agent
 
 
 class Reportable(NamedTuple):
-    """Agents that may be reported falsely, in the order of their creation."""
+    """The agents that may be reported falsely, in order of creation."""
 
     names: list[str]
-    keys: BitArray  # (names,) their hashes
+    keys: BitArray  # (names,) hashes of the names
 
 
 class Look(NamedTuple):
-    """One look of a sensor: what all that is drawn in it follows from."""
+    """One look of a sensor: the inputs of all its random draws."""
 
     seed: int
     sensor_id: str
     owner: str  # "": no agent
     turn: int
-    number: int  # of the looks of this owner in this turn, from 0
+    number: int  # index of the look among the looks of this owner in this turn, from 0
 
     def bits(self, names: Iterable[str], purpose: str) -> BitArray:
         """Return 64 random bits for each name, (names,)."""
         return self._bits(kernels.name_keys(names), purpose)
 
     def noise(self, names: Sequence[str], deviation: float) -> FloatArray:
-        """Return the errors of the places of agents, (names, 3)."""
+        """Return the position errors of agents, (names, 3)."""
         keys = kernels.name_keys(names)
         axes = [kernels.normals(self._bits(keys, "position noise", axis).tolist()) for axis in AXES]
         return deviation * np.column_stack(axes)
 
     def count_false_alarms(self, rate: float) -> int:
-        """Return how many there are, where so many are to be expected."""
+        """Draw the number of false alarms, with mean `rate`."""
         return kernels.poisson(self._one("false alarms"), rate)
 
     def false_alarms(self, count: int, among: Reportable, but: Collection[str], node_ids: IntArray) -> dict[str, int]:
-        """Return agent -> the node on which it is reported and is not.
+        """Return agent -> the node on which it is reported falsely.
 
         Args:
-            count: how many there are, if there are so many agents.
-            among: agents that may be reported falsely, each once at most.
-            but: the names of those that are not.
-            node_ids: where they may be reported (nodes,), one at least.
+            count: number of false alarms, limited by the number of agents.
+            among: agents that may be reported falsely, each at most once.
+            but: names of agents that are excluded.
+            node_ids: nodes on which they may be reported (nodes,), at least one.
         """
         found: dict[str, int] = {}
         names, keys = among
         left = np.arange(len(names))
-        if 2 * len(but) > len(names):  # else hardly one of them has the highest lot
+        if 2 * len(but) > len(names):  # otherwise the agent with the highest draw is rarely excluded
             left = np.array([i for i, name in enumerate(names) if name not in but], np.int64)
-        for i in range(count):  # each draws a lot and the highest counts, so that no other agent changes much
+        # each agent draws a number and the highest counts, so that one agent hardly affects others
+        for i in range(count):
             lots = self._bits(keys[left], "false alarm", i)
             while len(left):
                 highest = int(lots.argmax())
@@ -86,22 +87,22 @@ class Look(NamedTuple):
 
 
 def delayed(ctx: IContext, look: Look, seen: dict[str, Any], delay: int, *, is_noted: bool) -> dict[str, Any]:
-    """Return what was seen so many turns before, as plain values: in the latest look that is as old, or older.
+    """Return the data of an earlier look as plain values: the latest look that is at least `delay` turns old.
 
     Args:
         ctx: the context.
-        look: this one.
-        seen: what is seen now, by the names of agents.
+        look: the present look.
+        seen: the present data, by names of agents.
         delay: turns.
-        is_noted: whether it is to be reported later.
+        is_noted: whether to store the present data for later reports.
     """
     known = delayed_looks(ctx)
-    if known is None and not is_noted:  # a picture of how things are before the game
+    if known is None and not is_noted:  # a drawing before the game begins
         return {}
     if known is None:
         raise BadValue(
-            f"Sensor {look.sensor_id!r} has delay_turns={delay}, and nothing counts the turns: play with ctx.game, "
-            "which does."
+            f"Sensor {look.sensor_id!r} has delay_turns={delay}, but no turns are counted: play with ctx.game, "
+            "which counts them."
         )
     key = look.sensor_id, look.owner
     looks = known.get(key, {}) | {look.turn: to_plain(seen)}
@@ -112,7 +113,7 @@ def delayed(ctx: IContext, look: Look, seen: dict[str, Any], delay: int, *, is_n
 
 
 def delayed_looks(ctx: IContext) -> dict[tuple[str, str], dict[int, dict[str, Any]]] | None:
-    """Return what sensors are still to report, which belongs to the game; None: there is no game."""
+    """Return the pending reports of sensors, which are part of the game; None without a game."""
     game = ctx.current_game
     looks: dict[tuple[str, str], dict[int, dict[str, Any]]] | None
     looks = None if game is None else game.internals.state.delayed_looks
@@ -120,7 +121,7 @@ def delayed_looks(ctx: IContext) -> dict[tuple[str, str], dict[int, dict[str, An
 
 
 def forget_delayed(ctx: IContext, sensor_id: str) -> None:
-    """Forget what a sensor is still to report."""
+    """Drop the pending reports of a sensor."""
     looks = delayed_looks(ctx) or {}
     for key in [key for key in looks if key[0] == sensor_id]:
         del looks[key]

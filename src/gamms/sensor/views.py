@@ -1,4 +1,4 @@
-"""What is seen from a place of the nodes and edges around, remembered as long as they stay as they are."""
+"""Views of nodes and edges from a place, cached until the graph changes."""
 
 from collections.abc import Container, Hashable, Mapping
 from functools import cached_property
@@ -24,25 +24,25 @@ FULL_CIRCLE = 2.0 * pi
 Sector = tuple[float, tuple[float, float], float]  # radius, heading (cos, sin), full opening angle
 Place = int | tuple[float, ...]  # the id of a node, or (x, y)
 
-_FAR_BEYOND = 3.0  # how far an area is measured, in distances to the farthest node along an axis
+_FAR_BEYOND = 3.0  # limit of a visible area, in distances to the farthest node along an axis
 _MOST_AREAS = 1000
-_MOST_WORDS = 1 << 24  # of 8 bytes: what may be remembered in all, but for arrays of ids
-_PART = 8  # one in so many views is forgotten when there are too many
-_WORDS_PER_NODE = 7  # of a dict entry, at most
+_MOST_WORDS = 1 << 24  # cached 8-byte words in total, except arrays of ids
+_PART = 8  # one in this many views is dropped when the cache is full
+_WORDS_PER_NODE = 7  # per dict entry, at most
 _SURFACE = NodeGround(np.zeros(1), np.zeros(1, np.int64))  # of a flat map
-_WORDS_PER_VIEW = 100  # of its key and its empty containers
-_FEW_MISSES = 4  # looks of a moment that are answered one by one, and
+_WORDS_PER_VIEW = 100  # per view, for its key and its empty containers
+_FEW_MISSES = 4  # misses at one moment that are computed one by one, and
 _AGENTS_PER_MISS = 512  # one more for each so many agents
-_FEWEST, _MOST_AHEAD = 16, 4096  # views that are worked out together
+_FEWEST, _MOST_AHEAD = 16, 4096  # views that are computed together
 _GROWTH = 4
-_MOST_BEHIND = 64  # looks from nodes that were passed, before it goes back to one, and
+_MOST_BEHIND = 64  # looks from nodes already passed before the search returns to one, and
 _NODES_PER_LOOK_BEHIND = 16  # one more for each so many nodes
-_SHARE_AHEAD = 4  # one in so many words may be of views that are worked out together
-_MOST_RADII = 64  # at which looks are counted
+_SHARE_AHEAD = 4  # share of the words for views that are computed together
+_MOST_RADII = 64  # radii for which looks are counted
 
 
 class View(Surroundings):
-    """What is seen from a place, to be shared, and not to be changed."""
+    """A read-only view from a place, shared by sensors."""
 
     @cached_property
     def node_ids(self) -> IntArray:
@@ -56,16 +56,15 @@ class View(Surroundings):
 
 
 class LooksToCome:
-    """What agents will see all around within one radius that have not looked yet at this moment.
+    """A prefetcher of views: computes the views that other agents will need at this moment, for one radius.
 
-    While agents decide, all see the same world, and look in the order of their names. So where several looks were from
-    nodes that are not known, what the next agents will see is worked out together: for more and more of them, as long
-    as most of it is looked at.
+    While agents decide, all see the same world, and look in the order of their names. After several looks from unknown
+    nodes, the views of the next agents are computed together, in growing numbers as long as most of them are used.
 
     Attributes:
-        views: by node; a look takes its own out.
-        words: what these take in memory.
-        largest: what a view that was worked out by itself takes, at most.
+        views: view by node; a look removes its view.
+        words: memory of these views.
+        largest: largest size of a view computed alone.
     """
 
     __slots__ = (
@@ -79,14 +78,14 @@ class LooksToCome:
         self.begin()
 
     def begin(self) -> None:
-        """Begin again, as agents may have moved."""
+        """Restart, because agents may have moved."""
         self.judge()
         self._misses = self._begin = self._end = self._behind = 0
-        self._nodes: list[int] | None = None  # from which agents look, in their order
+        self._nodes: list[int] | None = None  # nodes of agents, in the order of their looks
         self._places: dict[int, int] = {}  # of these in it
 
     def judge(self) -> None:
-        """Forget what was not looked at; work out more the next time, or less and later."""
+        """Drop unused views; compute more the next time if most were used, else fewer and later."""
         unused, self.views, self.words = len(self.views), {}, 0
         if not self._made:
             return
@@ -98,9 +97,9 @@ class LooksToCome:
         self._made = 0
 
     def is_due(self, node: int, positions: Positions) -> bool:
-        """Count a look from a node that is not known, and return whether to work out what the next ones see."""
+        """Count a look from an unknown node; return whether to compute the next views together."""
         self._misses += 1
-        # NOTE: to sort 10,000 agents takes as long as 20 looks (benchmarks: looks of many agents).
+        # NOTE: sorting 10,000 agents takes as long as 20 looks (benchmarks: looks of many agents).
         if self._wait or self._misses <= _FEW_MISSES + len(positions.names) // _AGENTS_PER_MISS:
             self._wait = max(self._wait - 1, 0)
             return False
@@ -113,7 +112,7 @@ class LooksToCome:
         if place is None:
             return False
         most_behind = _MOST_BEHIND + len(self._nodes) // _NODES_PER_LOOK_BEHIND
-        if place < self._end and self._behind < most_behind:  # the view was known, and was forgotten since
+        if place < self._end and self._behind < most_behind:  # the view was cached, and dropped since
             self._behind += 1
             return False
         self._behind = 0
@@ -121,11 +120,11 @@ class LooksToCome:
         return True
 
     def most(self) -> int:
-        """Return how many views to work out together."""
+        """Return how many views to compute together."""
         return min(self._size, _MOST_WORDS // _SHARE_AHEAD // self.largest)
 
     def next_nodes(self, known: Container[int]) -> list[int]:
-        """Return nodes that are not known from which agents look next; none where they are few."""
+        """Return unknown nodes from which agents look next; empty if there are few."""
         found, nodes, most = list[int](), self._nodes or (), self.most()
         place = self._begin
         while place < len(nodes) and len(found) < most:
@@ -136,7 +135,7 @@ class LooksToCome:
         return found if len(found) >= _FEWEST // 2 else []
 
     def take(self, nodes: list[int], seen: list[Surroundings], most_words: int) -> None:
-        """Keep what is seen from nodes, until it takes so many words."""
+        """Store views of nodes, up to a number of words."""
         for node, view in zip(nodes, seen, strict=True):
             words = _words(view)
             if self.words + words > most_words:
@@ -146,12 +145,12 @@ class LooksToCome:
         self._made = len(self.views)
 
     def stop(self) -> None:
-        """Work nothing out until agents have moved."""
+        """Stop prefetching until agents have moved."""
         self._nodes, self._places = [], {}
 
 
 class Views:
-    """Surroundings by radius and field of view, and by place."""
+    """A cache of surroundings by radius and field of view, and by place."""
 
     def __init__(self, ctx: IContext) -> None:
         self._ctx, self._phase = ctx, phase_of(ctx)
@@ -161,11 +160,11 @@ class Views:
         self._seen: dict[Any, dict[Any, View]] = {}
         self._words = 0
         self._to_come: dict[float, LooksToCome] = {}  # by radius
-        self._has_missed = False  # whether there is something in them of this moment
+        self._has_missed = False  # whether it has prefetched views of this moment
 
     def look(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> View:
-        """Return what a map sensor sees."""
-        # NOTE: the graph is asked for once, and for its revision once in a turn: three properties cost a third of a
+        """Return the view of a map sensor."""
+        # NOTE: reads the graph once, and its revision once per turn: three properties would cost a third of a
         # look (benchmarks: sense).
         moment = self._phase.moment
         if moment is None or moment is not self._moment:
@@ -178,7 +177,7 @@ class Views:
                 self._forget(revision)
         kind = radius if fov == FULL_CIRCLE or heading == (0.0, 0.0) else (radius, fov, heading)
         key = place
-        if kind == inf:  # the whole graph looks alike from everywhere
+        if kind == inf:  # the whole graph is the same from every place
             coordinates(self._ctx, place)
             key = -1
         try:
@@ -189,7 +188,7 @@ class Views:
             return self.look(as_int(place, "The id of a node"), radius, fov, heading)
 
     def known(self, radius: float) -> Mapping[Place, View]:
-        """Return what sensors have seen all around within a finite radius, by place, as far as it is remembered."""
+        """Return the cached views in all directions within a finite radius, by place."""
         is_valid = self._revision is not None and self._revision == self._ctx.graph.graph.revision
         return self._seen.get(radius, {}) if is_valid else {}
 
@@ -203,7 +202,7 @@ class Views:
         return graph.within(place, radius, fov, heading)
 
     def _around(self, graph: IGraph, node: int, radius: float) -> Surroundings:
-        """Return what is seen all around a node as agents decide."""
+        """Return the surroundings of a node, while agents decide."""
         looks = self._to_come.get(radius)
         if looks is None:
             if len(self._to_come) >= _MOST_RADII:
@@ -221,7 +220,7 @@ class Views:
         if nodes:
             try:
                 seen, *others = graph.within_many(nodes, radius)
-            except UnknownName:  # an agent stands on a node that was removed
+            except UnknownName:  # the node of an agent was removed
                 looks.stop()
             else:
                 looks.take(nodes[1:], others, _MOST_WORDS - self._words)
@@ -232,20 +231,20 @@ class Views:
         return seen
 
     def _next_nodes(self, looks: LooksToCome, node: int, radius: float) -> list[int]:
-        """Return the nodes from which to look together, this one first; none where it does not pay."""
+        """Return the nodes whose views to compute together, this one first; empty if it does not pay off."""
         if not looks.is_due(node, self._ctx.agent.positions):
             return []
         self._words -= looks.words
         looks.judge()
         nodes, words = looks.next_nodes(self._seen.get(radius, {})), looks.most() * looks.largest
-        if nodes and self._words + words > _MOST_WORDS:  # now, and not before those look whose views are known
+        if nodes and self._words + words > _MOST_WORDS:  # only now, after the looks whose views were cached
             self._drop(words)
             has_room = self._words + words <= _MOST_WORDS
             nodes = looks.next_nodes(self._seen.get(radius, {})) if has_room else []
         return nodes
 
     def _begin_looks(self) -> None:
-        """Forget what was worked out for looks that have not come, as agents may have moved."""
+        """Drop unused prefetched views, because agents may have moved."""
         for looks in self._to_come.values():
             self._words -= looks.words
             looks.begin()
@@ -257,22 +256,22 @@ class Views:
         self._words = 0
 
     def _keep(self, kind: Hashable, place: Place, seen: Surroundings) -> View:
-        """Remember a view, if it is small enough; when there are too many, one in a few is forgotten."""
+        """Cache a view if it is small enough; when the cache is full, drop one in a few views."""
         words, view = _words(seen), View(*seen)
         if self._revision is None or words > _MOST_WORDS:
             return view
         if self._words + words > _MOST_WORDS:
             self._drop(words)
-            if self._words + words > _MOST_WORDS:  # what others will look at takes it
+            if self._words + words > _MOST_WORDS:  # the space is used by prefetched views
                 return view
         self._words += words
         self._seen.setdefault(kind, {})[place if isinstance(place, tuple) else int(place)] = view
         return view
 
     def _drop(self, words: int) -> None:
-        """Forget one in a few views of each kind, until so much memory is free."""
-        # NOTE: not the oldest: who looks from more places in turn than are kept would find none of them
-        # (benchmarks: where it broke).
+        """Drop one in a few views of each kind, until enough memory is free."""
+        # NOTE: not the oldest: an agent that cycles through more places than fit would then never hit the
+        # cache (benchmarks: where it broke).
         while self._seen and self._words + words > _MOST_WORDS:
             for kind, views in list(self._seen.items()):
                 for place in list(views)[::_PART]:
@@ -286,7 +285,7 @@ def _words(seen: Surroundings) -> int:
 
 
 class ViewsPastObstacles(Views):
-    """The same, without what is behind an obstacle."""
+    """A cache of views without nodes behind obstacles."""
 
     def __init__(self, ctx: IContext) -> None:
         super().__init__(ctx)
@@ -295,7 +294,7 @@ class ViewsPastObstacles(Views):
     def look_past(
         self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float, tunnel: int = 0
     ) -> View:
-        """Return what a map sensor sees whose sight lines run `height` above the ground; `tunnel` as for `in_sight`."""
+        """Return the view of a map sensor with sight lines `height` above the ground; `tunnel` as for `in_sight`."""
         self._renew()
         kind = (radius, fov, heading, height, tunnel)
         try:
@@ -307,7 +306,7 @@ class ViewsPastObstacles(Views):
             return self.look_past(as_int(place, "The id of a node"), radius, fov, heading, height, tunnel)
 
     def area(self, place: tuple[float, float], sector: Sector, height: float) -> FloatArray:
-        """Return the corners (corners, 2) of what is in sight of a sector, cut off far beyond the map."""
+        """Return the corners (corners, 2) of the visible part of a sector, cut off far outside the map."""
         self._renew()
         key = place, sector, height
         if key not in self._areas:
@@ -320,7 +319,7 @@ class ViewsPastObstacles(Views):
         (radius, heading, fov), see = sector, self._ctx.graph.visible
         end = _FAR_BEYOND * float(np.abs(self._ctx.graph.columns().xy - place).max(initial=0.0))
         within = min(radius, end) if radius < inf and end > 0.0 else radius
-        level = float(ground_at(self._ctx, place).z[0]) + height  # the area is cut where the eyes are
+        level = float(ground_at(self._ctx, place).z[0]) + height  # the area is computed at the height of the eyes
         origin = np.array([*place, level])
         return fov_geometry.area_in_sight(
             lambda points: see(origin, at_height(points, level)), *place, within, heading, fov
@@ -337,7 +336,7 @@ class ViewsPastObstacles(Views):
         self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float, tunnel: int
     ) -> IntArray:
         table = None if isinstance(place, tuple) else self._ctx.graph.visibility_table(radius, height)
-        if table is not None and table.radius == radius:  # it has looked at what is in range already
+        if table is not None and table.radius == radius:  # the table already has the range
             ids = table.from_node(place)  # type: ignore[arg-type] # a pair has no table
             nodes = NodeColumns(ids, self._ctx.graph.graph.positions(ids))
             return ahead_of(nodes, *coordinates(self._ctx, place), fov, heading).ids
@@ -349,7 +348,7 @@ def coordinates(ctx: IContext, place: Place) -> tuple[float, float]:
     """Return (x, y) of a place.
 
     Raises:
-        UnknownName (KeyError): there is no such node.
+        UnknownName (KeyError): the node does not exist.
     """
     if isinstance(place, tuple):
         return place[0], place[1]
@@ -364,7 +363,7 @@ def nodes_ahead(ctx: IContext, place: Place, radius: float, fov: float, heading:
 
 
 def ahead_of(nodes: NodeColumns, x: float, y: float, fov: float, heading: tuple[float, float]) -> NodeColumns:
-    """Return those nodes that are inside the field of view from (x, y)."""
+    """Return the nodes that are inside the field of view from (x, y)."""
     if fov == FULL_CIRCLE or heading == (0.0, 0.0):
         return nodes
     ids, xy = nodes
@@ -377,8 +376,8 @@ def in_sight(
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
     """Return whether no obstacle hides each node; all sight lines run `height` above the ground.
 
-    A visibility table answers if there is one; it was made of the same sight lines. `tunnel` is that of a place
-    (x, y); that of a node is known.
+    Uses a visibility table if there is one, with the same result. `tunnel` is the tunnel of a place (x, y); for a node
+    it is known.
     """
     if not isinstance(place, tuple):
         table = ctx.graph.visibility_table(radius, height)
@@ -388,7 +387,7 @@ def in_sight(
 
 
 def is_unhidden(ctx: IContext, place: Place, nodes: NodeColumns, height: float, tunnel: int = 0) -> BoolArray:
-    """Return whether no obstacle hides each node, or a place beside it, without asking a table."""
+    """Return whether no obstacle hides each node or an adjacent place, without a visibility table."""
     here, there = ground_at(ctx, place), ctx.graph.graph.ground(nodes.ids)
     origin = here.eyes(np.array([coordinates(ctx, place)]), height)[0]
     if there is None:
@@ -398,7 +397,7 @@ def is_unhidden(ctx: IContext, place: Place, nodes: NodeColumns, height: float, 
 
 
 def ground_at(ctx: IContext, place: Place) -> NodeGround:
-    """Return the ground at one place; at (x, y) that of the surface, as high as the nearest node."""
+    """Return the ground at one place; for (x, y) the surface, at the height of the nearest node."""
     graph = ctx.graph.graph
     if not isinstance(place, tuple):
         ground = graph.ground([place])
@@ -414,7 +413,7 @@ def at_height(xy: FloatArray, height: float) -> FloatArray:
 
 
 def on_ground(ctx: IContext, ids: IntArray, xy: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the nodes as points (nodes, 3) on the ground, and which of them are not in a tunnel."""
+    """Return the nodes as points (nodes, 3) on the ground, and a mask of those that are not in a tunnel."""
     ground = ctx.graph.graph.ground(ids)
     if ground is None:
         return at_height(xy, 0.0), np.ones(len(xy), np.bool_)

@@ -1,6 +1,6 @@
-"""Contracts: what each engine promises. Values that several engines use are here too: Node, OSMEdge, ObsFace, State.
+"""Contracts of the engines, and values that several engines use: Node, OSMEdge, ObsFace, State.
 
-Each contract has three parts: what you *must* write, what you *may* override for speed, what you get *free*.
+A contract has three parts: methods to implement, methods to override for speed, and methods with a default.
 Read `graph_engine.py`, `sensor_engine.py` and `game.py` first. May import: `gamms.kernels` and below.
 """
 
@@ -106,7 +106,7 @@ __all__ = [
     "logger",
 ]
 
-if not TYPE_CHECKING:  # which would take every misspelt name for one that is there
+if not TYPE_CHECKING:  # type checkers would accept any misspelled name
 
     def __getattr__(name: str) -> ModuleType:
         if name in {"artist", "compute_engine", "message_engine", "opcodes"}:  # modules of 1.0.0: see `gamms._legacy`

@@ -1,4 +1,4 @@
-"""Checks of what callers pass for nodes, headings, positions, quaternions and strategies before it is written."""
+"""Checks of nodes, headings, positions, quaternions and strategies passed by callers."""
 
 import dis
 from collections.abc import Callable, Iterable
@@ -20,16 +20,16 @@ from gamms.typing.context import IContext
 from gamms.typing.graph_engine import IGraph
 
 _STATES = ("state", "states")  # first parameters of strategies
-_CONTEXT = "ctx"  # the first parameter of makers
+_CONTEXT = "ctx"  # the first parameter of functions that make strategies
 _STATE_TYPES = ("State", "AerialState", "dict", "Dict", "Mapping")
 _CONTEXT_TYPES = ("Context", "IContext", "HostContext")
-_NO_STATE = (TypeError, AttributeError)  # what strategies raise that get a context in place of a state
+_NO_STATE = (TypeError, AttributeError)  # errors of strategies that are called with a context instead of a state
 
 Function = Callable[..., Any]
 
 
 def as_node(value: object) -> int:
-    """Return an action that must be a node id."""
+    """Return an action that must be a node id, as an int."""
     try:
         return as_int(value, "A node id")
     except BadType:
@@ -39,11 +39,11 @@ def as_node(value: object) -> int:
 
 
 def known_node(graph: IGraph, block: AgentBlock, value: object) -> int:
-    """Return the id of a node of the graph; while the block trusts nodes, any integer of 64 bits.
+    """Return the id of a node of the graph; if the block trusts nodes, of any 64-bit integer.
 
     Raises:
-        UnknownName (KeyError): there is no such node.
-        BadType: it is no integer.
+        UnknownName (KeyError): the node does not exist.
+        BadType: not an integer.
     """
     node = as_int(value, "A node id")
     is_known = -(1 << 63) <= node < 1 << 63 if block.trusts_nodes else graph.has_node(node)
@@ -53,7 +53,7 @@ def known_node(graph: IGraph, block: AgentBlock, value: object) -> int:
 
 
 def above(graph: IGraph, node: int, z: float) -> Position:
-    """Return the position above a node; (0, 0, z) where a trusted node is not there, for replay knows the position."""
+    """Return the position above a node; (0, 0, z) for an unknown trusted node, whose position is set later."""
     if not graph.has_node(node):
         return (0.0, 0.0, z)
     _, x, y = graph.get_node(node)
@@ -67,19 +67,19 @@ def as_heading(heading: object) -> tuple[float, float]:
     except (TypeError, ValueError):
         raise BadValue(f"An orientation must be a pair (cos, sin), not {shown(heading)}.") from None
     cos, sin = as_float(x, "An orientation"), as_float(y, "An orientation")
-    scale = max(abs(cos), abs(sin))  # first, so that no square overflows or vanishes
+    scale = max(abs(cos), abs(sin))  # scale first, so that no square overflows or vanishes
     if scale == 0.0:
-        raise BadValue("An orientation must not be (0, 0). Use None to have none set.")
+        raise BadValue("An orientation must not be (0, 0). Use None to clear it.")
     cos, sin = cos / scale, sin / scale
     length = hypot(cos, sin)
     return cos / length, sin / length
 
 
 def heading_in(action: dict[str, Any]) -> Any:
-    """Return the heading that an action dict asks for, None to follow moves; () where it asks for none.
+    """Return the heading in an action dict, or None to follow moves; () if the dict has no heading.
 
     Raises:
-        BadValue, BadType: it has no `node_id`, or an impossible orientation.
+        BadValue, BadType: the dict has no `node_id`, or an invalid orientation.
     """
     if "node_id" not in action:
         raise BadValue(f"An action dict needs 'node_id'; got only {sorted(map(str, action))}.")
@@ -96,18 +96,18 @@ def as_position(value: object) -> Position:
 
 
 def as_quat(value: object) -> Quat:
-    """Return `(w, x, y, z)` of length 1 from one of any length; all zeros mean unturned."""
+    """Return `(w, x, y, z)` of length 1 from a quaternion of any length; all zeros mean no rotation."""
     w, x, y, z = as_numbers(value, "A quat", "(w, x, y, z)")
     return kernels.unit_quaternion((w, x, y, z)) or UNTURNED
 
 
 def level_quat(heading: object) -> Quat:
-    """Return the quaternion that faces `(cos, sin)`, of any length, without pitch and roll; None: unturned."""
+    """Return the rotation that faces `(cos, sin)`, of any length, without pitch and roll; None: no rotation."""
     return UNTURNED if heading is None else kernels.about_z(as_heading(heading))
 
 
 def one_step(position: Position, direction: object, speed: float) -> Position:
-    """Return the position after one step of `speed` map units; a direction of length 0 leaves it."""
+    """Return the position after one step of `speed` map units; a direction of length 0 does not move."""
     parts = as_numbers(direction, "A direction", "(dx, dy, dz)")
     scale = max(map(abs, parts))
     if scale == 0.0:
@@ -116,15 +116,15 @@ def one_step(position: Position, direction: object, speed: float) -> Position:
     length = hypot(*parts)
     x, y, z = (at + part / length * speed for at, part in zip(position, parts, strict=True))
     if not (isfinite(x) and isfinite(y) and isfinite(z)):
-        raise BadValue(f"A step of {speed} from {position} leads beyond all numbers. Use a smaller speed.")
+        raise BadValue(f"A step of {speed} from {position} exceeds the range of floats. Use a smaller speed.")
     return (x, y, z)
 
 
 def flight(block: AgentBlock, row: int, action: object) -> tuple[Position | None, Quat | None]:
-    """Return the position and the quaternion after a flyer's action; None for what does not change.
+    """Return the position and the quaternion after the action of a flying agent; None for an unchanged value.
 
     Raises:
-        BadType, BadValue: it is not an action of a flyer.
+        BadType, BadValue: not an action of a flying agent.
     """
     if isinstance(action, dict):
         quat = as_quat(action["quat"]) if "quat" in action else None
@@ -140,7 +140,7 @@ def flight(block: AgentBlock, row: int, action: object) -> tuple[Position | None
 
 
 def position_of(block: AgentBlock, row: int) -> Position:
-    """Return the position of a flyer.
+    """Return the position of a flying agent.
 
     Raises:
         BadType: the agent is on the ground.
@@ -157,7 +157,7 @@ def _ahead(block: AgentBlock, row: int, direction: object, distance: object) -> 
         return one_step(position_of(block, row), direction, speed)
     far = as_range(distance, "A distance")
     if far > speed:
-        raise BadValue(f"A distance of {far:g} is more than agent {block.names[row]!r} flies at once: {speed:g}.")
+        raise BadValue(f"A distance of {far:g} is more than the speed of agent {block.names[row]!r}, {speed:g}.")
     return one_step(position_of(block, row), direction, far)
 
 
@@ -165,15 +165,15 @@ def _ahead(block: AgentBlock, row: int, direction: object, distance: object) -> 
 
 
 def strategy_in(ctx: IContext, given: object) -> Any:
-    """Return the strategy that a value is, or that it makes in a context.
+    """Return a value that is a strategy, or the strategy that it makes in a context.
 
-    A function makes strategies if its first parameter is `ctx`, or annotated as a context. It is a strategy if that is
-    `state`, or annotated as a state, if it sets "action" or returns nothing, or if it is written in C. Any other
-    function is called with the context, which cannot be changed meanwhile: it makes strategies if it returns a
-    function.
+    A function makes strategies if its first parameter is `ctx`, or is annotated as a context. It is a strategy if this
+    parameter is `state`, or is annotated as a state, if the function sets "action" or returns nothing, or if it is
+    written in C. Any other function is called with the context, which must not be changed during the call: it makes
+    strategies if it returns a function.
 
     Raises:
-        BadType: it is neither; it makes strategies and needs more than the context; or it cannot be told.
+        BadType: neither; or it needs more arguments than the context; or this cannot be determined.
         BadValue: it was made for another context.
     """
     is_maker, function = makes_strategies(given), cast("Function", given)
@@ -184,15 +184,15 @@ def strategy_in(ctx: IContext, given: object) -> Any:
     _refuse_missing(function)
     made = function(ctx)
     if not callable(made):
-        raise BadType(f"{as_code(given)} gives {shown(made)}, which is not a strategy.")
+        raise BadType(f"{as_code(given)} returns {shown(made)}, which is not a strategy.")
     return _checked(ctx, made)
 
 
 def plan_in(ctx: IContext, given: object) -> Any:
-    """Return the plan of a team that a value is, or that it makes in a context.
+    """Return a value that is the plan of a team, or the plan that it makes in a context.
 
-    A strategy that it makes, and one of `gamms.strategies`, becomes a plan that decides for one agent after the other.
-    Other values are returned as they are.
+    A strategy that it makes, and a strategy of `gamms.strategies`, becomes a plan that decides for one agent after
+    another. Other values are returned unchanged.
 
     Raises:
         BadType, BadValue: see `strategy_in`.
@@ -218,9 +218,9 @@ def plan_in(ctx: IContext, given: object) -> Any:
 
 
 def makes_strategies(given: object) -> bool | None:
-    """Return whether a value makes strategies, as far as it can be told without calling it; None: it cannot."""
+    """Return whether a value makes strategies, without calling it; None if this is unknown."""
     code = getattr(given.func if type(given) is Called else given, "__code__", None)
-    if code is not None and code.co_argcount and code.co_varnames[0] in _STATES:  # NOTE: each agent comes here
+    if code is not None and code.co_argcount and code.co_varnames[0] in _STATES:  # NOTE: called for each agent
         return False
     function = given if callable(given) else None
     first = None if function is None else _first_parameter(function)
@@ -240,7 +240,7 @@ def _is_awaited(given: Function) -> bool:
 
 
 def _first_parameter(given: Function) -> Parameter | None:
-    """Return the first parameter that is left to the caller; None without one, or of a function in C."""
+    """Return the first parameter that a caller passes; None without parameters, or for a function in C."""
     try:
         parameters = signature_of(given).parameters.values()
     except (TypeError, ValueError):
@@ -249,7 +249,7 @@ def _first_parameter(given: Function) -> Parameter | None:
 
 
 def _code_of(given: Function) -> CodeType | None:
-    """Return the code of a function, or of the method by which an object is called; None of one in C."""
+    """Return the code of a function, or of the call method of an object; None if it is written in C."""
     while isinstance(given, partial):
         given = given.func
     plain = unwrap(getattr(given, "__func__", given))
@@ -258,14 +258,14 @@ def _code_of(given: Function) -> CodeType | None:
 
 
 def _may_return(code: CodeType | None) -> bool:
-    """Return whether a function returns something, and does not name "action" as a key or a keyword."""
+    """Return whether a function returns a value, and does not use "action" as a key or a keyword."""
     if code is None or any(one == "action" or (isinstance(one, tuple) and "action" in one) for one in code.co_consts):
         return False
     return any(value is not None for value in _returned(dis.get_instructions(code)))
 
 
 def _returned(instructions: Iterable[dis.Instruction]) -> Iterable[object]:
-    """Yield the constants that a function returns, and a mark for each value that it works out."""
+    """Yield the constants that a function returns, and a mark for each computed value."""
     before = None
     for one in instructions:
         if one.opname == "RETURN_CONST":
@@ -294,28 +294,28 @@ def _returns_function(ctx: IContext, given: Function) -> bool:
 
 
 def _refuse_missing(given: Function) -> None:
-    """Refuse what makes strategies of more than the context.
+    """Refuse functions that need more arguments than the context to make a strategy.
 
     Raises:
-        BadType: it does.
+        BadType: it needs more.
     """
     try:
         signature_of(given).bind(None)
     except TypeError:
         raise BadType(
-            f"{as_code(given)} makes such a function, and needs more than the context: call it, "
+            f"{as_code(given)} makes a strategy, but needs more than the context: call it, "
             f"{as_code(given)}(…), and pass what it returns, or pass lambda ctx: {as_code(given)}(ctx, …)."
         ) from None
 
 
 def _checked(ctx: IContext, strategy: Function) -> Any:
-    """Return a strategy that was not made for another context.
+    """Return a strategy, if it was not made for another context.
 
     Raises:
-        BadValue: it was.
+        BadValue: it was made for another context.
     """
     if isinstance(strategy, Called) and any(isinstance(one, IContext) and one is not ctx for one in strategy.held()):
         raise BadValue(
-            f"{shown(strategy)} was made for another context, whose map and agents it asks for. Make it with this one."
+            f"{shown(strategy)} was made for another context and uses its map and agents. Make it with this context."
         )
     return strategy

@@ -12,7 +12,7 @@ from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, State, Stra
 from gamms.typing.sensor_engine import Carried, ISensor
 
 SensorsOfAgent = Iterable[str | ISensor] | Mapping[str, str | ISensor]
-MaybeNone = Any  # of a value that is None at times, and is used as if it never were
+MaybeNone = Any  # a value that may be None, but is used without a check
 
 
 class AgentType(IntEnum):
@@ -23,19 +23,19 @@ class AgentType(IntEnum):
 
 
 class IAgent(ABC):
-    """Senses, decides and moves. On the ground, its position is a node of the graph."""
+    """An agent, which senses, decides and moves. On the ground, its position is a node of the graph."""
 
     current_node_id: int
     prev_node_id: int
     if TYPE_CHECKING:
-        team: Any  # of engines that have teams; any value that can be a key of a dict
-        alive: bool  # of engines whose agents can be out of the game
+        team: Any  # optional; any value that can be a dict key
+        alive: bool  # optional; False if the agent is out of the game
 
         def __getattr__(self, name: str) -> Any:
-            """Let type checkers read the attributes that a program has given to an agent."""
+            """Return an attribute set by the program; for type checkers."""
 
         def __setattr__(self, name: str, value: object) -> None:
-            """Let type checkers set them."""
+            """Set an attribute; for type checkers."""
 
     @property
     @abstractmethod
@@ -45,24 +45,24 @@ class IAgent(ABC):
     @property
     @abstractmethod
     def type(self) -> AgentType:
-        """What kind of agent this is."""
+        """The kind of this agent."""
 
     @property
     @abstractmethod
     def state(self) -> State:
-        """What `get_state` returned last; `{}` before the first time."""
+        """The last result of `get_state`; `{}` before the first call."""
 
     @property
     @abstractmethod
     def strategy(self) -> Strategy | MaybeNone:
-        """The function that decides; None before one is registered."""
+        """The function that decides; None if there is none."""
 
     @property
     @abstractmethod
     def orientation(self) -> tuple[float, float]:
-        """`(cos, sin)` of the heading; (0.0, 0.0) while there is none.
+        """The heading `(cos, sin)`; (0.0, 0.0) if there is none.
 
-        Follows from the last move until it is set; set to None it follows again.
+        Follows from the last move unless it is set; setting None makes it follow moves again.
         """
 
     @abstractmethod
@@ -75,7 +75,7 @@ class IAgent(ABC):
 
     @abstractmethod
     def register_strategy(self, strategy: Strategy | AerialStrategy | AsyncStrategy | None) -> None:
-        """Decide with `strategy` from now on."""
+        """Set the strategy."""
 
     @abstractmethod
     def step(self) -> None:
@@ -87,69 +87,69 @@ class IAgent(ABC):
 
     @abstractmethod
     def set_state(self) -> None:
-        """Do what `state['action']` says: a node id, or `{'node_id': …, 'orientation': (cos, sin)}`.
+        """Perform `state['action']`: a node id, or `{'node_id': …, 'orientation': (cos, sin)}`.
 
-        Nothing changes when an error is raised.
+        On an error nothing changes.
 
         Raises:
             KeyError: no action, or an unknown node.
-            ValueError: an action dict without `node_id`, or an impossible orientation.
-            TypeError: an action of any other kind.
+            ValueError: an action dict without `node_id`, or an invalid orientation.
+            TypeError: an action of any other type.
         """
 
 
 class IAerialAgent(IAgent):
-    """An agent that flies: anywhere in space, `speed` map units at each step, and turned anyhow.
+    """A flying agent: at any position and rotation in space, moving `speed` map units per step.
 
-    `current_node_id` is the node nearest to its x and y, also after the graph has changed; while the graph has no
-    nodes, it stays what it was. Setting it is like setting `position` to the node's x and y and the present z.
-    `orientation` is the yaw of `quat`; setting it turns the agent about the vertical, to None not at all.
+    `current_node_id` is the node nearest to its x and y, also after the graph has changed; if the graph has no nodes,
+    it is unchanged. Setting it is equal to setting `position` to the node's x and y and the present z. `orientation` is
+    the yaw of `quat`; setting it rotates the agent about the vertical, and None resets the rotation.
 
-    `get_state` gives `curr_pos`, `quat` and `sensor`. The action is a direction `(dx, dy, dz)` of any length, a tuple
-    or a NumPy array: the agent moves by `speed` map units, or stays if all of it is 0. A dict may have `direction`,
-    any sequence, with it `distance`, from 0 to `speed`, and `quat`; without a direction and a quat, nothing happens at
-    all. A missing action raises KeyError, a wrong count of numbers, NaN and infinity ValueError, anything else
-    TypeError; nothing has changed then.
+    `get_state` returns `curr_pos`, `quat` and `sensor`. The action is a direction `(dx, dy, dz)` of any length, a tuple
+    or a NumPy array: the agent moves by `speed` map units, or stays if the direction is zero. An action dict may have
+    `direction`, any sequence, with an optional `distance`, from 0 to `speed`, and `quat`; without both it does nothing.
+    A missing action raises KeyError; a wrong count of numbers, NaN and infinity raise ValueError; anything else raises
+    TypeError; on an error nothing has changed.
     """
 
     @property
     @abstractmethod
     def position(self) -> Position:
-        """`(x, y, z)`, map units. Setting it also sets `prev_position` and `prev_node_id` to what was before."""
+        """The position `(x, y, z)`, map units. Setting it sets `prev_position` and `prev_node_id` to the old values."""
 
     @property
     @abstractmethod
     def prev_position(self) -> Position:
-        """Where it was before the last move; at first where it began."""
+        """The position before the last move; initially the start position."""
 
     @property
     @abstractmethod
     def quat(self) -> Quat:
-        """How it is turned: `(w, x, y, z)` of length 1; settable, of any length. All zeros mean unturned."""
+        """The rotation `(w, x, y, z)` as a unit quaternion; settable, with any length. All zeros mean no rotation."""
 
     @property
     @abstractmethod
     def speed(self) -> float:
-        """How far it moves at each step, map units."""
+        """The distance it moves at each step, map units."""
 
 
 class TurnAccess(NamedTuple):
-    """What the turn engine reads and writes of one agent."""
+    """The values of one agent that the turn engine reads and writes."""
 
     row: int  # in the block
     carried: tuple[Carried, ...]
-    last: list[dict[str, Any]]  # its only item is the state that the agent got last
+    last: list[dict[str, Any]]  # one item: the last state given to the agent
 
 
 class Departure:
-    """An agent that was deleted, and the one that was deleted next.
+    """A deleted agent, linked to the agent that was deleted next.
 
-    All that were deleted after one are found from it; those before it are kept only where something asks for them.
+    All later deletions can be found from one object; earlier ones are freed unless something refers to them.
 
     Attributes:
-        agent: which; None: the beginning, before any was deleted.
-        team, node: of it, when it was deleted.
-        next: None: none was deleted since.
+        agent: the deleted agent; None: the start of the list.
+        team, node: its team and node at deletion.
+        next: the next deleted agent; None: none yet.
     """
 
     __slots__ = ("agent", "next", "node", "team")
@@ -162,9 +162,9 @@ class Departure:
 
 
 class IAgentEngine(ABC):
-    """Creates agents and keeps them by name."""
+    """Creates agents and stores them by name."""
 
-    agents: dict[str, Any]  # name -> agent; Any: an engine's own class of agents
+    agents: dict[str, Any]  # name -> agent; Any: engines have their own agent classes
 
     @abstractmethod
     def create_agent(  # noqa: PLR0913 - the published interface
@@ -183,23 +183,23 @@ class IAgentEngine(ABC):
         quat: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
         **attributes: object,
     ) -> IAgent:
-        """Create an agent, or change nothing and raise.
+        """Create an agent, or raise and change nothing.
 
         Args:
             name: a name that no other agent has.
-            start_node_id: the id of the node that the agent starts on; required.
-            sensors: ids of sensors, or a dict from the names in the agent's state to sensors or ids. Unknown ids are
-                warned about and left out.
-            team: any value that can be a key of a dict; None: no team.
+            start_node_id: id of the first node of the agent; required.
+            sensors: ids of sensors, or a dict from names in the agent's state to sensors or ids. Unknown ids are left
+            out with a warning.
+            team: any value that can be a dict key; None: no team.
             strategy: the function that decides for the agent in `ctx.game`; None: none yet.
-            orientation: a heading `(cos, sin)` that stays; None: the heading follows from the moves.
-            speed: how far an agent on the ground may go in a turn of `ctx.game`, in edges, or in metres where
-                `ctx.game.speed_unit` says so; None: one edge. For an AERIAL agent: map units per step; required.
+            orientation: a fixed heading `(cos, sin)`; None: the heading follows from the moves.
+            speed: distance that an agent on the ground may move per turn of `ctx.game`, in edges, or in metres if
+            `ctx.game.speed_unit` is set so; None: one edge. For an AERIAL agent: map units per step; required.
             type: "BASIC", an agent on the ground, or "AERIAL", an agent that flies; or the `AgentType`.
             agent_type: a synonym of `type`.
-            position: for an AERIAL agent, where it starts, `(x, y, z)` in map units; None: at the x and y of its node,
-                with z = 0.
-            quat: for an AERIAL agent, how it is turned, `(w, x, y, z)`; (1, 0, 0, 0): level, facing east.
+            position: for an AERIAL agent, its start position `(x, y, z)` in map units; None: the x and y of its node,
+            with z = 0.
+            quat: for an AERIAL agent, its rotation `(w, x, y, z)`; (1, 0, 0, 0): level, facing east.
             attributes: any other keyword becomes an attribute of the agent.
 
         Raises:
@@ -218,11 +218,11 @@ class IAgentEngine(ABC):
 
     @abstractmethod
     def create_iter(self) -> Iterator[IAgent]:
-        """Return the agents in the order of their creation; agents may be created and deleted meanwhile."""
+        """Return the agents in order of creation; agents may be created and deleted during the iteration."""
 
     @property
     def positions(self) -> Positions:
-        """Where all agents are; override for speed."""
+        """The positions of all agents; override for speed."""
         block = AgentBlock()
         for agent in self.create_iter():
             position = getattr(agent, "position", None) if agent.type == AgentType.AERIAL else None
@@ -233,9 +233,9 @@ class IAgentEngine(ABC):
 
     @property
     def structure_version(self) -> int | None:
-        """A number that changes whenever an agent comes, goes, dies, returns, or has another team, speed or sensor.
+        """A number that changes if an agent is created, deleted, dies, returns, or changes its team, speed or sensors.
 
-        None, as by default: what was remembered about the agents has to be looked up again.
+        None, the default, means that nothing about agents may be cached.
         """
         return None
 

@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 
 class IGameState(Protocol):
-    """What drawing and sensors read of a game."""
+    """The data of a game that drawing and sensors read."""
 
     @property
     def internals(self) -> Any:
-        """What engines do with it; not for strategies. Any: the game engine's own class."""
+        """Access for engines; not for strategies. Any: the game engine has its own class."""
 
     @property
     def turn(self) -> int:
-        """How many turns were played."""
+        """The number of turns played."""
 
     @property
     def scores(self) -> Mapping[Any, float]:
@@ -37,35 +37,35 @@ class IGameState(Protocol):
 
     @property
     def data(self) -> Mapping[Any, Any]:
-        """What rules remember."""
+        """The data of rules."""
 
     @property
     def events(self) -> Sequence[dict[str, Any]]:
-        """What rules have emitted, in order."""
+        """The events emitted by rules, in order."""
 
     @property
     def messages(self) -> Sequence[dict[str, Any]]:
-        """What was sent by channels, in order."""
+        """The messages sent on channels, in order."""
 
     @property
     def over(self) -> Mapping[str, Any] | None:
-        """The reason of the end, the winner, and whether time was up; None while the game goes on."""
+        """The reason of the end, the winner, and whether time was up; None while the game continues."""
 
     @property
     def last_turn(self) -> int | None:
-        """The turn after which the game ends at the latest; None: not known."""
+        """The turn after which the game ends at the latest; None: unknown."""
 
     @property
     def is_deciding(self) -> bool:
-        """Whether agents are deciding now."""
+        """Whether agents are deciding."""
 
     @property
     def is_moving(self) -> bool:
-        """Whether agents are deciding or moving now: a context that ends has to wait for that."""
+        """Whether agents are deciding or moving: the context must not end before they have finished."""
 
 
 class IContext(ABC):
-    """The engines, the random streams, and the life of a scenario."""
+    """The engines, the random streams, and the lifetime of a scenario."""
 
     @property
     @abstractmethod
@@ -94,13 +94,13 @@ class IContext(ABC):
 
     @property
     def current_game(self) -> IGameState | None:
-        """The game that was begun, if there is one; unlike `ctx.game`, asking for it begins none."""
+        """The game, if it was started; unlike `ctx.game`, reading this does not start a game."""
         return None
 
     @property
     @abstractmethod
     def logger(self) -> "ILogger":
-        """Where messages go."""
+        """The logger of the context."""
 
     @property
     @abstractmethod
@@ -110,7 +110,7 @@ class IContext(ABC):
     @property
     @abstractmethod
     def seed(self) -> int:
-        """What every random stream of this context follows from."""
+        """The seed of all random streams of this context."""
 
     @property
     @abstractmethod
@@ -119,26 +119,26 @@ class IContext(ABC):
 
     @abstractmethod
     def stream(self, *names: str | int) -> "Generator":
-        """Return the random stream of one purpose: the same seed and names give the same draws."""
+        """Return the random stream of one purpose: equal seeds and names give equal draws."""
 
     @abstractmethod
     def is_terminated(self) -> bool:
-        """Whether the scenario has ended (or has not begun)."""
+        """Return whether the scenario has ended (or has not begun)."""
 
     @abstractmethod
     def terminate(self) -> None:
-        """End the scenario and release what it holds; a second call does nothing."""
+        """End the scenario and release its resources; a second call does nothing."""
 
 
 class HostContext(Protocol):
-    """A context as games and recorders use it and recordings open it: its engines offer more than their contracts.
+    """A context with the engines of `gamms.context`, as needed by games, recorders and recordings.
 
-    Any: the engines of `gamms.context`, of which an engine may know no class.
+    Any: the classes of the engines cannot be imported here.
     """
 
     is_seeded: bool
 
-    # ruff: noqa: D102 - `gamms.Context` says what these are
+    # ruff: noqa: D102 - see `gamms.Context`
     @property
     def agent(self) -> Any: ...
     @property
@@ -176,4 +176,4 @@ class HostContext(Protocol):
 
 
 contexts: Registry[IContext] = Registry("kind of context", "gamms.contexts", "gamms.context")
-"""What makes a context. Engines ask here, for they do not import `gamms.context`."""
+"""Registered factories of contexts; engines use them because they cannot import `gamms.context`."""

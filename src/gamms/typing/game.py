@@ -1,4 +1,4 @@
-"""What programs and the turn engine give each other: states, actions, strategies, plans, rules, resolvers."""
+"""Data that programs and the turn engine exchange: states, actions, strategies, plans, rules, resolvers."""
 
 import re
 from collections.abc import Awaitable, Callable, Hashable, Mapping, Sequence
@@ -34,141 +34,140 @@ Where = TypeVar("Where")  # where an agent is
 Wish = TypeVar("Wish")  # what it may do
 
 NodeId = int | np.integer[Any]
-"""What is taken for the id of a node; what is given back is an int."""
+"""Any type accepted as a node id; returned ids are ints."""
 
 
 class NodeAction(TypedDict):
-    """Move to a node, face somewhere, and do something besides."""
+    """An action of an agent on the ground: a move, a heading and deeds."""
 
     node_id: NotRequired[NodeId]
-    """May be left out where there is `do`: then the agent stays."""
+    """The target node. May be missing if there is `do`: then the agent stays."""
     do: NotRequired[Mapping[str, Any]]
-    """Deeds that `ctx.game.deeds` declares -> the values of their fields."""
+    """Deeds, as declared by `ctx.game.deeds` -> the values of their fields."""
     orientation: NotRequired[tuple[float, float] | None]
-    """`(cos, sin)` of the heading, of any length but zero; None: follow the moves again."""
+    """The heading `(cos, sin)`, of any nonzero length; None: follow the moves again."""
 
 
 class AerialAction(TypedDict, total=False):
-    """Fly, turn, do something besides, or all of it."""
+    """An action of a flying agent: a move, a rotation and deeds."""
 
     do: Mapping[str, Any]
-    """Deeds that `ctx.game.deeds` declares -> the values of their fields."""
+    """Deeds, as declared by `ctx.game.deeds` -> the values of their fields."""
 
     direction: Sequence[float] | FloatArray
-    """`(dx, dy, dz)`, of any length: the agent moves by its speed; all zeros: it stays."""
+    """The direction `(dx, dy, dz)`, of any length: the agent moves by its speed; all zeros: it stays."""
     distance: float
-    """How far it moves in this direction, map units, from 0 to its speed; left out, by its speed."""
+    """The distance to move in this direction, map units, from 0 to the speed; default: the speed."""
     quat: Sequence[float]
-    """`(w, x, y, z)`, of any length: how the agent is turned from now on."""
+    """The new rotation `(w, x, y, z)`, of any length."""
 
 
 Action = NodeId | Sequence[int] | NodeAction
-"""Of an agent on the ground: a node id; of one with a speed also the nodes on the way, one after the other.
+"""The action of an agent on the ground: a node id; with a speed also the list of nodes on the path.
 
-In games by metres also None: it stops where it is.
+In games by metres also None: the agent stops where it is.
 """
 
 
 class Draws(Protocol):
-    """Random numbers of one agent; in every turn they follow from the seed, its name and the turn alone."""
+    """Random numbers of one agent; in every turn they depend only on the seed, the agent's name and the turn."""
 
     def random(self) -> float:
         """Return a number in [0, 1)."""
 
     def below(self, n: int) -> int:
-        """Return an integer from 0 to `n - 1`, each as likely."""
+        """Return an integer from 0 to `n - 1`, with equal probabilities."""
 
     def choice(self, options: Sequence[T]) -> T:
-        """Return one of the options, each as likely."""
+        """Return one of the options, with equal probabilities."""
 
     def bits(self) -> int:
         """Return 64 random bits."""
 
 
 class PrivateFork(Protocol):
-    """A copy of the game for the agents that decide: what they know, and the start values of all else."""
+    """A copy of the game with the knowledge of the deciding agents, and start values for everything unknown."""
 
     @property
-    def game(self) -> Any:  # the game engine's own class, which states do not know
-        """The copy, with a context of its own, `game.ctx`, in which no agent has a strategy."""
+    def game(self) -> Any:  # Any: the game engine has its own class
+        """The copy, with its own context, `game.ctx`, in which no agent has a strategy."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The agents that it is for."""
+        """The names of the deciding agents."""
 
     @property
     def own(self) -> Callable[[T], T]:
-        """Returns what a function is in the copy that closes over the game, or over an agent of it."""
+        """A function that rebinds a function, which closes over the game or an agent, to the copy."""
 
 
 class PrivateForks(Protocol):
-    """Gives copies of the game to look ahead in, while the agent decides."""
+    """Makes copies of the game for simulations by a deciding agent."""
 
     def __call__(self, seed: int, *, information: Literal["private", "full"] = "private") -> PrivateFork:
-        """Return a copy that has what the agents know that decide; all its random numbers follow from the seed."""
+        """Return a copy with the knowledge of the deciding agents; all its random numbers follow from the seed."""
 
 
 class OutgoingMessage(TypedDict):
-    """A message that an agent sends: an item of `state["outbox"]`."""
+    """A message to send: an item of `state["outbox"]`."""
 
     channel: str
     """The name of a channel."""
-    to: Any  # of a team: any value that can be a key of a dict
+    to: Any  # a team may be any value that can be a dict key
     """The name of an agent, a team, or None for all on the channel."""
     body: Plain
-    """A plain value, such as numbers, texts, lists and dicts of these."""
+    """A plain value: numbers, texts, lists and dicts of these."""
 
 
 class Message(TypedDict):
-    """A message that an agent hears: an item of `state["inbox"]`."""
+    """A received message: an item of `state["inbox"]`."""
 
     channel: str
     """The name of the channel."""
     sender: str
-    """The agent that has sent it."""
+    """The name of the agent that sent it."""
     to: Any  # as above
-    """Whom it is for: an agent, a team, or None for all on the channel."""
+    """The receiver: an agent, a team, or None for all on the channel."""
     body: Plain
-    """What it says."""
+    """The content."""
     turn: int
     """The `state["turn"]` in which it was sent."""
     overheard: bool
-    """Whether it is for others, and the agent is one of the channel's eavesdroppers."""
+    """Whether the message is for others, and the agent received it as an eavesdropper."""
 
 
 class JammerOptions(TypedDict, total=False):
-    """Where nothing is heard: around `agent`, all agents of `team`, or the place `at`."""
+    """A jammer of a channel: around `agent`, around all agents of `team`, or at the place `at`."""
 
     radius_m: float
-    """How far around it, map units; always needed."""
+    """The radius in which nothing is heard, map units; required."""
     agent: str
     """The name of an agent."""
-    team: Any  # any value that can be a key of a dict
+    team: Any  # any value that can be a dict key
     """A team."""
     at: int | tuple[float, float]
     """A node, or (x, y)."""
 
 
 class ChannelOptions(TypedDict, total=False):
-    """The keywords of `ctx.game.add_channel`; one of `range_m`, `hops` and `line_of_sight` is needed, all must hold.
+    """The keywords of `ctx.game.add_channel`; at least one of `range_m`, `hops` and `line_of_sight`; all must hold.
 
     Attributes:
-        range_m: how far agents hear each other, in metres in a straight line, for agents in the air in space. Default:
-            None, however far.
-        hops: how far agents hear each other, in edges from the node of the sender in their direction. Default: None,
-            however far.
-        line_of_sight: whether buildings, and all other obstacles, block messages. Default: False.
-        relay: whether agents on the channel pass messages on, or the agents and teams that do; each time takes
-            `delay_turns`. Default: False.
-        loss: the probability that a message is lost on its way to an agent, or pairs (metres, probability) with
-            straight lines between them. Default: 0.
-        delay_turns: the number of turns after which a message is in the inbox, at least 1. Default: 1.
-        max_bytes_per_turn: the most bytes that the bodies of an agent's messages may have in a turn. Default: None, any
-            number.
-        jammers: the places where nothing is heard; a jammer that is dead jams nothing. Default: none.
+        range_m: maximum straight-line distance between agents, in metres, in 3D for flying agents. Default: None, no
+        limit.
+        hops: maximum distance in edges from the sender to the receiver. Default: None, no limit.
+        line_of_sight: whether buildings and other obstacles block messages. Default: False.
+        relay: whether agents on the channel forward messages, or the agents and teams that do; each step takes
+        `delay_turns`. Default: False.
+        loss: probability that a message is lost on its way to an agent, or pairs (metres, probability) with linear
+        interpolation. Default: 0.
+        delay_turns: number of turns after which a message arrives, at least 1. Default: 1.
+        max_bytes_per_turn: limit on the total size of the bodies of an agent's messages per turn. Default: None, no
+        limit.
+        jammers: jammers of the channel; a dead jammer has no effect. Default: none.
         teams: a team, or a list, tuple or set of teams, that may use the channel. Default: None, all teams.
-        eavesdroppers: an agent or team, or a list, tuple or set of them, that hear all messages that reach them.
-            Default: none.
+        eavesdroppers: an agent or team, or a list, tuple or set of them, that receive all messages that reach them.
+        Default: none.
     """
 
     range_m: float | None
@@ -180,66 +179,66 @@ class ChannelOptions(TypedDict, total=False):
     max_bytes_per_turn: int | None
     jammers: Sequence[JammerOptions]
     teams: Any  # a team, or several in a list, tuple or set
-    eavesdroppers: Any  # as for `teams`, of agents, too
+    eavesdroppers: Any  # as for `teams`; may include agents
 
 
 class _AgentState(dict[str, Any], Generic[Where, Wish]):
-    """What the states of all agents have in common."""
+    """The common part of the states of all agents."""
 
     __slots__ = ()
 
     curr_pos: Where
-    """The id of the node that the agent is on; of one in the air `(x, y, z)`, map units."""
+    """The node id of the agent; for a flying agent its position `(x, y, z)`, map units."""
     sensor: dict[str, tuple[SensorType, Any]]
-    """Name -> kind of sensor, and what it has sensed; `docs/sensors.md` has the shape for each kind."""
+    """Name -> (type of sensor, its data); `docs/sensors.md` has the shape of the data for each type."""
     legal: Sequence[int]
-    """The ids of the nodes that the agent may move to, its own first; on an edge its ends, then what lies beyond. Of an
-    agent in the air `()`: it is not bound to nodes."""
+    """The node ids to which the agent may move, its own first; on an edge its ends, then the nodes beyond. For a flying
+    agent `()`: it is not bound to nodes."""
     edge: tuple[int, int, int] | None
-    """In games by metres: the edge it is on, as the ids of the nodes it leads from and to and its own, or None."""
+    """In games by metres: the edge of the agent (source id, target id, edge id), or None on a node."""
     offset_m: float
-    """In games by metres: how far from the source of its edge it is, map units; 0.0 on a node."""
+    """In games by metres: the distance from the source of its edge, map units; 0.0 on a node."""
     xy: tuple[float, float]
-    """In games by metres: where on the map it is."""
+    """In games by metres: its position on the map."""
     time: float
-    """Where agents decide at each arrival: how much of the turn is over, from 0 to 1."""
+    """If agents decide at arrivals: the elapsed part of the turn, from 0 to 1."""
     name: str
     """The agent's name."""
-    team: Any  # any value that can be a key of a dict
+    team: Any  # any value that can be a dict key
     """The agent's team; None: no team."""
     turn: int
-    """How many turns were played before this one."""
+    """The number of turns played before this turn."""
     draw: Draws
-    """The agent's own random numbers, fast."""
+    """The agent's own random numbers."""
     rng: "Generator"
     """The agent's own random numbers as a NumPy generator, for distributions."""
     memory: dict[Any, Any]
-    """The agent's own dict, which lasts for the game."""
+    """The agent's own dict, which is kept for the whole game."""
     team_memory: dict[Any, Any]
-    """A copy of what the team remembers; what is written into it is known to the team in the next turn. Not there with
-    `ctx.game.team_memory = False`."""
+    """A copy of the team's memory; changes become known to the team in the next turn. Missing if `ctx.game.team_memory`
+    is False."""
     facts: Mapping[str, Any]
-    """What was published to all, to the team and to the agent; read-only all the way down."""
+    """Facts published to all, to the team and to the agent; read-only including all nested values."""
     blocked: str | None
-    """Why the agent did not do in its last turn what it wanted; None: it did."""
+    """The reason why the agent's last action was not performed; None: it was performed."""
     fork: PrivateForks
-    """Gives copies of the game to look ahead in, as far as the agent knows it: `fork(seed).game`, as `gamms.planning`
-    uses it."""
+    """Makes copies of the game with the agent's knowledge, for simulations: `fork(seed).game`; used by
+    `gamms.planning`."""
     deeds: Mapping[str, Mapping[str, Any]]
-    """What agents may do besides moving, as `ctx.game.deeds` declares it; only where that declares something."""
+    """The deeds declared by `ctx.game.deeds`; only if there are any."""
     inbox: list[Message]
-    """The messages that have arrived for it; only where the game has channels."""
+    """The received messages; only if the game has channels."""
     outbox: list[OutgoingMessage]
-    """What it sends: append to it; only where the game has channels."""
+    """The messages to send: append to it; only if the game has channels."""
     action: Wish | None
-    """What the agent does, such as the id of a node, or `(dx, dy, dz)` in the air: set by the strategy."""
+    """The action, for example a node id, or `(dx, dy, dz)` in the air: set by the strategy."""
 
     @property
     def sensors(self) -> dict[str, Any]:
-        """Name -> what the sensor has sensed, without its kind; a fresh dict."""
+        """Name -> data of the sensor, without its type; a fresh dict."""
         return {name: data for name, (_, data) in self["sensor"].items()}
 
-    if TYPE_CHECKING:  # the keys have the types of the attributes
+    if TYPE_CHECKING:  # the keys have the same types as the attributes
 
         @overload  # type: ignore[override] # no other key is there
         def __getitem__(self, key: Literal["curr_pos"], /) -> Where: ...
@@ -292,28 +291,28 @@ class _AgentState(dict[str, Any], Generic[Where, Wish]):
 
 
 class State(_AgentState[int, Action]):
-    """What an agent on the ground knows when it decides: the argument of its strategy.
+    """The knowledge of an agent on the ground when it decides: the argument of its strategy.
 
-    It is a dict whose keys are attributes, too: `state.legal` is `state["legal"]`. An attribute of a key that is not
-    there raises AttributeError. Only `state.action` can be set.
+    A dict whose keys are also attributes: `state.legal` is `state["legal"]`. The attribute of a missing key raises
+    AttributeError. Only `state.action` can be set.
 
-    `curr_pos` and `sensor` are always there, also in the plain dict that `agent.get_state()` returns, which has keys
-    alone. The others are put there by `ctx.game`.
+    `curr_pos` and `sensor` always exist, also in the plain dict returned by `agent.get_state()`, which has no
+    attributes. `ctx.game` sets the others.
     """
 
     __slots__ = ()
 
     node: int
-    """The id of the node that the agent is on: `state["curr_pos"]`."""
+    """The node id of the agent: `state["curr_pos"]`."""
 
 
 class AerialState(_AgentState[Position, tuple[float, float, float] | FloatArray | AerialAction]):
-    """What an aerial agent knows when it decides: the argument of its strategy; see `State`."""
+    """The knowledge of a flying agent when it decides: the argument of its strategy; see `State`."""
 
     __slots__ = ()
 
     quat: Quat
-    """How the agent is turned: `(w, x, y, z)` of length 1."""
+    """The rotation `(w, x, y, z)` as a unit quaternion."""
 
 
 for _class in (_AgentState, State, AerialState):
@@ -321,18 +320,18 @@ for _class in (_AgentState, State, AerialState):
         setattr(_class, _name, Key("curr_pos" if _name == "node" else _name))
 
 Strategy = Callable[[State], None]
-"""Decides for an agent on the ground: it reads the state and sets `state["action"]`."""
+"""A function that decides for an agent on the ground: it reads the state and sets `state["action"]`."""
 AerialStrategy = Callable[[AerialState], None]
-"""Decides for an aerial agent."""
+"""A function that decides for a flying agent."""
 AsyncStrategy = Callable[[Any], Awaitable[None]]
-"""Decides for an agent that `ctx.game` waits for, such as an `async def`. Any: `State` or `AerialState`."""
+"""An asynchronous strategy, for example an `async def`. Any: `State` or `AerialState`."""
 
-PRIVATE_MODULES = "_gamms_scenario_"  # begins the names of packages that hold the code of a scenario, before a hash
+PRIVATE_MODULES = "_gamms_scenario_"  # prefix of the names of packages with the code of a scenario, before a hash
 _PRIVATE = re.compile(rf"{PRIVATE_MODULES}[0-9a-f]+\.")
 
 
 def strategy_name(strategy: object) -> str | None:
-    """Return the module of a strategy and its name there, the same in every folder; None if there is none."""
+    """Return the module and the name of a strategy, independent of the folder; None if it has none."""
     if strategy is None:
         return None
     module = _PRIVATE.sub("", module_of(strategy))
@@ -343,44 +342,44 @@ def strategy_name(strategy: object) -> str | None:
 
 
 class Leg(NamedTuple):
-    """What an agent covers of one edge in a turn, in games by metres; on one that stands there, nothing."""
+    """The part of an edge that an agent covers in a turn, in games by metres; none for a standing agent."""
 
     source: int  # node id
     target: int  # node id
     edge: int  # id
-    begin: float  # share of the edge from its source, at `since`
-    end: float  # at `until`; less than `begin` on the way back
-    since: float  # of the turn, from 0 to 1
+    begin: float  # position at `since`, as a share of the edge from its source
+    end: float  # position at `until`; less than `begin` on the way back
+    since: float  # time within the turn, from 0 to 1
     until: float
-    back: int | None = None  # id of the edge by which one turns round on this one
+    back: int | None = None  # id of the edge in the opposite direction, by which agents turn around
 
     @property
     def street(self) -> int:
-        """The id that the edge and the one back have in common."""
+        """The id shared by the edge and its opposite edge."""
         return self.edge if self.back is None else min(self.edge, self.back)
 
     def share_at(self, time: float) -> float:
-        """Return the share of the edge that is behind the agent at a time from `since` to `until`."""
+        """Return the position, as a share of the edge, at a time from `since` to `until`."""
         if self.until <= self.since:
             return self.end
         return self.begin + (self.end - self.begin) * (time - self.since) / (self.until - self.since)
 
 
 class EdgePlace(NamedTuple):
-    """Where an agent is that is not on a node."""
+    """The position of an agent on an edge."""
 
     edge: int  # id
 
     def __str__(self) -> str:
-        """Name the edge."""
+        """Return a text that names the edge."""
         return f"edge {self.edge}"
 
 
 class Track(NamedTuple):
-    """How an agent has moved in a turn: nodes, and from 0 to 1 when it is at each of them.
+    """The movement of an agent in a turn: nodes, and the time from 0 to 1 at which it is at each of them.
 
-    In games that count edges it is at the last node until 1. In games by metres it is on the edges of `legs` while
-    these last, and on its nodes at all other times.
+    In games that count edges it stays at the last node until time 1. In games by metres it is on the edges of `legs`
+    during their times, and on its nodes at all other times.
     """
 
     path: tuple[int, ...]
@@ -389,44 +388,43 @@ class Track(NamedTuple):
 
 
 Rule = Callable[[Any], object]
-"""Is called with the `gamms.Context` in every turn; what it returns is ignored.
+"""A function that is called with the `gamms.Context` in every turn; its result is ignored.
 
-Any: `Context` is made of what is declared here and cannot be named here; a rule says it itself:
-`def rule(ctx: gamms.Context) -> None`.
+Any: `Context` cannot be imported here; annotate your rule: `def rule(ctx: gamms.Context) -> None`.
 """
 
 TeamPlan = Callable[[dict[str, Any]], Awaitable[None] | None]
-"""Decides for a team: it is called with the states of its agents by name, and sets `state["action"]` in each.
+"""A function that decides for a team: it is called with the states by agent name, and sets `state["action"]` in each.
 
-Any: `State`, or `AerialState` of agents that fly.
+Any: `State`, or `AerialState` for flying agents.
 """
 
 
 TEAMS, OWNERS = "teams", "teams, or other owners"
 
 Team = Annotated[Hashable, TEAMS]
-"""A parameter of a function that makes rules, which names teams: a scenario file is checked for misspelt ones."""
+"""A parameter of a rule that names teams: scenario files are checked for misspelled teams."""
 
 
 def team_parameters(make_rule: Callable[..., object]) -> dict[str, str]:
-    """Return the parameters of a function whose annotations say that they name teams: name -> TEAMS or OWNERS."""
+    """Return the parameters of a function that are annotated as teams: name -> TEAMS or OWNERS."""
     notes = ((name, getattr(one, "__metadata__", ())) for name, one in make_rule.__annotations__.items())
     return {name: note for name, some in notes for note in some if note in (TEAMS, OWNERS)}
 
 
 class Move(NamedTuple):
-    """What one agent on the ground is about to do, or has done, in a turn."""
+    """The move of one agent on the ground in a turn, before or after it is made."""
 
     agent: str
     team: Any
     start: int  # node id
-    end: int  # node id; the start for one that stays
-    path: tuple[int, ...]  # node ids from start to end; only the start for one that stays
-    legs: tuple[Leg, ...] = ()  # in games by metres: what it covers of which edges
+    end: int  # node id; the start if the agent stays
+    path: tuple[int, ...]  # node ids from start to end; only the start if the agent stays
+    legs: tuple[Leg, ...] = ()  # in games by metres: the parts of edges that it covers
 
     @property
     def places(self) -> "tuple[int | EdgePlace, int | EdgePlace]":
-        """Where it starts and where it ends: ids of nodes, or edges."""
+        """The start and the end: node ids, or places on edges."""
         if not self.legs:
             return self.start, self.end
         first, last = self.legs[0], self.legs[-1]
@@ -435,22 +433,22 @@ class Move(NamedTuple):
 
 
 class Deed(NamedTuple):
-    """What one agent does in a turn besides moving."""
+    """A deed of one agent in a turn, in addition to its move."""
 
     agent: str
     team: Any
     kind: str  # as declared
-    at: int  # id of the node where it is, or above which it flies
+    at: int  # node id of the agent, or of the nearest node below it
     values: Mapping[str, Any]  # of its fields
 
 
 class IConflicts(Protocol):
-    """Decides which agents have to stay where moves get in each other's way."""
+    """Decides which agents must stay if moves conflict."""
 
     @property
     def resolve(self) -> Callable[[Mapping[str, Move], Any], set[str]]:
-        """The method `resolve(moves, ctx)`, which returns the names of the agents that must stay where they are.
+        """The method `resolve(moves, ctx)`, which returns the names of the agents that must stay.
 
-        `moves` are all moves of this turn by name, in the order of the names, stayers included. The answer must not
-        depend on that order, nor on anything but the moves and the context. For the type of `ctx` see `Rule`.
+        `moves` has all moves of this turn by name, sorted by name, including agents that stay. The result must depend
+        only on the moves and the context, not on their order. For the type of `ctx` see `Rule`.
         """

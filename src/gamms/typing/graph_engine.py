@@ -1,4 +1,4 @@
-"""Contracts of a graph and of the graph engine; their values are in `graph_values.py` and offered here, too."""
+"""Contracts of graphs and of the graph engine; the values of `graph_values.py` can also be imported from here."""
 # ruff: noqa: ARG002 - a default that refuses reads no arguments
 
 import os
@@ -60,23 +60,23 @@ __all__ = [
 class IGraph(ABC):
     """A directed graph in the plane; parallel edges and self-loops are allowed.
 
-    Ids are integers (NumPy's too, normalised to `int`), coordinates and lengths finite floats. A caller's dict is
-    never changed and never kept. A call that raises has changed nothing.
+    Ids are integers (also NumPy's, converted to `int`), coordinates and lengths finite floats. A caller's dict is never
+    changed or stored. A call that raises has changed nothing.
     """
 
     scenery: str | Scenery | None = None
-    """What is drawn with the graph and blocks no sight, or the name of one that comes with GAMMS; None: nothing."""
+    """The base map, which is drawn and blocks no sight, or the name of one included in GAMMS; None: no base map."""
 
-    # -- must write ---------------------------------------------------------------------------------------------
+    # -- to implement -------------------------------------------------------------------------------------------
 
     @abstractmethod
     def add_node(self, node_data: dict[str, Any]) -> None:
-        """Add a node: `id`, `x`, `y`; any other key is kept as an attribute.
+        """Add a node: `id`, `x`, `y`; all other keys become attributes.
 
         Raises:
             KeyError: the id is taken.
-            ValueError: a missing key, or a coordinate that is not finite.
-            TypeError: an id that is no integer, a coordinate that is no number.
+            ValueError: a key is missing, or a coordinate is not finite.
+            TypeError: the id is not an integer, or a coordinate is not a number.
         """
 
     @abstractmethod
@@ -84,18 +84,18 @@ class IGraph(ABC):
         """Add an edge: `id`, `source`, `target`, `length`, optionally `linestring`; other keys are attributes.
 
         Raises:
-            KeyError: the id is taken, `source` or `target` is not given or no node.
-            ValueError: a missing `id` or `length`, a bad length or linestring.
-            TypeError: an id that is no integer, a length that is no number.
+            KeyError: the id is taken, or `source` or `target` is missing or not a node.
+            ValueError: `id` or `length` is missing, or a length or linestring is invalid.
+            TypeError: the id is not an integer, or the length is not a number.
         """
 
     @abstractmethod
     def get_node(self, node_id: int) -> Node:
-        """Return the node with that id (KeyError)."""
+        """Return a node by id (KeyError)."""
 
     @abstractmethod
     def get_edge(self, edge_id: int) -> OSMEdge:
-        """Return the edge with that id (KeyError)."""
+        """Return an edge by id (KeyError)."""
 
     @abstractmethod
     def get_nodes(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
@@ -115,7 +115,7 @@ class IGraph(ABC):
 
     @abstractmethod
     def remove_node(self, node_id: int) -> None:
-        """Remove a node and the edges at it; a missing node is no error."""
+        """Remove a node and its edges; a missing node is ignored."""
 
     @abstractmethod
     def remove_edge(self, edge_id: int) -> None:
@@ -123,13 +123,13 @@ class IGraph(ABC):
 
     @abstractmethod
     def get_neighbors(self, node_id: int) -> Iterator[int]:
-        """Return unique targets of the edges leaving a node, in edge insertion order; KeyError at the call."""
+        """Return the unique targets of the edges leaving a node, in edge insertion order (KeyError at the call)."""
 
-    # -- may override for speed ---------------------------------------------------------------------------------
+    # -- to override for speed ----------------------------------------------------------------------------------
 
     @property
     def revision(self) -> int | None:
-        """A number that changes with every change of the graph; None means: never remember anything."""
+        """A number that changes with every change of the graph; None means that nothing may be cached."""
         return None
 
     def has_node(self, node_id: int) -> bool:
@@ -142,25 +142,25 @@ class IGraph(ABC):
 
     @property
     def neighborhoods(self) -> Mapping[int, Sequence[int]]:
-        """Live and read-only: node id -> the node itself, then its neighbours (KeyError).
+        """A live read-only mapping: node id -> the node itself, then its neighbors (KeyError).
 
-        Only `[id]` is promised; whatever `in` or iteration answer, a graph may hold more.
+        Use only `[id]`: `in` and iteration may be incomplete.
         """
         return _Neighborhoods(self)
 
     def within(
         self, node_id: int, radius: float, fov: float = 2.0 * pi, heading: tuple[float, float] = (0.0, 0.0)
     ) -> Surroundings:
-        """Return what lies within `radius` (may be infinite) of a node and inside its field of view, the rims included.
+        """Return the nodes and edges within `radius` (may be infinite) of a node and inside its field of view.
 
         Args:
-            node_id: where the observer stands; its own node is always seen.
-            radius: map units.
-            fov: full opening angle in radians; exactly 2 pi sees all around.
-            heading: `(cos, sin)` of the direction of view; (0.0, 0.0) sees all around.
+            node_id: node of the observer; it is always included.
+            radius: map units; the border is included.
+            fov: full opening angle in radians, border included; exactly 2 pi looks in all directions.
+            heading: the viewing direction `(cos, sin)`; (0.0, 0.0) looks in all directions.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): the node does not exist.
             BadValue (ValueError): the radius is negative or NaN.
         """
         here = self.get_node(node_id)
@@ -170,16 +170,16 @@ class IGraph(ABC):
         return self.among(ids)
 
     def within_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any], radius: float) -> list[Surroundings]:
-        """Return what `within` returns all around each of several nodes, which is faster than one by one.
+        """Return the result of `within` in all directions for each of several nodes; faster than single calls.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): a node does not exist.
             BadValue (ValueError): the radius is negative or NaN.
         """
         return [self.within(int(id), radius) for id in node_ids]
 
     def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:
-        """Return the nodes within `radius` (may be infinite) of (x, y), the rim included, as arrays in insertion order.
+        """Return the nodes within `radius` (may be infinite) of (x, y), border included, as arrays in insertion order.
 
         Raises:
             BadValue (ValueError): the radius is negative or NaN.
@@ -192,7 +192,7 @@ class IGraph(ABC):
     def among(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Surroundings:
         """Return some nodes, and the edges with both ends among them, both in insertion order (KeyError)."""
         wanted = {int(id) for id in node_ids}
-        found = {id: self.get_node(id) for id in wanted}  # KeyError for those that are not there
+        found = {id: self.get_node(id) for id in wanted}  # KeyError for unknown ids
         nodes = {id: found[id] for id in self.get_nodes() if id in wanted}
         edges = (self.get_edge(id) for id in self.get_edges())
         return Surroundings(nodes, [edge for edge in edges if edge.source in nodes and edge.target in nodes])
@@ -203,26 +203,27 @@ class IGraph(ABC):
             self.remove_node(node_id)
 
     def positions(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> FloatArray:
-        """Return coordinates (nodes, 2) of several nodes (KeyError)."""
+        """Return the coordinates (nodes, 2) of several nodes (KeyError)."""
         nodes = [self.get_node(int(id)) for id in node_ids]
         return np.array([(node.x, node.y) for node in nodes], np.float64).reshape(-1, 2)
 
     def ground(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> NodeGround | None:
-        """Return the ground at several nodes; None for a map that is flat and has no tunnels.
+        """Return the ground at several nodes; None for a flat map without tunnels.
 
-        It is what the attributes `z`, a height, and `underground`, the number of a tunnel, say of a node. What looks
-        past obstacles sees from a node those in the same tunnel, and from the surface those on it.
+        The ground is given by the node attributes `z`, a height, and `underground`, the number of a tunnel. Occluded
+        sensors see from a node the nodes in the same tunnel, and from the surface the nodes on the surface.
         """
         return None
 
-    # -- routing: may override for speed ---------------------------------------------------------------------------
+    # -- routing: to override for speed
+    # ----------------------------------------------------------------------------
     #
-    # A `weight` is "length", the name of an edge attribute (an edge without it counts 1), or None (every edge counts
-    # 1), as networkx says it. An infinite one closes its edge; of parallel edges the cheapest counts. One that is
-    # negative or NaN is a BadValue (ValueError), one that is no number a BadType (TypeError): both name the edge.
+    # A `weight` is "length", the name of an edge attribute (1 for edges without it), or None (1 for every edge),
+    # as in networkx. An infinite weight closes an edge; of parallel edges the cheapest counts. A negative weight
+    # or NaN is a BadValue (ValueError), a weight that is not a number a BadType (TypeError): both name the edge.
 
     def weights(self, weight: str | None = "length") -> FloatArray:
-        """Return what each edge costs, (edges,) in insertion order."""
+        """Return the weight of each edge, (edges,) in insertion order."""
         if weight not in ("length", None):
             raise BadValue(
                 f"{type(self).__name__} reads no attribute {shown(weight)} of its edges: override `weights`."
@@ -233,23 +234,23 @@ class IGraph(ABC):
     def shortest_path(
         self, source: int, target: int, weight: str | None = "length", most_edges: int | None = None
     ) -> list[int]:
-        """Return ids of the nodes on the shortest path from one node to another, both included; `[source]` for itself.
+        """Return the ids of the nodes on the shortest path between two nodes, both included; `[source]` for itself.
 
-        Of equally long paths, by the numbers that `distance` gives for each node on them, the one with the fewest
-        edges counts; of these, the one whose node ids, read from the source, are least at the first difference.
-        `most_edges` cuts it off after so many edges: an agent needs no more for its next steps.
+        Of equally long paths, as measured by `distance` for each node on them, the one with the fewest edges is chosen;
+        of these, the one whose node ids, read from the source, are smallest at the first difference. `most_edges` cuts
+        the path off after this number of edges.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): a node does not exist.
             NoPath (ValueError): there is no path.
         """
         return self._routes_now().shortest_path(source, target, weight, most_edges)
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
-        """Return the distance from one node to another, summed from the target; infinite where there is no path.
+        """Return the length of the shortest path, summed from the target; infinite if there is no path.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): a node does not exist.
         """
         return self._routes_now().distance(source, target, weight)
 
@@ -260,33 +261,32 @@ class IGraph(ABC):
         weight: str | None = "length",
         cutoff: float | None = None,
     ) -> dict[int, float]:
-        """Return the distances by path from a node to every other, or from every other to a node.
+        """Return the path lengths from a node to all nodes, or from all nodes to a node.
 
         Args:
-            source: from here, or from the nearest of several nodes.
-            target: to here, or to the nearest of several nodes; give either source or target.
-            weight: see above.
-            cutoff: leave out what is farther away than this.
+            source: the start, or several: the nearest counts.
+            target: the end, or several: the nearest counts; give either source or target.
+            weight: see the comment above.
+            cutoff: nodes farther than this are left out.
 
         Returns:
-            Node id -> distance, summed from the end that was given, for every node with a path; a fresh dict in
-            insertion order.
+            Node id -> distance, summed from the given end, for every node with a path; a fresh dict in insertion order.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): a node does not exist.
             BadValue (ValueError): both or neither of source and target, or a negative cutoff.
         """
         return self._routes_now().distances(source, target, weight, cutoff)
 
     def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
-        """Return the distances by path from each of some nodes to each of others.
+        """Return the path lengths between all pairs of sources and targets.
 
         Returns:
-            (sources, targets) infinite where there is no path; summed from the targets, or from the sources where
-            fewer different ones are given.
+            (sources, targets) infinite if there is no path; summed from the targets, or from the sources if there are
+            fewer different sources.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): a node does not exist.
         """
         return self._routes_now().distance_matrix(sources, targets, weight)
 
@@ -294,19 +294,19 @@ class IGraph(ABC):
         ends = [(edge.source, edge.target) for edge in map(self.get_edge, self.get_edges())]
         return EdgeRoutes(list(self.get_nodes()), ends, self.weights)
 
-    # -- places: may override -----------------------------------------------------------------------------------
+    # -- places: to override ------------------------------------------------------------------------------------
 
     def to_latlon(self, x: Numbers, y: Numbers) -> tuple[Any, Any]:
-        """Return degrees of latitude and longitude (WGS84) of map units: floats for numbers, arrays for arrays.
+        """Convert map units to latitude and longitude (WGS84) in degrees: floats for numbers, arrays for arrays.
 
         Raises:
             BadValue (ValueError): the graph has no CRS, or a place lies outside its projection.
-            MissingExtra (ImportError): the CRS is no zone of UTM, and the extra `osm` is not installed.
+            MissingExtra (ImportError): the CRS is not a UTM zone, and the extra `osm` is not installed.
         """
         raise NotOffered(self, "to_latlon")
 
     def from_latlon(self, *, lat: Numbers, lon: Numbers) -> tuple[Any, Any]:
-        """Return (x, y) in map units of degrees of latitude and longitude (WGS84); raises as `to_latlon` does."""
+        """Convert latitude and longitude (WGS84) in degrees to (x, y) in map units; raises as `to_latlon`."""
         raise NotOffered(self, "from_latlon")
 
     def nearest_node(
@@ -318,14 +318,14 @@ class IGraph(ABC):
         lon: Numbers | None = None,
         within: float | None = None,
     ) -> Any:
-        """Return the id of the node nearest to (x, y), or to degrees; for arrays of places, an array (places,) of ids.
+        """Return the id of the node nearest to (x, y) or (lat, lon); for arrays of places, an array (places,) of ids.
 
-        The straight line counts. Of several equally near nodes, the first in insertion order is meant.
+        Distances are straight lines. Ties go to the first node in insertion order.
 
         Raises:
-            BadValue (ValueError): the graph has no nodes, or the place is none; or it is farther from the nearest node
-                than `within` map units. Without `within`, degrees are refused that are farther than the map is wide,
-                and farther than a kilometre.
+            BadValue (ValueError): the graph has no nodes, or the place is invalid, or farther from the nearest node
+            than `within` map units. Without `within`, a place in degrees may be at most as far as the map is wide, or a
+            kilometre.
             BadType (TypeError): not exactly one of (x, y) and (lat, lon) is given.
         """
         raise NotOffered(self, "nearest_node")
@@ -338,25 +338,25 @@ class IGraph(ABC):
         apart: float = 0.0,
         rng: "Generator | int | None" = None,
     ) -> list[int]:
-        """Return ids of `n` different nodes, drawn at random.
+        """Return the ids of `n` different random nodes.
 
         Args:
-            n: how many.
-            near: a node id or (x, y); None draws from the whole graph.
-            radius: map units around `near`, the rim included.
-            apart: the least straight distance between two of them, map units.
-            rng: the source of random numbers: a generator, such as `ctx.rng`, or a seed; see `GraphEngine.place`.
+            n: number of nodes.
+            near: a node id or (x, y); None: the whole graph.
+            radius: map units around `near`, border included.
+            apart: minimum straight-line distance between two of the nodes, map units.
+            rng: the source of random numbers: a generator, for example `ctx.rng`, or a seed; see `GraphEngine.place`.
 
         Raises:
-            BadValue (ValueError): so many do not fit; the message says how many did.
-            BadType (TypeError): there is no `rng`, or an argument is of the wrong type.
-            UnknownName (KeyError): `near` is no node.
+            BadValue (ValueError): not enough nodes fit; the message says how many did.
+            BadType (TypeError): `rng` is missing, or an argument has the wrong type.
+            UnknownName (KeyError): `near` is not a node.
         """
         raise NotOffered(self, "place")
 
 
 class _Neighborhoods(dict[int, Sequence[int]]):
-    """The slow default: asks the graph every time."""
+    """The default of `neighborhoods`, which queries the graph at each access."""
 
     def __init__(self, graph: IGraph) -> None:
         self._graph = graph
@@ -379,15 +379,15 @@ class IGraphEngine(IObstacles):
 
     @abstractmethod
     def attach_networkx_graph(self, G: "nx.Graph[Any]") -> IGraph:  # noqa: N803 - published name
-        """Add any networkx graph to what is there, all or nothing (ValueError)."""
+        """Add a networkx graph to the current graph; on an error nothing is added (ValueError)."""
 
     @abstractmethod
     def save(self, path: str | os.PathLike[str] | None = None) -> None:
-        """Write graph, obstacles, CRS and attributes into one file, or into the engine's own database."""
+        """Write graph, obstacles, CRS and attributes to one file, or to the engine's own database."""
 
     @abstractmethod
     def load(self, path: str | os.PathLike[str] | None = None) -> IGraph:
-        """Replace graph and obstacles by those in a file that `save` wrote, or in the engine's own database.
+        """Replace the graph and the obstacles by a file written by `save`, or by the engine's own database.
 
         Raises:
             BadFile (ValueError): the file is damaged or foreign.
@@ -395,7 +395,7 @@ class IGraphEngine(IObstacles):
 
     @property
     def routes(self) -> RouteQueries:
-        """Routing queries that ask of several paths or places: k shortest paths, isochrones, the nearest of many."""
+        """Routing queries about several paths or nodes: k shortest paths, isochrones, the nearest of many."""
         return RouteQueries(self.graph._routes_now(), self.columns)
 
     def visibility(
@@ -407,31 +407,31 @@ class IGraphEngine(IObstacles):
         progress: bool = False,
         workers: int | None = None,
     ) -> IVisibility:
-        """Return which nodes within `radius` of each node no face hides, computed once and looked up from then on.
+        """Return a table of the nodes within `radius` of each node that no face hides; computed once, then looked up.
 
         Args:
-            radius: map units on the plan, the rim included; may be infinite.
-            observer_height: of both ends of every sight line, above the ground of their nodes.
-            path: the file or folder where the table is stored. None: in the user's cache folder; False: nowhere.
+            radius: map units in the plane, border included; may be infinite.
+            observer_height: height of both ends of every sight line above the ground at their nodes.
+            path: file or folder where the table is stored. None: the user's cache folder; False: not stored.
             progress: show the progress on the terminal.
-            workers: how many processes share the work, which changes nothing but the time; None: as many as pay.
+            workers: number of processes, which changes only the time; None: as many as pay off.
 
         Returns:
-            The table, which holds until nodes or obstacles change; then call this again.
+            The table, valid until nodes or obstacles change; then call this again.
 
         Raises:
-            BadValue (ValueError), BadType (TypeError): an impossible argument.
+            BadValue (ValueError), BadType (TypeError): an argument is invalid.
             OSError: `path` cannot be written.
         """
         raise NotOffered(self, "visibility")
 
     def visibility_table(self, radius: float, observer_height: float = 1.6) -> IVisibility | None:
-        """Return a current table that `visibility` made, of that height and at least that radius, if there is one."""
+        """Return an up-to-date table of this height and at least this radius, or None."""
         return None
 
     @abstractmethod
     def terminate(self) -> None:
-        """Release the graph, and write what a database has to hold."""
+        """Write pending changes to the database, and release the graph."""
 
     @property
     def storage(self) -> IMapStorage:

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from shapely import LineString
 
 Corner = tuple[float, float, float]
-NodeIds = int | Iterable[int]  # one id or several; a NumPy array will do
+NodeIds = int | Iterable[int]  # one id or several, also as a NumPy array
 Numbers = float | Sequence[float] | FloatArray  # one number or several
 
 
 class Engine(Enum):
-    """Where a graph lives besides memory: nowhere, or in a database file."""
+    """The storage of a graph: memory only, or also a database file."""
 
     MEMORY = 0
     SQLITE = 1
@@ -43,23 +43,23 @@ if TYPE_CHECKING:
         first: Any
         last: Any
 
-else:  # a plain namedtuple may be subclassed with a `__new__` of its own
+else:  # a plain namedtuple may be subclassed with its own `__new__`
     _EdgeFields = namedtuple("_EdgeFields", "id source target length first last")  # noqa: PYI024 - the typed one is above
 
 
 class OSMEdge(_EdgeFields):
     """A directed edge: an immutable value with `id`, `source`, `target`, `length` (map units) and `linestring`.
 
-    A straight edge keeps its end nodes in `first` and `last`; any other keeps its polyline, flat, in `first`, and
+    A straight edge stores its end nodes in `first` and `last`; any other edge stores its flat polyline in `first`, and
     None in `last`. Use `points` or `linestring`, which hide the difference.
     """
 
-    # NOTE: a tuple of what is there already, because sensing makes hundreds of them (benchmarks: sense).
+    # NOTE: a tuple of existing values, because sensing makes hundreds of edges (benchmarks: sense).
 
     __match_args__ = ("id", "source", "target", "length", "linestring")
 
     def __new__(cls, id: int, source: int, target: int, length: float, linestring: Any = None) -> Self:
-        """Take the polyline as a LineString or as a sequence of (x, y) pairs; None for an edge without one."""
+        """Make an edge; the polyline is a LineString or a sequence of (x, y) pairs, or None."""
         if linestring is None:
             return tuple.__new__(cls, (id, source, target, length, (), None))
         points = geometry.points_of(linestring, f"The linestring of edge {id}")
@@ -75,7 +75,7 @@ class OSMEdge(_EdgeFields):
 
     @property
     def linestring(self) -> "LineString | None":
-        """The polyline as a shapely LineString, made on first access; None for an edge without one."""
+        """The polyline as a shapely LineString, made on first access; None for an edge without a polyline."""
         if not self.points:
             return None
         made = self.__dict__.get("linestring")
@@ -84,15 +84,15 @@ class OSMEdge(_EdgeFields):
         return made
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Refuse: values are shared."""
-        raise AttributeError(f"An edge is a value and cannot be changed; use graph.update_edge to set {name!r}.")
+        """Raise AttributeError: edges are shared, immutable values."""
+        raise AttributeError(f"Edges are immutable; use graph.update_edge to set {name!r}.")
 
     def __iter__(self) -> Iterator[Any]:
-        """Go through the published fields."""
+        """Iterate over the published fields."""
         return iter((*self[:4], self.linestring))
 
     def _asdict(self) -> dict[str, Any]:
-        """Return the published fields by name."""
+        """Return the published fields as a dict."""
         return dict(zip(self.__match_args__, self, strict=True))
 
     def __eq__(self, other: object) -> bool:
@@ -107,14 +107,14 @@ class OSMEdge(_EdgeFields):
         return hash(self[:4])
 
     def __repr__(self) -> str:
-        """Show the fields under their published names."""
+        """Return a text with the fields under their published names."""
         return (
             f"OSMEdge(id={self.id!r}, source={self.source!r}, target={self.target!r}, "
             f"length={self.length!r}, linestring={self.linestring!r})"
         )
 
     def __getnewargs__(self) -> tuple[Any, ...]:
-        """Pickle and copy through the constructor."""
+        """Return the constructor arguments, for pickle and copy."""
         points = np.reshape(self.points, (-1, 2)) if self.points else None
         return (self.id, self.source, self.target, self.length, points)
 
@@ -122,7 +122,7 @@ class OSMEdge(_EdgeFields):
 class ObsFace(NamedTuple):
     """An obstacle: a quadrangle in space, an immutable value.
 
-    Its corners are (x, y, z) in map units: `tr` and `tl` above, `br` and `bl` below, right and left.
+    Corners are (x, y, z) in map units: top right and left, bottom right and left.
     """
 
     id: int
@@ -130,7 +130,7 @@ class ObsFace(NamedTuple):
     tl: Corner
     br: Corner
     bl: Corner
-    type: int  # what it is, which says its colour: 0 to 31 have one, see `gamms.osm.HEIGHT_ESTIMATES_TYPES`
+    type: int  # kind of obstacle, which gives its color: 0 to 31 have one, see `gamms.osm.HEIGHT_ESTIMATES_TYPES`
 
 
 class NodeColumns(NamedTuple):
@@ -141,18 +141,18 @@ class NodeColumns(NamedTuple):
 
 
 class NodeGround(NamedTuple):
-    """What lies under and above some nodes."""
+    """The height of the ground, and the tunnel, at some nodes."""
 
-    z: FloatArray  # (nodes,)  height of the ground; 0 where none is known
-    tunnels: IntArray  # (nodes,)  the number of the tunnel that a node lies in; 0 on the surface
+    z: FloatArray  # (nodes,)  height of the ground; 0 if unknown
+    tunnels: IntArray  # (nodes,)  number of the node's tunnel; 0 on the surface
 
     def eyes(self, xy: FloatArray, height: float) -> FloatArray:
-        """Return points (nodes, 3) at a height above these nodes."""
+        """Return the points (nodes, 3) at a height above the ground of these nodes."""
         return np.column_stack([xy, self.z + height])
 
 
 class Surroundings(NamedTuple):
-    """Nodes in a disc by id, and the edges that have both ends among them; both in insertion order."""
+    """Nodes in a disc by id, and the edges with both ends among them; both in insertion order."""
 
     nodes: dict[int, Node]
     edges: list[OSMEdge]

@@ -1,4 +1,4 @@
-"""Contract of the internal context: stores, background work and messages, which serve other engines."""
+"""Contract of the internal context: stores, background tasks and messages for other engines."""
 
 from abc import ABC, abstractmethod
 from enum import Enum
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 class IInternalContext(ABC):
-    """Engines that serve other engines."""
+    """The engines that serve other engines."""
 
     @property
     @abstractmethod
@@ -19,23 +19,23 @@ class IInternalContext(ABC):
     @property
     @abstractmethod
     def compute(self) -> "IComputeEngine | None":
-        """Background work; None while there is no such engine."""
+        """Background tasks; None without such an engine."""
 
     @property
     @abstractmethod
     def message(self) -> "IMessageEngine | None":
-        """Messages between processes; None while there is no such engine."""
+        """Messages between processes; None without such an engine."""
 
     @abstractmethod
     def terminate(self) -> None:
         """Close every engine."""
 
 
-# -- background work; no engine implements it yet, `ctx.ictx.compute` is None ----------------------------------------
+# -- background tasks; no engine implements them yet, `ctx.ictx.compute` is None -------------------------------------
 
 
 class TaskStatus(Enum):
-    """Where a task is in its life."""
+    """The status of a task."""
 
     PENDING = 0
     RUNNING = 1
@@ -54,11 +54,11 @@ class ITask(ABC):
     @property
     @abstractmethod
     def status(self) -> TaskStatus:
-        """Where the task is in its life."""
+        """The status of the task."""
 
     @abstractmethod
     def run(self) -> None:
-        """Do the work, once."""
+        """Run the task once."""
 
 
 class IComputeEngine(ABC):
@@ -70,7 +70,7 @@ class IComputeEngine(ABC):
 
     @abstractmethod
     def wait(self, task: ITask) -> None:
-        """Block until `task` has ended; raise what it raised."""
+        """Block until `task` has ended; raise its error if it failed."""
 
     @abstractmethod
     def terminate(self) -> None:
@@ -89,11 +89,11 @@ class IMessageEngine(ABC):
 
     @abstractmethod
     def create_publisher(self, tensor: object, channel_name: str | None = None, ttl: int = 0) -> None:
-        """Offer `tensor` on a channel."""
+        """Publish `tensor` on a channel."""
 
     @abstractmethod
     def create_subscriber(self, channel_name: str) -> None:
-        """Listen to a channel."""
+        """Subscribe to a channel."""
 
     @abstractmethod
     def list_active_channels(self) -> list[str]:

@@ -10,27 +10,27 @@ class ILogger(ABC):
 
     @abstractmethod
     def debug(self, msg: str, *args: object) -> None:
-        """Say what only a developer wants to know."""
+        """Log details for developers."""
 
     @abstractmethod
     def info(self, msg: str, *args: object) -> None:
-        """Say what happened."""
+        """Log an event."""
 
     @abstractmethod
     def warning(self, msg: str, *args: object) -> None:
-        """Say what looks like a mistake."""
+        """Log a probable mistake."""
 
     @abstractmethod
     def error(self, msg: str, *args: object) -> None:
-        """Say what went wrong."""
+        """Log an error."""
 
     @abstractmethod
     def critical(self, msg: str, *args: object) -> None:
-        """Say why we must stop."""
+        """Log an error that ends the program."""
 
     @abstractmethod
     def setLevel(self, level: int | str) -> None:  # noqa: N802 - the standard library's name
-        """Drop what is less severe than `level`."""
+        """Drop messages less severe than `level`."""
 
 
 ILogger.register(logging.Logger)

@@ -1,4 +1,4 @@
-"""Contracts of maps, which are a graph and its obstacles, as bytes and as snapshots; for engines, not for programs."""
+"""Contracts of the storage of maps (graph and obstacles) as bytes and as snapshots; for engines, not for programs."""
 
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
@@ -13,21 +13,21 @@ if TYPE_CHECKING:
 
 
 class IGraphSource(ABC):
-    """A graph that has its columns at hand: `ctx.graph.attach_networkx_graph` takes these."""
+    """A graph that provides its columns, for `ctx.graph.attach_networkx_graph`."""
 
     @abstractmethod
     def as_columns(self) -> tuple[GraphColumns, str | None]:
-        """Return the graph as read-only arrays, and whom the data is by."""
+        """Return the graph as read-only arrays, and the authors of the data."""
 
 
 class IPackedGraph(IGraphSource):
-    """A map from its bytes, read-only, without a context.
+    """A read-only map in packed bytes, without a context.
 
-    `ctx.graph.attach_networkx_graph` takes one, and keeps ids and order; `ctx.graph.storage.unpack(one.packed)` takes
-    the obstacles, too.
+    `ctx.graph.attach_networkx_graph` adds its graph, with its ids and order; `ctx.graph.storage.unpack(one.packed)`
+    also loads the obstacles.
 
     Attributes:
-        packed: the bytes that `IMapStorage.pack` returned.
+        packed: the bytes from `IMapStorage.pack`.
     """
 
     packed: bytes
@@ -37,7 +37,7 @@ class IPackedGraph(IGraphSource):
         """Return the graph as read-only arrays."""
 
     def as_columns(self) -> tuple[GraphColumns, str | None]:
-        """Return the graph as read-only arrays, and whom the data is by."""
+        """Return the graph as read-only arrays, and the authors of the data."""
         return self.columns(), self.attribution
 
     @abstractmethod
@@ -46,20 +46,20 @@ class IPackedGraph(IGraphSource):
 
     @abstractmethod
     def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
-        """Return the graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""
+        """Return the graph as a networkx graph: a DiGraph, or a MultiDiGraph if there are parallel edges."""
 
     @property
     @abstractmethod
     def crs(self) -> str | None:
-        """The coordinate reference system of x and y, such as 'EPSG:32635'."""
+        """The coordinate reference system of x and y, for example 'EPSG:32635'."""
 
     @property
     @abstractmethod
     def attribution(self) -> str | None:
-        """Whom the data is by."""
+        """The authors of the data."""
 
 
-LeftOut = dict[tuple[str, str], list[int]]  # ("node" or "edge", name of an attribute) -> whose was left out
+LeftOut = dict[tuple[str, str], list[int]]  # ("node" or "edge", attribute name) -> ids whose value was left out
 
 
 class IMapStorage(ABC):
@@ -70,58 +70,58 @@ class IMapStorage(ABC):
         """Return graph, obstacles, CRS and attributes as the bytes that `save` writes.
 
         Raises:
-            BadValue: an attribute is no plain value.
+            BadValue: an attribute is not a plain value.
         """
 
     @abstractmethod
     def pack_savable(self) -> tuple[bytes, LeftOut]:
-        """Return what `pack` returns, without the attributes that are no plain values, and which these are."""
+        """Pack the map without attributes that are not plain values; also return the names of these attributes."""
 
     @abstractmethod
     def unpack(self, data: bytes) -> None:
-        """Replace graph and obstacles by those that `pack` has packed.
+        """Replace the graph and the obstacles by a map packed by `pack`.
 
         Raises:
             BadFile (ValueError): the bytes are damaged or foreign; nothing has changed.
-            BadType (TypeError): they are no bytes.
+            BadType (TypeError): not bytes.
         """
 
     @abstractmethod
     def snapshot(self) -> Any:
-        """Return graph and obstacles as they are now, for `restore` and `copy_from`."""
+        """Return the present graph and obstacles, for `restore` and `copy_from`."""
 
     @abstractmethod
     def restore(self, before: Any) -> None:
-        """Restore a snapshot of this context; what has not changed is left alone, its indexes too."""
+        """Restore a snapshot of this context; unchanged parts keep their indexes."""
 
     @abstractmethod
     def copy_from(self, snapshot: Any) -> None:
-        """Replace graph and obstacles by those of a snapshot of another context, and share them until they change."""
+        """Share the graph and the obstacles of another context's snapshot, until one of the contexts changes them."""
 
     @abstractmethod
     def roads(self) -> tuple[IntArray, ClosedEdges]:
-        """Return the ids of the edges, in their order, and those that are closed."""
+        """Return the ids of all edges in insertion order, and the closed edges."""
 
     @property
     @abstractmethod
     def road_changes(self) -> int:
-        """How many changes of the graph have only closed, opened or removed edges; its revision counts these, too."""
+        """The number of graph changes that only closed, opened or removed edges; the revision counts them, too."""
 
     @abstractmethod
     def detached(self) -> tuple[GraphColumns, RouteQueries]:
-        """Return the graph as it is now and its routes, which stay so when this graph changes."""
+        """Return the present graph and its routes; both stay the same when this graph changes."""
 
     @abstractmethod
     def reopened(self) -> tuple[GraphColumns, RouteQueries]:
-        """Return the graph on which closed roads are open, behind all other edges, and its routes.
+        """Return the graph with all closed roads opened, after all other edges, and its routes.
 
-        Edges that are closed and whose ids others have are not there.
+        Closed edges whose ids have been reused are left out.
         """
 
     @abstractmethod
     def restart_stream(self) -> None:
-        """Restart the random stream that `ctx.graph.place` draws from."""
+        """Restart the random stream of `ctx.graph.place`."""
 
 
 packed_graphs: Registry[IPackedGraph] = Registry("form of packed graphs", "gamms.packed_graphs", "gamms.graph")
-"""What opens the bytes of a map: other engines find the class of `gamms.graph` here, under the name "gamms"."""
+"""Registered readers of packed maps: other engines use the class of `gamms.graph`, named "gamms"."""

@@ -1,4 +1,4 @@
-"""Contract of the stores: maps from a key to a row of typed fields."""
+"""Contract of the stores: tables of typed rows by key."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
@@ -10,7 +10,7 @@ Row = Mapping[str, Any]  # field -> value
 
 
 class StoreType(IntEnum):
-    """Where a store keeps its maps."""
+    """The storage of a store."""
 
     MEMORY = 0
     FILESYSTEM = 1
@@ -18,7 +18,7 @@ class StoreType(IntEnum):
 
 
 class IPathLike(ABC):
-    """Where a store lives."""
+    """The location of a store."""
 
     @abstractmethod
     def as_str(self) -> str:
@@ -26,15 +26,15 @@ class IPathLike(ABC):
 
     @abstractmethod
     def exists(self) -> bool:
-        """Return whether something is there."""
+        """Return whether the location exists."""
 
 
 class IStore(ABC):
     """Named maps; each has a schema and a primary key.
 
-    Raises, on every implementation alike:
+    Raises, on every implementation:
         Duplicate (ValueError): `create_map` with a taken name.
-        TypeError: a schema that is no dict of field names to types, or is empty.
+        TypeError: a schema that is not a dict of field names to types, or is empty.
         IndexError: a primary key that is not in the schema or not of type int, float, str, bool or bytes;
             any data operation on an unknown map (at the call, not at the first step of an iterator).
         KeyError: `delete_map` of an unknown map; a key that exists on insert, or is missing elsewhere.
@@ -47,12 +47,12 @@ class IStore(ABC):
 
     @abstractmethod
     def path(self) -> IPathLike | None:
-        """Return where the store lives; None when it is in memory only."""
+        """Return the location of the store; None for a store in memory."""
 
     @property
     @abstractmethod
     def type(self) -> StoreType:
-        """Where the store keeps its maps."""
+        """The kind of storage."""
 
     @abstractmethod
     def create_map(self, map_name: str, schema: Schema, primary_key: str) -> None:
@@ -64,11 +64,11 @@ class IStore(ABC):
 
     @abstractmethod
     def list_maps(self) -> list[str]:
-        """Names of the maps, in the order of their creation."""
+        """Return the names of the maps, in order of creation."""
 
     @abstractmethod
     def insert_data(self, map_name: str, struct: dict[str, Any]) -> None:
-        """Add a row; the caller's dict is neither changed nor kept."""
+        """Add a row; the caller's dict is neither changed nor stored."""
 
     @abstractmethod
     def get_data(self, map_name: str, key: object) -> Mapping[str, Any]:
@@ -92,7 +92,7 @@ class IStore(ABC):
 
 
 class IMemoryEngine(ABC):
-    """Keeps the stores by name."""
+    """Stores by name."""
 
     @abstractmethod
     def create_store(self, store_type: StoreType, name: str, path: IPathLike | None = None) -> IStore:
@@ -110,7 +110,7 @@ class IMemoryEngine(ABC):
 
     @abstractmethod
     def list_stores(self) -> Iterator[str]:
-        """Names of the open stores."""
+        """Return the names of the open stores."""
 
     @abstractmethod
     def terminate(self) -> None:

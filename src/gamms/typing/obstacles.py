@@ -1,4 +1,4 @@
-"""Contracts of obstacles, which are quadrangles in space, and of the visibility tables that follow from them."""
+"""Contracts of obstacles, which are quadrangles in space, and of visibility tables."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
@@ -15,28 +15,29 @@ from gamms.ir.scenery import Scenery, no_scenery
 from gamms.typing.graph_values import Corner, NodeIds, ObsFace
 
 Faces = ArrayLike | Iterable[Mapping[str, Any]]
-"""Corners (faces, 4, 3): tr, tl, br, bl of each; or the arguments of `add_obstacle_face`, as dicts."""
+"""Corners (faces, 4, 3): tr, tl, br, bl of each face; or dicts of the arguments of `add_obstacle_face`."""
 
 
 class IObstacles(ABC):
     """The obstacle faces of a graph engine."""
 
-    # -- must write ---------------------------------------------------------------------------------------------
+    # -- to implement -------------------------------------------------------------------------------------------
 
     @abstractmethod
     def add_obstacle_face(self, face_id: int, tr: Corner, tl: Corner, br: Corner, bl: Corner, type: int) -> None:
-        """Add a quadrangle (KeyError for a taken id, ValueError for a bad corner)."""
+        """Add a quadrangle (KeyError for a taken id, ValueError for an invalid corner)."""
 
     @abstractmethod
     def add_obstacles(self, faces: Faces, ids: ArrayLike | None = None, types: ArrayLike = 0) -> list[int]:
-        """Add many quadrangles at once, all or none; returns their ids.
+        """Add many quadrangles at once and return their ids; on an error nothing is added.
 
-        `faces` is an array (faces, 4, 3) of the corners tr, tl, br, bl, with `ids` (None: those after the greatest)
-        and `types` (one for all or one for each); or an iterable of the arguments of `add_obstacle_face`, as dicts.
+        `faces` is an array (faces, 4, 3) of the corners tr, tl, br, bl, with `ids` (None: the ids after the greatest
+        existing id) and `types` (one for all or one for each); or an iterable of dicts of the arguments of
+        `add_obstacle_face`.
 
         Raises:
-            KeyError: an id is taken, or given twice.
-            TypeError, ValueError: a number or a shape is impossible.
+            KeyError: an id is taken, or occurs twice.
+            TypeError, ValueError: a number or a shape is invalid.
         """
 
     @abstractmethod
@@ -51,11 +52,11 @@ class IObstacles(ABC):
     def get_obstacle_faces(self, d: float = -1.0, x: float = 0.0, y: float = 0.0) -> Iterator[int]:
         """Return ids of the faces whose bounding box meets the square of half side d around (x, y); all for `d < 0`."""
 
-    # -- may override for speed ---------------------------------------------------------------------------------
+    # -- to override for speed ----------------------------------------------------------------------------------
 
     @property
     def obstacle_revision(self) -> int | None:
-        """A number that changes with every change of the obstacles; None means: never remember anything."""
+        """A number that changes with every change of the obstacles; None means that nothing may be cached."""
         return None
 
     def obstacle_columns(self) -> ObstacleColumns:
@@ -63,14 +64,14 @@ class IObstacles(ABC):
         return face_columns([self.get_obstacle_face(id) for id in self.get_obstacle_faces()])
 
     def scenery_columns(self) -> Scenery:
-        """Return what is drawn around the streets and blocks no sight; its buildings only if no obstacle is there."""
+        """Return the base map, which blocks no sight; its buildings only if they are not obstacles."""
         return no_scenery()
 
     def visible(self, origin: ArrayLike, targets: ArrayLike) -> BoolArray:
-        """Return whether no face blocks the straight line from one place to each of others.
+        """Return whether no face blocks the straight line from one place to each of several places.
 
-        A face that touches either end blocks; one that the line runs along does not, nor one of no area. A line of
-        no length is never blocked.
+        A face that touches either end blocks the line; a face that the line runs along does not, and neither does a
+        face of zero area. A line of zero length is never blocked.
 
         Args:
             origin: (3,) x, y, z in map units.
@@ -80,61 +81,61 @@ class IObstacles(ABC):
             (targets,) a fresh array.
 
         Raises:
-            BadValue (ValueError), BadType (TypeError): another shape, or a number that is not finite.
+            BadValue (ValueError), BadType (TypeError): a shape is wrong, or a number is not finite.
         """
         return kernels.visible(self.obstacle_columns().corners, *line_ends(origin, targets))
 
 
 class IVisibility(ABC, Sized):
-    """For every node, which nodes within a radius no face hides, both ends of the sight line equally high.
+    """A table of the nodes within a radius of each node that no face hides; both ends of sight lines are equally high.
 
-    A table answers as `ctx.graph.visible` does. It is directed: what a node sees is computed from that node. Its
-    length is the number of nodes. All ids come in insertion order, in fresh arrays.
+    The table agrees with `ctx.graph.visible`. It is directed: the view of a node is computed from this node. Its length
+    is the number of nodes. All ids are in insertion order, in fresh arrays.
 
-    Every question raises UnknownName (KeyError) for an id that is no node, and Outdated (RuntimeError) once nodes or
-    obstacles are others than those that the table is of.
+    Every query raises UnknownName (KeyError) for an unknown node, and Outdated (RuntimeError) after nodes or obstacles
+    have changed.
     """
 
     @property
     @abstractmethod
     def radius(self) -> float:
-        """How far it reaches on the plan, map units, the rim included; may be infinite."""
+        """The radius in the plane, map units, border included; may be infinite."""
 
     @property
     @abstractmethod
     def observer_height(self) -> float:
-        """How high both ends of every sight line are above the ground of their nodes, map units."""
+        """The height of both ends of every sight line above the ground at their nodes, map units."""
 
     @abstractmethod
     def sees(self, observer: int, target: int) -> bool:
-        """Return whether a node within the radius of another is visible from there."""
+        """Return whether a node within the radius of another is visible from it."""
 
     @abstractmethod
     def mask(self, observer_id: int, ids: Iterable[int]) -> BoolArray:
-        """Return whether each of some nodes is within the radius and visible from a node; `ids` is (nodes,)."""
+        """Return whether each of some nodes `ids` (nodes,) is within the radius of a node and visible from it."""
 
     @abstractmethod
     def from_node(self, node_id: int) -> IntArray:
-        """Return ids of the nodes that are visible from a node, itself included."""
+        """Return the ids of the nodes that are visible from a node, itself included."""
 
     @abstractmethod
     def watchers(self, node_id: int) -> IntArray:
-        """Return ids of the nodes that a node is visible from, itself included."""
+        """Return the ids of the nodes from which a node is visible, itself included."""
 
     @abstractmethod
     def coverage(self, node_ids: NodeIds) -> IntArray:
-        """Return ids of the nodes that are visible from at least one of some nodes."""
+        """Return the ids of the nodes that are visible from at least one of some nodes."""
 
     @abstractmethod
     def hidden(self, watchers: NodeIds) -> IntArray:
-        """Return ids of the nodes that are visible from none of some nodes."""
+        """Return the ids of the nodes that are visible from none of some nodes."""
 
     @abstractmethod
     def nearest_hidden(self, node_id: int, watchers: NodeIds, weight: str | None = "length") -> int | None:
         """Return the id of the nearest node by path that is hidden from all watchers; the node itself if it is hidden.
 
-        Of equally near ones by `distances(node_id, weight=weight)`, the first in insertion order; None if no path
-        leads to any.
+        Ties by `distances(node_id, weight=weight)` go to the first node in insertion order; None if no path leads to a
+        hidden node.
         """
 
 
@@ -145,7 +146,7 @@ def face_columns(faces: Sequence[ObsFace]) -> ObstacleColumns:
 
 
 def line_ends(origin: ArrayLike, targets: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Both ends of sight lines from what a caller passed: shapes (3,) and (targets, 3), finite.
+    """Check both ends of sight lines passed by a caller: shapes (3,) and (targets, 3), finite.
 
     Raises:
         BadValue, BadType: see `IObstacles.visible`.

@@ -1,4 +1,4 @@
-"""Where agents are that are on an edge of the graph: in games by metres (`ctx.game.speed_unit`)."""
+"""Positions of agents on edges of the graph, in games by metres (`ctx.game.speed_unit`)."""
 
 from collections.abc import Sequence
 from itertools import accumulate, pairwise
@@ -15,23 +15,23 @@ from gamms.typing.graph_engine import IGraph
 
 
 class OnEdge(NamedTuple):
-    """Where on an edge an agent is."""
+    """The position of an agent on an edge."""
 
-    edge: tuple[int, int, int]  # ids of the nodes that it leads from and to, and its own
-    offset_m: float  # from its source, map units
+    edge: tuple[int, int, int]  # source id, target id, edge id
+    offset_m: float  # distance from the source, map units
     xy: tuple[float, float]
-    ahead: tuple[float, float]  # (cos, sin) of the way that the agent goes, or last went
+    ahead: tuple[float, float]  # the direction of movement (cos, sin), or of the last movement
 
 
 class PassedNode(int):
-    """What AGENT sensors report of an agent on an edge: the node that it has passed last, and where it is.
+    """The report of AGENT sensors for an agent on an edge: the last node that it passed, and its position.
 
-    It is the id of the node, as sensors report it of agents on nodes. Those are plain integers.
+    It is equal to the id of the node. For agents on nodes, sensors report plain integers.
 
     Attributes:
-        edge: ids of the nodes that the edge leads from and to, and its own.
-        offset_m: how far from the source of the edge the agent is, map units.
-        xy: where on the map it is.
+        edge: (source id, target id, edge id).
+        offset_m: distance of the agent from the source of the edge, map units.
+        xy: position on the map.
     """
 
     edge: tuple[int, int, int]
@@ -39,7 +39,7 @@ class PassedNode(int):
     xy: tuple[float, float]
 
     def __new__(cls, node: int, *place: Any) -> Self:
-        """Return the node with a place: `edge`, `offset_m` and `xy`; a copy gets its attributes later."""
+        """Return the node id with a position: `edge`, `offset_m` and `xy`; on copying, attributes are set later."""
         self = super().__new__(cls, node)
         if place:
             self.edge, self.offset_m, self.xy = place
@@ -47,7 +47,7 @@ class PassedNode(int):
 
 
 def located(graph: IGraph, progress: Progress) -> OnEdge | None:
-    """Return where on the map an agent is that is on an edge; None: the edge is gone."""
+    """Return the map position of an agent on an edge; None if the edge was removed."""
     try:
         edge = graph.get_edge(progress.edge)
     except (UnknownName, ContextTerminated):
@@ -56,7 +56,7 @@ def located(graph: IGraph, progress: Progress) -> OnEdge | None:
 
 
 class Line(NamedTuple):
-    """A polyline, as places on it are found."""
+    """A polyline, prepared for finding points on it."""
 
     points: list[tuple[float, float]]
     lengths: list[float]  # from each point to the next, map units
@@ -68,7 +68,7 @@ class Line(NamedTuple):
         return cls(points, [hypot(x1 - x0, y1 - y0) for (x0, y0), (x1, y1) in pairwise(points)])
 
     def at(self, share: float) -> tuple[float, float, float, float]:
-        """Return the point (x, y) after a share of it, and the direction (cos, sin) of it there."""
+        """Return the point (x, y) at a share of its length, and the direction (cos, sin) there."""
         points, lengths = self
         left = share * sum(lengths)
         for i, length in enumerate(lengths):
@@ -80,16 +80,16 @@ class Line(NamedTuple):
         return *points[-1], 0.0, 0.0
 
     def shares(self) -> list[float]:
-        """Return the shares of it at which its points are, but for the first."""
+        """Return the shares of its length at its points, except for the first."""
         whole = sum(self.lengths) or 1.0
         return [far / whole for far in accumulate(self.lengths)]
 
 
 class Lines:
-    """The polylines of all edges of a graph, to find many places on them: to the bit those that a `Line` finds.
+    """The polylines of all edges of a graph, to find many points on them, with exactly the results of `Line`.
 
     Args:
-        columns: of the graph.
+        columns: columns of the graph.
     """
 
     def __init__(self, columns: GraphColumns) -> None:
@@ -97,17 +97,17 @@ class Lines:
         lines = [Line.of(flat) for flat in ends.tolist()]
         for row, polyline in columns.polylines.items():
             lines[row] = Line.of(polyline.ravel().tolist())
-        self._count = np.array([len(line.lengths) for line in lines], np.int64)  # (edges,) straight parts
+        self._count = np.array([len(line.lengths) for line in lines], np.int64)  # (edges,) number of straight parts
         self._first = np.cumsum(self._count + 1) - self._count - 1
         self._whole = np.array([sum(line.lengths) for line in lines])
         points = [point for line in lines for point in line.points]
         self._x, self._y = np.array(points, np.float64).reshape(-1, 2).T.copy()
-        # By point: how far it is to the next one, and the share of the line that is behind it.
+        # By point: distance to the next point, and share of the line before it.
         self._lengths = np.array([far for line in lines for far in (*line.lengths, 0.0)])
         self._shares = np.array([share for line in lines for share in (0.0, *line.shares())])
 
     def at(self, edges: IntArray, shares: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return the points x and y after shares of edges, by rows, and the directions cos and sin there, (places,)."""
+        """Return the points x and y at shares of edge rows, and the directions cos and sin there, (places,)."""
         place, left = self._first[edges], shares * self._whole[edges]
         last = place + self._count[edges]
         x, y, cos, sin = self._x[last], self._y[last], np.zeros(len(edges)), np.zeros(len(edges))
@@ -126,7 +126,7 @@ class Lines:
     def corners(
         self, edges: IntArray, begin: FloatArray, end: FloatArray
     ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-        """Return the corners of parts of edges, as `line_along` does: the numbers of the parts, shares, x and y."""
+        """Return the corners of parts of edges, as `line_along`: the indices of the parts, shares, x and y."""
         number, first = np.arange(len(edges)), self._first[edges]
         bent = np.flatnonzero(self._count[edges] > 1)
         of, points = kernels.expand_ranges(first[bent] + 1, (first + self._count[edges])[bent] + 1)
@@ -134,7 +134,7 @@ class Lines:
         between = (np.minimum(begin, end)[of] < share) & (share < np.maximum(begin, end)[of])
         of, points, share = of[between], points[between], share[between]
         counts = np.bincount(of, minlength=len(edges))
-        begins = np.cumsum(counts + 2) - counts - 2  # where the corners of each part begin
+        begins = np.cumsum(counts + 2) - counts - 2  # first corner of each part
         rank = np.arange(len(of)) - (np.cumsum(counts) - counts)[of]
         places = begins[of] + 1 + np.where((begin <= end)[of], rank, counts[of] - 1 - rank)
         which = np.repeat(number, counts + 2)
@@ -146,7 +146,7 @@ class Lines:
 
 
 def placed(progress: Progress, length: float, line: Line) -> OnEdge:
-    """Return where on the map an agent is that is on an edge of a length, along a polyline."""
+    """Return the map position of an agent on an edge of a given length, along a polyline."""
     x, y, dx, dy = line.at(progress.share)
     sign = -1.0 if progress.motion == Motion.BACK else 1.0
     ends = progress.source, progress.target, progress.edge
@@ -154,12 +154,12 @@ def placed(progress: Progress, length: float, line: Line) -> OnEdge:
 
 
 def point_along(flat: Sequence[float], share: float) -> tuple[float, float, float, float]:
-    """Return the point (x, y) after a share of a polyline (x0, y0, x1, …), and the direction (cos, sin) of it there."""
+    """Return the point (x, y) at a share of a polyline (x0, y0, x1, …), and the direction (cos, sin) there."""
     return Line.of(flat).at(share)
 
 
 def line_along(flat: Sequence[float], begin: float, end: float) -> list[tuple[float, float, float]]:
-    """Return the corners of a part of such a polyline, from one share of it to another: (share, x, y) of each."""
+    """Return the corners of a part of a polyline, between two shares: (share, x, y) of each."""
     line, (low, high) = Line.of(flat), sorted((begin, end))
     bends = [(share, *point) for share, point in zip(line.shares(), line.points[1:], strict=True)]
     between = [bend for bend in bends if low < bend[0] < high]

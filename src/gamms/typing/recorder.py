@@ -8,14 +8,14 @@ from typing import Any, BinaryIO, Literal, TypedDict, TypeVar
 from gamms.ir import events as kinds
 from gamms.plugins import Registry
 
-C = TypeVar("C", bound=type)  # a class that a decorator returns as it is
+C = TypeVar("C", bound=type)  # a class returned unchanged by a decorator
 
 MAGIC_NUMBER = b"MMGR"
 VERSION = (2).to_bytes(4, "big")
 
 
 class OpCodes(Enum):
-    """What one record says."""
+    """The kind of a record."""
 
     TERMINATE = kinds.TERMINATE
     SIMULATE = kinds.SIMULATE
@@ -36,11 +36,11 @@ class OpCodes(Enum):
 
 
 Step = tuple[Any, Any]
-"""The node, or the position (x, y, z) in the air, of an agent before and after its last move."""
+"""The node, or the position (x, y, z), of an agent before and after its last move."""
 
 
 class IPlayback(ABC):
-    """A recording while it is replayed, of which any turn can be shown.
+    """A recording during replay, which can show any turn.
 
     Attributes:
         is_open: whether it can still be replayed.
@@ -51,21 +51,21 @@ class IPlayback(ABC):
     @property
     @abstractmethod
     def turn(self) -> int:
-        """How many turns have been replayed, with the one that is shown now."""
+        """The number of turns replayed, including the turn that is shown."""
 
     @property
     @abstractmethod
     def turns(self) -> int:
-        """How many turns there are."""
+        """The number of turns."""
 
     @property
     @abstractmethod
     def can_seek(self) -> bool:
-        """Whether another turn may be shown."""
+        """Whether another turn can be shown."""
 
     @abstractmethod
     def highlights(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield what rules emitted, changes of the scores (`scores`) and the end (`over`), each with its turn."""
+        """Yield (turn, data) of events emitted by rules, changes of the scores (`scores`) and the end (`over`)."""
 
     @abstractmethod
     def steps(self, turn: int) -> dict[str, Step]:
@@ -73,7 +73,7 @@ class IPlayback(ABC):
 
     @abstractmethod
     def seek(self, turn: int) -> None:
-        """Let everything be as it was after so many turns, and go on from there."""
+        """Show the state after this number of turns, and continue from there."""
 
     @abstractmethod
     def play_turn(self) -> None:
@@ -81,15 +81,15 @@ class IPlayback(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Close the file; nothing more is replayed."""
+        """Close the file; no further replay is possible."""
 
 
 class IRecorder(ABC):
-    """Writes what happens and plays it again."""
+    """Records events and replays them."""
 
     @abstractmethod
     def record(self) -> bool:
-        """Whether events are being written now."""
+        """Return whether events are being written."""
 
     @abstractmethod
     def start(self, path: str | BinaryIO) -> None:
@@ -101,23 +101,23 @@ class IRecorder(ABC):
 
     @abstractmethod
     def pause(self) -> None:
-        """Stop writing for a while."""
+        """Pause writing."""
 
     @abstractmethod
     def play(self) -> None:
-        """Write again."""
+        """Resume writing."""
 
     @abstractmethod
     def replay(self, path: str | BinaryIO) -> Iterator[dict[str, Any]]:
         """Apply a recording, one record per step.
 
         Yields:
-            A dict with `timestamp`, nanoseconds, `opCode`, the value of an `OpCodes`, and but at the end `data`.
+            A dict with `timestamp` in nanoseconds, `opCode`, the value of an `OpCodes`, and `data`, except at the end.
         """
 
     @abstractmethod
     def time(self) -> int:
-        """The recorder's clock in nanoseconds."""
+        """Return the recorder's clock in nanoseconds."""
 
     @abstractmethod
     def write(self, opCode: OpCodes, data: dict[str, Any]) -> None:  # noqa: N803 - published name
@@ -125,53 +125,54 @@ class IRecorder(ABC):
 
     @abstractmethod
     def component(self, struct: Mapping[str, object] | None) -> Callable[[C], C]:
-        """Decorator: a class whose declared fields are recorded."""
+        """Return a decorator for a class whose declared fields are recorded."""
 
     @abstractmethod
     def get_component(self, name: str) -> object:
-        """A component by name."""
+        """Return a component by name."""
 
     @abstractmethod
     def delete_component(self, name: str) -> None:
-        """Forget a component."""
+        """Delete a component."""
 
     @abstractmethod
     def component_iter(self) -> Iterable[str]:
-        """Names of the components."""
+        """Return the names of the components."""
 
     @abstractmethod
     def add_component(self, name: str, obj: object) -> None:
-        """Keep a component under a name."""
+        """Add a component under a name."""
 
     @abstractmethod
     def is_component_registered(self, key: tuple[str, str]) -> bool:
-        """Whether a component class is known."""
+        """Return whether a component class is registered."""
 
     @abstractmethod
     def unregister_component(self, key: tuple[str, str]) -> None:
-        """Forget a component class."""
+        """Unregister a component class."""
 
 
 class PageOptions(TypedDict, total=False):
     """The keywords of pages that replay a recording in a browser."""
 
     title: str
-    """What stands above the map and on the tab: the name of the scenario."""
+    """The title above the map and on the tab. Default: the name of the scenario."""
     theme: Literal["light", "dark"] | None
-    """The colours: None, those that the browser prefers."""
+    """The colors. Default: None, those that the browser prefers."""
     labels: bool | Literal["auto"]
-    """Whether agents have their names beside them: "auto", while they are few."""
+    """Whether the names of agents are shown beside them. Default: "auto", if there are few agents."""
     trails: int
-    """Of how many turns the ways of agents are shown, 200 at most: 0."""
+    """The number of turns for which the paths of agents are shown, at most 200. Default: 0."""
     turn: int
-    """After which turn it begins: 0."""
+    """The turn after which the replay begins. Default: 0."""
     follow: str | None
-    """The name of an agent to keep in the middle: None."""
+    """The name of an agent to keep in the center. Default: None."""
     audience: str | None
-    """A team, by its text; what it could not know is not in the page: None, all is."""
+    """A team, by its text; the page leaves out what this team could not know. Default: None, the page has everything.
+    """
     still: bytes | None
-    """A picture, PNG or SVG, for where no scripts run: None."""
+    """A PNG or SVG picture for browsers without scripts. Default: None."""
 
 
 pages: Registry[bytes] = Registry("form of pages of recordings", "gamms.pages", "gamms.web")
-"""What makes a page of a recording, which plays in a browser; the recorder finds it under the name "gamms"."""
+"""Registered makers of browser pages of recordings; the recorder uses the one named "gamms"."""

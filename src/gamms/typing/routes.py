@@ -1,5 +1,5 @@
-"""Routing queries of one graph, from what each implementation of a graph offers: ids, ends and weights of edges."""
-# ruff: noqa: ARG002 - a default reads no arguments that only faster ones need
+"""Routing queries of one graph, based on the ids, ends and weights that each implementation provides."""
+# ruff: noqa: ARG002 - some arguments are only used by faster overrides
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
@@ -19,17 +19,17 @@ from gamms.readonly import locked
 from gamms.text import shown
 from gamms.typing.graph_values import NodeIds
 
-_FARTHEST = 1e150  # coordinates; the squares of greater distances are beyond floats
+_FARTHEST = 1e150  # largest coordinate; the squares of greater distances overflow
 RememberedT = TypeVar("RememberedT", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
 MadeT = TypeVar("MadeT")
 
 
 class Routes(ABC):
-    """Answers routing queries of one graph; see `IGraph` for what each call promises."""
+    """Answers routing queries of one graph; `IGraph` documents each query."""
 
     @abstractmethod
     def ids(self) -> IntArray:
-        """Return the ids of all nodes (nodes,), by row; called before rows are asked for."""
+        """Return the ids of all nodes (nodes,), by row; called before rows are used."""
 
     @abstractmethod
     def ends(self) -> tuple[IntArray, IntArray]:
@@ -37,7 +37,7 @@ class Routes(ABC):
 
     @abstractmethod
     def weights(self, weight: str | None) -> FloatArray:
-        """Return what each edge costs, (edges,)."""
+        """Return the weight of each edge, (edges,)."""
 
     @abstractmethod
     def rows(self, nodes: NodeIds, name: str) -> IntArray:
@@ -48,30 +48,30 @@ class Routes(ABC):
         return int(self.rows(node_id, "a node")[0])
 
     def remember(self, key: Hashable, make: Callable[[], RememberedT]) -> RememberedT:
-        """Return what `make` gives; override to make it once."""
+        """Return the result of `make`; override to cache it."""
         return make()
 
     def next_rows(self, row: int, end: int, weight: str | None) -> "Mapping[int, int] | memoryview":
-        """Return the row of the next node on the path to row `end`, -1 where there is none, by row.
+        """Return a mapping row -> next row on the path to row `end`, -1 if there is no path.
 
-        Requires: only `row` and what follows it on the path are looked up. Override for speed.
+        Requires: callers look up only `row` and the rows on its path. Override for speed.
         """
         _, steps = self._table(end, weight)
         return steps
 
     def distance_between(self, row: int, end: int, weight: str | None, within: float = inf) -> float:
-        """Return the distance from a row to row `end`, infinite where there is no path; override for speed.
+        """Return the distance from a row to row `end`, infinite if there is no path; override for speed.
 
-        One that is greater than `within` may be infinite as well.
+        A distance greater than `within` may be returned as infinite.
         """
         return self.distances_to(end, weight)[row]
 
     def search(self, weight: str | None, *, reverse: bool = True) -> kernels.Search:
-        """Return what finds paths along the edges, or along the reversed ones; override to make it once."""
+        """Return a search along the edges, or along the reversed edges; override to cache it."""
         return kernels.Search(self.arcs(weight, reverse=reverse), self.ids())
 
     def matrix_lines(self, roots: IntArray, others: IntArray, weight: str | None, *, reverse: bool) -> FloatArray:
-        """Return the distances (roots, others) from rows to others, or to them where reversed."""
+        """Return the distances (roots, others) from roots to others; with `reverse`, from others to roots."""
         search = self.search(weight, reverse=reverse)
         found = np.empty((len(roots), len(others)))
         for at in range(len(roots)):
@@ -79,9 +79,9 @@ class Routes(ABC):
         return found
 
     def nearest_end(self, row: int, ends: IntArray, weight: str | None, within: float) -> int | None:
-        """Return the place in `ends` of what `RouteQueries.nearest` says."""
+        """Return the index in `ends` of the nearest row; see `RouteQueries.nearest`."""
         places = np.arange(len(ends))
-        if len(ends) > 1:  # only those that are reached first, up to rounding, can be it
+        if len(ends) > 1:  # only the first ones reached, up to rounding, can be nearest
             far, _ = self.search(weight, reverse=False).far(np.array([row]), ends, is_nearest=True)
             places = np.flatnonzero(far <= kernels.widened(far.min()))
         best, found = within, None
@@ -94,13 +94,13 @@ class Routes(ABC):
     def near_end(self, rows: IntArray, end: int, weight: str | None, *, is_nearest: bool) -> FloatArray:
         """Return the distances (rows,) from some rows to row `end`; override for speed.
 
-        With `is_nearest`, those of rows that are not nearest may be infinite.
+        With `is_nearest`, the distances of rows that are not nearest may be infinite.
         """
         found, _ = self.search(weight).far(np.array([end]), rows, is_nearest=is_nearest)
         return found
 
     def shortest_path(self, source: int, target: int, weight: str | None, most_edges: int | None) -> list[int]:
-        """Return the ids of the nodes on the shortest path, both ends included, or of its first edges."""
+        """Return the ids of the nodes on the shortest path, both ends included; `most_edges` limits its length."""
         most = len(self.ids()) if most_edges is None else as_count(most_edges, "most_edges")
         ids = self.ids().data
         row, end = self.row(source), self.row(target)
@@ -114,7 +114,7 @@ class Routes(ABC):
         return path
 
     def distance(self, source: int, target: int, weight: str | None) -> float:
-        """Return the distance from one node to another; infinite where there is no path."""
+        """Return the length of the shortest path between two nodes; infinite if there is no path."""
         self.ids()
         return self.distance_between(self.row(source), self.row(target), weight)
 
@@ -125,8 +125,8 @@ class Routes(ABC):
         given = [nodes for nodes in (source, target) if nodes is not None]
         if len(given) != 1:
             raise BadValue(
-                "Give distances either source= or target=, not both and not neither. "
-                "The way from one node to another is graph.distance(source, target)."
+                "Give distances exactly one of source= and target=. "
+                "For two nodes use graph.distance(source, target)."
             )
         rows = self.rows(given[0], "target" if source is None else "source")
         limit = inf if cutoff is None else as_range(cutoff, "cutoff")
@@ -137,7 +137,7 @@ class Routes(ABC):
     def reached(
         self, rows: IntArray, weight: str | None, limit: float, *, reverse: bool
     ) -> tuple[IntArray, FloatArray]:
-        """Return the rows, ascending, that are at most so far from the nearest of some rows, or to it, and how far."""
+        """Return the rows, ascending, within a limit of (or to) the nearest of some rows, and the distances."""
         if reverse and limit == inf and len(rows) == 1:
             table = np.asarray(self.distances_to(rows.item(), weight))
             near = np.flatnonzero(np.isfinite(table))
@@ -156,7 +156,7 @@ class Routes(ABC):
         return found[end_of].T.copy() if reverse else found[start_of]
 
     def _table(self, end: int, weight: str | None) -> tuple[memoryview, memoryview]:
-        """Return how far it is from every row to row `end`, and the row of the next node; -1 where there is none."""
+        """Return the distance from every row to row `end`, and the next row on the path; -1 if there is none."""
 
         def make() -> tuple[memoryview, memoryview]:
             (far,), (steps,) = kernels.route_tables(self.arcs(weight, reverse=True), np.array([end]), self.ids())
@@ -169,7 +169,7 @@ class Routes(ABC):
         return self._table(end, weight)[0]
 
     def arcs(self, weight: str | None, *, reverse: bool) -> kernels.Arcs:
-        """Return the edges, or the reversed ones, with their weights."""
+        """Return the edges, or the reversed edges, with their weights."""
 
         def make() -> kernels.Arcs:
             ends = self.ends()[::-1] if reverse else self.ends()
@@ -178,17 +178,17 @@ class Routes(ABC):
         return self.remember(("arcs", weight, reverse), make)
 
     def neighborhoods(self) -> tuple[IntArray, IntArray]:
-        """Return offsets (nodes + 1,) and rows: each node itself, then its neighbours, as `kernels.neighborhoods`."""
+        """Return offsets (nodes + 1,) and rows: each node itself, then its neighbors; see `kernels.neighborhoods`."""
         return self.remember(("neighborhoods",), lambda: kernels.neighborhoods(*self.ends(), len(self.ids())))
 
 
 class EdgeRoutes(Routes):
-    """The slow default of routing, made of ids for each query.
+    """The default implementation of routing, from lists of ids; rebuilt for each query.
 
     Args:
-        ids: of the nodes.
-        ends: ids of source and target of each edge.
-        weights: returns what each edge costs, (edges,), by the name of a weight.
+        ids: ids of the nodes.
+        ends: source id and target id of each edge.
+        weights: function from the name of a weight to the weights (edges,).
     """
 
     def __init__(
@@ -207,11 +207,11 @@ class EdgeRoutes(Routes):
         return self._ends
 
     def weights(self, weight: str | None) -> FloatArray:
-        """Return what each edge costs, (edges,)."""
+        """Return the weight of each edge, (edges,)."""
         return self._weights(weight)
 
     def rows(self, nodes: NodeIds, name: str) -> IntArray:
-        """Return the rows of one node or of several (KeyError)."""
+        """Return the rows of one or several nodes (KeyError)."""
         ids = [as_int(id, "The id of a node") for id in (nodes if isinstance(nodes, Iterable) else [nodes])]
         for id in ids:
             if id not in self._row_of:
@@ -220,12 +220,12 @@ class EdgeRoutes(Routes):
 
 
 class NearestEdge(NamedTuple):
-    """The place on an edge that is nearest to another place.
+    """The point on an edge that is nearest to a place.
 
     Attributes:
-        edge_id: of the edge.
-        offset: how far from its source the place is, in the unit of its `length`, from 0 to `length`.
-        distance: from the other place in a straight line, map units.
+        edge_id: id of the edge.
+        offset: distance of the point from the source of the edge, in the unit of its `length`, from 0 to `length`.
+        distance: straight-line distance from the place, map units.
     """
 
     edge_id: int
@@ -234,11 +234,11 @@ class NearestEdge(NamedTuple):
 
 
 class RouteTables(NamedTuple):
-    """The ways to some nodes from all nodes; rows are those of `ctx.graph.columns()`.
+    """Routing tables from all nodes to some targets; rows are those of `ctx.graph.columns()`.
 
     Attributes:
-        distances: (targets, nodes) infinite where there is no path.
-        next_rows: (targets, nodes) the next node on the shortest path; -1 at the target, and where there is no path.
+        distances: (targets, nodes) infinite if there is no path.
+        next_rows: (targets, nodes) the next node on the shortest path; -1 at the target, and if there is no path.
     """
 
     distances: FloatArray
@@ -246,39 +246,38 @@ class RouteTables(NamedTuple):
 
 
 class RouteQueries:
-    """Routing queries that ask of several paths or places: `ctx.graph.routes`.
+    """Routing queries about several paths or nodes: `ctx.graph.routes`.
 
-    What one path or distance is, and what a `weight` is, `IGraph` says.
+    `IGraph` defines shortest paths, distances and the argument `weight`.
 
     Args:
-        routes: of the graph.
+        routes: routes of the graph.
         columns: returns the graph.
     """
 
     def __init__(self, routes: Routes, columns: Callable[[], GraphColumns]) -> None:
         self._routes, self._columns = routes, columns
         self._tree: tuple[int, geometry.LineTree] | None = None
-        self._latest: dict[Hashable, tuple[object, Any]] = {}  # Any: what callers make
+        self._latest: dict[Hashable, tuple[object, Any]] = {}  # Any: results of callers
 
     def k_shortest_paths(self, source: int, target: int, k: int, weight: str | None = "length") -> list[list[int]]:
-        """Return up to `k` shortest paths without circles from one node to another, the shortest first.
+        """Return up to `k` shortest simple paths between two nodes, the shortest first.
 
         Yen's algorithm (1971) with Lawler's improvement (1972); each detour is found by A* with the distances to the
-        target, a table that is made once for each target. Of parallel edges the cheapest counts.
+        target, a table that is computed once for each target. Of parallel edges the cheapest counts.
 
         Args:
             source: id of the first node.
             target: id of the last node.
-            k: how many, 1 at least.
-            weight: see above.
+            k: number of paths, at least 1.
+            weight: see `IGraph`.
 
         Returns:
-            Ids of the nodes on each path; fewer than `k` paths where there are no more, none where there is none. The
-            first is `shortest_path`. Equally long ones follow by the number of edges, as far as rounding lets them be
-            equal.
+            The node ids of each path; fewer than `k` paths if there are no more. The first is `shortest_path`. Equally
+            long paths, up to rounding, are ordered by the number of edges.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): a node does not exist.
             BadValue (ValueError): `k` is less than 1.
         """
         most, routes = as_count(k, "k"), self._routes
@@ -294,20 +293,20 @@ class RouteQueries:
         return [[ids[one] for one in path] for path in islice(found, most)]
 
     def isochrones(self, sources: NodeIds, limits: Sequence[float], weight: str | None = "length") -> list[IntArray]:
-        """Return which nodes are within each of several limits of the nearest of some nodes, by path from there.
+        """Return the nodes within each of several limits of the nearest of some nodes, by path length.
 
-        Dijkstra's algorithm, once, up to the greatest limit.
+        Runs Dijkstra's algorithm once, up to the greatest limit.
 
         Args:
             sources: one node id, or several.
-            limits: in the unit of the weight, such as metres or seconds; in any order.
-            weight: see above.
+            limits: in the unit of the weight, for example metres or seconds; in any order.
+            weight: see `IGraph`.
 
         Returns:
-            For each limit an array (nodes,) of the ids of the nodes whose distance is at most that, in insertion order.
+            For each limit an array (nodes,) of the ids of the nodes within this distance, in insertion order.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): a node does not exist.
             BadValue (ValueError): a limit is negative or NaN.
         """
         reach = [as_range(limit, "A limit") for limit in as_items(limits, "limits", "numbers")]
@@ -318,21 +317,21 @@ class RouteQueries:
     def nearest(
         self, source: int, targets: Iterable[int], weight: str | None = "length", within: float = inf
     ) -> int | None:
-        """Return which of several nodes is nearest by path from a node; None where no path leads to any.
+        """Return the node of several that is nearest to a node by path; None if no path leads to any.
 
-        It searches from the node until it has reached one, so that what is far costs nothing where something is near.
+        The search stops when it has reached a target, so the cost depends on the distance of the nearest one.
 
         Args:
             source: node id.
             targets: node ids.
-            weight: see above.
+            weight: see `IGraph`.
             within: greater distances count as no path.
 
         Returns:
-            The id; of several that are equally near, by `distance`, the one that was given first.
+            The id; ties, by `distance`, go to the first target in the argument.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): a node does not exist.
             BadValue (ValueError): `within` is negative or NaN.
         """
         routes, most = self._routes, as_range(within, "within")
@@ -346,15 +345,15 @@ class RouteQueries:
         return self._routes.rows(sources, "sources"), self._routes.rows(targets, "targets")
 
     def distances(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
-        """Return what `distance` says of each pair, (sources, targets).
+        """Return the distance of each pair, (sources, targets); see `distance`.
 
         Args:
             sources: node ids.
             targets: node ids.
-            weight: see above.
+            weight: see `IGraph`.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): a node does not exist.
         """
         routes, rows, ends = self._routes, *self._rows_of(sources, targets)
         different, place = np.unique(ends, return_inverse=True)
@@ -366,34 +365,34 @@ class RouteQueries:
     def distances_from_nearest(
         self, sources: Iterable[int], targets: Iterable[int], weight: str | None = "length"
     ) -> list[float]:
-        """Return how far each of some nodes is by path from the nearest of some sources; infinite where none leads.
+        """Return the path length to each target from the nearest source; infinite if there is no path.
 
-        The numbers are those of `distance`. It searches back from each target until it has reached a source.
+        The numbers are those of `distance`. It searches backward from each target until it has reached a source.
 
         Args:
             sources: node ids.
             targets: node ids.
-            weight: see above.
+            weight: see `IGraph`.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): a node does not exist.
         """
         routes, rows, ends = self._routes, *self._rows_of(sources, targets)
         near = [routes.near_end(rows, end, weight, is_nearest=True) for end in ends.tolist()]
         return [float(far.min(initial=inf)) for far in near]
 
     def tables(self, targets: NodeIds, weight: str | None = "length", cutoff: float = inf) -> RouteTables:
-        """Return how far all nodes are from some targets, and where the shortest paths to these begin.
+        """Return the distances from all nodes to some targets, and the first steps of the shortest paths.
 
-        It is what `distance` and `shortest_path` say, for all nodes at once: 16 bytes for each node and target.
+        The results of `distance` and `shortest_path` for all nodes at once: 16 bytes for each node and target.
 
         Args:
-            targets: node ids, each once.
-            weight: see above.
-            cutoff: nodes that are farther away than this count as if no path led from them.
+            targets: distinct node ids.
+            weight: see `IGraph`.
+            cutoff: nodes farther than this are treated as having no path.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): a node does not exist.
             BadValue (ValueError): `cutoff` is negative or NaN.
         """
         routes, limit = self._routes, as_range(cutoff, "cutoff")
@@ -401,7 +400,7 @@ class RouteQueries:
         return RouteTables(*kernels.route_tables(routes.arcs(weight, reverse=True), ends, ids, limit))
 
     def arcs(self, weight: str | None = "length", *, reverse: bool = False) -> kernels.Arcs:
-        """Return the edges with their weights as compressed sparse rows, or reversed ones; parallel ones are one."""
+        """Return the edges, or reversed edges, with weights as compressed sparse rows; parallel edges are merged."""
         arcs = self._routes.arcs(weight, reverse=reverse)
         return self._locked(
             ("arcs", weight, reverse),
@@ -409,7 +408,7 @@ class RouteQueries:
         )
 
     def neighborhoods(self) -> tuple[IntArray, IntArray]:
-        """Return offsets (nodes + 1,) and rows of nodes: each node itself, then its neighbours; not to be changed."""
+        """Return read-only offsets (nodes + 1,) and rows of nodes: each node itself, then its neighbors."""
         found = self._routes.neighborhoods()
         return self._locked(("neighborhoods",), lambda: (locked(found[0]), locked(found[1])))
 
@@ -417,36 +416,36 @@ class RouteQueries:
         """Return the rows of nodes.
 
         Raises:
-            UnknownName (KeyError): one is not on the map.
+            UnknownName (KeyError): a node is not on the map.
         """
         return self._routes.rows(nodes, "nodes")
 
     def weights(self, weight: str | None) -> FloatArray:
-        """Return what each edge costs, (edges,)."""
+        """Return the weight of each edge, (edges,)."""
         found = self._routes.weights(weight)
         return self._locked(("weights", weight), lambda: (locked(found),))[0]
 
     def _locked(self, key: tuple[Any, ...], make: Callable[[], RememberedT]) -> RememberedT:
-        """Return what is made once, for callers among which are strategies, of what all paths are found by."""
+        """Return the cached result of `make`, for callers that include strategies."""
         return self._routes.remember(("locked", *key), make)
 
     def nearest_edge(self, x: float, y: float, within: float | None = None) -> NearestEdge | None:
-        """Return the edge that is nearest to a place by the straight line, and where on it.
+        """Return the edge nearest to a place by straight-line distance, and the nearest point on it.
 
-        The polylines of the edges count. They are put into an R-tree (shapely's `STRtree`, packed as by Leutenegger,
+        The polylines of the edges count. They are indexed by an R-tree (shapely's `STRtree`, packed as by Leutenegger,
         Lopez and Edgington, 1997), once for each revision of the graph.
 
         Args:
             x: map units.
             y: map units.
-            within: edges that are farther away do not count, map units; None: all do.
+            within: edges farther than this do not count, map units; None: no limit.
 
         Returns:
-            Of several that are equally near up to rounding, such as both directions of a street, the first in insertion
-            order; None where there is none within the distance.
+            Ties up to rounding, for example both directions of a street, go to the first edge in insertion order; None
+            if no edge is within the distance.
 
         Raises:
-            BadValue (ValueError): the place or the distance is none, or there are no edges and no `within`.
+            BadValue (ValueError): the place or the distance is invalid, or there are no edges and no `within`.
         """
         place = as_float(x, "x"), as_float(y, "y")
         if max(map(abs, place)) > _FARTHEST:
@@ -465,7 +464,7 @@ class RouteQueries:
         return NearestEdge(columns.edge_ids.item(row), share * columns.lengths.item(row), distance)
 
     def _line_tree(self, columns: GraphColumns) -> geometry.LineTree:
-        """Return the tree of the edges; built once for each revision of the graph."""
+        """Return the R-tree of the edges; built once for each revision of the graph."""
         if self._tree is None or self._tree[0] != columns.revision:
             ends = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
             self._tree = columns.revision, geometry.LineTree(ends, columns.polylines)
@@ -473,16 +472,16 @@ class RouteQueries:
 
 
 def made_last(queries: RouteQueries, slot: Hashable, key: object, make: Callable[[], MadeT]) -> MadeT:
-    """Return what `make` gives, or what it gave when this slot was asked last, if for this graph and an equal key.
+    """Return the result of `make`, cached in a slot for the present graph and the last key.
 
-    For shipped strategies and sensors, of what many agents ask for in a turn. It must depend on nothing but the graph
-    and the key.
+    For shipped strategies and sensors, for results that many agents need in a turn. The result must depend only on the
+    graph and the key.
 
     Args:
-        queries: of the graph, with which it is kept.
-        slot: what it is and whose, such as the names of the strategy and of the team.
-        key: what it is made from.
-        make: makes it; it is not to be changed.
+        queries: queries of the graph, which hold the cache.
+        slot: identifies the kind of result and its owner, for example the names of the strategy and the team.
+        key: the inputs of the result.
+        make: computes the result, which is read-only.
     """
     now, (known, made) = (queries._columns().revision, key), queries._latest.get(slot, (None, None))
     if known != now:
@@ -495,14 +494,14 @@ def made_last(queries: RouteQueries, slot: Hashable, key: object, make: Callable
 def made_in_moment(
     queries: RouteQueries, phase: DecidePhase, slot: Hashable, make: Callable[[], MadeT], key: object = None
 ) -> MadeT:
-    """Return what `make` gives of the agents, made once for all that decide in one moment, in which these stay.
+    """Return the result of `make` about the agents, cached while all agents decide and nothing changes.
 
-    Where there is no such moment, as in a loop of one's own, it is made each time.
+    In a custom loop, which has no such phase, it is computed each time.
 
     Args:
-        queries: as for `made_last`.
-        phase: of the context.
-        slot: as for `made_last`.
+        queries: see `made_last`.
+        phase: phase of the context.
+        slot: see `made_last`.
         make: makes it; it is not to be changed.
         key: what else it is made from.
     """

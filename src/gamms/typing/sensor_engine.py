@@ -15,7 +15,7 @@ from gamms.text import shown
 
 
 class SensorType(Enum):
-    """Kinds of sensor; custom kinds are added while a program runs and live as long as its process."""
+    """Types of sensors; custom types are added at run time and exist until the process ends."""
 
     CUSTOM = 0
     NEIGHBOR = 1
@@ -37,7 +37,7 @@ def kind_called(name: str) -> SensorType:
     """Return `SensorType.<name>`, which is added to the enumeration if it is new.
 
     Raises:
-        BadValue: the name is no identifier, or means something else on an enum.
+        BadValue: the name is not an identifier, or is reserved by enums.
     """
     if name in SensorType.__members__:
         return SensorType[name]
@@ -52,22 +52,22 @@ def kind_called(name: str) -> SensorType:
 
 
 ON_GROUND = frozenset((SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT))
-"""The built-in types that show other agents by the nodes that they are on."""
+"""The built-in types that show other agents by their nodes."""
 
 IN_AIR = frozenset((SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT))
-"""Those that show other agents by their places in space."""
+"""The built-in types that show other agents by their 3D positions."""
 
 FROM_AIR = frozenset((SensorType.AERIAL, SensorType.OCCLUDED_AERIAL))
-"""Those that show the ground from the air."""
+"""The built-in types that show the ground from the air."""
 
 
 class ISensor(ABC):
-    """Looks at the world from a node and keeps what it saw.
+    """A sensor: it looks at the world from a node and stores the result.
 
-    `data` after `sense` is a fresh object: no later call changes an earlier result.
+    After `sense`, `data` is a fresh object: later calls do not change earlier results.
     """
 
-    # -- must write ---------------------------------------------------------------------------------------------
+    # -- to implement -------------------------------------------------------------------------------------------
 
     @property
     @abstractmethod
@@ -77,41 +77,41 @@ class ISensor(ABC):
     @property
     @abstractmethod
     def type(self) -> SensorType:
-        """What kind of sensor this is."""
+        """The type of this sensor."""
 
     @property
     @abstractmethod
     def data(self) -> Any:
-        """What was sensed last; empty before the first time."""
+        """The result of the last look; empty before the first look."""
 
     @abstractmethod
     def sense(self, node_id: int) -> None:
-        """Look at the world from a node and keep the result in `data`.
+        """Look at the world from a node and store the result in `data`.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): the node does not exist.
         """
 
     @abstractmethod
     def update(self, data: dict[str, Any]) -> None:
-        """Take in what the sensor cannot see by itself; built-in sensors ignore it."""
+        """Pass data that the sensor cannot collect itself; built-in sensors ignore it."""
 
     @abstractmethod
     def set_owner(self, owner: str | None) -> None:
-        """Name the agent that carries the sensor; None for no agent."""
+        """Set the name of the agent that carries the sensor; None for no agent."""
 
-    # -- may override -------------------------------------------------------------------------------------------
+    # -- to override --------------------------------------------------------------------------------------------
 
-    sees_world_only: bool = False  # whether it looks at nothing but the graph and the agents
-    looks_alike: Hashable = None  # equal for built-in ones that share what they know now; None: it looks by itself
+    sees_world_only: bool = False  # whether it reads only the graph and the agents
+    looks_alike: Hashable = None  # equal for built-in sensors that share results; None: it looks by itself
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
-        """Look from many nodes: exactly what `sense` would see from each of them.
+        """Look from many nodes: returns exactly the results of `sense` from each of them.
 
-        This default looks one by one: `values` are the `data` of each look, and `data` is that of the last.
+        This default looks one by one: `values` are the `data` of each look, and `data` is that of the last look.
 
         Raises:
-            UnknownName (KeyError): there is no such node.
+            UnknownName (KeyError): a node does not exist.
         """
         ids = as_ids(node_ids, "node_ids")
         values = np.empty(len(ids), object)
@@ -121,10 +121,10 @@ class ISensor(ABC):
         return Sensed(np.arange(len(values) + 1), values)
 
     def reset(self) -> None:  # noqa: B027 - most sensors of a user's own have nothing to forget
-        """Forget what was sensed and drawn, as if it had just been made; called when a game is reset."""
+        """Clear all data and draws, as for a new sensor; called when a game is reset."""
 
     def last_view(self) -> SensorView:
-        """Return what was seen last, for drawing; empty before the first time.
+        """Return the view of the last look, for drawing; empty before the first look.
 
         Raises:
             NotOffered: this sensor cannot be drawn.
@@ -132,13 +132,13 @@ class ISensor(ABC):
         raise NotOffered(self, "last_view, so it cannot be drawn")
 
     def view_from(self, node_id: int | None, owner: str | None) -> SensorView:  # noqa: ARG002 - not every sensor can tell
-        """Return what it would see now, for drawing; neither `data` nor what it will see changes.
+        """Return the present view, for drawing; `data` and later looks are unchanged.
 
-        This default returns what was seen last.
+        This default returns the view of the last look.
 
         Args:
-            node_id: of the agent that carries it; None: from where it looked last.
-            owner: that agent.
+            node_id: node of the agent that carries it; None: the place of the last look.
+            owner: name of this agent.
 
         Raises:
             NotOffered: this sensor cannot be drawn.
@@ -146,27 +146,27 @@ class ISensor(ABC):
         return self.last_view()
 
     def coverage(self, node_id: int | None = None, owner: str | None = None) -> Coverage:  # noqa: ARG002 - as above
-        """Return on which nodes it would show agents on the ground now; neither `data` nor what it will see changes.
+        """Return the nodes on which it would show agents on the ground now; `data` and later looks are unchanged.
 
         Args:
-            node_id: where it looks from.
-            owner: the agent that looks; None: its owner.
+            node_id: node to look from.
+            owner: name of the agent that looks; None: its owner.
 
         Raises:
-            NotOffered: this sensor does not say so.
+            NotOffered: this sensor has no coverage.
         """
-        raise NotOffered(self, "coverage, so that not seeing an agent says nothing")
+        raise NotOffered(self, "coverage, so not seeing an agent gives no information")
 
     def live_result(self) -> Sequence[Any]:
-        """Return a sequence whose first item always is what was sensed last (used by agents, which read it often).
+        """Return a sequence whose first item is always the result of the last look (agents read it often).
 
-        Built-in sensors override this with the list in which they keep it.
+        Built-in sensors return the list in which they store it.
         """
         return LiveData(self)
 
 
 class LiveData(Sequence[Any]):
-    """The `data` of a sensor of any class, as a sequence of one item."""
+    """The `data` of any sensor, as a sequence of one item."""
 
     __slots__ = ("_sensor",)
 
@@ -180,32 +180,32 @@ class LiveData(Sequence[Any]):
         return 1
 
 
-# A sensor as an agent asks it: its name in the state, and its `live_result`; where a look only copies the neighbourhood
-# of the agent's node, its type and None, else None and what is asked, by `sense` and `type`.
+# A sensor in the form in which an agent reads it: its name in the state, and its `live_result`; if a look only copies
+# the neighborhood of the agent's node, its type and None, else None and the object to read, with `sense` and `type`.
 Carried = tuple[str, Any, Any, Any]
 
 _INTERFACE = ("sensor_id", "type", "data", "sense", "update", "set_owner")
 
 
 def owner_of(sensor: ISensor) -> str | None:
-    """Return the name of the agent that carries a sensor, where the sensor knows it under the name of 1.0.0."""
+    """Return the name of the agent that carries a sensor, if the sensor stores it under the name used in 1.0.0."""
     return getattr(sensor, "_owner", None)
 
 
 def is_sensor(value: object) -> bool:
-    """Whether `value` can serve as a sensor: an `ISensor`, or any object with its attributes and methods."""
+    """Return whether `value` can serve as a sensor: an `ISensor`, or any object with its attributes and methods."""
     return isinstance(value, ISensor) or not _missing(value)
 
 
 def refuse_no_sensor(value: object) -> None:
-    """Raise BadType, naming what is missing, if `value` cannot serve as a sensor."""
+    """Raise BadType with the missing names if `value` cannot serve as a sensor."""
     if not is_sensor(value):
         missing = ", ".join(_missing(value))
         raise BadType(f"A sensor is an object with {', '.join(_INTERFACE)}; {shown(value)} has no {missing}.")
 
 
 def _missing(value: object) -> list[str]:
-    # A class has these names, too, and is no sensor yet.
+    # A class also has these names, but is not a sensor.
     return [name for name in _INTERFACE if isinstance(value, type) or not hasattr(value, name)]
 
 
@@ -254,7 +254,7 @@ class SensorOptions(TypedDict, total=False):
 
 
 class ISensorEngine(ABC):
-    """Creates sensors and keeps them by name."""
+    """Creates sensors and stores them by name."""
 
     sensors: dict[str, ISensor]
 
@@ -263,9 +263,9 @@ class ISensorEngine(ABC):
     def create_sensor(
         self, sensor_id: str, sensor_type: SensorType | str | None = None, **options: Unpack[SensorOptions]
     ) -> ISensor:
-        """Create a built-in sensor and keep it.
+        """Create and store a built-in sensor.
 
-        A keyword that the kind of sensor does not take is ignored and warned about, once for each kind.
+        A keyword that the type of sensor does not use is ignored with a warning, once for each type.
 
         Args:
             sensor_id: a name that no other sensor has; agents carry the sensor by this name.
@@ -273,48 +273,48 @@ class ISensorEngine(ABC):
             options: see `SensorOptions`.
 
         Raises:
-            UnknownType (ValueError): not a built-in kind.
+            UnknownType (ValueError): not a built-in type.
             Duplicate (ValueError): the name is taken.
             ContextTerminated: the context has ended.
         """
 
     @abstractmethod
     def from_function(self, sensor_id: str, fn: Callable[..., Any]) -> ISensor:
-        """Create a sensor whose `data` is what a function returns, and keep it.
+        """Create and store a sensor whose `data` is the result of a function.
 
-        The function is called as `fn()`, `fn(node_id)` or `fn(node_id, agent)`, by how many parameters it has; `agent`
-        is the one that carries the sensor, or None.
+        The function is called as `fn()`, `fn(node_id)` or `fn(node_id, agent)`, depending on its number of parameters;
+        `agent` is the agent that carries the sensor, or None.
 
         Raises:
-            BadType (TypeError): it is no such function.
+            BadType (TypeError): not such a function.
             Duplicate (ValueError): the name is taken.
             ContextTerminated: the context has ended.
         """
 
     @abstractmethod
     def add_sensor(self, sensor: ISensor) -> None:
-        """Keep a sensor under its own name.
+        """Store a sensor under its own name.
 
         Raises:
             Duplicate (ValueError): the name is taken.
         """
 
     def delete_sensor(self, sensor_id: str) -> None:  # noqa: ARG002 - not every engine can
-        """Remove a sensor, which no agent carries any longer; its name is free then.
+        """Remove a sensor from its agents and from the engine; its name becomes free.
 
         Raises:
-            UnknownName (KeyError): there is no such sensor.
-            NotOffered: this engine removes none.
+            UnknownName (KeyError): the sensor does not exist.
+            NotOffered: this engine cannot remove sensors.
         """
         raise NotOffered(self, "delete_sensor")
 
     @abstractmethod
     def get_sensor(self, sensor_id: str) -> ISensor:
-        """A sensor by name (KeyError)."""
+        """Return a sensor by name (KeyError)."""
 
     @abstractmethod
     def custom(self, name: str) -> Callable[[type], type]:
-        """Decorator: the class senses a kind of its own, `SensorType.<name>`."""
+        """Return a decorator for the class of a custom type of sensor, `SensorType.<name>`."""
 
     @abstractmethod
     def terminate(self) -> None:

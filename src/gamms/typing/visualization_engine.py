@@ -1,4 +1,4 @@
-"""Contract of the visual engine, and the keywords with which visuals are declared."""
+"""Contract of the visual engine, and the keywords of visuals."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -10,22 +10,22 @@ from gamms.arguments import with_options
 from gamms.plugins import Registry
 
 Drawer = Callable[[Any, dict[str, Any]], None]
-"""Draws an artist: a function of the context and of the artist's `data`.
+"""A function that draws an artist, called with the context and the artist's `data`.
 
-Any: the context is made of what is declared here and cannot be named here; a drawer says it itself:
-`def draw(ctx: gamms.Context, data: dict[str, Any]) -> None`.
+Any: the context cannot be imported here; annotate your drawer: `def draw(ctx: gamms.Context, data: dict[str, Any]) ->
+None`.
 """
 
 
 class ArtistType(Enum):
-    """Whether what an artist draws changes from frame to frame."""
+    """Whether the drawing of an artist changes from frame to frame."""
 
     STATIC = 1
     DYNAMIC = 2
 
 
 class IArtist(ABC):
-    """Draws one thing; `data` is handed to its drawer."""
+    """A drawn object; `data` is passed to its drawer."""
 
     data: dict[str, Any]
 
@@ -39,15 +39,15 @@ class IArtist(ABC):
 
     @abstractmethod
     def set_visible(self, visible: bool) -> None:
-        """Show or hide."""
+        """Set whether the artist is shown."""
 
     @abstractmethod
     def get_visible(self) -> bool:
-        """Return whether it is shown."""
+        """Return whether the artist is shown."""
 
     @abstractmethod
     def set_drawer(self, drawer: Drawer) -> None:
-        """Draw with another function."""
+        """Set the function that draws."""
 
     @abstractmethod
     def get_drawer(self) -> Drawer | None:
@@ -55,11 +55,11 @@ class IArtist(ABC):
 
     @abstractmethod
     def get_artist_type(self) -> ArtistType:
-        """Return whether it changes from frame to frame."""
+        """Return whether the drawing changes from frame to frame."""
 
     @abstractmethod
     def set_artist_type(self, artist_type: ArtistType) -> None:
-        """Set whether it changes from frame to frame."""
+        """Set whether the drawing changes from frame to frame."""
 
     @property
     @abstractmethod
@@ -77,23 +77,23 @@ _BLACK = (0, 0, 0)
 
 
 class PictureOptions(TypedDict, total=False):
-    """The keywords of pictures, frames and films that say how they look, and what is around the map.
+    """The keywords of pictures, frames and films: their look, and the elements around the map.
 
     Attributes:
         title: a line above the map. Default: none.
         note: small print in the lower right corner, to which the source of the map is added. Default: none.
         background: the color behind everything. Default: the one of the theme.
-        fit: "page", as large as was asked, or "tight", as small as the map allows within that. Default: "page".
+        fit: "page", the requested size, or "tight", reduced to the shape of the map. Default: "page".
         scale_bar: whether there is a scale bar. Default: None, where lengths on the map are metres.
         north: whether an arrow shows where north is. Default: False.
         theme: the colors of the background, of words, of the map and of teams: "light", "dark" or "print". Default:
             "light".
-        labels: whether agents have their names beside them, or the names of those that have. Default: "auto", while
-            there are few agents.
-        trails: the number of turns for which the ways of agents are shown. Default: 0.
+        labels: whether names are shown beside agents, or the names of the agents to label. Default: "auto", if there
+        are few agents.
+        trails: the number of turns for which the paths of agents are shown. Default: 0.
         sensors: whether the views of sensors are drawn, if they are by default or were declared. Default: True.
-        captions: whether the turn and its events stand below the map. Default: True in films, False in pictures.
-        street_names: whether streets have their names along them where the map is shown close by. Default: True.
+        captions: whether the turn and its events are shown below the map. Default: True in films, False in pictures.
+        street_names: whether street names are shown when the map is enlarged. Default: True.
     """
 
     title: str
@@ -132,8 +132,8 @@ class ObstacleVisual(TypedDict, total=False):
     Attributes:
         color_map: type -> color, in place of the palette of the types 0 to 31; other types are grey. Default: none.
         boundary_thickness: the width of top edges, in map units. Default: 1.0.
-        fill: whether the inside of walls is filled, with the color of its type in `color_map`, else with a tone that
-            says how high it is; False draws only the top edges of faces. Default: False.
+        fill: whether the inside of walls is filled, with the color of its type in `color_map`, else with a tone by
+        height; False draws only the top edges of faces. Default: False.
     """
 
     color_map: Mapping[int, ColorType | str]
@@ -159,11 +159,11 @@ class SensorVisual(TypedDict, total=False):
     """The keywords of `set_sensor_visual`.
 
     Attributes:
-        color: the color of what the sensor sees. Default: (0, 255, 255).
+        color: the color of the sensed objects. Default: (0, 255, 255).
         node_color: the color of nodes. Default: `color`.
         edge_color: the color of edges. Default: `color`.
         size: the radius of the rings around agents, in map units. Default: 8.0.
-        node_size: the radius of nodes, in map units. Default: 2.0, or 1.0 where edges are sensed, too.
+        node_size: the radius of nodes, in map units. Default: 2.0, or 1.0 if edges are sensed, too.
         layer: the layer to draw on; lower layers are painted first. Default: 40, in a window 30.
     """
 
@@ -181,7 +181,7 @@ class IVisualizationEngine(ABC):
     @abstractmethod
     @with_options()
     def set_graph_visual(self, **kwargs: Unpack[GraphVisual]) -> IArtist:
-        """Declare how the graph looks, and draw from now on only what is declared; a window shows all of the graph.
+        """Set the look of the graph, and draw only declared artists from now on; a window shows the whole graph.
 
         Args:
             kwargs: see `GraphVisual`.
@@ -190,7 +190,7 @@ class IVisualizationEngine(ABC):
     @abstractmethod
     @with_options()
     def set_obstacle_visual(self, **kwargs: Unpack[ObstacleVisual]) -> IArtist:
-        """Declare how obstacles look.
+        """Set the look of obstacles.
 
         Args:
             kwargs: see `ObstacleVisual`.
@@ -199,7 +199,7 @@ class IVisualizationEngine(ABC):
     @abstractmethod
     @with_options()
     def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> IArtist:
-        """Declare how an agent looks; the agent need not exist yet.
+        """Set the look of an agent, which need not exist yet.
 
         Args:
             name: the name of the agent.
@@ -207,21 +207,21 @@ class IVisualizationEngine(ABC):
 
         Raises:
             BadType, BadValue: the size is not a finite number.
-            MissingFile (FileNotFoundError): there is no such image; in a window.
+            MissingFile (FileNotFoundError): in a window, the image file does not exist.
         """
 
     @abstractmethod
     @with_options()
     def set_sensor_visual(self, name: str, **kwargs: Unpack[SensorVisual]) -> IArtist:
-        """Declare how a sensor's last view looks.
+        """Set the look of a sensor's last view.
 
         Args:
             name: the id of the sensor.
             kwargs: see `SensorVisual`.
 
         Raises:
-            UnknownName (KeyError): there is no such sensor; in a window.
-            BadValue: the sensor is of a kind of its own that does not say what it saw; in a window.
+            UnknownName (KeyError): in a window, the sensor does not exist.
+            BadValue: in a window, the sensor is a custom one without a view to draw.
         """
 
     @abstractmethod
@@ -243,7 +243,7 @@ class IVisualizationEngine(ABC):
 
     @abstractmethod
     def simulate(self) -> None:
-        """Show the turn that was played."""
+        """Show the last turn."""
 
     @abstractmethod
     def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:
@@ -251,7 +251,7 @@ class IVisualizationEngine(ABC):
 
     @abstractmethod
     def terminate(self) -> None:
-        """Release what is held: films, windows."""
+        """Release films, windows and other resources."""
 
     @abstractmethod
     def render_text(
@@ -336,7 +336,7 @@ class IVisualizationEngine(ABC):
         angle: float = 0.0,
         perform_culling_test: bool = True,
     ) -> None:
-        """Draw an image of side `2 * size`, turned by `angle` degrees."""
+        """Draw an image of side `2 * size`, rotated by `angle` degrees."""
 
     @abstractmethod
     def render_layer(self, layer_id: int) -> None:
@@ -344,8 +344,8 @@ class IVisualizationEngine(ABC):
 
     @abstractmethod
     def get_viewport(self) -> tuple[float, float, float, float, float] | None:
-        """Return `(left, right, top, bottom, pixels per unit)`; None where nothing is shown."""
+        """Return `(left, right, top, bottom, pixels per unit)`; None if nothing is shown."""
 
 
 live_engines: Registry[IVisualizationEngine] = Registry("kind of live engine", "gamms.live_engines", "gamms.web.engine")
-"""What shows a game to browsers; the context finds it under the name "gamms"."""
+"""Registered live engines, which show games in browsers; the context uses the one named "gamms"."""
