@@ -202,7 +202,7 @@ with gamms.create_context(seed=1, game={"max_turns": 40}) as ctx:
 
 
 GUIDE = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
-KIND = '    "AGENT_COUNT": Kind(derived(AgentSensor, len), _RANGE, _DETECTION),\n'
+KIND = '    "AGENT_COUNT": SensorKind(derived(AgentSensor, len), _RANGE, _DETECTION),\n'
 
 
 def test_a_kind_of_sensor_is_a_row_of_the_catalog(tmp_path):
@@ -368,7 +368,7 @@ with gamms.recorder.open("game.ggr") as recording:
 
 
 WIND = """
-    wind: float = kept(
+    wind: float = game_field(
         float,
         _same,
         captured=to_plain,
@@ -380,7 +380,7 @@ WIND = """
 
 
 def test_a_kind_of_event_that_notes_a_field_of_the_game_is_one_entry(tmp_path):
-    before = "    data: dict[str, Any] = kept("
+    before = "    data: dict[str, Any] = game_field("
     source = changed(tmp_path, ("ir/game_state.py", before, WIND.lstrip("\n") + before))
     program = f"""{GAMES}
 def blow(ctx):

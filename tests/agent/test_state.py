@@ -213,6 +213,6 @@ def test_an_attribute_that_agents_have_is_not_set(ctx, name):
     agent = ctx.agent.create_agent("anna", start_node_id=0)
     before = getattr(agent, name)
     for _ in range(2):
-        with pytest.raises(AttributeError, match=f"agent.{name} cannot be set; alive, .*, team can"):
+        with pytest.raises(AttributeError, match=f"agent.{name} cannot be set; alive, .*, team and other names can"):
             setattr(agent, name, "bert")
     assert getattr(agent, name) == before

@@ -10,9 +10,9 @@ import gamms
 from gamms.game import TeamArrays
 from gamms.game.batch.columns import Roster
 from gamms.game.streets import Streets
-from gamms.ir.graph import ByRow, GraphColumns
+from gamms.ir.graph import GraphColumns, RowMapping
 
-OPENED = (Streets, GraphColumns, Roster, TeamArrays, ByRow)
+OPENED = (Streets, GraphColumns, Roster, TeamArrays, RowMapping)
 
 
 def arrays_in(path, thing, seen):
@@ -22,7 +22,7 @@ def arrays_in(path, thing, seen):
     if any(thing is one for one in seen):
         return
     seen.append(thing)
-    if isinstance(thing, Mapping) and not isinstance(thing, ByRow) and "view" not in type(thing).__name__.lower():
+    if isinstance(thing, Mapping) and not isinstance(thing, RowMapping) and "view" not in type(thing).__name__.lower():
         for key, value in thing.items():
             yield from arrays_in(f"{path}[{key!r}]", value, seen)
     elif isinstance(thing, OPENED) or "view" in type(thing).__name__.lower():

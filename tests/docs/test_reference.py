@@ -54,7 +54,7 @@ def test_each_signature_of_a_function_has_its_module_and_the_last_one_the_text()
 
 
 def test_a_type_that_is_not_public_has_its_module_where_another_one_has_its_name():
-    assert "turns: Mapping[int, gamms.belief.evidence.Turn]" in reference.page_of("gamms.belief")
+    assert "message: gamms.bridge.feeds.Message" in reference.page_of("gamms.bridge")
     assert "agent_engine: gamms.typing.IAgentEngine | None" in reference.page_of("gamms.context")
 
 

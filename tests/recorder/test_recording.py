@@ -462,7 +462,7 @@ def test_version_2_is_refused_with_the_way_out():
         ([(kinds.AERIAL_AGENT_FLIGHT, (9, 1, 0.0, 0.0, 0.0))] * 40, "agent number 9 moves and is not there"),
         ([(kinds.AERIAL_AGENT_TURN, (-1, 1.0, 0.0, 0.0, 0.0))], "agent number -1 moves and is not there"),
         ([(kinds.SNAPSHOT, {"names": []})], "whole state is not right"),
-        ([(kinds.GAME_SCORES, {"scores": 5})], "scores are none"),
+        ([(kinds.GAME_SCORES, {"scores": 5})], "scores are invalid"),
     ],
 )
 def test_an_event_that_does_not_fit_is_reported_with_its_turn(log, reason):

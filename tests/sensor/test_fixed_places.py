@@ -69,7 +69,7 @@ def test_a_place_may_be_changed_and_taken_away(ctx):
     sensor.at = None
     sensor.sense(0)
     assert list(sensor.data["nodes"]) == [0]
-    with pytest.raises(TypeError, match=r"'s' has no place of its own: sense\(node_id\), or give it at="):
+    with pytest.raises(TypeError, match=r"'s' has no fixed place: call sense\(node_id\), or set at="):
         sensor.sense()
 
 

@@ -164,7 +164,7 @@ def test_the_owner_must_be_there_and_fly(ctx, drone, kind):
     with pytest.raises(KeyError, match=r"Unknown agent 'dron'. Did you mean 'drone'"):
         sensor.set_owner("dron")
     assert sensor._owner is None
-    with pytest.raises(ValueError, match="needs an agent that flies"):
+    with pytest.raises(ValueError, match="needs a flying agent"):
         ctx.agent.create_agent("other", start_node_id=1, sensors=["eye"])
     assert "other" not in ctx.agent.agents
     ctx.agent.create_agent("flyer", type=AgentType.AERIAL, start_node_id=1, speed=1, sensors=["eye"])

@@ -13,7 +13,7 @@ from gamms.agent import AgentType
 from gamms.errors import BadType, BadValue
 from gamms.graph import Engine
 from gamms.sensor import SensorType
-from gamms.sensor.sighting_errors import Look, Reportable
+from gamms.sensor.sighting_errors import Look, ReportableAgents
 
 KINDS = ["AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT"]
 FLYING = ["AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT"]
@@ -127,7 +127,7 @@ def test_a_false_alarm_bears_the_name_of_an_agent_that_is_looked_for_and_not_not
 @given(seen=st.sets(st.integers(0, 11)), count=st.integers(0, 14), size=st.integers(1, 12), turn=st.integers(0, 9))
 def test_false_alarms_go_to_the_highest_lots_of_those_that_are_not_seen(seen, count, size, turn):
     look, names = Look(5, "s", "a3", turn, 1), [f"a{i}" for i in range(size)]
-    among = Reportable(names, kernels.name_keys(names))
+    among = ReportableAgents(names, kernels.name_keys(names))
     found = look.false_alarms(count, among, {f"a{i}" for i in seen}, np.array([7, 8, 9]))
     left = [name for name in names if name != "a3" and int(name[1:]) not in seen]
     for i in range(min(count, len(left))):
@@ -366,7 +366,7 @@ def test_an_agent_that_was_deleted_since_is_reported_all_the_same():
 def test_without_a_game_a_delayed_sensor_says_what_to_do():
     with field(["anna"]) as ctx:
         sensor = watch(ctx, delay_turns=2)
-        with pytest.raises(BadValue, match=r"'s' has delay_turns=2, and nothing counts the turns: play with ctx\.game"):
+        with pytest.raises(BadValue, match=r"'s' has delay_turns=2, but no turns are counted: play with ctx\.game"):
             sensor.sense()
         assert len(sensor.view_from(0, None).agents) == 0  # a picture may be drawn
 

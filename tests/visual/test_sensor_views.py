@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.ir.draw import DrawKind
-from gamms.ir.sensed import SensorView
+from gamms.ir.sensor_results import SensorView
 from gamms.sensor import SensorType
 from gamms.typing import ISensor
 from gamms.visual import default_scene, drawers

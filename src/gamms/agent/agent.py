@@ -45,7 +45,7 @@ class NoStrategy(GammsError, AttributeError):
     """An agent without a strategy was asked to decide."""
 
 
-class _Derived:
+class _DerivedProperty:
     """A property derived from the position of an agent; an attribute set by the caller hides it.
 
     Programs written for 1.0.0 may use these names for their own attributes.
@@ -122,7 +122,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
             settable = ", ".join(sorted({"strategy", *self._SETTABLE}))
             raise AttributeError(f"agent.{name} cannot be set; {settable} and other names can.")
         self._phase.known_names.add(name)
-        if isinstance(known, (Attribute, type(None))):
+        if isinstance(known, (GuardedAttribute, type(None))):
             for hint in misspelt([name], sorted({"strategy", *self._SETTABLE}), "attribute"):
                 self._ctx.logger.warning(f"Agent {shown(self.name)}: {hint} It is stored as an attribute.")
 
@@ -131,7 +131,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         if type(value) not in _SCALARS and not hasattr(type(self), name):
             kind = _guarded_kind(type(self), self._phase.agent_kinds)
             if not hasattr(kind, name):
-                setattr(kind, name, Attribute(name))
+                setattr(kind, name, GuardedAttribute(name))
             self.__class__ = kind
         object.__setattr__(self, name, value)
 
@@ -183,10 +183,10 @@ class BaseAgent(AgentView, ContextPart, IAgent):
             self._set("previous", self._known(node_id))
 
     # (source id, target id, edge id); None on a node
-    edge = _Derived(lambda one: getattr(one._on_edge(), "edge", None))
+    edge = _DerivedProperty(lambda one: getattr(one._on_edge(), "edge", None))
     # distance from the source of the edge, map units
-    offset_m = _Derived(lambda one: getattr(one._on_edge(), "offset_m", 0.0))
-    xy = _Derived(lambda one: one._xy())  # where it is, map units
+    offset_m = _DerivedProperty(lambda one: getattr(one._on_edge(), "offset_m", 0.0))
+    xy = _DerivedProperty(lambda one: one._xy())  # where it is, map units
 
     # -- sensing, deciding, acting ------------------------------------------------------------------------------
 
@@ -225,7 +225,8 @@ class BaseAgent(AgentView, ContextPart, IAgent):
     @refused_while_deciding
     def sense(self) -> dict[str, tuple[SensorType, Any]]:
         """Read all sensors; return name -> (kind, data), as in `get_state()["sensor"]`."""
-        node, sensed = self.current_node_id, {}
+        node = self.current_node_id
+        sensed = {}
         place = self._on_edge() if self._sensor_list else None
         where: Any = node if place is None else place.xy
         for sensor, (name, last, *_, look) in zip(self._sensor_list.values(), self._carried, strict=True):
@@ -267,7 +268,9 @@ class BaseAgent(AgentView, ContextPart, IAgent):
     def _begin(self, ctx: IContext, block: AgentBlock, attributes: Iterable[str]) -> IGraph:
         """Initialize as a view of a row that a subclass adds to a block; check attribute names; return the graph."""
         for key in attributes:
-            if key not in self._SETTABLE and not isinstance(getattr(type(self), key, None), (_Derived, type(None))):
+            if key not in self._SETTABLE and not isinstance(
+                getattr(type(self), key, None), (_DerivedProperty, type(None))
+            ):
                 raise ReservedName(key, self._SETTABLE)
         values: tuple[Any, ...] = (phase_of(ctx), ctx, block, {}, {}, (), (), [{}], None)
         for name, value in zip(_AT_FIRST, values, strict=True):
@@ -303,7 +306,8 @@ class BaseAgent(AgentView, ContextPart, IAgent):
 
     def _live_in(self, block: AgentBlock) -> None:
         """Move to a row of another block: the block of the context, or a new one to leave it; sensors stay."""
-        self._row, self._block = block.take_over(self._block, self._row), block
+        self._row = block.take_over(self._block, self._row)
+        self._block = block
 
     def _last_state(self) -> Any:
         return self._last[0] or self._state_of(self._held_data())
@@ -411,14 +415,16 @@ class Agent(BaseAgent):
     @property
     def orientation(self) -> tuple[float, float]:
         """The heading `(cos, sin)`; (0.0, 0.0) if there is none. Settable: a pair, or None to follow moves."""
-        block, row = self._block, self._row
+        block = self._block
+        row = self._row
         heading = block.heading[row]
         if heading is not None:
             return heading
         place = self._on_edge()
         if place is not None:
             return place.ahead
-        here, before = block.node[row], block.previous[row]
+        here = block.node[row]
+        before = block.previous[row]
         if here == before:
             return (0.0, 0.0)
         try:
@@ -563,7 +569,7 @@ class AerialAgent(BaseAgent, IAerialAgent):
             self._block.turn(self._row, quat)
 
 
-class Attribute:
+class GuardedAttribute:
     """An attribute set by the caller; while a strategy runs, reading it returns a read-only copy.
 
     Args:

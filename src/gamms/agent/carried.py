@@ -22,20 +22,21 @@ def carried(name: str, sensor: ISensor, own: str | None, near: Mapping[int, Sequ
     offered: Callable[[], Any] | None = getattr(sensor, "live_result", None)
     last = LiveData(sensor) if offered is None else offered()
     if own is not None:
-        return name, last, None, _Look(sensor, own)
+        return name, last, None, _SharedSensor(sensor, own)
     if type(last) is list and getattr(sensor, "neighborhoods", None) is near:
         # NOTE: without the sensor object, which would be read from memory at every look (benchmarks: turns).
         return name, last, sensor.type, None
     return name, last, None, sensor
 
 
-class _Look:
+class _SharedSensor:
     """Reads a sensor that several agents carry, on behalf of one of them."""
 
     __slots__ = ("_own", "_sensor", "sees_world_only")
 
     def __init__(self, sensor: ISensor, own: str) -> None:
-        self._sensor, self._own = sensor, own
+        self._sensor = sensor
+        self._own = own
         self.sees_world_only = getattr(sensor, "sees_world_only", False)
 
     @property
@@ -43,7 +44,8 @@ class _Look:
         return self._sensor.type
 
     def sense(self, node_id: int) -> None:
-        sensor, own = self._sensor, self._own
+        sensor = self._sensor
+        own = self._own
         owner = owner_of(sensor)
         sensor.set_owner(own)
         try:

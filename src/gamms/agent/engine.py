@@ -38,7 +38,7 @@ from gamms.errors import ContextTerminated, Duplicate, GammsError, MissingKey, U
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.journal import CLOSED, Muted
+from gamms.ir.journal import CLOSED, MutedJournal
 from gamms.ir.positions import Positions
 from gamms.ir.schema import VECTORS
 from gamms.readonly import ReadOnlyMapping
@@ -184,9 +184,10 @@ class AgentEngine(ContextPart, IAgentEngine):
         for hint in hints:
             self._ctx.logger.warning(f"Agent {shown(name)}: {hint} It is stored as an attribute.")
         self._phase.known_names.update(kwargs)
-        block, journal = self._block, self._block.journal
+        block = self._block
+        journal = self._block.journal
         if not journal.is_silent:
-            block.journal = Muted(journal)  # all following changes are part of the creation
+            block.journal = MutedJournal(journal)  # all following changes are part of the creation
         try:
             agent = self._added(_CLASSES[kind], name, kwargs, strategy)
             if sensors:
@@ -258,7 +259,8 @@ class AgentEngine(ContextPart, IAgentEngine):
         self, names: tuple[str, ...], nodes: list[int], team: str, strategy: Any, values: dict[str, list[Any]]
     ) -> Members:
         """Add agents without sensors; their objects are created on first access."""
-        graph, block = self._ctx.graph.graph, self._block
+        graph = self._ctx.graph.graph
+        block = self._block
         if block.graph is None:
             block.graph = graph
         unknown: Iterable[int] = dict.fromkeys(nodes)
@@ -374,7 +376,8 @@ class AgentEngine(ContextPart, IAgentEngine):
 
     def _take_out(self, agent: BaseAgent) -> None:
         """Remove an agent, which continues in its own block; its sensors have no owner."""
-        row, block = agent._row, self._block
+        row = agent._row
+        block = self._block
         del self._agents[agent.name]
         agent._live_in(AgentBlock(block.graph))
         for sensor in agent._sensor_list.values():
@@ -410,7 +413,8 @@ class AgentStorage(Guarded):
     _called = "ctx.agent.storage"
 
     def __init__(self, engine: AgentEngine) -> None:
-        self._engine, self._phase = engine, engine._phase
+        self._engine = engine
+        self._phase = engine._phase
         self._roster: Roster | None = None  # roster of the last snapshot that was taken or restored
 
     def turn_access(self, agent: BaseAgent) -> TurnAccess:
@@ -445,7 +449,8 @@ class AgentStorage(Guarded):
 
     def snapshot(self) -> AgentsSnapshot:
         """Return the present state of all agents, for `restore`."""
-        engine, block = self._engine, self._engine.block
+        engine = self._engine
+        block = self._engine.block
         block.locate()
         roster = self._roster
         if roster is None or block.has_teams or not roster.is_of(block):
@@ -492,7 +497,8 @@ class AgentStorage(Guarded):
             other: the storage of the other context.
             memo: maps their sensors to the copies, and gets the copies of agents; see `copy.deepcopy`.
         """
-        engine, source = self._engine, other._engine.block
+        engine = self._engine
+        source = other._engine.block
         block = engine.block
         source.locate()
         block.graph = None if source.graph is None else engine._ctx.graph.graph
@@ -523,7 +529,8 @@ class AgentStorage(Guarded):
 
     def hide(self, before: AgentsSnapshot, known: Collection[str]) -> None:
         """Hide the agents that are not `known`, in a copy of the game for agents that look ahead."""
-        engine, graph = self._engine, self._engine._ctx.graph.graph
+        engine = self._engine
+        graph = self._engine._ctx.graph.graph
         first = graph.get_node(min(graph.get_nodes()))
         for row, columns in before.hidden(engine.block, known, first):
             engine.block.write(row, columns)
@@ -538,7 +545,8 @@ class AgentStorage(Guarded):
         for name, agent in list(engine._stored().items()):
             if not before.has(name, agent):
                 engine.delete_agent(name)
-        block, then = engine.block, before.roster.stored
+        block = engine.block
+        then = before.roster.stored
         if list(then) != list(engine._stored()):
             engine._new_block()
             engine._block.has_teams = block.has_teams
@@ -552,7 +560,8 @@ class AgentStorage(Guarded):
                     agent._live_in(engine._block)
                 engine._agents[name] = agent
         for agent, own in before.deleted:  # restored as they were when they were deleted
-            agent._block, agent._row = own, 0
+            agent._block = own
+            agent._row = 0
 
 
 def _renew(agent: BaseAgent, attributes: dict[str, Any]) -> None:

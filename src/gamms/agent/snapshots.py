@@ -62,7 +62,8 @@ class AgentsSnapshot:
     @cached_property
     def places(self) -> dict[str, Any]:
         """Name -> the node of the agent, or (x, y, z) of a flying agent."""
-        nodes, positions = self.columns["games"].row("node"), self.columns["position"]
+        nodes = self.columns["games"].row("node")
+        positions = self.columns["position"]
         places = zip(self.names, nodes, positions, strict=True)
         return {name: node if position is None else position for name, node, position in places}
 

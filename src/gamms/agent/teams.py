@@ -18,7 +18,7 @@ from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import Selection, without
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.sensed import Sensed
+from gamms.ir.sensor_results import Sensed
 from gamms.kernels.draws import BitArray
 from gamms.limits import max_memory, refuse_above
 from gamms.text import printable_line, shown
@@ -38,7 +38,9 @@ _OF_BLOCK: dict[str, Callable[[Any, str], Any]] = {"alive": as_bool, "speed": _s
 _NO_COLUMNS = frozenset({"name", "names", "node_ids", "agents", "start_node_id", "sensors", "team", "strategy"})
 _NO_COLUMNS |= {"type", "agent_type"}
 _MANY = 256  # number of members from which legal nodes are read from arrays of all edges
-_BYTES_PER_MEMBER, _BYTES_PER_AGENT = 450, 1_400  # measured, per member in columns and per agent object
+# measured, per member in columns and per agent object
+_BYTES_PER_MEMBER = 450
+_BYTES_PER_AGENT = 1_400
 _OF_MEMBERS: dict[str, Callable[[Agent, Any], object]] = {
     "current_node_id": lambda agent, node: agent._known(node),
     "prev_node_id": lambda agent, node: agent._known(node),
@@ -60,7 +62,9 @@ class Members:
     """
 
     def __init__(self, names: tuple[str, ...], strategy: Any, columns: dict[str, Column]) -> None:
-        self.names, self.strategy, self.columns = names, strategy, columns
+        self.names = names
+        self.strategy = strategy
+        self.columns = columns
         self.made: dict[str, Agent] = {}
 
     @cached_property
@@ -157,8 +161,11 @@ class Team:
     """
 
     def __init__(self, ctx: IContext, name: str, members: Members, block_of: Callable[[], AgentBlock]) -> None:
-        self._ctx, self.name, self.names = ctx, name, members.names
-        self._members, self._block_of = members, block_of
+        self._ctx = ctx
+        self.name = name
+        self.names = members.names
+        self._members = members
+        self._block_of = block_of
         self._rows: tuple[Any, Any] = None, None  # the block, and the result of `_selection` for it
         self._draws = 0
         self._keys: BitArray | None = None  # keys of the names, for draws
@@ -204,7 +211,8 @@ class Team:
 
     def _selection(self) -> tuple[Selection, dict[int, Agent]]:
         """Return the rows of the members, and the deleted members by index, ascending."""
-        block, made = self._block_of(), self._members.made
+        block = self._block_of()
+        made = self._members.made
         if self._rows[0] != (block, block.rows.version):
             gone = [self._members.numbers[name] for name, one in made.items() if one._block is not block]
             deleted = {number: made[self.names[number]] for number in sorted(gone)}
@@ -277,8 +285,10 @@ class Team:
         if chosen.shape != (len(self),):
             raise BadType(f"where= of a team must be an array ({len(self)},) of booleans, not {shown(where)}.")
         phase_of(self._ctx).refuse(f"set {column!r} of team {self.name!r}")
-        listed, places = each_of(values, len(self), column), np.flatnonzero(chosen).tolist()
-        members, block = self._members, self._block_of()
+        listed = each_of(values, len(self), column)
+        places = np.flatnonzero(chosen).tolist()
+        members = self._members
+        block = self._block_of()
         if column in _OF_BLOCK:
             checked = [_OF_BLOCK[column](listed[i], f"{column} of agent {self.names[i]!r}") for i in places]
             rows, deleted = self._selection()
@@ -349,14 +359,16 @@ class Team:
         Returns (nodes, first, count, ids_at): for each member its node, the position of its first legal node, and the
         number of legal nodes, (agents,) each; `ids_at` returns the node ids at given positions.
         """
-        graph, nodes = self._ctx.graph, self.node_ids
+        graph = self._ctx.graph
+        nodes = self.node_ids
         # for few members this is cheaper than arrays of all edges, which are rebuilt when roads change
         if len(nodes) < _MANY:
             legal = [graph.graph.neighborhoods[node] for node in nodes.tolist()]
             counts = np.array([len(near) for near in legal], np.int64)
             ids = np.array([*chain.from_iterable(legal)], np.int64)
             return nodes, np.cumsum(counts) - counts, counts, ids.take
-        routes, node_ids = graph.routes, graph.columns().node_ids
+        routes = graph.routes
+        node_ids = graph.columns().node_ids
         offsets, targets = routes.neighborhoods()
         rows = routes.rows(nodes)
         return nodes, offsets[rows], offsets[rows + 1] - offsets[rows], lambda places: node_ids[targets[places]]
@@ -371,7 +383,8 @@ class Team:
             BadValue: a node is not legal, or the number of nodes is wrong; no member has moved.
         """
         phase_of(self._ctx).refuse(f"move team {self.name!r}")
-        wanted, alive = np.array(as_ids(node_ids, "node_ids"), np.int64), self.alive
+        wanted = np.array(as_ids(node_ids, "node_ids"), np.int64)
+        alive = self.alive
         if len(wanted) != len(self):
             raise BadValue(f"Team {self.name!r} has {len(self)} agents, and {len(wanted)} node_ids were given.")
         self._refuse_illegal(wanted, alive)
@@ -389,7 +402,9 @@ class Team:
     def _refuse_illegal(self, wanted: IntArray, alive: BoolArray) -> None:
         """Raise BadValue if a node of `wanted` (agents,) is not legal for its living member."""
         nodes, first, counts, ids_at = self._legal()
-        left, number, wrong = np.flatnonzero(alive), 0, len(self)
+        left = np.flatnonzero(alive)
+        number = 0
+        wrong = len(self)
         # compare the first legal node of each member, then the second, until all wanted nodes are found
         while len(left):
             is_left = counts[left] > number
@@ -479,9 +494,11 @@ def starts_in(given: object, *, are_made: bool) -> list[int]:
         TooLarge (ValueError): so many members would not fit into memory; they are counted before they are read.
     """
     each = _BYTES_PER_AGENT if are_made else _BYTES_PER_MEMBER
-    most, more = max_memory() // each, ""
+    most = max_memory() // each
+    more = ""
     if isinstance(given, Iterator):
-        given, more = list(islice(given, most + 1)), " or more"
+        given = list(islice(given, most + 1))
+        more = " or more"
     try:
         count = length_hint(given)
     except OverflowError:  # a range of more than 64 bits
@@ -492,7 +509,8 @@ def starts_in(given: object, *, are_made: bool) -> list[int]:
 
 def note_created(block: AgentBlock, names: Sequence[str], given: Iterable[dict[str, Any]]) -> None:
     """Note the creation of the last agents of a block, each with its keywords, as if they were created one by one."""
-    journal, first = block.journal, len(block.names) - len(names)
+    journal = block.journal
+    first = len(block.names) - len(names)
     if journal.is_silent:
         return
     for row, (name, keywords) in enumerate(zip(names, given, strict=True), first):

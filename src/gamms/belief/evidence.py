@@ -28,7 +28,7 @@ from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, MissingKey, NotOffered, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensed import Coverage
+from gamms.ir.sensor_results import Coverage
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import AerialState, NodeId, State

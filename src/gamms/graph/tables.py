@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadValue, ContextTerminated, DuplicateId, UnknownName
-from gamms.ir.graph import ByRow, FloatArray, IntArray, Polylines, RowArray, read_only
+from gamms.ir.graph import FloatArray, IntArray, Polylines, RowArray, RowMapping, read_only
 
 T = TypeVar("T")
 
@@ -378,7 +378,7 @@ def writable_dict(values: Mapping[int, T]) -> dict[int, T]:
 
 def joined(values: Mapping[int, T], first: int, given: Mapping[int, T]) -> Mapping[int, T]:
     """Join two mappings of values by row; rows of the second are counted from `first`."""
-    if not (values or first) and isinstance(given, ByRow):
+    if not (values or first) and isinstance(given, RowMapping):
         return given
     added = writable_dict(values)
     added.update({first + row: value for row, value in given.items()} if first else given.items())
@@ -387,7 +387,7 @@ def joined(values: Mapping[int, T], first: int, given: Mapping[int, T]) -> Mappi
 
 def renumbered(values: Mapping[int, T], moved: IntArray) -> Mapping[int, T]:
     """Renumber values by row: `moved` (rows,) has the new row, or -1 for rows that are dropped."""
-    if not isinstance(values, ByRow):
+    if not isinstance(values, RowMapping):
         rows = moved.tolist()
         return {rows[row]: value for row, value in values.items() if rows[row] >= 0}
     rows = moved[values.rows]
@@ -397,7 +397,7 @@ def renumbered(values: Mapping[int, T], moved: IntArray) -> Mapping[int, T]:
 
 def kept(values: Mapping[int, T]) -> Mapping[int, T]:
     """Return the present values by row as a mapping that never changes."""
-    return values if isinstance(values, ByRow) else dict(values)
+    return values if isinstance(values, RowMapping) else dict(values)
 
 
 class ClosedTable:

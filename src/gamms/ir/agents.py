@@ -112,7 +112,7 @@ class AgentBlock(AgentColumns):
         self._changed: set[int] = set()  # changed rows, not yet published
         self._have_all_changed = False
         self._logs: list[ChangeLog] = []
-        self.under_way = UnderWay(self)
+        self.under_way = TurnPositions(self)
         self._unlocated: set[int] = set()  # rows of flying agents that moved since their node was found
         self._located_revision: int | None = None  # graph revision when the nodes of the other flying agents were found
 
@@ -120,7 +120,8 @@ class AgentBlock(AgentColumns):
         """Return copies of columns; number columns as arrays, with NaN for None."""
         columns: dict[str, Any] = {}
         for name in names:
-            column, of = getattr(self, name), _COLUMNS[name]
+            column = getattr(self, name)
+            of = _COLUMNS[name]
             if of.shape:
                 column = [one or (np.nan,) * of.shape[0] for one in column]
             columns[name] = list(column) if of.kind is None else np.array(column, of.kind).reshape(-1, *of.shape)
@@ -153,7 +154,8 @@ class AgentBlock(AgentColumns):
         self, name: str, node: int, team: Hashable = None, position: Position | None = None, speed: float | None = None
     ) -> int:
         """Add an agent on the ground at `node`, or a flying agent at `position`; return its row."""
-        row, flies = self.games.add(1), position is not None
+        row = self.games.add(1)
+        flies = position is not None
         self._show()
         self.node[row] = self.previous[row] = node
         self.kind[row], self.alive[row] = flies, True
@@ -223,7 +225,8 @@ class AgentBlock(AgentColumns):
 
     def close_up(self) -> None:
         """Drop the rows of removed agents."""
-        gone, self.removed = sorted(self.removed), []
+        gone = sorted(self.removed)
+        self.removed = []
         self.structure.close_up(gone, self.names)
         self.progress = self.progress.copy()  # orders of earlier turns keep the old list
         for name in _LISTS:
@@ -239,7 +242,8 @@ class AgentBlock(AgentColumns):
 
     def succeed(self, block: AgentBlock) -> None:
         """Replace another block: use its journal, with new version numbers."""
-        self.graph, self.journal = block.graph, block.journal
+        self.graph = block.graph
+        self.journal = block.journal
         self._version, self.rows.version = block.version + 1, block.rows.version + 1
         self.structure.note_all(block.structure.version)
 
@@ -396,7 +400,9 @@ class AgentBlock(AgentColumns):
                 self._located_revision = revision
 
     def _locate(self, row: int) -> None:
-        graph, position, node = self.graph, self.position[row], self.node[row]
+        graph = self.graph
+        position = self.position[row]
+        node = self.node[row]
         if graph is not None and position is not None:
             try:
                 node = graph.nearest_node(position[0], position[1])
@@ -411,7 +417,8 @@ class AgentBlock(AgentColumns):
     @contextmanager
     def accepting_any_node(self) -> Iterator[None]:
         """Accept any integer as a node (used by replay, because the map may have changed since)."""
-        before, self.trusts_nodes = self.trusts_nodes, True
+        before = self.trusts_nodes
+        self.trusts_nodes = True
         try:
             yield
         finally:
@@ -504,7 +511,7 @@ def moves_of(starts: Sequence[int], ends: Sequence[int]) -> Moves:
     return Moves(first, last)
 
 
-class UnderWay:
+class TurnPositions:
     """The positions of the agents of a block within a turn.
 
     These positions are not recorded; the positions at the end of the turn are.

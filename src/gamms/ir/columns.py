@@ -65,7 +65,8 @@ class StructureLog:
     def note_all(self, version: int) -> None:
         """Record that all rows may have changed, and may have other agents, since a version."""
         self._first = self.version = version + 1
-        self._rows, self._closed = [], []
+        self._rows = []
+        self._closed = []
 
     def close_up(self, gone: list[int], names: Sequence[str]) -> None:
         """Renumber rows after these rows, ascending, are closed up; record the names of these agents."""
@@ -82,7 +83,8 @@ class StructureLog:
         """
         if version < self._first:
             return None
-        self._rows, self._first = self._rows[version - self._first :], version
+        self._rows = self._rows[version - self._first :]
+        self._first = version
         self._closed = [one for one in self._closed if one[0] > version]
         return self._rows.copy(), [gone for _, gone in self._closed]
 

@@ -90,7 +90,8 @@ class DrawCommands:
             raise BadValue(
                 f"A drawing of {len(self.points)} points cannot be recorded; at most {MOST_POINTS} points can."
             )
-        counts, is_kept = np.diff(self.offsets), self.kind != DrawKind.IMAGE
+        counts = np.diff(self.offsets)
+        is_kept = self.kind != DrawKind.IMAGE
         columns: dict[str, Any] = {name: getattr(self, name)[is_kept].astype(np.uint8) for name in ("kind", "space")}
         columns |= {name: getattr(self, name)[is_kept] for name in ("size", "width", "angle", "color")}
         columns |= {"counts": counts[is_kept], "points": self.points[np.repeat(is_kept, counts)]}
@@ -113,7 +114,9 @@ class DrawCommands:
         if not isinstance(columns, dict):
             raise BadType(f"A recorded drawing is a dict of columns, not a {type(columns).__name__}.")
         found = {name: _column(columns, name, *form) for name, form in _FORMS.items()}
-        kind, counts, points = found["kind"], found.pop("counts"), found["points"]
+        kind = found["kind"]
+        counts = found.pop("counts")
+        points = found["points"]
         text = columns.get("text") or [""] * len(counts)
         if not isinstance(text, list) or not all(isinstance(one, str) for one in text):
             raise BadType("The texts of a recorded drawing must be a list of str.")
@@ -137,7 +140,8 @@ def _owners_in(columns: dict[str, Any], count: int) -> dict[int, Owner]:
     Raises:
         BadType, BadValue: the columns are invalid.
     """
-    agents, sides = columns.get("agents") or [""] * count, columns.get("sides") or [None] * count
+    agents = columns.get("agents") or [""] * count
+    sides = columns.get("sides") or [None] * count
     are_lists = isinstance(agents, list) and isinstance(sides, list)
     if not are_lists or not all(isinstance(one, str) for one in agents):
         raise BadType("The agents of a recorded drawing must be a list of str.")

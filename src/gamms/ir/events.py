@@ -15,7 +15,7 @@ import numpy as np
 
 from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers, as_range
 from gamms.errors import BadType
-from gamms.ir.applied_to import State
+from gamms.ir.event_targets import State
 from gamms.ir.game_state import FIELD_EVENTS, FIELDS, as_looks, as_over
 from gamms.ir.messages import as_message
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS, ON_EDGES, Audience
@@ -192,7 +192,9 @@ def _puts(name: str) -> _Apply:
 def _creation_records(data: Mapping[str, Plain], _: Mover | None) -> Iterator[Record]:
     """Yield the creation, and further records for 1.0.0, which knows other keywords."""
     yield AGENT_CREATE, {"name": data["name"], "kwargs": data["kwargs"]}
-    name, given, made = {"agent_name": data["name"]}, data["kwargs"], data.get("state", {})
+    name = {"agent_name": data["name"]}
+    given = data["kwargs"]
+    made = data.get("state", {})
     for key in given:
         if key in _NODE_KEYWORDS:
             yield _NODE_KEYWORDS[key], {**name, "node_id": given[key]}
@@ -270,7 +272,8 @@ def _progress(state: State, data: Mapping[str, Plain]) -> None:
 
 
 def _attribute(state: State, data: Mapping[str, Plain]) -> None:
-    numbers, values = np.asarray(data["numbers"], np.int64).tolist(), data.get("values")
+    numbers = np.asarray(data["numbers"], np.int64).tolist()
+    values = data.get("values")
     values = values.tolist() if isinstance(values, np.ndarray) else values
     state.agents.attribute(numbers, as_name(data["name"], "name"), values)
 
@@ -465,7 +468,8 @@ COMPONENTS = frozenset([COMPONENT_REGISTER, COMPONENT_CREATE, COMPONENT_UPDATE, 
 
 def events_of(log: Log) -> Iterator[tuple[int, Any]]:
     """Yield the events of a log; consecutive moves are one event, `(MOVES, [number, node, number, node, …])`."""
-    types, begin = list(map(type, log)), 0
+    types = list(map(type, log))
+    begin = 0
     for _ in range(types.count(tuple)):
         end = types.index(tuple, begin)
         if end > begin:

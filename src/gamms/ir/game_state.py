@@ -11,7 +11,7 @@ from typing import Any, Self, cast
 from gamms.core.copies import copied, copied_each, refill, refill_counts, refill_each
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import IntArray
-from gamms.ir.schema import Audience, ChangeEvent, GameField, Memo, kept
+from gamms.ir.schema import Audience, ChangeEvent, GameField, Memo, game_field
 from gamms.plain import Plain, plain_subset, to_plain
 from gamms.readonly import published
 from gamms.text import shown
@@ -284,7 +284,7 @@ class GameState:
         marked: for each log, the number of entries that snapshots need.
     """
 
-    scores: Scores = kept(
+    scores: Scores = game_field(
         Scores,
         _dict_of,
         refill=refill,
@@ -293,14 +293,14 @@ class GameState:
         axis="game",
         event=ChangeEvent(0x04000000, "GAME_SCORES", Audience.ALL, "scores"),
     )
-    data: dict[str, Any] = kept(dict, copied, refill=refill, captured=plain_subset)
-    over: dict[str, Any] | None = kept(NoneType, copied, captured=to_plain, restored=as_over, axis="game")
-    turn: int = kept(int, _same, captured=to_plain, restored=int, axis="game")
-    events: list[dict[str, Any]] = kept(list)
-    errors: list[dict[str, Any]] = kept(list)
-    deeds: list[dict[str, Any]] = kept(list)
-    messages: list[dict[str, Any]] = kept(list)
-    blocked: BlockedAgents = kept(
+    data: dict[str, Any] = game_field(dict, copied, refill=refill, captured=plain_subset)
+    over: dict[str, Any] | None = game_field(NoneType, copied, captured=to_plain, restored=as_over, axis="game")
+    turn: int = game_field(int, _same, captured=to_plain, restored=int, axis="game")
+    events: list[dict[str, Any]] = game_field(list)
+    errors: list[dict[str, Any]] = game_field(list)
+    deeds: list[dict[str, Any]] = game_field(list)
+    messages: list[dict[str, Any]] = game_field(list)
+    blocked: BlockedAgents = game_field(
         BlockedAgents,
         lambda value, _: BlockedAgents(value),
         captured=to_plain,
@@ -309,10 +309,10 @@ class GameState:
         axis="agent",
         event=ChangeEvent(0x04000009, "GAME_BLOCKED", Audience.ALL, "blocked"),
     )
-    facts: dict[str, Any] = kept(dict, _dict_of, refill=refill, axis="game")
-    agent_facts: dict[str, dict[str, Any]] = kept(dict, *_FACTS, is_seldom=True, axis="agent")
-    team_facts: dict[Any, dict[str, Any]] = kept(dict, *_FACTS, is_seldom=True, axis="team")
-    memories: dict[str, dict[Any, Any]] = kept(
+    facts: dict[str, Any] = game_field(dict, _dict_of, refill=refill, axis="game")
+    agent_facts: dict[str, dict[str, Any]] = game_field(dict, *_FACTS, is_seldom=True, axis="agent")
+    team_facts: dict[Any, dict[str, Any]] = game_field(dict, *_FACTS, is_seldom=True, axis="team")
+    memories: dict[str, dict[Any, Any]] = game_field(
         dict,
         _memories_of,
         refill=refill_each,
@@ -320,32 +320,32 @@ class GameState:
         restored=lambda memories: _dicts_of(deepcopy(memories), None),
         axis="agent",
     )
-    team_memories: dict[Any, dict[Any, Any]] = kept(
+    team_memories: dict[Any, dict[Any, Any]] = game_field(
         dict,
         copied,
         captured=_captured_each,
         restored=lambda each: dict(deepcopy(list(each))),
         axis="team",
     )
-    delayed_looks: dict[tuple[str, str], dict[int, dict[str, Any]]] = kept(
+    delayed_looks: dict[tuple[str, str], dict[int, dict[str, Any]]] = game_field(
         dict,
         _dicts_of,
         captured=lambda looks: [[*key, to_plain(one)] for key, one in sorted(looks.items()) if one],
         restored=lambda each: {(sensor, owner): as_looks(deepcopy(one)) for sensor, owner, one in each},
         is_seldom=True,
     )
-    counts: dict[str, dict[str, int]] = kept(dict, _dicts_of, refill=refill_counts, axis="agent")
-    timings: dict[str, float] = kept(lambda: dict.fromkeys(PHASES, 0.0), _dict_of, refill=refill)
-    moves: Any = kept(NoneType, _same, is_own=True)
-    departed: dict[str, tuple[Any, int]] = kept(dict, _dict_of)
-    last_turn: int | None = kept(NoneType, _same, axis="game")
-    began: dict[str, Any] = kept(dict, _dict_of, is_own=True)
-    start: Any = kept(NoneType, _same, is_own=True)
-    drawn: Any = kept(NoneType, _same, is_own=True)
-    parts_played: int | None = kept(NoneType, _same)
-    has_begun: bool = kept(bool, _same, is_own=True)
-    stream_version: int = kept(int)
-    marked: Sequence[int] = kept(lambda: (0,) * len(LOGS))
+    counts: dict[str, dict[str, int]] = game_field(dict, _dicts_of, refill=refill_counts, axis="agent")
+    timings: dict[str, float] = game_field(lambda: dict.fromkeys(PHASES, 0.0), _dict_of, refill=refill)
+    moves: Any = game_field(NoneType, _same, is_own=True)
+    departed: dict[str, tuple[Any, int]] = game_field(dict, _dict_of)
+    last_turn: int | None = game_field(NoneType, _same, axis="game")
+    began: dict[str, Any] = game_field(dict, _dict_of, is_own=True)
+    start: Any = game_field(NoneType, _same, is_own=True)
+    drawn: Any = game_field(NoneType, _same, is_own=True)
+    parts_played: int | None = game_field(NoneType, _same)
+    has_begun: bool = game_field(bool, _same, is_own=True)
+    stream_version: int = game_field(int)
+    marked: Sequence[int] = game_field(lambda: (0,) * len(LOGS))
 
     def put(self, name: str, value: object) -> None:
         """Set a field, in place if other objects refer to its value."""
@@ -410,7 +410,8 @@ class GameState:
     def begin_from_here(self) -> None:
         """Clear the history, and make the next turn the start of the game."""
         self.clear_history()
-        self.start, self.has_begun = None, False
+        self.start = None
+        self.has_begun = False
         self.stream_version += 1
 
 

@@ -133,7 +133,8 @@ def nearest_lines(
 
 def distances_to(points: FloatArray, starts: FloatArray, ends: FloatArray) -> FloatArray:
     """Return the distance of each of `points` (points, 2) to the line segment of the same row."""
-    along, to = ends - starts, points - starts
+    along = ends - starts
+    to = points - starts
     square = (along * along).sum(axis=1)
     share = np.clip((to * along).sum(axis=1) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
     return np.asarray(np.hypot(*(to - share[:, None] * along).T))
@@ -167,7 +168,8 @@ class LineTree:
             counts = [len(shape) for shape in shapes]
             numbers = np.repeat(np.arange(len(shapes)), counts)
             lines[list(polylines)] = shapely.linestrings(np.concatenate(shapes), indices=numbers)
-        self._tree, self._point = shapely.STRtree(lines), shapely.Point
+        self._tree = shapely.STRtree(lines)
+        self._point = shapely.Point
 
     def nearest(self, place: tuple[float, float]) -> int:
         """Return the line nearest to a place; ties within a billionth of the distance go to the first line."""
@@ -189,7 +191,9 @@ class NearLines:
 
         rows = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
         self._lines = shapely.linestrings(np.concatenate(lines), indices=rows)
-        self._tree, self._distance, self._points = shapely.STRtree(self._lines), shapely.distance, shapely.points
+        self._tree = shapely.STRtree(self._lines)
+        self._distance = shapely.distance
+        self._points = shapely.points
 
     def within(self, points: FloatArray, distance: float) -> tuple[IntArray, IntArray, FloatArray]:
         """Return rows of points (points, 2), rows of lines within a distance, and the distances, (pairs,) each."""
@@ -210,7 +214,8 @@ def nearest_on(points: FloatArray, place: tuple[float, float]) -> tuple[float, f
     shares = np.clip(((np.array(place) - points[:-1]) * steps).sum(axis=1) / squares, 0.0, 1.0)
     off = np.hypot(*(points[:-1] + shares[:, None] * steps - place).T)
     at = int(off.argmin())
-    gone, whole = float(lengths[:at].sum() + shares[at] * lengths[at]), float(lengths.sum())
+    gone = float(lengths[:at].sum() + shares[at] * lengths[at])
+    whole = float(lengths.sum())
     return (gone / whole if whole else 0.0), float(off[at])
 
 

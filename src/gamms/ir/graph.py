@@ -38,7 +38,7 @@ class NodeFinder(Protocol):
         """Return the id of the nearest node."""
 
 
-class ByRow(Mapping[int, V]):
+class RowMapping(Mapping[int, V]):
     """Values of some rows of a table, as arrays: immutable, and cheap to create for a million rows.
 
     Attributes:
@@ -104,7 +104,7 @@ class ByRow(Mapping[int, V]):
         return place if place < len(self.rows) and self.rows[place] == row else -1
 
 
-class CodedValues(ByRow[Any]):
+class CodedValues(RowMapping[Any]):
     """An attribute of some rows; rows with equal values share one object.
 
     Args:
@@ -117,7 +117,8 @@ class CodedValues(ByRow[Any]):
 
     def __init__(self, rows: IntArray, codes: IntArray, choices: Sequence[Any]) -> None:
         super().__init__(rows)
-        self.codes, self.choices = codes, choices
+        self.codes = codes
+        self.choices = choices
 
     def at(self, place: int) -> Any:
         """Return the value of `rows[place]`."""
@@ -135,7 +136,7 @@ class CodedValues(ByRow[Any]):
         return type(self), (self.rows, self.codes, self.choices)
 
 
-class Polylines(ByRow[FloatArray]):
+class Polylines(RowMapping[FloatArray]):
     """The shapes of edges that are not straight, in one array.
 
     Args:
@@ -149,7 +150,9 @@ class Polylines(ByRow[FloatArray]):
 
     def __init__(self, rows: IntArray, starts: IntArray, ends: IntArray, points: FloatArray) -> None:
         super().__init__(rows)
-        self.starts, self.ends, self.points = starts, ends, points
+        self.starts = starts
+        self.ends = ends
+        self.points = points
 
     def at(self, place: int) -> FloatArray:
         """Return the points of `rows[place]`."""
@@ -216,7 +219,7 @@ def _locked_rows(values: Mapping[int, Any]) -> Mapping[int, Any]:
         return Polylines(locked(values.rows), locked(values.starts), locked(values.ends), locked(values.points))
     if isinstance(values, CodedValues):
         return CodedValues(locked(values.rows), locked(values.codes), tuple(values.choices))
-    return values if isinstance(values, ByRow) else ReadOnlyMapping(values)
+    return values if isinstance(values, RowMapping) else ReadOnlyMapping(values)
 
 
 def edge_as_given(
@@ -254,11 +257,11 @@ def with_edges(columns: GraphColumns, rows: IntArray, offsets: IntArray, out_edg
 
 def _renamed(values: Mapping[int, V], moved: IntArray) -> Mapping[int, V]:
     """Renumber values by row: `moved` (rows,) has the new row, in any order; -1 for rows that are dropped."""
-    old = values.rows if isinstance(values, ByRow) else np.fromiter(values, np.int64, len(values))
+    old = values.rows if isinstance(values, RowMapping) else np.fromiter(values, np.int64, len(values))
     rows = moved[old]
     places = np.flatnonzero(rows >= 0)
     places = places[np.argsort(rows[places])]
-    if isinstance(values, ByRow):
+    if isinstance(values, RowMapping):
         return values.chosen(places, rows[places])
     return {row: values[one] for row, one in zip(rows[places].tolist(), old[places].tolist(), strict=True)}
 

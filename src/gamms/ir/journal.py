@@ -81,7 +81,7 @@ class Journal:
         drop(self.ids, [row for row in gone if row < len(self.ids)])  # agents whose creation failed have no numbers
 
 
-class Muted(Journal):
+class MutedJournal(Journal):
     """A wrapper of a journal that records nothing; new and removed agents still get their numbers."""
 
     is_silent = True
@@ -102,12 +102,12 @@ class Muted(Journal):
         self._journal.close_up(gone)
 
 
-class _Silent(Journal):
+class _SilentJournal(Journal):
     """A journal that records nothing."""
 
     is_silent = True
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> "_Silent":
+    def __deepcopy__(self, memo: dict[int, Any]) -> "_SilentJournal":
         return self
 
     def note(self, kind: int, data: Plain) -> None:
@@ -122,11 +122,11 @@ class _Silent(Journal):
         pass
 
 
-class _Closed(_Silent):
+class _ClosedJournal(_SilentJournal):
     """A journal that records nothing, for a context that has ended."""
 
     is_closed = True
 
 
-PLAIN = _Silent([])  # agents change without records
-CLOSED = _Closed([])  # the context has ended: agents no longer change
+PLAIN = _SilentJournal([])  # agents change without records
+CLOSED = _ClosedJournal([])  # the context has ended: agents no longer change

@@ -12,7 +12,9 @@ import numpy as np
 from gamms.errors import BadFile
 from gamms.ir.graph import IntArray
 
-BEST, FAST = 6, 4  # zlib levels: for files written once, for files written during a game
+# zlib levels: for files written once, for files written during a game
+BEST = 6
+FAST = 4
 _LARGE = 1 << 23  # bytes; larger data are compressed with less effort
 _TABLE = 9  # form of a column with a table; earlier versions wrote it for large columns
 _MOST_IN_BYTE = 8  # entries of a table that fit into one byte

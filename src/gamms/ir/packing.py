@@ -282,7 +282,8 @@ def _cost_within(data: bytes) -> int:
     # NOTE: arrays of numbers are most of the sensor data; opening them would take ten times as long (benchmarks).
     if len(data.translate(None, _EXTENSION_HEADS)) == len(data):
         return 0  # NOTE: a hundredth of the time for the names of a large team (benchmarks: teams, recorded)
-    extension, cost = _extension(), 0
+    extension = _extension()
+    cost = 0
     for item in _flat().decode(data):
         if type(item) is extension and item.code not in _PLAIN_CODES:
             inner = bytes(item.data)
@@ -313,7 +314,8 @@ class Decoder:
     """
 
     def __init__(self, allowance: Allowance) -> None:
-        self.allowance, self.keys = allowance, Keys()
+        self.allowance = allowance
+        self.keys = Keys()
         self.most_bytes = allowance.total // _OF_BYTE
 
     def value(self, data: bytes, *, is_new: bool = True) -> Plain:
@@ -343,7 +345,8 @@ class Decoder:
         """Return the value of a scalar or an extension."""
         if not isinstance(item, _extension()):
             return item
-        code, data = item.code, bytes(item.data)
+        code = item.code
+        data = bytes(item.data)
         if code == _BYTES:
             return data
         if code == _TEXT:

@@ -83,12 +83,14 @@ class Positions:
         """Return the names as a list that is never changed, valid until agents change."""
         version = self.block.structure.version
         if self._noted_at != version:
-            self._noted, self._noted_at = list(self.block.names), version
+            self._noted = list(self.block.names)
+            self._noted_at = version
         return self._noted
 
     def noted(self) -> tuple[Sequence[str], Sequence[Any]]:
         """Return the names and `places`, which may be stored; see `noted_names`."""
-        block, names = self.block, self.noted_names()
+        block = self.block
+        names = self.noted_names()
         if block.flyers or block.travellers:
             return names, self.places
         # NOTE: inline, because it runs every turn (benchmarks: turns; teams).
@@ -178,7 +180,8 @@ class Positions:
     @property
     def living_rows(self) -> list[int]:
         """The rows of living agents, ascending, as a fresh list."""
-        rows, inactive = range(len(self.block)), self.block.inactive
+        rows = range(len(self.block))
+        inactive = self.block.inactive
         return [row for row in rows if row not in inactive] if inactive else list(rows)
 
     def row_of(self, name: str) -> int:
@@ -187,12 +190,14 @@ class Positions:
 
     def found(self, rows: list[int]) -> dict[str, int]:
         """Return name -> node id of agents given by rows of the last query."""
-        names, nodes = self.block.names, self.block.node
+        names = self.block.names
+        nodes = self.block.node
         return {names[row]: nodes[row] for row in rows}
 
     def _catch_up(self) -> None:
         """Read the arrays again if something has changed."""
-        version, block = self.version, self.block
+        version = self.version
+        block = self.block
         if version != self._read_at:
             self._read_at = version
             self._node_ids = _frozen(block.node, np.int64)

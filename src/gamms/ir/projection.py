@@ -21,8 +21,12 @@ _UTM_REACH = 84.0  # degrees of latitude
 _CENTIMETRE = 0.01
 _BEYOND = 10.0  # degrees: a map may extend beyond its zone; with swapped latitude and longitude it extends farther
 _A = 6378137.0  # metres, equatorial radius of both ellipsoids
-_WGS84_F, _GRS80_F = 1.0 / 298.257223563, 1.0 / 298.257222101  # flattenings
-_K0, _EAST = 0.9996, 500_000.0  # scale and easting of the central meridian of a zone
+# flattenings
+_WGS84_F = 1.0 / 298.257223563
+_GRS80_F = 1.0 / 298.257222101
+# scale and easting of the central meridian of a zone
+_K0 = 0.9996
+_EAST = 500_000.0
 _FORTH = (  # coefficients of n, n^2, … (Karney 2011, equation 35), row j for the j-th multiple of the angle
     (1 / 2, -2 / 3, 5 / 16, 41 / 180, -127 / 288, 7891 / 37800),
     (0, 13 / 48, -3 / 5, 557 / 1440, 281 / 630, -1983433 / 1935360),
@@ -41,7 +45,9 @@ _BACK = (  # equation 36
 )
 _ROUNDS = 3  # iterations of Newton's method for the latitude; each doubles the number of correct digits
 _TURNS = 20  # iterations of Vincenty's method, which takes four except for antipodal points
-_SAME_ANGLE, _LOST_ANGLE = 1e-15, 1e-9  # radians: nanometres, and millimetres
+# radians: nanometres, and millimetres
+_SAME_ANGLE = 1e-15
+_LOST_ANGLE = 1e-9
 _EPSG = re.compile(r"\s*EPSG\s*:\s*(\d{4,5})\s*", re.IGNORECASE)
 
 
@@ -93,7 +99,8 @@ def project_back_and_forth(points: FloatArray, source: str, target: str) -> Floa
         BadValue: a position lies outside the projection, or an argument is not a CRS.
     """
     there = _transformed(points, source, target)
-    lonlat, again = _transformed(points, source, WGS84), _transformed(there, target, WGS84)
+    lonlat = _transformed(points, source, WGS84)
+    again = _transformed(there, target, WGS84)
     errors_m = np.full(len(points), np.inf)  # metres
     sound = np.flatnonzero(np.isfinite(np.column_stack([there, lonlat, again])).all(axis=1))
     sound = sound[_is_in_zone(lonlat[sound], source) & _is_in_zone(lonlat[sound], target)]
@@ -113,10 +120,12 @@ def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
     Uses the inverse formula of Vincenty (1975), accurate to 0.1 mm; for nearly antipodal points, where it does not
     converge, the great circle, accurate to 0.6 %.
     """
-    f, apart = _WGS84_F, np.radians((end[:, 0] - start[:, 0] + 180.0) % 360.0 - 180.0)
+    f = _WGS84_F
+    apart = np.radians((end[:, 0] - start[:, 0] + 180.0) % 360.0 - 180.0)
     reduced = [np.arctan((1.0 - f) * np.tan(np.radians(side[:, 1]))) for side in (start, end)]
     (s1, c1), (s2, c2) = ((np.sin(angle), np.cos(angle)) for angle in reduced)
-    angle, step = apart, np.zeros_like(apart)
+    angle = apart
+    step = np.zeros_like(apart)
     for _ in range(_TURNS):
         sine = np.hypot(c2 * np.sin(angle), c1 * s2 - s1 * c2 * np.cos(angle))
         cosine = s1 * s2 + c1 * c2 * np.cos(angle)
@@ -127,7 +136,8 @@ def ellipsoid_lengths(start: FloatArray, end: FloatArray) -> FloatArray:
         c = f / 16.0 * flat * (4.0 + f * (4.0 - 3.0 * flat))
         wave = middle + c * cosine * (2.0 * middle**2 - 1.0)
         following = apart + (1.0 - c) * f * tilt * (arc + c * sine * wave)
-        step, angle = np.abs(following - angle), following
+        step = np.abs(following - angle)
+        angle = following
         if not (step > _SAME_ANGLE).any():
             break
     u2 = flat * f * (2.0 - f) / (1.0 - f) ** 2
@@ -231,14 +241,16 @@ def zone_of(crs: str) -> Zone | None:
     if not (hundred in (326, 327) and 1 <= number <= 60) and not (hundred == 258 and 28 <= number <= 38):
         return None
     middle = 6.0 * number - 183.0
-    is_south, flattening = hundred == 327, _GRS80_F if hundred == 258 else _WGS84_F
+    is_south = hundred == 327
+    flattening = _GRS80_F if hundred == 258 else _WGS84_F
     return Zone(middle, 1e7 * is_south, flattening, middle - 3.0, middle + 3.0)
 
 
 def _to_zone(lonlat: FloatArray, zone: Zone) -> FloatArray:
     """Convert degrees (points, 2) to metres; infinite on the far half of the globe, where the series are invalid."""
     east = np.radians((lonlat[:, 0] - zone.middle + 180.0) % 360.0 - 180.0)
-    tangent, e = np.tan(np.radians(lonlat[:, 1])), _eccentricity(zone.flattening)
+    tangent = np.tan(np.radians(lonlat[:, 1]))
+    e = _eccentricity(zone.flattening)
     conformal = _conformal(tangent, e)
     plain = np.arctan2(conformal, np.cos(east)) + 1j * np.arcsinh(np.sin(east) / np.hypot(conformal, np.cos(east)))
     radius, forth, _ = _series(zone.flattening)

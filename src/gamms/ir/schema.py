@@ -241,6 +241,6 @@ class GameField(NamedTuple):
         return known if self.copied is None else self.copied(known, None)
 
 
-def kept(make: Callable[[], Any], *done: Any, **by_name: Any) -> Any:
+def game_field(make: Callable[[], Any], *done: Any, **by_name: Any) -> Any:
     """Return a field of `GameState`: with its initial value, and the arguments of `GameField`."""
     return field(default_factory=make, metadata={"done": GameField(*done, **by_name)})

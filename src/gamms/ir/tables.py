@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
 _OF_EMPTY = 64  # bytes
 # most characters of texts in an array that has more than this many times their lengths
-_MOST_CHARACTERS, _SHARE = 1 << 18, 16
+_MOST_CHARACTERS = 1 << 18
+_SHARE = 16
 
 Column = np.ndarray[Any, Any]
 Rows = Sequence[Mapping[str, Any]] | Mapping[str, Sequence[Any]]
@@ -58,7 +59,8 @@ def with_latlon(table: Mapping[str, Column], streets: GraphColumns) -> dict[str,
             [row_of.get(node, -1) if isinstance(node, int) else -1 for node in table[of_nodes[0]].tolist()], np.int64
         )
         xy = np.append(streets.xy, [(np.nan, np.nan)], axis=0)[rows]
-    known, degrees = np.isfinite(xy).all(axis=1), np.full(xy.shape, np.nan)
+    known = np.isfinite(xy).all(axis=1)
+    degrees = np.full(xy.shape, np.nan)
     degrees[known] = project_back_and_forth(xy[known], streets.crs, WGS84)
     return {**table, "lat": degrees[:, 1], "lon": degrees[:, 0]}
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.ir import events as kinds
-from gamms.ir.applied_to import AgentsState, State
+from gamms.ir.event_targets import AgentsState, State
 from gamms.ir.events import EVENTS, LOGGED, Log, events_of
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray

@@ -11,7 +11,7 @@ from gamms.arguments import as_numbers
 from gamms.errors import BadType, BadValue, ContextTerminated, GammsError
 from gamms.ir import events as kinds
 from gamms.ir.agents import AgentBlock
-from gamms.ir.applied_to import AgentsState, State
+from gamms.ir.event_targets import AgentsState, State
 from gamms.ir.events import (
     COMPONENTS,
     EVENTS,
@@ -22,7 +22,7 @@ from gamms.ir.events import (
     records_of,
 )
 from gamms.ir.graph import IntArray
-from gamms.ir.journal import Journal, Muted
+from gamms.ir.journal import Journal, MutedJournal
 from gamms.ir.schema import ATTRIBUTES, CHANGE_EVENTS, ON_EDGES, VECTORS
 from gamms.plain import Plain
 from gamms.recorder import keyframes, maps, sensed
@@ -318,7 +318,7 @@ class LiveAgents(AgentsState):
         if block.journal.is_silent:
             yield
             return
-        journal, block.journal = block.journal, Muted(block.journal)
+        journal, block.journal = block.journal, MutedJournal(block.journal)
         try:
             yield
         finally:

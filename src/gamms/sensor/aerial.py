@@ -11,12 +11,12 @@ from gamms.arguments import as_ids, as_numbers, as_range
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensed import Sensed, SensorView, ragged
+from gamms.ir.sensor_results import Sensed, SensorView, ragged
 from gamms.kernels import Quaternion
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.ground import map_view
-from gamms.sensor.nearby import Coordinates, memory_of
+from gamms.sensor.nearby import Coordinates, caches_of
 from gamms.sensor.sensor import Sensor, of_data
 from gamms.sensor.sighting_errors import Look
 from gamms.sensor.views import ground_at, on_ground
@@ -262,7 +262,8 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         return [row for row in super()._reportable_rows() if row not in flyers]
 
     def _sighting(self, node_id: int) -> _Sighting:
-        node, ground = self.ctx.graph.graph.get_node(node_id), ground_at(self.ctx, node_id)
+        node = self.ctx.graph.graph.get_node(node_id)
+        ground = ground_at(self.ctx, node_id)
         return AgentType.BASIC, (node.x, node.y, float(ground.z[0]))
 
     def _displaced(self, sightings: list[_Sighting], errors: FloatArray) -> list[_Sighting]:
@@ -299,12 +300,15 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
 
     def _found(self, pose: Pose | None, look: Look) -> tuple[IntArray, Coordinates]:
         """Return the rows (agents,) of the agents that are seen, and their positions."""
-        nearby, near = memory_of(self.ctx).nearby, np.zeros(0, np.int64)
+        nearby = caches_of(self.ctx).nearby
+        near = np.zeros(0, np.int64)
         if pose is None:
             return near, nearby.in_space(near)
-        positions, own = self.ctx.agent.positions, self._owner if self._at is None else None
+        positions = self.ctx.agent.positions
+        own = self._owner if self._at is None else None
         x, y, _ = pose.position.tolist()
-        near, names = nearby.living_near(x, y, self.range), positions.names
+        near = nearby.living_near(x, y, self.range)
+        names = positions.names
         there = nearby.in_space(near)
         offsets = there.xyz - pose.position
         reached = self._reaches(offsets, pose.axis)

@@ -28,7 +28,7 @@ from gamms.typing.sensor_engine import ISensor, SensorType, kind_called
 FORWARD = (1.0, 0.0)
 
 
-class Kind(NamedTuple):
+class SensorKind(NamedTuple):
     """How to make a sensor of one type."""
 
     make: Callable[..., Sensor]
@@ -130,21 +130,21 @@ def _unlimited(make: Callable[..., Sensor]) -> Callable[..., Sensor]:
 
 
 _BY_NAME = {
-    "NEIGHBOR": Kind(NeighborSensor, {}),
-    "MAP": Kind(_unlimited(MapSensor), {}, _PLACE),
-    "RANGE": Kind(MapSensor, _RANGE, _PLACE),
-    "ARC": Kind(MapSensor, _RANGE | _FIELD, _PLACE),
-    "AGENT": Kind(_unlimited(AgentSensor), _FIELD, _DETECTION),
-    "AGENT_RANGE": Kind(AgentSensor, _RANGE, _DETECTION),
-    "AGENT_ARC": Kind(AgentSensor, _RANGE | _FIELD, _DETECTION),
-    "AERIAL": Kind(AerialSensor, _CONE, _PLACE, takes_type=False),
-    "AERIAL_AGENT": Kind(AerialAgentSensor, _SPHERE, _DETECTION, takes_type=False),
-    "OCCLUDED_MAP": Kind(OccludedMapSensor, _FAR | _FIELD | _PAST, _PLACE),
-    "OCCLUDED_AGENT": Kind(OccludedAgentSensor, _FAR | _FIELD | _PAST, _DETECTION),
-    "OCCLUDED_AERIAL": Kind(OccludedAerialSensor, _CONE, _PLACE, takes_type=False),
-    "OCCLUDED_AERIAL_AGENT": Kind(OccludedAerialAgentSensor, _SPHERE, _DETECTION, takes_type=False),
+    "NEIGHBOR": SensorKind(NeighborSensor, {}),
+    "MAP": SensorKind(_unlimited(MapSensor), {}, _PLACE),
+    "RANGE": SensorKind(MapSensor, _RANGE, _PLACE),
+    "ARC": SensorKind(MapSensor, _RANGE | _FIELD, _PLACE),
+    "AGENT": SensorKind(_unlimited(AgentSensor), _FIELD, _DETECTION),
+    "AGENT_RANGE": SensorKind(AgentSensor, _RANGE, _DETECTION),
+    "AGENT_ARC": SensorKind(AgentSensor, _RANGE | _FIELD, _DETECTION),
+    "AERIAL": SensorKind(AerialSensor, _CONE, _PLACE, takes_type=False),
+    "AERIAL_AGENT": SensorKind(AerialAgentSensor, _SPHERE, _DETECTION, takes_type=False),
+    "OCCLUDED_MAP": SensorKind(OccludedMapSensor, _FAR | _FIELD | _PAST, _PLACE),
+    "OCCLUDED_AGENT": SensorKind(OccludedAgentSensor, _FAR | _FIELD | _PAST, _DETECTION),
+    "OCCLUDED_AERIAL": SensorKind(OccludedAerialSensor, _CONE, _PLACE, takes_type=False),
+    "OCCLUDED_AERIAL_AGENT": SensorKind(OccludedAerialAgentSensor, _SPHERE, _DETECTION, takes_type=False),
 }
-KINDS: dict[SensorType, Kind] = {kind_called(name): kind for name, kind in _BY_NAME.items()}
+KINDS: dict[SensorType, SensorKind] = {kind_called(name): kind for name, kind in _BY_NAME.items()}
 
 # Programs for 1.0.0 pass these to every kind; those that do not know them ignore them.
 SHARED_KEYWORDS = {"type", "sensor_range", "fov", "quat", "orientation", "observer_height"}

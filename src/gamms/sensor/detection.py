@@ -16,9 +16,9 @@ from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_decidi
 from gamms.errors import BadValue, nearest
 from gamms.ir.chances import as_chances, chances_at, chances_given
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensed import AgentLook, Coverage, Sensed, ragged
+from gamms.ir.sensor_results import AgentLook, Coverage, Sensed, ragged
 from gamms.sensor.sensor import ATTRIBUTES_OF, Sensor
-from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, Look, Reportable, delayed, forget_delayed
+from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, Look, ReportableAgents, delayed, forget_delayed
 from gamms.typing import IContext
 from gamms.typing.routes import made_last
 
@@ -56,7 +56,8 @@ class DetectionModel(Guarded):
     _reports_all = True
 
     def __init__(self, sensor_id: str, phase: DecidePhase = UNDECIDED) -> None:
-        self._sensor_id, self._phase = sensor_id, phase
+        self._sensor_id = sensor_id
+        self._phase = phase
         # owner -> (turn of the last look, number of looks in this turn)
         self._looks: dict[str | None, tuple[int, int]] = {}
 
@@ -157,12 +158,14 @@ class DetectionModel(Guarded):
         if self._phase.agent is None:
             yield
             return
-        looks, self._is_trial = self._looks.copy(), True
+        looks = self._looks.copy()
+        self._is_trial = True
         try:
             with self._phase.suspended():
                 yield
         finally:
-            self._looks, self._is_trial = looks, False
+            self._looks = looks
+            self._is_trial = False
 
     def wanted(self, rows: list[int], teams: Sequence[Any]) -> list[int]:
         """Return the rows whose agents are on a reported team; `teams` by row."""
@@ -248,7 +251,8 @@ class DetectingSensor(Sensor):
         looking._owner = self._owner if owner is None else owner
         with self._phase.suspended(changes_world=False):
             node_ids, distances = looking._covered(node_id)
-            positions, living = self.ctx.agent.positions, self.ctx.agent.positions.living.tolist()
+            positions = self.ctx.agent.positions
+            living = self.ctx.agent.positions.living.tolist()
         shown_rows = set(living if self._notice is None else self._notice.wanted(living, positions.teams))
         not_shown = tuple(name for row, name in enumerate(positions.names) if row not in shown_rows)
         if self._notice is None:
@@ -272,7 +276,8 @@ class DetectingSensor(Sensor):
         """Return the report of a look, by agent names in order of creation."""
         notice = self.notice
         if notice.false_alarm_rate and (count := look.count_false_alarms(notice.false_alarm_rate)):
-            node_ids, row_of = self._covered(node_id)[0], self.ctx.agent.positions.row_of
+            node_ids = self._covered(node_id)[0]
+            row_of = self.ctx.agent.positions.row_of
             others = {*seen, look.owner} if self._at is None else {*seen}
             alarms = look.false_alarms(count, self._reportable(), others, node_ids) if len(node_ids) else {}
             seen = seen | {name: self._sighting(node) for name, node in alarms.items()}
@@ -286,15 +291,16 @@ class DetectingSensor(Sensor):
         """Return the names of the agents seen last, if they were reported without errors."""
         return () if self._notice is not None and self._notice.has_errors else tuple(self._view_data())
 
-    def _reportable(self) -> Reportable:
+    def _reportable(self) -> ReportableAgents:
         """Return the agents that may be reported falsely."""
-        positions, notice = self.ctx.agent.positions, self.notice
+        positions = self.ctx.agent.positions
+        notice = self.notice
         teams = [None if given is None else (*teams_in(given),) for given in (notice.team, notice.exclude)]
 
-        def make() -> Reportable:
+        def make() -> ReportableAgents:
             rows = notice.wanted(self._reportable_rows(), positions.teams)
             names = [positions.names[row] for row in rows]
-            return Reportable(names, kernels.name_keys(names))
+            return ReportableAgents(names, kernels.name_keys(names))
 
         # NOTE: shared by the looks of all agents until one dies or changes its team (benchmarks: false
         # alarms).

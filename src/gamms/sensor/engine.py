@@ -16,7 +16,7 @@ from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
 from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.function import FunctionSensor
 from gamms.sensor.ground import AgentSensor, MapSensor, NeighborSensor, OccludedAgentSensor, OccludedMapSensor
-from gamms.sensor.nearby import Memory
+from gamms.sensor.nearby import SensorCaches
 from gamms.sensor.sensor import Sensor
 from gamms.sensor.sighting_errors import forget_delayed
 from gamms.text import shown
@@ -226,7 +226,7 @@ class SensorStorage(Guarded):
 
     def __init__(self, engine: SensorEngine) -> None:
         self._engine, self._phase = engine, phase_of(engine.ctx)
-        self.memory = Memory(engine.ctx)
+        self.memory = SensorCaches(engine.ctx)
         self._settings_now: SensorSettings | None = None
         self._changes = -1, -1  # change counters at the last look-up of the settings
 
@@ -247,7 +247,8 @@ class SensorStorage(Guarded):
         A sensor of another built-in kind is replaced; a custom one stays. A kind that is not built in cannot be
         created; this logs a warning.
         """
-        name, kind = described["id"], SensorType.__members__.get(str(described["type"]))
+        name = described["id"]
+        kind = SensorType.__members__.get(str(described["type"]))
         known = self._engine._sensors.get(name)
         if known is None and kind not in KINDS:
             self._engine.ctx.logger.warning(f"Sensor {name!r} has the kind {described['type']}: add it yourself.")
@@ -329,12 +330,14 @@ class SensorStorage(Guarded):
     def _settings(self) -> SensorSettings:
         """Return the present settings of the sensors; the same object as long as nothing has changed."""
         # NOTE: most snapshots are of games whose sensors do not change (benchmarks: snapshots).
-        known, changes = self._settings_now, self._counts()
+        known = self._settings_now
+        changes = self._counts()
         sensors = tuple(self._engine._sensors.values())
         if known is None or self._changes != changes or known.sensors != sensors:
             simple = tuple([one for one in sensors if _is_simple(one)])
             memories = tuple(filter(None, map(_memory_of, filterfalse(_is_simple, sensors))))
-            owners, keywords = tuple(map(owner_of, sensors)), tuple(map(_keywords_of, sensors))
+            owners = tuple(map(owner_of, sensors))
+            keywords = tuple(map(_keywords_of, sensors))
             known = self._settings_now = SensorSettings(sensors, owners, keywords, simple, memories)
             self._changes = changes
         return known
@@ -379,7 +382,8 @@ def _memory_of(sensor: object) -> tuple[Callable[[], Any], Callable[[Any], None]
     """Return functions that return and restore the state of a sensor; custom classes may lack them."""
     if isinstance(sensor, DetectingSensor):
         return sensor._snapshot, sensor._restore
-    give, restore = getattr(sensor, "snapshot", None), getattr(sensor, "restore", None)
+    give = getattr(sensor, "snapshot", None)
+    restore = getattr(sensor, "restore", None)
     return (give, restore) if callable(give) and callable(restore) else None
 
 
@@ -395,7 +399,8 @@ def _copy_of(sensor: ISensor, memo: dict[int, Any]) -> ISensor:
 
 
 def _checked_type(kind: object, sensor_id: str) -> SensorType:
-    member, known = as_member(SensorType, kind), [one.name for one in KINDS]
+    member = as_member(SensorType, kind)
+    known = [one.name for one in KINDS]
     if member in KINDS:
         return member
     if member is not None:

@@ -18,7 +18,9 @@ _TURNS = np.linspace(0.0, 2.0 * pi, 96, endpoint=False)
 _RINGS = (0.0, 0.25, 0.5, 0.75, 1.0)  # of rays inside a cone, as shares of its half angle
 _RAYS = 180  # rays along which a visible area is measured
 # bisections of each ray, and of the angle between rays whose lengths differ by this share
-_HALVINGS, _ROUNDS, _JUMP = 10, 4, 0.05
+_HALVINGS = 10
+_ROUNDS = 4
+_JUMP = 0.05
 _RIM = 1e-9  # share of a radius: points on the border are inside in spite of rounding
 
 
@@ -64,11 +66,13 @@ def area_in_sight(
 
     def reach(angles: FloatArray) -> FloatArray:
         rays = np.column_stack([np.cos(angles), np.sin(angles)])
-        near, far = np.zeros(len(angles)), np.full(len(angles), radius)
+        near = np.zeros(len(angles))
+        far = np.full(len(angles), radius)
         middle = far
         for _ in range(_HALVINGS):
             is_free = is_visible((x, y) + rays * middle[:, None])
-            near, far = np.where(is_free, middle, near), np.where(is_free, far, middle)
+            near = np.where(is_free, middle, near)
+            far = np.where(is_free, far, middle)
             middle = (near + far) / 2.0
         return near
 
@@ -161,7 +165,8 @@ class _Cone:
         tilt = np.hypot(self._aside[2], self._across[2])
         if abs(slope - self._ahead[2]) >= tilt:
             return np.zeros(0)
-        highest, away = np.arctan2(self._across[2], self._aside[2]), np.arccos((slope - self._ahead[2]) / tilt)
+        highest = np.arctan2(self._across[2], self._aside[2])
+        away = np.arccos((slope - self._ahead[2]) / tilt)
         return np.array([highest - away, highest + away])
 
 

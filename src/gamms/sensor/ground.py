@@ -14,10 +14,10 @@ from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.positions import Positions
-from gamms.ir.sensed import Sensed, SensorView, ragged, sensed_arrays
+from gamms.ir.sensor_results import Sensed, SensorView, ragged, sensed_arrays
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
-from gamms.sensor.nearby import memory_of
+from gamms.sensor.nearby import caches_of
 from gamms.sensor.sensor import ALL_AROUND, Heading, Sensor, of_data
 from gamms.sensor.sighting_errors import Look
 from gamms.sensor.views import (
@@ -33,7 +33,9 @@ from gamms.typing import IContext
 from gamms.typing.graph_engine import NodeColumns
 from gamms.typing.sensor_engine import SensorType
 
-_LEAST, _MOST = 1e-150, 1e150  # distances whose squares neither vanish nor overflow
+# distances whose squares neither vanish nor overflow
+_LEAST = 1e-150
+_MOST = 1e150
 _MANY = 256  # number of looks from which neighbors are read from arrays of all edges
 
 
@@ -80,7 +82,7 @@ class GroundSensor(Sensor):
     ) -> None:
         super().__init__(ctx, sensor_id, sensor_type)
         self._at: Place | None = None
-        self._memory = memory_of(ctx)
+        self._memory = caches_of(ctx)
         self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
         self.fov = fov
         self.orientation = orientation
@@ -203,7 +205,9 @@ class MapSensor(GroundSensor):
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
         place = self.place(node_id) if node_id is None or self._at is not None else node_id
-        radius, fov, last = self.range, self.fov, self._last
+        radius = self.range
+        fov = self.fov
+        last = self._last
         heading = ALL_AROUND if fov == FULL_CIRCLE else self.heading()
         # NOTE: inline for the most common case (benchmarks: peers).
         hidden = self._is_occluded
@@ -264,7 +268,8 @@ class NeighborSensor(Sensor):
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Sense from many nodes; values are ids of nodes. `data` is unchanged."""
-        near, nodes = self._neighborhoods, as_ids(node_ids, "node_ids")
+        near = self._neighborhoods
+        nodes = as_ids(node_ids, "node_ids")
         if len(nodes) < _MANY:
             return Sensed(*ragged([[*near[node_id]] for node_id in nodes]))
         graph = self.ctx.graph
@@ -329,9 +334,13 @@ class AgentSensor(DetectingSensor, GroundSensor):
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
         place = self.place(node_id) if node_id is None or self._at is not None else node_id
-        radius, fov, last = self.range, self.fov, self._last
+        radius = self.range
+        fov = self.fov
+        last = self._last
         heading = ALL_AROUND if fov == FULL_CIRCLE else self.heading()
-        look, notice, nearby = None, self._notice, self._memory.nearby
+        look = None
+        notice = self._notice
+        nearby = self._memory.nearby
         own = self._owner if self._at is None else None
         if heading == ALL_AROUND and (notice is None or notice.reports_all) and not self._is_occluded:
             data = nearby.by_name(place, radius, own)
@@ -361,7 +370,8 @@ class AgentSensor(DetectingSensor, GroundSensor):
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         own = self._owner if self._at is None else None
         with self._phase.suspended() if self._notice is None else self._notice.rolled_back():
-            ids, reports = as_ids(node_ids, "node_ids"), list[dict[str, int]]()
+            ids = as_ids(node_ids, "node_ids")
+            reports = list[dict[str, int]]()
             reports_all = self._notice is None or self._notice.reports_all
             if heading == ALL_AROUND and reports_all and not self._is_occluded and self._at is None:
                 nearby = self._memory.nearby

@@ -1,6 +1,6 @@
 """The agents near a place, cached until agents or the graph change.
 
-`Memory` holds all caches that the built-in sensors of a context share.
+`SensorCaches` holds all caches that the built-in sensors of a context share.
 """
 
 from collections.abc import Collection, Iterable
@@ -21,7 +21,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.positions import Positions
 from gamms.sensor.sensor import ALL_AROUND
-from gamms.sensor.views import FULL_CIRCLE, Place, Views, ViewsPastObstacles, coordinates, on_ground
+from gamms.sensor.views import FULL_CIRCLE, OccludedViewCache, Place, ViewCache, coordinates, on_ground
 from gamms.typing import IContext
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import Line, PassedNode
@@ -47,7 +47,7 @@ class Coordinates(NamedTuple):
         return Coordinates(self.xyz[rows], self.is_flying[rows], self.is_outside[rows])
 
 
-class PlacesOfNodes(dict[int, tuple[float, float]]):
+class NodePositions(dict[int, tuple[float, float]]):
     """A cache node id -> (x, y), filled on demand."""
 
     def __init__(self, ctx: IContext) -> None:
@@ -82,7 +82,7 @@ class NearbyAgents:
         self._looks_in_space = 0  # at these coordinates
         self._moved: tuple[Positions | None, int] = (None, 0)  # when agents moved last
         self._looks_since = 0  # of those in space
-        self._travellers = Travellers(ctx)
+        self._travellers = AgentsOnEdges(ctx)
         self._positions: Positions | None = None  # of which the cells are
         self._moved_since: ChangeLog | None = None
         self._version = 0  # of these
@@ -90,7 +90,7 @@ class NearbyAgents:
         self._revision: int | None = None  # of the graph
         # (block, version, graph revision) of the last full update, if all agents were on nodes
         self._entered: tuple[AgentBlock, int, int | None] | None = None
-        self.places_of_nodes = PlacesOfNodes(ctx)
+        self.places_of_nodes = NodePositions(ctx)
         self._agents = sight.Places(self.places_of_nodes)
         self._sights: dict[float, sight.Sight] = {}
 
@@ -100,12 +100,15 @@ class NearbyAgents:
         Raises:
             UnknownName (KeyError): the node of an agent was removed.
         """
-        positions, graph = self._ctx.agent.positions, self._ctx.graph.graph
+        positions = self._ctx.agent.positions
+        graph = self._ctx.graph.graph
         if self._places is None or not self._are_places_known(positions):
             xy = self._xy_of(positions)
             for row in positions.travellers:
                 xy[row] = self._travellers.place(positions, row) or xy[row]
-            self._places, self._key, self._coordinates = xy, (positions, positions.version, graph.revision), None
+            self._places = xy
+            self._key = (positions, positions.version, graph.revision)
+            self._coordinates = None
         return self._places
 
     def _are_places_known(self, positions: Positions) -> bool:
@@ -118,14 +121,17 @@ class NearbyAgents:
         Raises:
             UnknownName (KeyError): the node of an agent was removed.
         """
-        xy, positions = self.places(), self._ctx.agent.positions
+        xy = self.places()
+        positions = self._ctx.agent.positions
         if self._coordinates is None:
             # An agent on an edge has the height and the tunnel of the last node that it passed.
             xyz, is_on_surface = on_ground(self._ctx, positions.node_ids, xy)
             is_flying = np.zeros(len(xy), np.bool_)
             xyz[positions.flyers], is_flying[positions.flyers] = positions.flyer_xyz, True
             self._coordinates = Coordinates(xyz, is_flying, is_on_surface | is_flying)
-            self._living, self._cells, self._looks_in_space = positions.living, None, 0
+            self._living = positions.living
+            self._cells = None
+            self._looks_in_space = 0
         return self._coordinates
 
     def living_near(self, x: float, y: float, radius: float) -> IntArray:
@@ -136,7 +142,8 @@ class NearbyAgents:
         """
         if self._is_moving(self._ctx.agent.positions):
             return self._living_above(self._catch_up(), x, y, radius)
-        xyz, living = self.coordinates().xyz, self._living
+        xyz = self.coordinates().xyz
+        living = self._living
         self._looks_in_space += 1
         if self._looks_in_space > _LOOKS_WITHOUT_CELLS and self._cells is None:
             self._cells = kernels.build_cells(xyz[living, :2])
@@ -161,14 +168,16 @@ class NearbyAgents:
         if self._phase.moment is not None or positions.travellers or len(positions.names) <= _MOST_COMPARED:
             return False
         if self._moved != (positions, positions.version):
-            self._moved, self._looks_since = (positions, positions.version), 0
+            self._moved = (positions, positions.version)
+            self._looks_since = 0
         self._looks_since += 1
         return self._looks_since <= _LOOKS_OF_SOME and not self._are_places_known(positions)
 
     def _living_above(self, positions: Positions, x: float, y: float, radius: float) -> IntArray:
         reach = kernels.widened(radius)
         rows = self._sight(reach).rows(x, y)
-        flyers, inactive = positions.flyers, positions.inactive
+        flyers = positions.flyers
+        inactive = positions.inactive
         is_near = (np.abs(positions.flyer_xyz[:, :2] - (x, y)) <= reach).all(axis=1)
         flying = [row for row in flyers[is_near].tolist() if row not in inactive]
         return np.array(sorted({*rows, *flying}), np.int64)
@@ -193,7 +202,8 @@ class NearbyAgents:
             own: name of an agent that is left out.
         """
         # NOTE: most looks of most games end here (benchmarks: peers).
-        moment, positions = self._phase.moment, self._positions
+        moment = self._phase.moment
+        positions = self._positions
         if moment is None or moment is not self._moment or positions is None:
             positions = self._catch_up()
         if not positions.travellers:
@@ -218,7 +228,8 @@ class NearbyAgents:
     def _follow(self) -> bool:
         """Update the index if agents have only moved to nodes since; return whether this was possible."""
         # NOTE: called first in each turn (benchmarks: turns).
-        graph, block = self._graph, self._ctx.agent.positions.block
+        graph = self._graph
+        block = self._ctx.agent.positions.block
         if graph is None or (block, block.structure.version, graph.revision) != self._entered or block.travellers:
             return False
         if self._agents.follow(block):
@@ -281,8 +292,11 @@ class NearbyAgents:
         if moment is not None and moment is self._moment and self._positions is not None:
             return self._positions
         graph = self._graph = self._ctx.graph.graph if self._graph is None else self._graph
-        revision, positions = graph.revision, self._ctx.agent.positions
-        version, self._moment, self._entered = positions.version, None, None
+        revision = graph.revision
+        positions = self._ctx.agent.positions
+        version = positions.version
+        self._moment = None
+        self._entered = None
         if revision != self._revision or revision is None or positions is not self._positions:
             self._revision = None  # until all are entered
             if positions is not self._positions:
@@ -296,7 +310,8 @@ class NearbyAgents:
                 self._enter_all(positions, is_new=len(self.places_of_nodes) > _MOST_NODES)
             else:
                 self._enter(positions, rows)
-        self._version, self._moment = version, moment
+        self._version = version
+        self._moment = moment
         block = positions.block
         is_plain = not (block.flyers or block.travellers) and len(self.places_of_nodes) <= _MOST_NODES
         self._entered = (block, block.structure.version, revision) if is_plain else None
@@ -312,14 +327,16 @@ class NearbyAgents:
             self._revision = None
             self._xy_of(positions)  # raises an error that names the agent
             raise
-        inactive, travellers = positions.inactive, positions.travellers
+        inactive = positions.inactive
+        travellers = positions.travellers
         for row in {*inactive, *travellers} if inactive or travellers else ():
             self._agents.put(row, nodes[row], is_seen=_is_on_node(positions, row))
         for one in self._sights.values():
             one.is_built = False
 
     def _enter(self, positions: Positions, rows: Collection[int]) -> None:
-        nodes, sights = positions.nodes, list(self._sights.values())
+        nodes = positions.nodes
+        sights = list(self._sights.values())
         for row in rows:
             self._agents.put(row, nodes[row], is_seen=_is_on_node(positions, row))
             for one in sights:
@@ -327,7 +344,8 @@ class NearbyAgents:
 
     def _xy_of(self, positions: Positions, rows: list[int] | None = None) -> FloatArray:
         """Return the positions of the last nodes of some agents (rows, 2); None: of all agents."""
-        graph, nodes = self._ctx.graph.graph, positions.node_ids if rows is None else positions.node_ids_of(rows)
+        graph = self._ctx.graph.graph
+        nodes = positions.node_ids if rows is None else positions.node_ids_of(rows)
         try:
             return graph.positions(nodes)
         except UnknownName:
@@ -343,7 +361,7 @@ def _is_on_node(positions: Positions, row: int) -> bool:
     return row not in positions.travellers or positions.on_edge(row) is None
 
 
-class Travellers:
+class AgentsOnEdges:
     """The agents on edges, found by the boxes around their edges, and by exact positions where needed.
 
     An agent that moves along its edge does not change its box, so that many queries during a turn stay cheap
@@ -355,9 +373,7 @@ class Travellers:
         self._moved: ChangeLog | None = None
         self._key: tuple[Positions | None, int | None, int] = (None, None, 0)
         self._boxes: FloatArray = np.zeros((4, 0))  # (4, agents)  minimum x, y, maximum x, y; NaN for agents on nodes
-        self._edges: dict[
-            int, tuple[Line, float]
-        ] = {}  # by row: the present or last edge, and its length
+        self._edges: dict[int, tuple[Line, float]] = {}  # by row: the present or last edge, and its length
         self._places: dict[int, tuple[float, float] | None] = {}  # by row
 
     def place(self, positions: Positions, row: int) -> tuple[float, float] | None:
@@ -380,7 +396,8 @@ class Travellers:
 
     def sighting(self, positions: Positions, row: int) -> int:
         """Return the reported value of an agent: its last node, with its position on the edge."""
-        node, progress = positions.nodes[row], positions.on_edge(row)
+        node = positions.nodes[row]
+        progress = positions.on_edge(row)
         xy = None if progress is None else self.place(positions, row)
         if progress is None or xy is None or not self._edges[row][0].lengths:
             return node
@@ -401,10 +418,14 @@ class Travellers:
             return
         if self._moved is None or positions is not self._key[0]:
             self._moved = positions.subscribe()
-        rows, size = self._moved.take(), len(positions.names)
+        rows = self._moved.take()
+        size = len(positions.names)
         if rows is None or graph.revision is None or graph.revision != self._key[1] or self._boxes.shape[1] != size:
-            self._boxes, rows, self._edges = np.full((4, size), np.nan), set(positions.travellers), {}
-        self._key, self._places = key, {}
+            self._boxes = np.full((4, size), np.nan)
+            rows = set(positions.travellers)
+            self._edges = {}
+        self._key = key
+        self._places = {}
         for row in rows:
             progress = positions.on_edge(row)
             if progress is None:
@@ -412,15 +433,17 @@ class Travellers:
                 continue
             try:
                 edge = graph.get_edge(progress.edge)
-                points, length = edge.points, edge.length
+                points = edge.points
+                length = edge.length
             except UnknownName:  # the edge was removed: the agent counts as on its node
-                points, length = coordinates(self._ctx, progress.source), 0.0
+                points = coordinates(self._ctx, progress.source)
+                length = 0.0
             xs, ys = points[::2], points[1::2]
             self._boxes[:, row] = min(xs), min(ys), max(xs), max(ys)
             self._edges[row] = Line.of(points), length
 
 
-class Memory:
+class SensorCaches:
     """The caches shared by the sensors of one context.
 
     Attributes:
@@ -429,12 +452,12 @@ class Memory:
     """
 
     def __init__(self, ctx: IContext) -> None:
-        self.views = Views(ctx)
-        self.views_past_obstacles = ViewsPastObstacles(ctx)
+        self.views = ViewCache(ctx)
+        self.views_past_obstacles = OccludedViewCache(ctx)
         self.nearby = NearbyAgents(ctx)
 
 
-def memory_of(ctx: IContext) -> Memory:
+def caches_of(ctx: IContext) -> SensorCaches:
     """Return the caches of the context's sensor engine; new ones for a sensor in a custom engine."""
     shared = getattr(getattr(ctx.sensor, "storage", None), "memory", None)
-    return shared if isinstance(shared, Memory) else Memory(ctx)
+    return shared if isinstance(shared, SensorCaches) else SensorCaches(ctx)

@@ -10,7 +10,7 @@ from gamms.arguments import as_float, as_name, as_range
 from gamms.deciding import ContextPart, DecidePhase, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.ir.graph import FloatArray
-from gamms.ir.sensed import SensorView
+from gamms.ir.sensor_results import SensorView
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, SensorType

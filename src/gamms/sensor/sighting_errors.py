@@ -20,7 +20,7 @@ AXES = ("x", "y", "z")
 MOST_FALSE_ALARMS = 100.0  # per look: more would hide any agent
 
 
-class Reportable(NamedTuple):
+class ReportableAgents(NamedTuple):
     """The agents that may be reported falsely, in order of creation."""
 
     names: list[str]
@@ -50,7 +50,9 @@ class Look(NamedTuple):
         """Draw the number of false alarms, with mean `rate`."""
         return kernels.poisson(self._one("false alarms"), rate)
 
-    def false_alarms(self, count: int, among: Reportable, but: Collection[str], node_ids: IntArray) -> dict[str, int]:
+    def false_alarms(
+        self, count: int, among: ReportableAgents, but: Collection[str], node_ids: IntArray
+    ) -> dict[str, int]:
         """Return agent -> the node on which it is reported falsely.
 
         Args:
@@ -70,7 +72,8 @@ class Look(NamedTuple):
             while len(left):
                 highest = int(lots.argmax())
                 name = names[left[highest]]
-                left, lots = np.delete(left, highest), np.delete(lots, highest)
+                left = np.delete(left, highest)
+                lots = np.delete(lots, highest)
                 if name not in but:
                     found[name] = int(node_ids[kernels.below(self._one("false alarm", "place", i), len(node_ids))])
                     break

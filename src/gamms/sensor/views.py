@@ -33,7 +33,9 @@ _SURFACE = NodeGround(np.zeros(1), np.zeros(1, np.int64))  # of a flat map
 _WORDS_PER_VIEW = 100  # per view, for its key and its empty containers
 _FEW_MISSES = 4  # misses at one moment that are computed one by one, and
 _AGENTS_PER_MISS = 512  # one more for each so many agents
-_FEWEST, _MOST_AHEAD = 16, 4096  # views that are computed together
+# views that are computed together
+_FEWEST = 16
+_MOST_AHEAD = 4096
 _GROWTH = 4
 _MOST_BEHIND = 64  # looks from nodes already passed before the search returns to one, and
 _NODES_PER_LOOK_BEHIND = 16  # one more for each so many nodes
@@ -55,7 +57,7 @@ class View(Surroundings):
         return np.array([edge.id for edge in self.edges], np.int64)
 
 
-class LooksToCome:
+class ViewPrefetcher:
     """A prefetcher of views: computes the views that other agents will need at this moment, for one radius.
 
     While agents decide, all see the same world, and look in the order of their names. After several looks from unknown
@@ -73,7 +75,11 @@ class LooksToCome:
     )
 
     def __init__(self) -> None:
-        self._size, self._wait, self._waited, self._made, self.largest = _FEWEST, 0, 0, 0, 1
+        self._size = _FEWEST
+        self._wait = 0
+        self._waited = 0
+        self._made = 0
+        self.largest = 1
         self.views: dict[int, Surroundings] = {}
         self.begin()
 
@@ -86,11 +92,14 @@ class LooksToCome:
 
     def judge(self) -> None:
         """Drop unused views; compute more the next time if most were used, else fewer and later."""
-        unused, self.views, self.words = len(self.views), {}, 0
+        unused = len(self.views)
+        self.views = {}
+        self.words = 0
         if not self._made:
             return
         if 2 * unused <= self._made:
-            self._size, self._waited = min(_GROWTH * self._size, _MOST_AHEAD), 0
+            self._size = min(_GROWTH * self._size, _MOST_AHEAD)
+            self._waited = 0
         else:
             self._size = max(self._size // _GROWTH, _FEWEST)
             self._wait = self._waited = min(2 * self._waited + _FEWEST, _MOST_AHEAD)
@@ -104,7 +113,8 @@ class LooksToCome:
             self._wait = max(self._wait - 1, 0)
             return False
         if self._nodes is None:
-            names, nodes = positions.names, positions.nodes
+            names = positions.names
+            nodes = positions.nodes
             rows = sorted(positions.living_rows, key=names.__getitem__)
             self._nodes = list(dict.fromkeys([nodes[row] for row in rows]))
             self._places = dict(zip(self._nodes, count(), strict=False))
@@ -125,7 +135,9 @@ class LooksToCome:
 
     def next_nodes(self, known: Container[int]) -> list[int]:
         """Return unknown nodes from which agents look next; empty if there are few."""
-        found, nodes, most = list[int](), self._nodes or (), self.most()
+        found = list[int]()
+        nodes = self._nodes or ()
+        most = self.most()
         place = self._begin
         while place < len(nodes) and len(found) < most:
             if nodes[place] not in known:
@@ -146,10 +158,11 @@ class LooksToCome:
 
     def stop(self) -> None:
         """Stop prefetching until agents have moved."""
-        self._nodes, self._places = [], {}
+        self._nodes = []
+        self._places = {}
 
 
-class Views:
+class ViewCache:
     """A cache of surroundings by radius and field of view, and by place."""
 
     def __init__(self, ctx: IContext) -> None:
@@ -159,7 +172,7 @@ class Views:
         self._revision: Any = None
         self._seen: dict[Any, dict[Any, View]] = {}
         self._words = 0
-        self._to_come: dict[float, LooksToCome] = {}  # by radius
+        self._to_come: dict[float, ViewPrefetcher] = {}  # by radius
         self._has_missed = False  # whether it has prefetched views of this moment
 
     def look(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> View:
@@ -208,7 +221,7 @@ class Views:
             if len(self._to_come) >= _MOST_RADII:
                 self._begin_looks()
                 self._to_come.clear()
-            looks = self._to_come[radius] = LooksToCome()
+            looks = self._to_come[radius] = ViewPrefetcher()
         seen = looks.views.pop(node, None)
         if seen is not None:
             words = _words(seen)
@@ -230,13 +243,14 @@ class Views:
         looks.largest = max(looks.largest, _words(seen))
         return seen
 
-    def _next_nodes(self, looks: LooksToCome, node: int, radius: float) -> list[int]:
+    def _next_nodes(self, looks: ViewPrefetcher, node: int, radius: float) -> list[int]:
         """Return the nodes whose views to compute together, this one first; empty if it does not pay off."""
         if not looks.is_due(node, self._ctx.agent.positions):
             return []
         self._words -= looks.words
         looks.judge()
-        nodes, words = looks.next_nodes(self._seen.get(radius, {})), looks.most() * looks.largest
+        nodes = looks.next_nodes(self._seen.get(radius, {}))
+        words = looks.most() * looks.largest
         if nodes and self._words + words > _MOST_WORDS:  # only now, after the looks whose views were cached
             self._drop(words)
             has_room = self._words + words <= _MOST_WORDS
@@ -257,7 +271,8 @@ class Views:
 
     def _keep(self, kind: Hashable, place: Place, seen: Surroundings) -> View:
         """Cache a view if it is small enough; when the cache is full, drop one in a few views."""
-        words, view = _words(seen), View(*seen)
+        words = _words(seen)
+        view = View(*seen)
         if self._revision is None or words > _MOST_WORDS:
             return view
         if self._words + words > _MOST_WORDS:
@@ -284,7 +299,7 @@ def _words(seen: Surroundings) -> int:
     return _WORDS_PER_VIEW + _WORDS_PER_NODE * len(seen.nodes) + len(seen.edges)
 
 
-class ViewsPastObstacles(Views):
+class OccludedViewCache(ViewCache):
     """A cache of views without nodes behind obstacles."""
 
     def __init__(self, ctx: IContext) -> None:
@@ -388,7 +403,8 @@ def in_sight(
 
 def is_unhidden(ctx: IContext, place: Place, nodes: NodeColumns, height: float, tunnel: int = 0) -> BoolArray:
     """Return whether no obstacle hides each node or an adjacent place, without a visibility table."""
-    here, there = ground_at(ctx, place), ctx.graph.graph.ground(nodes.ids)
+    here = ground_at(ctx, place)
+    there = ctx.graph.graph.ground(nodes.ids)
     origin = here.eyes(np.array([coordinates(ctx, place)]), height)[0]
     if there is None:
         return ctx.graph.visible(origin, at_height(nodes.xy, height))

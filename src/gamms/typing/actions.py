@@ -176,7 +176,8 @@ def strategy_in(ctx: IContext, given: object) -> Any:
         BadType: neither; or it needs more arguments than the context; or this cannot be determined.
         BadValue: it was made for another context.
     """
-    is_maker, function = makes_strategies(given), cast("Function", given)
+    is_maker = makes_strategies(given)
+    function = cast("Function", given)
     if is_maker is None:
         is_maker = _returns_function(ctx, function)
     if not is_maker:
@@ -277,7 +278,8 @@ def _returned(instructions: Iterable[dis.Instruction]) -> Iterable[object]:
 
 def _returns_function(ctx: IContext, given: Function) -> bool:
     """Return whether a function returns a function when it is called with the context."""
-    phase, name = phase_of(ctx), as_code(given)
+    phase = phase_of(ctx)
+    name = as_code(given)
     before = phase.agent
     phase.agent = Deciders(f"{name}, which is called to see whether it makes a strategy,", (), is_maker=True)
     try:

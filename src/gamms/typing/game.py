@@ -400,7 +400,8 @@ Any: `State`, or `AerialState` for flying agents.
 """
 
 
-TEAMS, OWNERS = "teams", "teams, or other owners"
+TEAMS = "teams"
+OWNERS = "teams, or other owners"
 
 Team = Annotated[Hashable, TEAMS]
 """A parameter of a rule that names teams: scenario files are checked for misspelled teams."""

@@ -108,31 +108,43 @@ class Lines:
 
     def at(self, edges: IntArray, shares: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the points x and y at shares of edge rows, and the directions cos and sin there, (places,)."""
-        place, left = self._first[edges], shares * self._whole[edges]
+        place = self._first[edges]
+        left = shares * self._whole[edges]
         last = place + self._count[edges]
-        x, y, cos, sin = self._x[last], self._y[last], np.zeros(len(edges)), np.zeros(len(edges))
+        x = self._x[last]
+        y = self._y[last]
+        cos = np.zeros(len(edges))
+        sin = np.zeros(len(edges))
         open_ = np.arange(len(edges))
         while len(open_):
             length = self._lengths[place]
             is_here = (length > 0.0) & (left <= length)
-            here, found, far = place[is_here], open_[is_here], left[is_here]
+            here = place[is_here]
+            found = open_[is_here]
+            far = left[is_here]
             cos[found] = (self._x[here + 1] - self._x[here]) / length[is_here]
             sin[found] = (self._y[here + 1] - self._y[here]) / length[is_here]
             x[found], y[found] = self._x[here] + far * cos[found], self._y[here] + far * sin[found]
             goes_on = ~is_here & (place + 1 < last[open_])
-            open_, place, left = open_[goes_on], place[goes_on] + 1, (left - length)[goes_on]
+            open_ = open_[goes_on]
+            place = place[goes_on] + 1
+            left = (left - length)[goes_on]
         return x, y, cos, sin
 
     def corners(
         self, edges: IntArray, begin: FloatArray, end: FloatArray
     ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
         """Return the corners of parts of edges, as `line_along`: the indices of the parts, shares, x and y."""
-        number, first = np.arange(len(edges)), self._first[edges]
+        number = np.arange(len(edges))
+        first = self._first[edges]
         bent = np.flatnonzero(self._count[edges] > 1)
         of, points = kernels.expand_ranges(first[bent] + 1, (first + self._count[edges])[bent] + 1)
-        of, share = bent[of], self._shares[points]
+        of = bent[of]
+        share = self._shares[points]
         between = (np.minimum(begin, end)[of] < share) & (share < np.maximum(begin, end)[of])
-        of, points, share = of[between], points[between], share[between]
+        of = of[between]
+        points = points[between]
+        share = share[between]
         counts = np.bincount(of, minlength=len(edges))
         begins = np.cumsum(counts + 2) - counts - 2  # first corner of each part
         rank = np.arange(len(of)) - (np.cumsum(counts) - counts)[of]

@@ -84,11 +84,13 @@ class Routes(ABC):
         if len(ends) > 1:  # only the first ones reached, up to rounding, can be nearest
             far, _ = self.search(weight, reverse=False).far(np.array([row]), ends, is_nearest=True)
             places = np.flatnonzero(far <= kernels.widened(far.min()))
-        best, found = within, None
+        best = within
+        found = None
         for at in places.tolist():
             far_at = self.distance_between(row, ends.item(at), weight, best)
             if far_at < best or (far_at == best < inf and found is None):
-                best, found = far_at, at
+                best = far_at
+                found = at
         return found
 
     def near_end(self, rows: IntArray, end: int, weight: str | None, *, is_nearest: bool) -> FloatArray:
@@ -103,7 +105,8 @@ class Routes(ABC):
         """Return the ids of the nodes on the shortest path, both ends included; `most_edges` limits its length."""
         most = len(self.ids()) if most_edges is None else as_count(most_edges, "most_edges")
         ids = self.ids().data
-        row, end = self.row(source), self.row(target)
+        row = self.row(source)
+        end = self.row(target)
         next_of = self.next_rows(row, end, weight)
         path = [ids[row]]
         while row != end and len(path) <= most:
@@ -125,8 +128,7 @@ class Routes(ABC):
         given = [nodes for nodes in (source, target) if nodes is not None]
         if len(given) != 1:
             raise BadValue(
-                "Give distances exactly one of source= and target=. "
-                "For two nodes use graph.distance(source, target)."
+                "Give distances exactly one of source= and target=. For two nodes use graph.distance(source, target)."
             )
         rows = self.rows(given[0], "target" if source is None else "source")
         limit = inf if cutoff is None else as_range(cutoff, "cutoff")
@@ -256,7 +258,8 @@ class RouteQueries:
     """
 
     def __init__(self, routes: Routes, columns: Callable[[], GraphColumns]) -> None:
-        self._routes, self._columns = routes, columns
+        self._routes = routes
+        self._columns = columns
         self._tree: tuple[int, geometry.LineTree] | None = None
         self._latest: dict[Hashable, tuple[object, Any]] = {}  # Any: results of callers
 
@@ -280,13 +283,16 @@ class RouteQueries:
             UnknownName (KeyError): a node does not exist.
             BadValue (ValueError): `k` is less than 1.
         """
-        most, routes = as_count(k, "k"), self._routes
+        most = as_count(k, "k")
+        routes = self._routes
         ids = routes.ids().data
-        row, end = routes.row(source), routes.row(target)
+        row = routes.row(source)
+        end = routes.row(target)
         rests = routes.distances_to(end, weight)
         if rests[row] == inf:
             return []
-        next_of, first = routes.next_rows(row, end, weight), [row]
+        next_of = routes.next_rows(row, end, weight)
+        first = [row]
         while first[-1] != end:
             first.append(next_of[first[-1]])
         found = kernels.simple_paths(routes.arcs(weight, reverse=False), rests, first)
@@ -311,7 +317,8 @@ class RouteQueries:
         """
         reach = [as_range(limit, "A limit") for limit in as_items(limits, "limits", "numbers")]
         found = self._routes.distances(sources, None, weight, max(reach)) if reach else {}
-        ids, far = np.array([*found], np.int64), np.array([*found.values()], np.float64)
+        ids = np.array([*found], np.int64)
+        far = np.array([*found.values()], np.float64)
         return [ids[far <= limit] for limit in reach]
 
     def nearest(
@@ -334,9 +341,11 @@ class RouteQueries:
             UnknownName (KeyError): a node does not exist.
             BadValue (ValueError): `within` is negative or NaN.
         """
-        routes, most = self._routes, as_range(within, "within")
+        routes = self._routes
+        most = as_range(within, "within")
         ids = routes.ids()
-        row, ends = routes.row(source), routes.rows(targets, "targets")
+        row = routes.row(source)
+        ends = routes.rows(targets, "targets")
         found = routes.nearest_end(row, ends, weight, most)
         return None if found is None else ids.item(ends.item(found))
 
@@ -395,8 +404,10 @@ class RouteQueries:
             UnknownName (KeyError): a node does not exist.
             BadValue (ValueError): `cutoff` is negative or NaN.
         """
-        routes, limit = self._routes, as_range(cutoff, "cutoff")
-        ids, ends = routes.ids(), routes.rows(targets, "targets")
+        routes = self._routes
+        limit = as_range(cutoff, "cutoff")
+        ids = routes.ids()
+        ends = routes.rows(targets, "targets")
         return RouteTables(*kernels.route_tables(routes.arcs(weight, reverse=True), ends, ids, limit))
 
     def arcs(self, weight: str | None = "length", *, reverse: bool = False) -> kernels.Arcs:

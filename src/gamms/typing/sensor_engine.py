@@ -10,7 +10,7 @@ import numpy as np
 from gamms.arguments import as_ids, with_options
 from gamms.errors import BadType, BadValue, NotOffered
 from gamms.ir.graph import FloatArray
-from gamms.ir.sensed import Coverage, Sensed, SensorView
+from gamms.ir.sensor_results import Coverage, Sensed, SensorView
 from gamms.text import shown
 
 
@@ -43,7 +43,9 @@ def kind_called(name: str) -> SensorType:
         return SensorType[name]
     if not name.isidentifier() or hasattr(SensorType, name) or hasattr(SensorType.CUSTOM, name):
         raise BadValue(f"{shown(name)} cannot be the name of a kind of sensor; use another identifier.")
-    member, value, tables = object.__new__(SensorType), len(SensorType), vars(SensorType)
+    member = object.__new__(SensorType)
+    value = len(SensorType)
+    tables = vars(SensorType)
     vars(member).update({"_name_": name, "_value_": value})
     type.__setattr__(SensorType, name, member)
     tables["_member_names_"].append(name)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.graph import GraphColumns
-from gamms.ir.sensed import SensorView
+from gamms.ir.sensor_results import SensorView
 from gamms.text import as_digits, as_text
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import Drawer

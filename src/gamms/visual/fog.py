@@ -12,7 +12,7 @@ from gamms import kernels
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.sensed import SensorView
+from gamms.ir.sensor_results import SensorView
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, IArtist, IContext, SensorType
 from gamms.typing.sensor_engine import IN_AIR

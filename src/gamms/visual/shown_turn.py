@@ -13,7 +13,7 @@ from gamms.arguments import as_int, as_key
 from gamms.errors import BadType, BadValue, ContextTerminated, NotOffered, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.progress import Progress
-from gamms.ir.sensed import SensorView
+from gamms.ir.sensor_results import SensorView
 from gamms.text import shown
 from gamms.typing import IAerialAgent, IAgent, IContext, ISensor, SensorType
 from gamms.typing.agent_engine import AgentType

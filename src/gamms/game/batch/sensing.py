@@ -20,7 +20,7 @@ from gamms.game.batch.strategy_steps import MOST_LOOKING, has_plain_looks, looks
 from gamms.game.conflicts import flat
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.sensed import AgentLook
+from gamms.ir.sensor_results import AgentLook
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext

@@ -17,7 +17,7 @@ from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
 from gamms.game.conflicts import flat
 from gamms.game.travel import Reach
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensed import AgentLook
+from gamms.ir.sensor_results import AgentLook
 from gamms.text import shown
 from gamms.typing import IAgent
 from gamms.typing.context import HostContext

@@ -8,7 +8,7 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.ir.geometry import rings_of, seamed, union_of
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
-from gamms.ir.sensed import SensorView
+from gamms.ir.sensor_results import SensorView
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, Color, Rgba, rgba

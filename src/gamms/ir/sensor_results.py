@@ -22,9 +22,7 @@ class Sensed:
     values: "np.ndarray[Any, Any]"  # (values,)
     _edges: "Sensed | Callable[[], Sensed] | None" = None
     names: tuple[str, ...] = ()  # of agents
-    places: "IntArray | FloatArray | None" = (
-        None  # (values,) node ids, or (values, 3): reported positions of agents
-    )
+    places: "IntArray | FloatArray | None" = None  # (values,) node ids, or (values, 3): reported positions of agents
 
     @property
     def edges(self) -> "Sensed | None":
@@ -87,9 +85,7 @@ class SensorView:
     lines: FloatArray = field(default_factory=_no_points)  # (points, 2)  polylines of edges
     offsets: IntArray = field(default_factory=lambda: np.zeros(1, np.int64))  # (lines + 1,)  into `lines`
     agents: FloatArray = field(default_factory=_no_points)  # (agents, 2)
-    names: tuple[
-        str, ...
-    ] = ()  # (agents,) their names, to find them again; or empty, if they may be elsewhere
+    names: tuple[str, ...] = ()  # (agents,) their names, to find them again; or empty, if they may be elsewhere
     outline: FloatArray = field(default_factory=_no_points)  # (corners, 2)  of the field of view; empty: unlimited
 
 
