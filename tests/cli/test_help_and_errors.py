@@ -140,12 +140,12 @@ def test_all_frames_are_there_if_they_are_asked_for(folder):
         (["run", "gane.yaml"], "There is no file 'gane.yaml'. Did you mean 'game.yaml'?"),
         (["replay", "nope/game.ggr"], "There is no folder 'nope', and so no 'nope/game.ggr'."),
         (["run", "."], "a folder, not a scenario file: give the file in it, 'game.yaml'."),
-        (["replay", "."], "a folder, not a recording, and none is in it."),
-        (["replay", "game.yaml"], "'game.yaml' is no recording: `gamms run` plays scenarios."),
+        (["replay", "."], "a folder, not a recording, which contains none."),
+        (["replay", "game.yaml"], "'game.yaml' is not a recording: `gamms run` plays scenarios."),
         (["run", "players.py"], "a scenario file ends in .yaml, .yml, .json, not '.py'."),
         (["run", "game.yaml", "--out", "players.py"], "There is 'players.py' already, and it is not a folder."),
         (["run", "game.yaml", "--strategy", "red=players.py:ply_it_all"], "players.py. It has: play."),
-        (["info", "players.py"], "'players.py' is no recording: it does not begin with 'MMGR' and a version."),
+        (["info", "players.py"], "'players.py' is not a recording: it does not begin with 'MMGR' and a version."),
     ],
 )
 def test_an_error_about_a_wrong_file_says_what_to_do(arguments, sentence):
@@ -190,7 +190,7 @@ def test_a_wrong_wish_for_a_film_or_picture_is_named(folder):
         done = run("render", game, *arguments)
         assert done.exit_code == 1
         assert done.stderr.startswith(f"gamms: {sentence}")
-    assert "out/result.json' is no recording: it does not begin" in run("info", "out/result.json").stderr
+    assert "out/result.json' is not a recording: it does not begin" in run("info", "out/result.json").stderr
 
 
 @pytest.mark.parametrize(

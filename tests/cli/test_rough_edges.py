@@ -108,8 +108,8 @@ def test_where_there_is_no_room_nothing_half_written_is_left(folder, name, named
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["verify", "junk.ggr"], "'junk.ggr' is no recording"),
-        (["diff", "öut/game.ggr", "junk.ggr"], "'junk.ggr' is no recording"),
+        (["verify", "junk.ggr"], "'junk.ggr' is not a recording"),
+        (["diff", "öut/game.ggr", "junk.ggr"], "'junk.ggr' is not a recording"),
         (["tournament", "binary.yaml"], "binary.yaml: the file is not UTF-8 text"),
         (["run", "game.yaml", "--set", "teams.red.count=[1"], "--set teams.red.count: this is not YAML"),
         (["convert", "öut/game.ggr", "a.csv", "--turn-seconds", "1e300"], "turn_seconds must let a game end within"),

@@ -105,8 +105,8 @@ def test_a_million_moves_in_a_turn_are_read_again():
 @pytest.mark.parametrize(
     ("data", "words"),
     [
-        (b"", "no recording"),
-        (b"PK\3\4", "no recording: at byte 0"),
+        (b"", "not a recording"),
+        (b"PK\3\4", "not a recording: at byte 0"),
         (b"MMGR\0\0\0\2\xa3", "format version 2 at byte 4"),
         (b"MMGR\0\0\0\4", "format version 4 at byte 4"),
         (b"MMGR\0\0\0\3", "damaged at byte 8"),

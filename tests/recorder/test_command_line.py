@@ -92,8 +92,8 @@ def test_info_counts_the_agents_at_the_end_of_version_2(tmp_path):
 
 @pytest.mark.parametrize("command", ["info", "verify", "replay"])
 def test_what_is_no_recording_ends_in_one_sentence(tmp_path, command):
-    (tmp_path / "no.ggr").write_text("no recording")
-    for name, hint in (("no.ggr", "no recording"), ("missing.ggr", "missing.ggr")):
+    (tmp_path / "no.ggr").write_text("not a recording")
+    for name, hint in (("no.ggr", "not a recording"), ("missing.ggr", "missing.ggr")):
         done = run(command, tmp_path / name)
         assert done.exit_code == 1
         assert done.stderr.startswith("gamms: ")
@@ -345,7 +345,7 @@ def test_conversions_that_make_no_sense_are_refused(game, tmp_path):
         ((old, tmp_path / "out.jsonl"), "to a .ggr of version 3 first"),
         ((old, tmp_path / "out.csv"), "to a .ggr of version 3 first"),
         ((game, tmp_path / "out.jsonl", "--map", tmp_path / "map.gamms"), "version 2 only"),
-        ((old, game), "There is a file"),
+        ((old, game), "already exists"),
         ((old, tmp_path / "out.ggr", "--map", game), "is not a graph"),
     ):
         done = run("convert", *arguments)

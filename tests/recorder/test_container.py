@@ -155,7 +155,7 @@ def test_unknown_blocks_are_skipped():
     game = walk(2, 4)
     data = written(game, turns=2, close=False)
     key = blocks.head_of(data[8 : 8 + blocks.HEAD_SIZE]).crc
-    stranger = blocks.block(ord("Z"), b"of a later version", key, blocks.Counts(2))
+    stranger = blocks.block(ord("Z"), b"of a later version", key, blocks.BlockCounts(2))
     first = blocks.head_of(data[8 : 8 + blocks.HEAD_SIZE]).end + 8
     assert logs_of(opened(data[:first] + stranger + data[first:])) == game
 
@@ -264,9 +264,9 @@ def test_impossible_blocks_are_refused(options):
 
 def test_a_block_of_more_bytes_than_its_head_can_say_is_refused(monkeypatch):
     monkeypatch.setattr(blocks, "MOST_BODY", 10)
-    assert blocks.block(1, bytes(10), 0, blocks.Counts())[blocks.HEAD_SIZE :] == bytes(10)
+    assert blocks.block(1, bytes(10), 0, blocks.BlockCounts())[blocks.HEAD_SIZE :] == bytes(10)
     with pytest.raises(BadValue, match="11 bytes cannot be recorded at once; at most 10 can"):
-        blocks.block(1, bytes(11), 0, blocks.Counts())
+        blocks.block(1, bytes(11), 0, blocks.BlockCounts())
 
 
 def test_a_closed_recording_takes_nothing_more():

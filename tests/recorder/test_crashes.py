@@ -260,5 +260,5 @@ def test_a_pipe_of_the_system_works_and_breaks():
 def test_what_is_no_binary_stream_is_refused(stream):
     with pytest.raises(RecordingError, match="could not be written"):
         Writer(stream, {})
-    with pytest.raises(RecordingError, match=r"binary stream|no recording"):
+    with pytest.raises(RecordingError, match=r"binary stream|not a recording"):
         Reader(stream)

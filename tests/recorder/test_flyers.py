@@ -20,7 +20,7 @@ from gamms.recorder import Reader, RecordingError, Writer
 from gamms.recorder.formats import blocks
 
 FLIGHT, TURN = kinds.AERIAL_AGENT_FLIGHT, kinds.AERIAL_AGENT_TURN
-DAMAGED = "numbers of bytes|data of its own|left over|are stated"
+DAMAGED = "numbers of bytes|data that are not numbers|left over|are stated"
 
 # -- there and back ---------------------------------------------------------------------------------------------
 

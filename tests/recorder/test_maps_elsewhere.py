@@ -66,7 +66,7 @@ def test_it_is_refused_where_the_map_is_another_and_nothing_changes(small, has_g
     if has_graph:
         ctx.graph.graph.add_node({"id": 0, "x": 0.0, "y": 0.0})
     ctx.record.start(stream)
-    with pytest.raises(RecordingError, match=r"does not hold its map.*SHA-256.*ctx\.graph\.load"):
+    with pytest.raises(RecordingError, match=r"does not contain its map.*SHA-256.*ctx\.graph\.load"):
         replayed(small, ctx)
     ctx.graph.graph.add_node({"id": 7, "x": 0.0, "y": 0.0})
     ctx.record.stop()
@@ -89,7 +89,7 @@ def test_states_need_no_map_and_maps_that_came_later_are_there(ctx):
     rec = gamms.recorder.open(io.BytesIO(data))
     assert rec[3].agents["node"].tolist() == [5]
     for graph in (lambda: rec.graph, lambda: rec[3].graph):
-        with pytest.raises(RecordingError, match=r"does not hold its map.*graph="):
+        with pytest.raises(RecordingError, match=r"does not contain its map.*graph="):
             graph()
     assert rec[4].graph.packed == ctx.graph.storage.pack()
 

@@ -442,26 +442,26 @@ def test_a_path_is_no_reader_of_which_a_recording_is_made(tmp_path):
 def test_version_2_is_refused_with_the_way_out():
     with pytest.raises(RecordingError, match="gamms convert IN OUT"):
         recorder.open(io.BytesIO(b"MMGR\0\0\0\2\xa2"))
-    with pytest.raises(RecordingError, match="no recording"):
+    with pytest.raises(RecordingError, match="not a recording"):
         recorder.open(io.BytesIO(b"MMGX"))
 
 
 @pytest.mark.parametrize(
     ("log", "reason"),
     [
-        ([9, 1], "agent number 9 moves and is not there"),
-        ([9, 1] * 40, "agent number 9 moves and is not there"),
+        ([9, 1], "agent number 9 moves, but does not exist"),
+        ([9, 1] * 40, "agent number 9 moves, but does not exist"),
         ([(kinds.AGENT_TEAM, {"agent_name": "nobody", "team": 1})], "does not fit"),
-        ([(kinds.AGENT_CREATE, {"name": 5, "kwargs": {"start_node_id": 1}})], "no name"),
+        ([(kinds.AGENT_CREATE, {"name": 5, "kwargs": {"start_node_id": 1}})], "not the name"),
         ([(kinds.AGENT_CREATE, {"name": "a0", "kwargs": {"start_node_id": 1}})], "same name"),
         ([(kinds.AGENT_CREATE, 7)], "does not fit"),
         ([(kinds.AERIAL_AGENT_POSITION, {"agent_name": "a0", "position": (0, 0, 0)})], "on the ground"),
         ([(kinds.AERIAL_AGENT_FLIGHT, (0, 1, 0.0, 0.0, 0.0))], "on the ground"),
         ([(kinds.AERIAL_AGENT_FLIGHT, (0, 1, 0.0, 0.0, 0.0))] * 40, "on the ground"),
-        ([(kinds.AERIAL_AGENT_FLIGHT, (9, 1, 0.0, 0.0, 0.0))], "agent number 9 moves and is not there"),
-        ([(kinds.AERIAL_AGENT_FLIGHT, (9, 1, 0.0, 0.0, 0.0))] * 40, "agent number 9 moves and is not there"),
-        ([(kinds.AERIAL_AGENT_TURN, (-1, 1.0, 0.0, 0.0, 0.0))], "agent number -1 moves and is not there"),
-        ([(kinds.SNAPSHOT, {"names": []})], "whole state is not right"),
+        ([(kinds.AERIAL_AGENT_FLIGHT, (9, 1, 0.0, 0.0, 0.0))], "agent number 9 moves, but does not exist"),
+        ([(kinds.AERIAL_AGENT_FLIGHT, (9, 1, 0.0, 0.0, 0.0))] * 40, "agent number 9 moves, but does not exist"),
+        ([(kinds.AERIAL_AGENT_TURN, (-1, 1.0, 0.0, 0.0, 0.0))], "agent number -1 moves, but does not exist"),
+        ([(kinds.SNAPSHOT, {"names": []})], "whole state is invalid"),
         ([(kinds.GAME_SCORES, {"scores": 5})], "scores are invalid"),
     ],
 )
@@ -498,13 +498,13 @@ def test_an_event_that_does_not_fit_a_table_is_an_error(table, event):
     writer.add_turn([event])
     writer.close()
     rec = recorder.open(io.BytesIO(stream.getvalue()))
-    with pytest.raises(RecordingError, match=r"damaged|has no kind|is not there"):
+    with pytest.raises(RecordingError, match=r"damaged|has no kind|does not exist"):
         rec.table(table)
 
 
 def test_a_recording_without_a_beginning_or_a_map_says_so():
     rec = recorder.open(io.BytesIO(written([[0, 1]])))
-    with pytest.raises(RecordingError, match="how it begins"):
+    with pytest.raises(RecordingError, match="no initial state"):
         rec.state(0)
     with pytest.raises(RecordingError, match="map of turn 0"):
         _ = rec.graph

@@ -152,7 +152,7 @@ def test_older_versions_are_translated_one_version_at_a_time(monkeypatch):
 
 @pytest.mark.parametrize("data", [b"", b"MMG", b"MMGR\0\0\0", b"MMGX\0\0\0\2", b"\x1f\x8b" + bytes(20)])
 def test_another_file_is_refused(data):
-    with pytest.raises(RecordingError, match="no recording"):
+    with pytest.raises(RecordingError, match="not a recording"):
         read(data)
 
 
@@ -285,7 +285,7 @@ def test_numbers_and_sets_are_what_they_were():
 
 @pytest.mark.parametrize("data", ["m", [], 0, False])
 def test_a_closing_record_whose_data_are_no_map_is_damaged(data):
-    with pytest.raises(RecordingError, match="at byte 8 is damaged: it has other parts than"):
+    with pytest.raises(RecordingError, match="at byte 8 is damaged: it has parts other than"):
         read(file_of({**END, "data": data}))
 
 

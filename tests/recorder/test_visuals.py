@@ -146,7 +146,7 @@ def test_nothing_is_said_where_nothing_was_declared(ctx):
 def test_a_look_that_was_not_recorded_is_refused(visuals, ctx):
     stream = io.BytesIO()
     Writer(stream, {"world": ctx.graph.storage.pack(), "visuals": visuals}).close()
-    with pytest.raises(RecordingError, match="looks like"):
+    with pytest.raises(RecordingError, match="visuals of this recording"):
         replayed(stream.getvalue(), ctx)
     assert not ctx.visual.artists.declared
 

@@ -1,15 +1,15 @@
-"""The recorder: `ctx.record`, and recordings that are compact, seekable, whole after a crash, and safe to open.
+"""The recorder: `ctx.record`, and compact, seekable recordings that survive crashes and are safe to open.
 
-Read `ir/events.py` first: what can happen, and what it does to a state. A state is a live context (`replaying.py`) or
-columns (`detached.py`), and both are written as `keyframes.py` says. `recorder.py` is what users call; `session.py`
-writes what the journal notes and what has changed beside it (`changes.py`), by an encoder (`encoders.py`; `compat.py`
-writes version 2); `replaying.py` applies a recording to a context, `recording.py` reads one without, `cut.py` makes one
-of what a team knew. `formats/` knows plain values only: version 3 in `formats/__init__.py`; `formats/version2.py` reads
-version 2, that of gamms 1.0.0. `components.py` has the user's own recorded objects. Nothing in a file is ever
+Read `ir/events.py` first: the kinds of events, and their effect on a state. A state is a live context (`replaying.py`)
+or columns (`detached.py`); `keyframes.py` writes both. `recorder.py` is the public interface; `session.py` writes the
+events of the journal and other changes (`changes.py`) by an encoder (`encoders.py`; `compat.py` writes version 2);
+`replaying.py` applies a recording to a context, `recording.py` reads one without a context, `cut.py` reduces one to the
+knowledge of a team. `formats/` handles only plain values: version 3 in `formats/__init__.py`; `formats/version2.py`
+reads version 2, the format of gamms 1.0.0. `components.py` has recorded objects of users. Nothing in a file is ever
 evaluated or imported.
 
-May import: typing, kernels, ir and below, never another engine. To record something new, add its kind to
-`ir/events.py`; a field of the game names its own in `ir/game_state.py`. A new format is a class in `ENCODERS`.
+May import: typing, kernels, ir and below, never another engine. To record a new event, add its kind to `ir/events.py`;
+a field of the game names its kind in `ir/game_state.py`. A new format is a class in `ENCODERS`.
 """
 
 from gamms.recorder.errors import RecordingError

@@ -1,4 +1,4 @@
-"""What has changed in a game since it was recorded last, as events."""
+"""Changes of a game since they were last recorded, as events."""
 
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
@@ -16,15 +16,15 @@ from gamms.typing import IVisualizationEngine
 from gamms.typing.context import HostContext
 from gamms.typing.game import strategy_name
 
-Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and what lists and sets have `more`
+Changes = dict[str, Any]  # changes of a dict: items to `set`, keys to `removed`, and `more` items of lists and sets
 
-_NO_REFERENCES = 2  # the last version of marshal that writes a value whether or not it was written before
+_NO_REFERENCES = 2  # last version of marshal that writes repeated values in full
 _MARKED = (bool, int, float, str, bytes, type(None), list, tuple, set, frozenset, dict)
 _HEAD = 5  # bytes before the items of a list: its type and length
 
 
 class PlainCopy:
-    """The plain part of a dict as it was, for comparing.
+    """A copy of the plain part of a dict, to detect changes.
 
     Attributes:
         values: the plain part.
@@ -33,7 +33,7 @@ class PlainCopy:
     __slots__ = ("_marks", "values")
 
     def __bool__(self) -> bool:
-        """Whether there is anything."""
+        """Return whether there are any values."""
         return bool(self.values)
 
     def __init__(self, now: Mapping[Any, Any]) -> None:
@@ -41,8 +41,9 @@ class PlainCopy:
         self._marks = {key: _mark(value) for key, value in now.items()}
 
     def changes(self, now: Mapping[Any, Any]) -> Changes | None:
-        """Return what has changed since the last call; None if nothing has."""
-        # NOTE: marks are compared first, which costs a fifth, because this is asked of every memory in every turn.
+        """Return the changes since the last call; None if there are none."""
+        # NOTE: marks are compared first, at a fifth of the cost, because this runs for every memory in every
+        # turn.
         marks = {key: _mark(value) for key, value in now.items()}
         changed = {key: now[key] for key, mark in marks.items() if mark is None or mark != self._marks.get(key)}
         if not changed and len(now) == len(self._marks):
@@ -61,7 +62,7 @@ class PlainCopy:
         return {name: one for name, one in found.items() if one} or None
 
     def _more(self, key: Plain, value: Any, mark: bytes | None) -> Any:
-        """Return what was added to a list or a set; None if it is not that."""
+        """Return the items added to a list or a set; None for any other change."""
         if type(value) not in (list, set) or mark is None:
             return None
         known: Any = self.values.get(key)
@@ -73,18 +74,18 @@ class PlainCopy:
         return to_plain(value - known) if type(value) is set and known <= value else None
 
     def _note(self, key: Plain, value: object, found: Changes) -> None:
-        """Take a value that may have changed."""
+        """Record a value that may have changed."""
         for name, one in plain_subset({key: value}).items():
             if name not in self.values or not is_same(one, self.values[name]):
                 found["set"][name] = self.values[name] = one
             return
-        if key in self.values:  # it is not plain any longer
+        if key in self.values:  # the value is no longer plain
             found["removed"].append(key)
 
 
 def _mark(value: Any) -> bytes | None:
-    """Bytes that are others for another value; None where there are no such."""
-    if type(value) not in _MARKED:  # an array, for example, of which marshal keeps the bytes and not the shape
+    """Return bytes that differ for different values; None if there are none."""
+    if type(value) not in _MARKED:  # for example an array: marshal stores its bytes but not its shape
         return None
     try:
         return dumps(value, _NO_REFERENCES)
@@ -93,22 +94,23 @@ def _mark(value: Any) -> bytes | None:
 
 
 class _Detector:
-    """Finds what has changed in one field of a game since it was asked last: here, another value than before.
+    """Detects changes of one field of a game since the last call; this base class compares the whole value.
 
     Attributes:
-        known: what the value was then.
+        known: the value at the last call.
     """
 
     def __init__(self, value: Any) -> None:
         self.known = self._plain(value)
 
     def accept(self, value: Any, data: Plain) -> None:  # noqa: ARG002 - named as in `_Memories`
-        """Expect what an event of a replay has changed."""
+        """Accept the change of a replayed event as known."""
         self.known = self._plain(value)
 
     def detect(self, value: Any) -> list[Any]:
-        """Return the data of the events that say what has changed."""
-        before, self.known = self.known, self._plain(value)
+        """Return the data of events that describe the change."""
+        before = self.known
+        self.known = self._plain(value)
         return [] if is_same(before, self.known) else [self.known or {}]
 
     def _plain(self, value: Any) -> Any:
@@ -116,11 +118,11 @@ class _Detector:
 
 
 class _Value(_Detector):
-    """Another value of a whole field of the game.
+    """Detects a new value of a whole field of the game.
 
     Args:
-        name: of the field.
-        value: what it holds.
+        name: name of the field.
+        value: present value.
     """
 
     def __init__(self, name: str, value: Any) -> None:
@@ -128,7 +130,8 @@ class _Value(_Detector):
         super().__init__(value)
 
     def detect(self, value: Any) -> list[Any]:
-        before, self.known = self.known, self._plain(value)
+        before = self.known
+        self.known = self._plain(value)
         return [] if is_same(before, self.known) else [{self._name: self.known}]
 
     def _plain(self, value: Any) -> Any:
@@ -137,10 +140,11 @@ class _Value(_Detector):
 
 
 class _NewEntries(_Detector):
-    """The entries that were appended to a list."""
+    """Detects entries appended to a list."""
 
     def detect(self, value: list[Any]) -> list[Any]:
-        before, self.known = self.known, len(value)
+        before = self.known
+        self.known = len(value)
         return [to_plain(entry) for entry in value[before:]]
 
     def _plain(self, value: list[Any]) -> int:
@@ -148,7 +152,7 @@ class _NewEntries(_Detector):
 
 
 class _Items(_Detector):
-    """Changed items of a dict."""
+    """Detects changed items of a dict."""
 
     def detect(self, value: Mapping[Any, Any]) -> list[Any]:
         found = self.known.changes(value)
@@ -159,7 +163,7 @@ class _Items(_Detector):
 
 
 class _Facts(_Detector):
-    """Facts that were published or withdrawn."""
+    """Detects facts that were published or withdrawn."""
 
     def detect(self, value: Mapping[str, Any]) -> list[Any]:
         known = self.known
@@ -179,14 +183,15 @@ class _Facts(_Detector):
 
 
 class _Memories(_Detector):
-    """Changed items of the memories of agents."""
+    """Detects changed items of agents' memories."""
 
     def accept(self, value: Mapping[Any, dict[Any, Any]], data: Plain) -> None:
         for name in self._names_in(data):
             self.known[name] = PlainCopy(value[name])
 
     def detect(self, value: Mapping[Any, dict[Any, Any]]) -> list[Any]:
-        found, known = {}, self.known
+        found = {}
+        known = self.known
         if not known and not any(value.values()):
             return []
         for key in sorted(value) if all(type(key) is str for key in value) else value:
@@ -209,7 +214,7 @@ class _Memories(_Detector):
 
 
 class _TeamMemories(_Memories):
-    """Changed items of the memories of teams."""
+    """Detects changed items of teams' memories."""
 
     def _names_in(self, data: Plain) -> Iterable[Any]:
         return dict(data["teams"])
@@ -219,7 +224,7 @@ class _TeamMemories(_Memories):
 
 
 class _DelayedLooks(_Memories):
-    """What sensors with a delay have seen that is still to be reported, or need not be any longer."""
+    """Detects changes of the pending reports of sensors with a delay."""
 
     def _names_in(self, data: Plain) -> Iterable[Any]:
         return [(sensor, owner) for sensor, owner, _ in data["looks"]]
@@ -242,30 +247,34 @@ DETECTED: dict[str, tuple[int, Callable[[Any], _Detector]]] = {
     "team_memories": (kinds.GAME_MEMORY, _TeamMemories),
     "delayed_looks": (kinds.DELAYED_LOOKS, _DelayedLooks),
 }
-"""Field of `GameState` -> the kind of event that says how it changes, and what finds that out."""
+"""Field of `GameState` -> (event kind of its changes, detector class)."""
 
 _VALUES = attrgetter(*DETECTED)
 
 
 class GameChanges:
-    """Finds what has changed since it was asked last, in `ctx.game` and the chance of its context.
+    """Detects changes of `ctx.game` and of the random stream of its context.
 
     Attributes:
-        pace: by how much the number of the turn went up in the last turn.
+        pace: increment of the turn number in the last turn.
     """
 
     def __init__(self, ctx: HostContext) -> None:
-        self._ctx, self._game, self._state = ctx, ctx.game, ctx.game.internals.state
+        self._ctx = ctx
+        self._game = ctx.game
+        self._state = ctx.game.internals.state
         self._detectors = [(name, kind, make(getattr(self._state, name))) for name, (kind, make) in DETECTED.items()]
-        self._is_known = True  # that something is in one of them
+        self._is_known = True  # whether any memory may have items
         self._rng_state = to_plain(ctx.rng_state())
-        self._turn, self.pace = self._state.turn, 0
+        self._turn = self._state.turn
+        self.pace = 0
         self._places = places_of(ctx)
 
     def accept(self, kind: int, data: Plain) -> None:
-        """Expect what an event of a replay has changed."""
+        """Accept the change of a replayed event as known."""
         if kind == kinds.GAME_TURN:
-            self._turn, self.pace = self._state.turn, int(data["pace"])
+            self._turn = self._state.turn
+            self.pace = int(data["pace"])
         elif kind == kinds.GAME_CHANCE:
             self._rng_state = to_plain(self._ctx.rng_state())
         for name, code, detector in self._detectors:
@@ -274,12 +283,15 @@ class GameChanges:
                 self._is_known = True
 
     def count(self, log: Log) -> None:
-        """Add the event that says how the game counts the turn that is over, unless it does as it did before."""
-        now, before, pace = self._state.turn, self._turn, self.pace
+        """Add an event with the turn number, if the counting has changed."""
+        now = self._state.turn
+        before = self._turn
+        pace = self.pace
         if now == before + pace:
             self._turn = now
             return
-        self.pace, self._turn = now - before, now
+        self.pace = now - before
+        self._turn = now
         starts = self._game.internals.starts
         is_known = before > 0 or starts.items() <= self._places.items()
         log.append(
@@ -287,8 +299,8 @@ class GameChanges:
         )
 
     def detect(self, log: Log) -> None:
-        """Add the events that say what else has changed."""
-        # NOTE: most games have no scores, facts or data, and are asked in every turn (benchmarks: w4).
+        """Add events for all other changes."""
+        # NOTE: most games have no scores, facts or data, and this runs every turn (benchmarks: w4).
         values = _VALUES(self._state)
         if self._is_known or any(values):
             for value, (_, kind, detector) in zip(values, self._detectors, strict=True):
@@ -301,7 +313,7 @@ class GameChanges:
 
 
 class StrategyChanges:
-    """Which strategies or plans decide for which agents, since it was asked last."""
+    """Detects which strategies or plans decide for which agents, since the last call."""
 
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
@@ -309,11 +321,12 @@ class StrategyChanges:
         self._named = dict(zip(ctx.agent.agents, self._functions, strict=True))
 
     def detect(self, log: Log) -> None:
-        """Add the events that say what has changed."""
+        """Add an event for the changes."""
         now = self._now()
         if now == self._functions:
             return
-        before, self._functions = self._named, now
+        before = self._named
+        self._functions = now
         self._named = dict(zip(self._ctx.agent.agents, now, strict=True))
         log += [
             (kinds.AGENT_STRATEGY, {"agent_name": name, "strategy": strategy_name(function)})
@@ -326,11 +339,11 @@ class StrategyChanges:
 
 
 class SensorChanges:
-    """Which sensors came or went, or are set otherwise, since it was asked last.
+    """Detects added, removed and changed sensors since the last call.
 
     Args:
         ctx: the context.
-        check: called with the sensors that came or changed, to warn of what cannot be written.
+        check: called with added or changed sensors, to warn of values that cannot be recorded.
     """
 
     def __init__(self, ctx: HostContext, check: Callable[[list[dict[str, Any]]], None]) -> None:
@@ -339,16 +352,17 @@ class SensorChanges:
 
     @property
     def are_due(self) -> bool:
-        """Whether anything may have changed."""
+        """Return whether anything may have changed."""
         return self._phase.sensor_changes != self._count or len(self._all) != self._size
 
     def accept(self) -> None:
-        """Expect how things are now."""
+        """Accept the present state as known."""
         self._known = {one["id"]: self._state_of(one) for one in self._described()}
 
     def detect(self) -> Log:
-        """Return the event that says what has changed, if anything has."""
-        before, described = self._known, self._described()
+        """Return a list with the event for the changes, or an empty list."""
+        before = self._known
+        described = self._described()
         self._known = {one["id"]: self._state_of(one) for one in described}
         removed = [id for id, (sensor, *_) in before.items() if self._known.get(id, (None,))[0] is not sensor]
         changed = [
@@ -365,65 +379,66 @@ class SensorChanges:
 
     def _described(self) -> list[dict[str, Any]]:
         found: list[dict[str, Any]] = self._ctx.sensor.storage.described()
-        self._count, self._size = self._phase.sensor_changes, len(found)
+        self._count = self._phase.sensor_changes
+        self._size = len(found)
         return found
 
     def _state_of(self, described: dict[str, Any]) -> tuple[Any, Plain]:
-        """Return a sensor itself, for another one of its name is another one, and how it is set."""
+        """Return a sensor's identity, because another sensor may get its name, and its settings."""
         return self._ctx.sensor.sensors[described["id"]], [described["type"], plain_subset(described["keywords"])]
 
 
 class ContextChanges:
-    """Everything that is compared with the last turn, because no journal notes it.
+    """All detectors of changes that the journal does not record.
 
     Attributes:
-        game: the fields of the game.
-        strategies: the functions that decide.
-        sensors: the sensors.
+        game: detector of the fields of the game.
+        strategies: detector of the strategies.
+        sensors: detector of the sensors.
     """
 
     def __init__(self, ctx: HostContext, check: Callable[[list[dict[str, Any]]], None]) -> None:
-        """Compare with how things are now; `check` is called with sensors that come or change."""
+        """Store the present state for comparison; `check` is called with added or changed sensors."""
         self.game = GameChanges(ctx)
         self.strategies = StrategyChanges(ctx)
         self.sensors = SensorChanges(ctx, check)
 
 
 class DrawingChanges:
-    """Compares what artists draw with what was recorded last.
+    """Compares the drawings of artists with the last recorded ones.
 
     Args:
         visual: the visual engine of the context.
-        with_custom: whether drawers of the program's own are called; else only drawings of a replay are recorded.
+        with_custom: whether custom drawers are called; otherwise only drawings of a replay are recorded.
 
     Attributes:
         first: the drawings at the beginning.
     """
 
     def __init__(self, visual: IVisualizationEngine, *, with_custom: bool) -> None:
-        self._artists = getattr(visual, "artists", None)  # an engine of the caller's may have none
+        self._artists = getattr(visual, "artists", None)  # a custom engine may have no artists
         self._with_custom = with_custom
         self._known: dict[str, Any] = {}
         self.first = [data for _, data in self.changes()]
 
     @property
     def edits(self) -> int:
-        """A number that changes whenever an artist is declared, added or removed."""
+        """A number that changes when an artist is declared, added or removed."""
         return 0 if self._artists is None else int(self._artists.edits)
 
     @property
     def noted(self) -> list[Any]:
-        """What artists draw, as it was noted last."""
+        """The last recorded drawings of the artists."""
         return list(self._known.values())
 
     def specs(self) -> dict[str, Any]:
-        """Describe all artists as plain values, as far as there are such; see `Artists.specs`."""
+        """Return descriptions of all artists as plain values; see `Artists.specs`."""
         if self._artists is None:
             return {"artists": [], "is_declared": False}
         return plain_subset(self._artists.specs(with_drawings=self._with_custom))
 
     def changes(self) -> Log:
-        """Return events that say what artists draw which have not drawn that before."""
+        """Return events for the drawings that have changed."""
         artists = self._artists
         if artists is None or not (self._with_custom or self._known or artists.drawings.commands):
             return []

@@ -26,12 +26,12 @@ from gamms.typing.recorder import MAGIC_NUMBER, OpCodes
 
 _MOST_WAITING = 1 << 16  # bytes
 _FILE_HEADER = Struct(">4sI")
-# The records whose data holds what a user passed.
+# The records whose data contain values passed by users.
 _USERS = {OpCodes.AGENT_CREATE.value, OpCodes.COMPONENT_UPDATE.value}
 
 
 class Version2Writer:
-    """Writes records to a binary stream; each is written whole or not at all."""
+    """Writes records to a binary stream; each record is written completely or not at all."""
 
     def __init__(self, stream: BinaryIO) -> None:
         import cbor2
@@ -43,11 +43,11 @@ class Version2Writer:
         stream.write(_FILE_HEADER.pack(MAGIC_NUMBER, VERSION))
 
     def write(self, timestamp: int, opcode: int, data: Mapping[str, Plain] | None = None) -> None:
-        """Write one record; None leaves `data` out, as in TERMINATE.
+        """Write one record; with None `data` is left out, as in TERMINATE.
 
         Raises:
-            BadType (TypeError): the data holds something that is no plain data; nothing was written.
-            BadValue (ValueError): it is too large or nested too deep to be read again; nothing was written.
+            BadType (TypeError): a value is not plain data; nothing was written.
+            BadValue (ValueError): the data are too large or nested too deeply to be read; nothing was written.
         """
         record: Record = {"timestamp": timestamp, "opCode": opcode}
         try:
@@ -63,7 +63,7 @@ class Version2Writer:
         self._stream.write(encoded)
 
     def _plain(self, value: Plain) -> Plain:
-        """Return the value as cbor2 takes it, with an order for sets, so that equal games give equal bytes."""
+        """Return the value in the form of cbor2, with sorted sets, so that equal games give equal bytes."""
         if isinstance(value, Mapping):
             return {self._plain(key): self._plain(one) for key, one in value.items()}
         if isinstance(value, list | tuple):
@@ -78,24 +78,24 @@ class Version2Writer:
 
 
 class Version2Encoder:
-    """Writes what gamms 1.0.0 reads; what that does not know is left out."""
+    """Writes recordings for gamms 1.0.0; events that it does not know are left out."""
 
     has_drawings = False
     is_current = True
-    values = 0  # no keyframe would save any from being read
-    blocks = 0  # likewise: what was flushed stays
+    values = 0  # never due: version 2 has no keyframes
+    blocks = 0  # never due: flushed records are final
 
     def __init__(self, output: Output, _header: object) -> None:
         self._output = output
         self._waiting = io.BytesIO()
         self._writer = Version2Writer(self._waiting)
-        self._agents: DetachedState  # where they are: what records of moves say as well, and events do not
+        self._agents: DetachedState  # positions of agents, which records of moves contain, but events do not
         self._turn = 0
-        self._since = 0, 0  # a turn, and its time stamp, from which those of the others follow
-        self._end: Record | None = None  # how a recording ended that was copied, and nothing came after it
+        self._since = 0, 0  # a turn and its time stamp, from which other time stamps follow
+        self._end: Record | None = None  # the last record of a copied recording, if nothing follows it
 
     def begin(self, session: RecordingSession, *, is_final: bool) -> None:  # noqa: ARG002 - nothing of it changes later
-        """Write what is in front of the records."""
+        """Write the header."""
         self._agents = DetachedState(deepcopy(session.begin))
         self.flush()
 
@@ -105,11 +105,13 @@ class Version2Encoder:
             self._add(log)
 
     def _add(self, log: Log) -> None:
-        is_over, timestamp = True, self._timestamp(self._turn)
+        is_over = True
+        timestamp = self._timestamp(self._turn)
         for kind, data in steps_of(log):
             if kind == kinds.REPLAYED:
                 self._copy(*data)
-                is_over, timestamp = is_over and data[0]["opCode"] != kinds.SIMULATE, self._timestamp(self._turn)
+                is_over = is_over and data[0]["opCode"] != kinds.SIMULATE
+                timestamp = self._timestamp(self._turn)
                 continue
             mover = self._mover(kind, data)
             self._follow(kind, data)
@@ -123,7 +125,7 @@ class Version2Encoder:
             self.flush()
 
     def _mover(self, kind: int, data: Plain) -> Mover | None:
-        """Return the agent that an event moves or turns."""
+        """Return the agent that an event moves or rotates."""
         agents = self._agents.agents
         if kind == kinds.MOVES or kind in FORMS:
             row = agents.row_of(data[0])
@@ -134,7 +136,7 @@ class Version2Encoder:
         return Mover(agents.columns["names"][row], int(agents.columns["node"][row]))
 
     def _follow(self, kind: int, data: Plain) -> None:
-        """Apply an event that concerns agents, unless a program has written it and it cannot be."""
+        """Apply an event about agents; invalid events written by a program are ignored."""
         if kind == kinds.SNAPSHOT or kind >> 24 == kinds.AGENT_CREATE >> 24:
             with suppress(Damaged):
                 self._agents.apply_event(kind, data)
@@ -144,7 +146,7 @@ class Version2Encoder:
         return timestamp + (turn - begin) * TURN_NS
 
     def _copy(self, record: Record, noted: Log) -> None:
-        """Write a record of another recording as it is there, and go on from its time."""
+        """Copy a record of another recording, and continue from its time stamp."""
         for kind, data in steps_of(noted):
             self._follow(kind, data)
         self._since = self._turn, record["timestamp"]
@@ -159,17 +161,17 @@ class Version2Encoder:
             self._end = None
 
     def keyframe(self, keyframe: Keyframe) -> None:
-        """There is no place for it."""
+        """Do nothing: version 2 has no keyframes."""
 
     def flush(self) -> None:
-        """Hand over what was written to the system."""
+        """Flush the stream to the system."""
         if self._waiting.tell():
             self._output.append(self._waiting.getvalue())
             self._waiting.seek(0)
             self._waiting.truncate()
 
     def close(self) -> None:
-        """Write the end."""
+        """Write the final record."""
         timestamp = max(self._since[1], self._timestamp(self._turn - 1))
         end = self._end or {"timestamp": timestamp, "opCode": kinds.TERMINATE}
         self._writer.write(end["timestamp"], end["opCode"], end.get("data"))

@@ -1,6 +1,6 @@
-"""The components of a context: the user's own named objects, their classes, and what a recording does to them.
+"""The components of a context: named objects of users, their classes, and the effects of a recording on them.
 
-The values lie in one dict per object, `__recorded_component_`; the class gets a property per field and an `__init__`
+Values are stored in one dict per object, `__recorded_component_`; the class gets a property per field and an `__init__`
 that takes the name first.
 """
 
@@ -25,8 +25,8 @@ _KIND = "__recorded_class_"
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
-    """What a component class is: its fields in order, and the `__init__` its author wrote."""
+class ComponentKind:
+    """A component class: its fields in order, and the `__init__` of its author."""
 
     cls: Any  # a class
     fields: dict[str, FieldType]
@@ -38,14 +38,14 @@ class Kind:
         return module_of(self.cls), self.cls.__qualname__
 
     def begin(self, component: object, name: object) -> None:
-        """Give a component its name and fields of None."""
+        """Set the name of a component, and all its fields to None."""
         object.__setattr__(component, STORE, {**dict.fromkeys(self.fields), "name": name})
 
 
-Recorded = tuple[set[Key], dict[Any, tuple[Key, dict[str, Any]]]]  # classes; of components by name class and values
-OnEvent = Callable[[str, dict[str, Any]], None]  # the name of an operation code, and its data
+Recorded = tuple[set[Key], dict[Any, tuple[Key, dict[str, Any]]]]  # classes; name -> (class, values) of components
+OnEvent = Callable[[str, dict[str, Any]], None]  # called with the name of an operation code, and its data
 
-_MOST_CLASSES = 10_000  # that recordings may declare
+_MOST_CLASSES = 10_000  # limit of classes in a recording
 _MOST_FIELDS = 1_000
 _IMPOSSIBLE = "The recording declares an impossible component class"
 
@@ -53,7 +53,7 @@ _IMPOSSIBLE = "The recording declares an impossible component class"
 class Components(Guarded):
     """Components by name and component classes by module and qualified name.
 
-    Whatever happens is checked first, then reported to `on_event`, then done: when the report fails, nothing changed.
+    Each operation is checked first, then reported to `on_event`, then performed: if the report fails, nothing changes.
     """
 
     _called = "ctx.record"
@@ -63,21 +63,22 @@ class Components(Guarded):
         self._on_event = on_event
         self._component_registry: dict[Key, type] = {}
         self._components: dict[Any, Any] = {}
-        self._classes: dict[Key, Kind] = {}  # of the registry, and those unregistered since
+        self._classes: dict[Key, ComponentKind] = {}  # registered classes, and those unregistered since
         self._built = 0
-        self._is_silent = False  # while a recording makes a component: the file says what follows
+        self._is_silent = False  # while a recording creates a component, whose next records follow in the file
 
-    # -- what 1.0.0 offers ----------------------------------------------------------------------------------------
+    # -- interface of 1.0.0
+    # ---------------------------------------------------------------------------------------
 
     @refused_while_deciding
     def component(self, struct: Mapping[str, object] | None) -> Callable[[C], C]:
-        """Decorate a class: each field of the struct, a dict of names to types, is recorded whenever it is set.
+        """Return a class decorator: each field of the struct, a dict of names to types, is recorded when it is set.
 
-        A field is None until it is set; what it is set to is not checked. Types: int, float, str, bool, None, Optional,
-        Union, tuple[...] and list[...] of those.
+        A field is None until it is set; new values are not checked. Types: int, float, str, bool, None, Optional,
+        Union, tuple[...] and list[...] of these.
 
         Raises:
-            BadType (TypeError): the struct or the class does not do; raised when the class is decorated.
+            BadType (TypeError): the struct or the class is not suitable; raised when the class is decorated.
         """
 
         def decorate(cls: C) -> C:
@@ -94,10 +95,10 @@ class Components(Guarded):
         return decorate
 
     def get_component(self, name: object) -> Any:
-        """Return the component of that name.
+        """Return a component by name.
 
         Raises:
-            UnknownName (KeyError): there is none.
+            UnknownName (KeyError): the component does not exist.
         """
         try:
             return self._components[name]
@@ -106,10 +107,10 @@ class Components(Guarded):
 
     @refused_while_deciding
     def delete_component(self, name: object) -> None:
-        """Forget a component; the object lives on, unrecorded.
+        """Delete a component; the object continues to exist, but is not recorded.
 
         Raises:
-            UnknownName (KeyError): there is none of that name.
+            UnknownName (KeyError): the component does not exist.
         """
         if _kind_under(self.get_component(name), name):
             self._on_event("COMPONENT_DELETE", {"name": name})
@@ -121,7 +122,7 @@ class Components(Guarded):
 
     @refused_while_deciding
     def add_component(self, name: object, obj: object) -> None:
-        """Keep any object under a name. A deleted component that comes back is recorded again.
+        """Store any object under a name. A deleted component that is added again is recorded again.
 
         Raises:
             Duplicate (ValueError): the name is taken.
@@ -134,15 +135,15 @@ class Components(Guarded):
         self._components[name] = obj
 
     def is_component_registered(self, key: Key) -> bool:
-        """Whether a class is registered, by module and qualified name."""
+        """Return whether a class is registered, by module and qualified name."""
         return _as_class_key(key) in self._component_registry
 
     @refused_while_deciding
     def unregister_component(self, key: Key) -> None:
-        """Forget a class; its components stay.
+        """Unregister a class; its components stay.
 
         Raises:
-            UnknownName (KeyError): it is not registered.
+            UnknownName (KeyError): the class is not registered.
         """
         key = _as_class_key(key)
         if key not in self._component_registry:
@@ -151,13 +152,13 @@ class Components(Guarded):
         del self._component_registry[key]
 
     def recorded(self) -> Recorded:
-        """Return all that is recorded now, for `since`."""
+        """Return the present state, for `since`."""
         kinds = {name: _kind_under(one, name) for name, one in self._components.items()}
         values = {name: dict(getattr(self._components[name], STORE)) for name, kind in kinds.items() if kind}
         return set(self._component_registry), {name: (kind.key, values[name]) for name, kind in kinds.items() if kind}
 
     def keyframe(self) -> dict[str, Any]:
-        """Return what a keyframe holds: the `classes`, each with the names of its fields, and all `values` by name."""
+        """Return the part of a keyframe: `classes`, each with the names of its fields, and all `values` by name."""
         return {
             "classes": [[*key, list(kind.fields)] for key, kind in self._classes.items()],
             "values": {
@@ -167,7 +168,7 @@ class Components(Guarded):
         }
 
     def since(self, known: Recorded) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Yield the events that lead from what `recorded` returned to how things are now."""
+        """Yield the events between a result of `recorded` and the present state."""
         classes, components = known
         now = self.recorded()[1]
         gone = [name for name, (key, _) in components.items() if name not in now or now[name][0] != key]
@@ -183,10 +184,11 @@ class Components(Guarded):
             if key in classes | needed and key not in self._component_registry:
                 yield "COMPONENT_UNREGISTER", {"key": list(key)}
 
-    # -- what components report -----------------------------------------------------------------------------------
+    # -- called by components
+    # -------------------------------------------------------------------------------------
 
     def begin(self, component: object, name: object) -> None:
-        """Keep a new component.
+        """Add a new component.
 
         Raises:
             Duplicate (ValueError): the name is taken; nothing was reported.
@@ -204,13 +206,13 @@ class Components(Guarded):
         self._components[name] = component
 
     def abandon(self, component: object) -> None:
-        """Forget a component whose `__init__` failed."""
+        """Remove a component whose `__init__` failed."""
         name = getattr(component, STORE)["name"]
         if self._components.get(name) is component:
             self.delete_component(name)
 
     def assign(self, component: object, field: str, value: object) -> None:
-        """Set a field, and say so."""
+        """Set a field, and report it."""
         store = getattr(component, STORE)
         kind = kind_of(component)
         if kind is not None:
@@ -219,32 +221,34 @@ class Components(Guarded):
             self._on_event("COMPONENT_UPDATE", _update(store["name"], field, value))
         store[field] = value
 
-    # -- what a recording says ------------------------------------------------------------------------------------
+    # -- called for recordings
+    # ------------------------------------------------------------------------------------
 
     @refused_while_deciding
     def apply(self, opcode_name: str, data: dict[str, Any], *, lenient: bool = False) -> None:
-        """Do what a record of the five operation codes says. Nothing is imported or evaluated.
+        """Apply a record of one of the five operation codes. Nothing is imported or evaluated.
 
-        Only declared fields are set, to plain values of whatever type: a game does not check types, either.
+        Only declared fields are set, to plain values of any type: games do not check types, either.
 
         Args:
-            opcode_name: such as "COMPONENT_CREATE".
-            data: what the record holds.
-            lenient: as recordings of 1.0.0 need, which wrote before it checked: skip what it refused to do then (a
-                second component of a name, anything about an unknown one).
+            opcode_name: for example "COMPONENT_CREATE".
+            data: data of the record.
+            lenient: for recordings of 1.0.0, which wrote records before checking them: skip operations that it refused
+            (a second component with the same name, operations on unknown components).
 
         Raises:
             RecordingError: the record cannot be applied; nothing changed.
         """
         doing = _APPLIED.get(opcode_name)
         if doing is None or not isinstance(data, dict):
-            raise RecordingError(f"{shown(opcode_name)} is no operation on components, or its data is no map.")
+            raise RecordingError(f"{shown(opcode_name)} is not an operation on components, or its data are not a map.")
         doing(self, data, lenient)
 
     def _apply_register(self, data: dict[str, Any], lenient: bool) -> None:
-        key, struct = _key_in(data, "key"), data.get("struct", {})
+        key = _key_in(data, "key")
+        struct = data.get("struct", {})
         if not isinstance(struct, dict) or len(struct) > _MOST_FIELDS:
-            raise RecordingError(f"A component class is declared without a map of at most {_MOST_FIELDS} fields.")
+            raise RecordingError(f"A component class is declared without a map with at most {_MOST_FIELDS} fields.")
         with refusing(_IMPOSSIBLE, (BadType,)):
             fields = {checked_name(name): struct_types.parse(text) for name, text in struct.items()}
         kind = self._classes.get(key)
@@ -268,17 +272,18 @@ class Components(Guarded):
         self._register(cls, fields, texts)
 
     def _apply_create(self, data: dict[str, Any], lenient: bool) -> None:
-        name, key = _name_in(data), _key_in(data, "type")
+        name = _name_in(data)
+        key = _key_in(data, "type")
         if key not in self._classes:
-            raise RecordingError(f"The recording makes a component of the unknown class {key}.")
+            raise RecordingError(f"The recording creates a component of the unknown class {key}.")
         if name in self._components:
             if lenient:
                 return
-            raise RecordingError(f"The recording makes a second component named {shown(name)}.")
+            raise RecordingError(f"The recording creates a second component named {shown(name)}.")
         self._keep(name, self._made(self._classes[key], name))
 
-    def _made(self, kind: Kind, name: object) -> Any:
-        """Return a component with its fields None; its author's `__init__` runs where it needs no arguments."""
+    def _made(self, kind: ComponentKind, name: object) -> Any:
+        """Return a component with all fields None; calls its author's `__init__` if this needs no arguments."""
         self._is_silent = True
         try:
             with refusing(f"The component {shown(name)} of class {kind.key} cannot be made", (Exception,)):
@@ -292,12 +297,13 @@ class Components(Guarded):
             self._is_silent = False
 
     def _apply_update(self, data: dict[str, Any], lenient: bool) -> None:
-        name, field = _name_in(data), data.get("key")
+        name = _name_in(data)
+        field = data.get("key")
         if name not in self._components and lenient:
             return
         kind = _kind_under(self._components.get(name), name)
         if kind is None:
-            raise RecordingError(f"The recording changes {shown(name)}, which is no recorded component.")
+            raise RecordingError(f"The recording changes {shown(name)}, which is not a recorded component.")
         if not isinstance(field, str) or field not in kind.fields:
             raise RecordingError(f"The recording sets {shown(field)} of {shown(name)}, no field of {kind.key}.")
         self.assign(self._components[name], field, data.get("value"))
@@ -316,12 +322,13 @@ class Components(Guarded):
         elif not lenient:
             raise RecordingError(f"The recording unregisters the unknown component class {key}.")
 
-    # -- within ---------------------------------------------------------------------------------------------------
+    # -- private
+    # --------------------------------------------------------------------------------------------------
 
     @refused_while_deciding
     def _register(self, cls: Any, fields: dict[str, FieldType], texts: dict[str, str]) -> None:
-        """Make a checked class a component; of two classes with one key and the same fields the first is kept."""
-        kind = Kind(cls, fields, cls.__init__)
+        """Make a checked class a component; of two classes with the same key and fields the first is kept."""
+        kind = ComponentKind(cls, fields, cls.__init__)
         key = kind.key
         is_known = key in self._component_registry
         is_same = is_known and self._classes[key].fields == fields
@@ -365,59 +372,60 @@ def _update(name: object, field: str, value: object) -> dict[str, Any]:
 
 
 def _events_of(component: object) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the events that make this component."""
-    kind, store = kind_of(component), getattr(component, STORE)
+    """Yield the events that create this component."""
+    kind = kind_of(component)
+    store = getattr(component, STORE)
     assert kind is not None  # noqa: S101 - only components come here
     yield "COMPONENT_CREATE", {"name": store["name"], "type": list(kind.key)}
     yield from _updates(store, dict.fromkeys(store, None))
 
 
 def _updates(values: dict[str, Any], before: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the events that make these values of those."""
+    """Yield the events that change the values `before` to `values`."""
     for field, value in values.items():
         if field != "name" and value is not before[field] and repr(value) != repr(before[field]):
             yield "COMPONENT_UPDATE", _update(values["name"], field, value)
 
 
-# -- what lies in a file ------------------------------------------------------------------------------------------
+# -- data of records ----------------------------------------------------------------------------------------------
 
 
 def _name_in(data: dict[str, Any]) -> Any:
     name = data.get("name")
     if "name" not in data or not (name is None or isinstance(name, str | int | float)):
-        raise RecordingError("A record names no component.")
+        raise RecordingError("A record does not name a component.")
     return name
 
 
 def _key_in(data: dict[str, Any], part: str) -> Key:
     key = data.get(part)
     if not isinstance(key, list | tuple) or len(key) != 2 or not all(isinstance(one, str) for one in key):
-        raise RecordingError("A record names no component class by module and qualified name.")
+        raise RecordingError("A record does not name a component class by module and qualified name.")
     module, qualname = key
     if not (module + qualname).isprintable() or not qualname or len(module + qualname) > 1000:
-        raise RecordingError("A record names a component class that cannot be.")
+        raise RecordingError("A record names an invalid component class.")
     return main_module(module), qualname
 
 
 # -- classes ------------------------------------------------------------------------------------------------------
 
 
-def kind_of(component: object) -> Kind | None:
-    """Return the kind of a component; None for any other object."""
+def kind_of(component: object) -> ComponentKind | None:
+    """Return the kind of a component; None for other objects."""
     return getattr(type(component), _KIND, None) if STORE in getattr(component, "__dict__", ()) else None
 
 
-def _kind_under(component: object, name: object) -> Kind | None:
+def _kind_under(component: object, name: object) -> ComponentKind | None:
     """Return the kind of an object that is recorded under this name, else None."""
     kind = kind_of(component)
     return kind if kind is not None and getattr(component, STORE)["name"] == name else None
 
 
 def checked_name(name: object) -> str:
-    """The name of a field.
+    """Return the checked name of a field.
 
     Raises:
-        BadType (TypeError): it is no text, or reserved.
+        BadType (TypeError): the name is not a text, or is reserved.
     """
     if not isinstance(name, str):
         raise BadType(f"The name of a field must be a str, not {shown(name)}.")
@@ -430,7 +438,7 @@ def check_class(cls: object, fields: Mapping[str, FieldType]) -> None:
     """Check that a class can become a component.
 
     Raises:
-        BadType (TypeError): it is no class, has no room for the values, or its names clash with the fields.
+        Return the numbers of the events in turns `first` to `last - 1`, optionally only of some kinds.
     """
     if not isinstance(cls, type):
         raise BadType(f"Only a class can be a component, not {shown(cls)}.")
@@ -447,7 +455,7 @@ def check_class(cls: object, fields: Mapping[str, FieldType]) -> None:
 
 
 def takes_nothing(init: Callable[..., None]) -> bool:
-    """Whether an `__init__` can be called with no argument but the object."""
+    """Return whether an `__init__` can be called without arguments."""
     try:
         signature_of(init).bind(object())
     except (TypeError, ValueError):
@@ -458,14 +466,15 @@ def takes_nothing(init: Callable[..., None]) -> bool:
 def _parameters_of(cls: type[Any]) -> Mapping[str, Any]:
     try:
         return signature_of(cls.__init__).parameters
-    except ValueError:  # of a class that is not written in Python
+    except ValueError:  # for a class not written in Python
         return {}
 
 
 def _property_of(field: str, components: Components) -> property:
     def get(self: object) -> Any:
         value = getattr(self, STORE)[field]
-        return list(value) if isinstance(value, list) else value  # a change within would go unrecorded
+        # a copy, because changes of the list itself are not recorded
+        return list(value) if isinstance(value, list) else value
 
     def put(self: object, value: object) -> None:
         components.assign(self, field, value)
@@ -473,7 +482,7 @@ def _property_of(field: str, components: Components) -> property:
     return property(get, put, doc=f"The recorded field {shown(field)}; a list is handed out as a copy.")
 
 
-def _init_of(kind: Kind, components: Components) -> Callable[..., None]:
+def _init_of(kind: ComponentKind, components: Components) -> Callable[..., None]:
     def __init__(self: object, name: object, *args: object, **kwargs: object) -> None:  # noqa: N807 - it becomes the method
         kind.begin(self, name)
         components.begin(self, name)
@@ -490,15 +499,15 @@ def _init_of(kind: Kind, components: Components) -> Callable[..., None]:
 
 
 def component(ctx: IContext, struct: Mapping[str, object] | None = None) -> Callable[[C], C]:
-    """Decorate a class whose declared fields are recorded; the same as `ctx.record.component(struct)`."""
+    """Return a class decorator; equal to `ctx.record.component(struct)`."""
     return ctx.record.component(struct)
 
 
 def check_validity(data_type: object) -> None:
-    """Check that a field of a component may be of this type.
+    """Check the type of a field of a component.
 
     Raises:
-        BadType (TypeError): it may not.
+        BadType (TypeError): the type is not allowed.
     """
     if data_type is None:
         raise BadType("The type of a field cannot be None alone. Use Optional[...] of another type.")

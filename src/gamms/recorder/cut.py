@@ -1,8 +1,8 @@
-"""Cut a recording down to what a team knew: fog of war in the bytes, not on the screen.
+"""Reduce a recording to the knowledge of a team: the rest is not in the file.
 
-Who may know of an event is what the table of events says (`ir/events.py`). Agents of others are there while the team
-senses them, where its sensors reported them: they come when they are seen and are taken out when they are not. What
-is sensed in front of a turn belongs to the state before it, so that a state shows what the team decides by.
+The table of events (`ir/events.py`) defines the audience of each event. Agents of other teams exist in a cut while the
+team senses them, at their reported positions: they are created when they are seen and deleted when they are not. Sensor
+data before a turn belong to the state before it, so that a state shows what the team decides from.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -31,28 +31,30 @@ from gamms.text import as_text
 
 _Event = tuple[int, Any]
 _KEYFRAME_TURNS = 64
-_PUBLIC = ("format", "package", "created", "world", "world_sha256")  # of a header; the rest may name agents of others
+# of a header; other entries may name agents of other teams
+_PUBLIC = ("format", "package", "created", "world", "world_sha256")
 _OF_ALL = ("graph", "obstacles", "flags", "territory", "tags", "goals", "held", "discovered", "resources", "cooldowns")
-_OF_AGENTS = (Role.AGENT, Role.NUMBER, Role.EACH, Role.BY_AGENT, Role.BY_TEAM)  # fields that tell of agents
-_OF_STATE = ("pace", "components", "events", "settings", "facts")  # of a keyframe that all may know
+# roles of fields with information about agents
+_OF_AGENTS = (Role.AGENT, Role.NUMBER, Role.EACH, Role.BY_AGENT, Role.BY_TEAM)
+_OF_STATE = ("pace", "components", "events", "settings", "facts")  # parts of a keyframe that everybody may know
 
 
-class Cut:
-    """What some agents know of a game, worked out turn by turn.
+class KnowledgeFilter:
+    """The knowledge of some agents about a game, computed turn by turn.
 
-    While a turn waits for what is sensed behind it, its agents have numbers that this class gives to their names; only
-    when it is given out is it clear which agents come in which order, and so which numbers they have there.
+    While a turn waits for the sensor data behind it, agents have numbers assigned by this class; the final numbers are
+    assigned when the turn is returned, in the order in which agents appear.
 
-    Every call raises one of `errors.DAMAGES` where an event does not fit the state.
+    Every method may raise one of `errors.DAMAGES` if an event does not fit the state.
 
     Args:
-        keyframe: how the game begins; not changed.
-        is_own: says of the name and the team of an agent whether it is one of those that know.
-        nearest: gives the node below a place, (x, y).
-        visuals: what the header of the whole recording says of artists and colours; None: nothing.
+        keyframe: state at the beginning; unchanged.
+        is_own: function of the name and the team of an agent: whether it is one of the agents with this knowledge.
+        nearest: function from a place (x, y) to the nearest node.
+        visuals: artists and colors in the header of the whole recording; None: none.
 
     Attributes:
-        is_shown: whether the turn before the one that is added was given out.
+        is_shown: whether the previous turn was returned.
     """
 
     def __init__(
@@ -62,34 +64,35 @@ class Cut:
         nearest: Nearest,
         visuals: Mapping[str, Any] | None = None,
     ) -> None:
-        self._is_own, self._nearest = is_own, nearest
+        self._is_own = is_own
+        self._nearest = nearest
         self._visuals = visuals
-        self._met: set[str] = set()  # the names of others that were shown so far
-        self._ids: dict[str, int] = {}  # name -> number while a turn waits
-        self._seen: dict[str, Sighting] = {}  # others that the team sees, in the turn that waits
-        self._in_view: Collection[str] = ()  # those that it sees in the turn that is added
+        self._met: set[str] = set()  # names of other agents shown so far
+        self._ids: dict[str, int] = {}  # name -> number, while a turn waits
+        self._seen: dict[str, Sighting] = {}  # other agents seen in the waiting turn
+        self._in_view: Collection[str] = ()  # other agents seen in the present turn
         self._later: dict[int, list[_Event]] = {}  # turn -> messages that arrive in it
-        self._turn = 0  # of the log that is added
-        self._waiting: list[_Event] | None = None  # the turn that was added last, until it is given out
-        self._happened: list[_Event] = []  # in the turn that is added
-        self._sighted: dict[str, Sighting] | None = None  # others that are seen in it; None: nothing was sensed
+        self._turn = 0  # number of the present turn
+        self._waiting: list[_Event] | None = None  # the previous turn, until it is returned
+        self._happened: list[_Event] = []  # events of the present turn
+        self._sighted: dict[str, Sighting] | None = None  # other agents seen in the present turn; None: no sensor data
         self.is_shown = False
-        self._all = DetachedState(deepcopy(keyframe))  # where the events that are added have led to
+        self._all = DetachedState(deepcopy(keyframe))  # state after all added events
         self._look_around()
         self._first = self._restricted(keyframe)
         self._flags = self._flags_in_view()  # that are known
-        self._known = DetachedState(deepcopy(self._first))  # where those that were given out have led to
+        self._known = DetachedState(deepcopy(self._first))  # state after all returned events
         self._numbers = {self._ids[name]: row for row, name in enumerate(self._first["names"])}
         self._carried = {sensor["id"]: sensor for sensor in self._sensors_of(self._own)}  # that are known
         self._looks = self.visuals()  # that are known
 
     def add(self, log: Log, *, is_end: bool = True) -> Iterator[Log]:
-        """Add what has happened in the next turn; yields the one before it once its own agents have sensed.
+        """Add the events of the next turn; yields the previous turn once the own agents have sensed.
 
-        So a game that goes on shows what they decide by before they decide.
+        So in a running game viewers see the data of a decision before the decision.
 
         Args:
-            log: since the last call.
+            log: events since the last call.
             is_end: whether the turn is over.
         """
         for kind, data in events_of(log):
@@ -104,7 +107,7 @@ class Cut:
             yield from self._end()
 
     def _look(self, data: Mapping[str, Any]) -> Iterator[Log]:
-        """Note what its own agents sense; yields the turn before, with what they see behind it."""
+        """Record the sensor data of the own agents; yields the previous turn, with the agents seen after it."""
         looks = self._own_looks(data)
         self._sighted = (self._sighted or {}) | self._sightings(looks)
         self._in_view = self._sighted.keys()
@@ -116,7 +119,7 @@ class Cut:
         self._happened.append((kinds.SENSED, sensed.renumbered(sensed.columns_of(looks), self._id_of)))
 
     def _give(self, shown: list[_Event]) -> Iterator[Log]:
-        """Yield the turn before with what is shown behind it."""
+        """Yield the previous turn with events for the agents seen after it."""
         self.is_shown = True
         if self._waiting is None:
             self._given(shown)
@@ -129,28 +132,32 @@ class Cut:
         if not self.is_shown:
             yield from self._give([] if self._sighted is None else [*self._show({})])
         own = [*self._happened, *self._later.pop(self._turn, ()), *self._new_flags(self._flags_in_view())]
-        self._waiting, self._turn = own, self._turn + 1
-        self._happened, self._sighted, self.is_shown = [], None, False
+        self._waiting = own
+        self._turn = self._turn + 1
+        self._happened = []
+        self._sighted = None
+        self.is_shown = False
 
     def rest(self) -> Iterator[Log]:
-        """Yield the last turn, behind which nothing was sensed."""
+        """Yield the last turn, which has no sensor data after it."""
         if self._waiting is not None:
             yield self._given(self._waiting)
             self._known.apply([])
             self._waiting = None
 
     def keyframe(self, turns: int) -> Keyframe:
-        """Return the state after so many turns, all that were given out; the first one when one turn was added."""
+        """Return the state after `turns` returned turns; the initial state when one turn was added."""
         return ({} if turns else self._first) | self._known.keyframe(turns)
 
     def visuals(self) -> dict[str, Any] | None:
-        """Return the artists and colours that the team knows now; None: nothing was declared.
+        """Return the artists and colors that the team knows now; None: none are declared.
 
-        Artists with drawers or shapes of the program's own are left out: they see everything.
+        Artists with custom drawers or shapes are left out, because they see everything.
         """
         if self._visuals is None:
             return None
-        agents, sensors = self._own.keys() | self._met, {sensor["id"] for sensor in self._sensors_of(self._own)}
+        agents = self._own.keys() | self._met
+        sensors = {sensor["id"] for sensor in self._sensors_of(self._own)}
         names = {"agent": agents, "sensor": sensors}
         artists = [
             one
@@ -163,10 +170,10 @@ class Cut:
             known["team_colors"] = {side: one for side, one in known["team_colors"].items() if side not in hidden}
         return known
 
-    # -- who is known -------------------------------------------------------------------------------------------
+    # -- own agents ---------------------------------------------------------------------------------------------
 
     def _look_around(self) -> None:
-        """Note who is there, and who is one of those that know."""
+        """Update the existing agents and the own agents."""
         columns = self._all.agents.columns
         self._all.agents.settle()
         self._version = self._all.agents.version
@@ -180,7 +187,7 @@ class Cut:
         return self._ids[self._names[number]]
 
     def _sensors_of(self, names: Iterable[str]) -> list[dict[str, Any]]:
-        """Return the sensors that agents carry, in the order of all."""
+        """Return the sensors of the given agents, in the order of all sensors."""
         agents = self._all.agents
         carried = {one for name in names for one in agents.columns["sensors"][agents.row(name)].values()}
         return [sensor for sensor_id, sensor in self._all.sensors.items() if sensor_id in carried]
@@ -188,7 +195,7 @@ class Cut:
     # -- whole states ---------------------------------------------------------------------------------------------
 
     def _restricted(self, of: Keyframe) -> Keyframe:
-        """Return the state as its own agents know it; what is not in columns is taken from a keyframe or snapshot."""
+        """Return the state as known to the own agents; data outside the columns come from a keyframe or snapshot."""
         columns = self._all.agents.columns
         names = [name for name in columns["names"] if name in self._own]
         rows = [self._all.agents.row(name) for name in names]
@@ -211,7 +218,7 @@ class Cut:
         return packed | history
 
     def _heard(self, entries: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
-        """Yield the messages that its own agents sent, or have heard by now, without what they do not know of them."""
+        """Yield the messages that the own agents sent or have received, without unknown details."""
         for entry in entries:
             heard = self._heard_until(entry, self._all.game.turn)
             if entry["sender"] in self._own or any(heard.values()):
@@ -223,14 +230,14 @@ class Cut:
         }
 
     def _game(self) -> GameState:
-        """Return what its own agents know of what the game has come to."""
+        """Return the part of the game state that the own agents know."""
         game = GameState()
         game.put_known(self._all.game, self._own, set(self._own.values()))
         game.data.update(self._flags_in_view())
         return game
 
     def _flags_in_view(self) -> dict[Any, Any]:
-        """Return the flags that rules keep: where they begin, and that one is carried, but not by whom out of sight."""
+        """Return the flags of rules as known: their bases, and that they are carried, but not by which unseen agent."""
         found = {}
         for key, kept in self._all.game.data.items():
             if isinstance(kept, dict) and all(isinstance(kept.get(part), dict) for part in ("bases", "carriers")):
@@ -242,7 +249,8 @@ class Cut:
         return found
 
     def _new_flags(self, now: dict[Any, Any]) -> Iterator[_Event]:
-        before, self._flags = self._flags, now
+        before = self._flags
+        self._flags = now
         if now != before:
             yield kinds.GAME_DATA, {"set": now, "removed": [key for key in before if key not in now]}
 
@@ -252,10 +260,10 @@ class Cut:
     def _of_own(self, by_name: Mapping[str, Any]) -> dict[str, Any]:
         return {name: value for name, value in by_name.items() if name in self._own}
 
-    # -- events, while they wait ------------------------------------------------------------------------------------
+    # -- waiting events -----------------------------------------------------------------------------------------
 
     def _cut(self, kind: int, data: Plain) -> Iterator[_Event]:
-        """Yield the part of an event that the agents know, given the state before the event."""
+        """Yield the part of an event that the own agents know, given the state before the event."""
         audience = EVENTS[kind].audience if kind in EVENTS else Audience.HOST
         if audience is Audience.HEARD:
             yield from self._heard_later(kind, data)
@@ -268,7 +276,7 @@ class Cut:
                 yield kind, own
 
     def _own_part(self, kind: int, data: Plain) -> Any:
-        """Return the data of an event as far as the agents know it; None: they know nothing of it."""
+        """Return the known part of the data of an event; None if nothing is known."""
         if kind == MOVES:
             return [item for pair in zip(data[::2], data[1::2], strict=True) for item in self._own_move(*pair)] or None
         if isinstance(data, tuple):  # (number, …)
@@ -294,7 +302,7 @@ class Cut:
             yield int(node)
 
     def _own_rows(self, kind: int, data: Mapping[str, Any]) -> list[int]:
-        """Return the places of the agents in the columns of an event."""
+        """Return the rows of the own agents in the columns of an event."""
         names: list[str] = []
         for key, field in EVENTS[kind].fields.items():
             if field.role is Role.NUMBER:
@@ -304,7 +312,7 @@ class Cut:
         return [row for row, name in enumerate(names) if name in self._own]
 
     def _own_items(self, role: Role, value: Plain, rows: list[int]) -> Any:
-        """Return the part of the value of a field that is of the agents."""
+        """Return the part of the value of a field that concerns the own agents."""
         if role is Role.BY_AGENT:
             return self._of_own(value)
         if role is Role.BY_TEAM:
@@ -316,7 +324,7 @@ class Cut:
         return items
 
     def _is_witnessed(self, kind: int, data: Mapping[str, Any]) -> bool:
-        """Whether an event names no agents, or one that is in sight; rules emit for those who watch a game."""
+        """Return whether an event names no agents, or at least one visible agent."""
         if data.get("kind") in DECISIONS and "agent" in data:
             return data["agent"] in self._own
         actors = [data[key] for key, field in EVENTS[kind].fields.items() if field.role is Role.AGENT]
@@ -324,7 +332,7 @@ class Cut:
         return not named or any(map(self._is_in_view, named))
 
     def _heard_later(self, kind: int, data: Plain) -> Iterator[_Event]:
-        """Yield a message of its own agents now; those of others in the turns in which they are heard."""
+        """Yield a message of the own agents now, and messages of others in the turns in which they arrive."""
         own = {**data, "lost": [], "jammed": []}
         if data["sender"] in self._own:
             yield kind, own | self._heard_until(data, np.inf)
@@ -335,7 +343,7 @@ class Cut:
             self._later.setdefault(self._turn + max(turn - data["turn"], 0), []).append((kind, own | now))
 
     def _after(self, kind: int, data: Plain) -> Iterator[_Event]:
-        """Yield what follows from an event that has happened: the state it set, who joined or left, new sensors."""
+        """Yield consequences of an event: state changes, agents that joined or left the team, new sensors."""
         if kind == kinds.SNAPSHOT:
             yield from self._hide(list(self._seen))
             self._in_view = ()
@@ -361,7 +369,7 @@ class Cut:
             yield from self._new_visuals()
 
     def _new_sensors(self, removed: Iterable[str]) -> Iterator[_Event]:
-        """Yield which sensors its own agents carry that were not known, or are set otherwise now."""
+        """Yield new or changed sensors of the own agents."""
         gone = [sensor_id for sensor_id in removed if self._carried.pop(sensor_id, None) is not None]
         new = [sensor for sensor in self._sensors_of(self._own) if self._carried.get(sensor["id"]) != sensor]
         self._carried.update((sensor["id"], sensor) for sensor in new)
@@ -370,9 +378,10 @@ class Cut:
             yield from self._new_visuals()
 
     def _creation(self, name: str) -> dict[str, Any]:
-        """Return what says that an agent comes which has come to the team."""
+        """Return the creation event of an agent that joined the team."""
         agents = self._all.agents
-        columns, row = agents.columns, agents.row(name)
+        columns = agents.columns
+        row = agents.row(name)
         at = keyframes.row_of(columns, row)
         given = {
             "start_node_id": at["node"],
@@ -384,10 +393,10 @@ class Cut:
             given["speed"] = columns["speed"][row]
         return _coming(name, given, at["position"])
 
-    # -- who is seen ------------------------------------------------------------------------------------------------
+    # -- visible agents -----------------------------------------------------------------------------------------
 
     def _own_looks(self, data: Mapping[str, Any]) -> list[tuple[int, list[Look]]]:
-        """Return what sensors of its own agents gave, by agent."""
+        """Return the looks of the sensors of the own agents, by agent."""
         numbers = [number for number in data["agents"].tolist() if self._names.get(number) in self._own]
         looks: dict[int, list[Look]] = {number: [] for number in numbers}
         for number, look in sensed.looks_of(data):
@@ -396,8 +405,9 @@ class Cut:
         return [(self._id_of(number), each) for number, each in looks.items()]
 
     def _sightings(self, observers: Iterable[tuple[int, list[Look]]]) -> dict[str, Sighting]:
-        """Return where looks have seen agents of others that are there."""
-        found, there = {}, set(self._names.values())
+        """Return the sightings of existing agents of other teams."""
+        found = {}
+        there = set(self._names.values())
         for look in chain.from_iterable(looks for _, looks in observers):
             for agent, sighting in sensed.sightings(look, self._nearest):
                 name = self._names.get(agent) if isinstance(agent, int) else agent
@@ -406,14 +416,16 @@ class Cut:
         return found
 
     def _show(self, seen: Mapping[str, Sighting]) -> Iterator[_Event]:
-        """Yield the coming, going and moving of others by which just those are there that are seen."""
+        """Yield events that create, delete and move other agents, so that exactly the seen ones exist."""
         self._all.agents.settle()
         columns = self._all.agents.columns
         known = set(columns["names"]) - self._own.keys()
         there = [name for name in seen if name in known]
         yield from self._hide([name for name in self._seen if name not in there])
         for name in there:
-            sighting, row, before = seen[name], self._all.agents.row(name), self._seen.get(name)
+            sighting = seen[name]
+            row = self._all.agents.row(name)
+            before = self._seen.get(name)
             if before is None:
                 given = {"start_node_id": sighting.node, "team": columns["teams"][row]}
                 yield kinds.AGENT_CREATE, _coming(name, given, sighting.position)
@@ -429,7 +441,7 @@ class Cut:
             yield from self._new_visuals()
 
     def _new_visuals(self) -> Iterator[_Event]:
-        """Yield the artists and colours that the team knows, if these are others than before."""
+        """Yield the artists and colors that the team knows, if they have changed."""
         now = self.visuals()
         if now != self._looks:
             self._looks = now
@@ -440,10 +452,11 @@ class Cut:
             del self._seen[name]
             yield kinds.AGENT_DELETE, {"name": name}
 
-    # -- events, given out --------------------------------------------------------------------------------------------
+    # -- returned events
+    # --------------------------------------------------------------------------------------------
 
     def _given(self, events: Iterable[_Event]) -> Log:
-        """Return events with the numbers that agents have where the cut is read, and apply them to what is known."""
+        """Return events with the agent numbers of the cut, and apply them to the known state."""
         log: Log = []
         for event in events:
             for kind, data in self._numbered(*event):
@@ -455,7 +468,7 @@ class Cut:
         return log
 
     def _numbered(self, kind: int, data: Plain) -> Iterator[_Event]:
-        """Yield an event with these numbers; nothing, if it is of an agent that is not known."""
+        """Yield an event with the agent numbers of the cut; nothing for an unknown agent."""
         number_of = self._numbers.__getitem__
         if kind in (kinds.AGENT_CREATE, kinds.AGENT_DELETE, kinds.SNAPSHOT):
             if self._renumber(kind, data):
@@ -471,11 +484,12 @@ class Cut:
             yield kind, renumbered(kind, data, number_of)
 
     def _renumber(self, kind: int, data: Plain) -> bool:
-        """Note who comes and goes by an event; returns whether that is news."""
+        """Update the agents after a creation or deletion; return whether anything changed."""
         if kind == kinds.SNAPSHOT:
             self._numbers = {self._ids[name]: row for row, name in enumerate(data["names"])}
             return True
-        agent, is_known = self._ids[data["name"]], self._ids[data["name"]] in self._numbers
+        agent = self._ids[data["name"]]
+        is_known = self._ids[data["name"]] in self._numbers
         if kind == kinds.AGENT_CREATE and not is_known:
             self._numbers[agent] = self._known.agents.following
         elif kind == kinds.AGENT_DELETE and is_known:
@@ -484,7 +498,7 @@ class Cut:
 
 
 def _coming(name: str, given: dict[str, Any], position: tuple[float, ...] | None) -> dict[str, Any]:
-    """Return the data of the event that an agent comes, on the ground or in the air."""
+    """Return the data of the creation event of an agent, on the ground or in the air."""
     if position is None:
         return {"name": name, "kwargs": given}
     return {
@@ -495,7 +509,7 @@ def _coming(name: str, given: dict[str, Any], position: tuple[float, ...] | None
 
 
 def _texts_in(value: Plain) -> Iterator[str]:
-    """Yield all texts in a plain value, those in lists and dicts in it, too."""
+    """Yield all texts in a plain value, including lists and dicts."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, Mapping):
@@ -508,14 +522,14 @@ def _texts_in(value: Plain) -> Iterator[str]:
 def sides_of(
     header: Mapping[str, Any], first: Keyframe, is_own: Callable[[str, Any], bool] = lambda _name, _team: True
 ) -> list[str | None]:
-    """Return the sides of a game in the order in which they choose their colours, which no cut changes.
+    """Return the sides of a game in the order of their color assignment, which is the same in all cuts.
 
-    A side is a team, by its text, or an agent without one, by its name; None for such an agent that is not known.
+    A side is the text of a team, or the name of an agent without a team; None for an unknown agent without a team.
 
     Args:
-        header: of the whole recording.
-        first: the first keyframe of the game.
-        is_own: says of the name and the team of an agent whether it is known.
+        header: header of the whole recording.
+        first: first keyframe of the game.
+        is_own: function of the name and the team of an agent: whether it is known.
     """
     sides: dict[str | int, str | None] = {}
     for name, team in zip(first["names"], first["teams"], strict=True):
@@ -530,32 +544,32 @@ def sides_of(
     return list(sides.values())
 
 
-def cut_header(header: Mapping[str, Any], cut: Cut) -> dict[str, Any]:
-    """Return what a team knows of the header of a game in the beginning."""
+def cut_header(header: Mapping[str, Any], cut: KnowledgeFilter) -> dict[str, Any]:
+    """Return the part of a header that a team knows at the beginning."""
     visuals = cut.visuals()
     public = {key: header[key] for key in _PUBLIC if key in header}
     return {**public, **({} if visuals is None else {"visuals": visuals})}
 
 
 def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object) -> None:
-    """Write what a team knew into a stream; see `Recording.cut`.
+    """Write the knowledge of a team to a stream; see `Recording.cut`.
 
     Args:
-        reader: of the whole recording.
-        columns: of its map.
+        reader: reader of the whole recording.
+        columns: columns of its map.
         out: the stream.
-        team: see there.
+        team: see `Recording.cut`.
     """
     first = reader.keyframe(0)
     if first is None or not any(True for _ in reader.events(kinds={kinds.SENSED})):
-        raise BadValue("This recording does not say what agents sensed: record with ctx.record.start(…, sensed=True).")
+        raise BadValue("This recording has no sensor data: record with ctx.record.start(…, sensed=True).")
 
     def is_own(name: str, team: Any) -> bool:
         return bool((name if team is None else team) == own)
 
     own = _team_of(reader, first[1], team)
     with refusing("It cannot be cut", DAMAGES):
-        cut = Cut(first[1], is_own, sensed.nearest_on(lambda: columns), reader.header.get("visuals"))
+        cut = KnowledgeFilter(first[1], is_own, sensed.nearest_on(lambda: columns), reader.header.get("visuals"))
         header = cut_header(reader.header, cut)
     header |= {"seed": None, "audience": own, "sides": sides_of(reader.header, first[1], is_own)}
     writer = Writer(out, header, seconds=None)
@@ -572,7 +586,7 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
 
 
 def _team_of(reader: Reader, first: Keyframe, team: object) -> Any:
-    """Return the team that a caller means, as agents have it; the name of an agent that has none."""
+    """Return the team given by a caller, as agents have it; the name of an agent without a team."""
     come = [(data["name"], data["kwargs"].get("team")) for *_, data in reader.events(kinds={kinds.AGENT_CREATE})]
     come += [(data["agent_name"], data["team"]) for *_, data in reader.events(kinds={kinds.AGENT_TEAM})]
     there = zip(first["names"], first["teams"], strict=True)

@@ -1,4 +1,4 @@
-"""The state of a recording at a turn: columns that events are applied to, without a context."""
+"""The state of a recording at a turn, as columns, without a context."""
 
 from collections.abc import Iterable, Mapping, Sequence, Sized
 from typing import Any
@@ -19,10 +19,10 @@ from gamms.recorder.formats.reader import Reader
 from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe, checked_name
 from gamms.text import shown
 
-_FEW = 24  # agents that are found faster one by one
-_SHARE = 64  # of all agents: fewer than one of so many are found one by one, too
+_FEW = 24  # number of agents below which single look-ups are faster
+_SHARE = 64  # share of all agents below which single look-ups are faster
 
-# Kinds whose data this state does not hold; they are not even decoded.
+# Kinds whose data this state does not store; they are not decoded.
 _NOT_HELD = {
     kinds.UNFINISHED,
     kinds.WORLD,
@@ -33,26 +33,26 @@ _NOT_HELD = {
     kinds.USER_EVENT,
     kinds.SENSED,
 }
-_GONE: Any = object()  # in place of the value of an attribute that an agent has no longer
+_GONE: Any = object()  # marks a deleted attribute
 # Keywords of a creation that do not become attributes of the agent.
 _NO_ATTRIBUTES = {"start_node_id", "sensors", "strategy", "type", "position", "quat", *SETTABLE}
 
 
 class DetachedState(State):
-    """A state of its own that events are applied to.
+    """An independent state to which events are applied.
 
-    Every call raises Damaged (ValueError) where an event does not fit the state.
+    Every method raises Damaged (ValueError) if an event does not fit the state.
 
     Args:
-        keyframe: not to be used afterwards; checked, because files are not trusted.
-        at: how many turns it knows.
+        keyframe: initial state, checked because files are not trusted; taken over by this object.
+        at: number of turns before the state.
 
     Attributes:
-        agents: with their columns.
-        game: what the game has come to, but for what was emitted and published.
-        sensors: id -> a sensor, with its `type` and `keywords`.
-        rng_state: of the context's own random stream; None: not known.
-        beside_agents: the columns of teams and of the game that its keyframe holds.
+        agents: columns of the agents.
+        game: state of the game, without emitted events and published facts.
+        sensors: id -> sensor, with its `type` and `keywords`.
+        rng_state: state of the context's own random stream; None: unknown.
+        beside_agents: columns of teams and of the game in the keyframe.
         component_classes: (module, name) of each class -> its fields.
         components: name -> its values by field.
     """
@@ -60,7 +60,7 @@ class DetachedState(State):
     agents: "DetachedAgents"
 
     def __init__(self, keyframe: Keyframe, at: int = 0) -> None:
-        self._log = at  # the one whose events happen
+        self._log = at  # index of the present log
         self.component_classes: dict[tuple[str, str], list[str]] = {}
         self.components: dict[Any, dict[str, Any]] = {}
         with _restoring():
@@ -72,16 +72,16 @@ class DetachedState(State):
     # -- events ---------------------------------------------------------------------------------------------------
 
     def apply(self, log: Log) -> None:
-        """Apply the log of one turn."""
+        """Apply the log of a turn."""
         for kind, data in events_of(log):
             self.apply_event(kind, data)
         self._log += 1
         self.agents.settle()
 
     def apply_event(self, kind: int, data: Plain) -> None:
-        """Apply an event; one of an unknown kind does nothing."""
+        """Apply an event; unknown kinds are ignored."""
         if kind in EVENTS:
-            try:  # NOTE: not `refusing`, which takes a quarter of the time of a seek
+            try:  # NOTE: not `refusing`, which would take a quarter of the time of a seek
                 EVENTS[kind].apply(self, data)
             except DAMAGES:
                 with refusing(f"an event of kind {kind:#010x} does not fit", DAMAGES, Damaged, with_type=True):
@@ -94,15 +94,16 @@ class DetachedState(State):
                 for turn in range(begin, end):
                     self._log = turn
                     self.apply(reader.log(turn, _NOT_HELD))
-            else:  # NOTE: most turns; a tenth of the time of turn by turn (benchmarks: recordings)
+            else:  # NOTE: most turns; a tenth of the time of single turns (benchmarks: recordings)
                 _, numbers, nodes = reader.moves(begin, end)
                 self.agents.move(numbers, nodes)
         self.agents.settle()
 
-    # -- what events change ---------------------------------------------------------------------------------------
+    # -- effects of events
+    # ----------------------------------------------------------------------------------------
 
     def restore(self, snapshot: Keyframe) -> None:
-        """Become what a keyframe or a snapshot says; components stay, of which a snapshot says nothing."""
+        """Replace the state by a keyframe or a snapshot; components stay, because snapshots do not contain them."""
         with _restoring():
             columns = keyframes.checked(keyframes.opened(snapshot))
             following = keyframes.checked_following(columns["numbers"].tolist(), snapshot["next"])
@@ -115,7 +116,7 @@ class DetachedState(State):
             self._clock = int(snapshot.get("turn", 0)), self._log, int(snapshot.get("pace", 0))
 
     def count(self, turn: int, pace: int, starts: dict[str, Any]) -> None:  # noqa: ARG002 - named as in `State`
-        """Number this turn, and the following ones by adding `pace`."""
+        """Set the number of this turn, and the increment for the following turns."""
         self._clock = turn, self._log + 1, pace
 
     def set_rng(self, rng_state: Mapping[str, Plain] | None) -> None:
@@ -123,13 +124,13 @@ class DetachedState(State):
         self.rng_state = rng_state
 
     def change_sensors(self, groups: list[dict[str, Any]], removed: Sequence[str]) -> None:
-        """Remove sensors, then add or set others."""
+        """Remove sensors, then add or update others."""
         for sensor_id in removed:
             self.sensors.pop(sensor_id, None)
         self.sensors |= _by_id(groups)
 
     def change_component(self, kind: int, data: dict[str, Any]) -> None:
-        """Change names, fields and values, without a class that could do anything."""
+        """Change names, fields and values of components, without classes that could run code."""
         if kind == kinds.COMPONENT_REGISTER:
             module, name = data["key"]
             self.component_classes[module, name] = list(data["struct"])
@@ -142,13 +143,14 @@ class DetachedState(State):
             del self.components[data["name"]]
 
     def keyframe(self, turns: int) -> Keyframe:
-        """Return the keyframe after so many turns, as a live context gives it."""
+        """Return the keyframe after a number of turns, equal to that of a live context."""
         agents = self.agents
         agents.settle()
         counted, at, pace = self._clock
         self.game.turn = counted + pace * (turns - at)
         classes = [[*key, fields] for key, fields in self.component_classes.items()]
-        columns, sensors = {**agents.columns, **self.beside_agents}, [*self.sensors.values()]
+        columns = {**agents.columns, **self.beside_agents}
+        sensors = [*self.sensors.values()]
         return {
             **keyframes.packed(columns, agents.following, sensors, self.game, self.rng_state),
             "pace": pace,
@@ -157,50 +159,55 @@ class DetachedState(State):
 
 
 class DetachedAgents(AgentsState):
-    """Columns of agents; thousands may come and go, at a cost that does not depend on how many there are.
+    """The columns of agents; the cost of adding and removing agents does not depend on their number.
 
-    New rows wait until one of them is asked for, and rows of removed agents stay until `settle`.
+    New rows are added on the next access, and rows of removed agents stay until `settle`.
 
     Args:
-        columns: see `keyframes.opened`; only this makes them longer or shorter.
-        following: the number that the next new agent gets.
+        columns: see `keyframes.opened`; only this object adds or removes rows.
+        following: number of the next new agent.
 
     Attributes:
-        columns: `LISTS` and `ARRAYS` of `keyframes`, one row for each agent.
-        following: the number that the next new agent gets.
-        version: a number that changes whenever agents come or go, or any of the lists changes.
+        columns: `LISTS` and `ARRAYS` of `keyframes`, one row per agent.
+        following: number of the next new agent.
+        version: changes whenever agents are added or removed, or a list changes.
     """
 
     def __init__(self, columns: dict[str, Any], following: int) -> None:
-        self.columns, self.following, self.version = columns, following, 0
+        self.columns = columns
+        self.following = following
+        self.version = 0
         self._index()
 
     def __len__(self) -> int:
         return len(self._row_of)
 
     def _index(self) -> None:
-        """Work out which agents are in which rows."""
-        numbers, names = self.columns["numbers"].tolist(), self.columns["names"]
+        """Build the index of agents by row."""
+        numbers = self.columns["numbers"].tolist()
+        names = self.columns["names"]
         self._row_of: dict[int, int] = dict(zip(numbers, range(len(numbers)), strict=True))
         self._row_of_name: dict[str, int] = dict(zip(names, range(len(names)), strict=True))
         if not len(self._row_of) == len(self._row_of_name) == len(names):
             raise Damaged("two agents have the same name or number")
         self._whole: dict[str, np.ndarray[Any, Any]] = {name: self.columns[name] for name in ARRAYS}
-        # with room behind the last row
-        self._size = len(names)  # rows that are in the columns
+        # with spare room after the last row
+        self._size = len(names)  # rows in use
         self._new: list[dict[str, Any]] = []  # rows that are not
         self._gone: list[int] = []
-        self._order: IntArray | None = None  # rows, by the numbers of their agents
+        self._order: IntArray | None = None  # rows sorted by the numbers of their agents
 
-    # -- who is there ---------------------------------------------------------------------------------------------
+    # -- adding and removing
+    # --------------------------------------------------------------------------------------
 
     def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:
         """Add an agent.
 
         Raises:
-            Damaged: another one has its name.
+            Damaged: the name is taken.
         """
-        number, place = self.following, self._size + len(self._new)
+        number = self.following
+        place = self._size + len(self._new)
         row = _row_of_creation(checked_name(name), number, kwargs, state, strategy)
         if name in self._row_of_name or number in self._row_of:
             raise Damaged("two agents have the same name or number")
@@ -211,27 +218,27 @@ class DetachedAgents(AgentsState):
         self.version += 1
 
     def remove(self, name: str) -> None:
-        """Take an agent out (KeyError)."""
+        """Remove an agent (KeyError)."""
         row = self.row(name)
         del self._row_of_name[name], self._row_of[int(self.columns["numbers"][row])]
         self._gone.append(row)
         self._order = None
         self.version += 1
-        if len(self._gone) > len(self):  # so that each agent pays for one other
+        if len(self._gone) > len(self):  # so that the cost per removal is constant
             self.settle()
 
     def row(self, name: str) -> int:
-        """Return the row of an agent by its name (KeyError)."""
+        """Return the row of an agent by name (KeyError)."""
         row = self._row_of_name[name]
         if row >= self._size:
             self._add_new()
         return row
 
     def row_of(self, number: int) -> int:
-        """Return the row of an agent by its number.
+        """Return the row of an agent by number.
 
         Raises:
-            Damaged: there is none.
+            Damaged: the agent does not exist.
         """
         row = self._row_of.get(number)
         if row is None:
@@ -245,14 +252,14 @@ class DetachedAgents(AgentsState):
         return dict(zip(self.columns["numbers"].tolist(), self.columns["names"], strict=True))
 
     def are_few(self, numbers: Sized) -> bool:
-        """Whether so many agents are better looked for one by one than among all at once."""
+        """Return whether this number of agents is faster to find one by one."""
         return len(numbers) < max(_FEW, len(self) // _SHARE)
 
     def rows(self, numbers: IntArray) -> IntArray:
-        """Return the rows of agents by their numbers.
+        """Return the rows of agents by number.
 
         Raises:
-            Damaged: one of them is not there.
+            Damaged: an agent does not exist.
         """
         if self.are_few(numbers):
             return np.array([self.row_of(number) for number in numbers.tolist()], np.int64)
@@ -261,14 +268,14 @@ class DetachedAgents(AgentsState):
         if self._order is None:
             self._order, self._is_counted = own.argsort(kind="stable"), bool((own == np.arange(len(own))).all())
         if self._is_counted and int(numbers.min()) >= 0 and int(numbers.max()) < len(own):
-            return numbers  # which are the rows themselves
+            return numbers  # numbers are equal to rows
         rows = kernels.rows_of(own, numbers, self._order)
         if (rows < 0).any():
             raise _unknown(int(numbers[rows < 0][0]))
         return rows
 
     def settle(self) -> None:
-        """Add rows that wait, and drop those of agents that were removed."""
+        """Add waiting rows, and drop the rows of removed agents."""
         self._add_new()
         if not self._gone:
             return
@@ -286,16 +293,17 @@ class DetachedAgents(AgentsState):
         if not self._new:
             return
         new, self._new = self._new, []
-        begin, self._size = self._size, self._size + len(new)
+        begin = self._size
+        self._size = self._size + len(new)
         for name in LISTS:
             self.columns[name].extend([row[name] for row in new])
         for name in ARRAYS:
-            with refusing(f"an agent comes whose {shown(name)} is not right", DAMAGES, Damaged):
+            with refusing(f"a new agent has an invalid {shown(name)}", DAMAGES, Damaged):
                 self._resized(name, begin)[begin : self._size] = [row[name] for row in new]
             self.columns[name] = self._whole[name][: self._size]
 
     def _resized(self, name: str, begin: int) -> "np.ndarray[Any, Any]":
-        """Return a column with room for all rows, of which those before `begin` are filled."""
+        """Return a column with room for all rows; the rows before `begin` are filled."""
         column = self._whole[name]
         if len(column) < self._size:
             dtype, shape = ARRAYS[name]
@@ -303,7 +311,8 @@ class DetachedAgents(AgentsState):
             column[:begin] = self.columns[name]
         return column
 
-    # -- where they are -------------------------------------------------------------------------------------------
+    # -- values
+    # ---------------------------------------------------------------------------------------------------
 
     def set(self, row: int, column: str, value: Plain) -> None:
         """Set one column of an agent."""
@@ -312,12 +321,12 @@ class DetachedAgents(AgentsState):
         self.columns[column][row] = value
         self.version += column in LISTS
         stays = self.columns["edge_motion"][row] and self.columns["edge_source"][row] == self.columns["node"][row]
-        if column == "node" or (column == "alive" and not value and not stays):  # and then it is on no edge
+        if column == "node" or (column == "alive" and not value and not stays):  # the agent is no longer on an edge
             for name in ON_EDGES:
                 self.columns[name][row] = 0
 
     def move(self, numbers: Sequence[int] | IntArray, nodes: Sequence[int] | IntArray) -> None:
-        """Move agents: their numbers and nodes, (moves,) each, in their order."""
+        """Move agents, given by numbers and nodes, (moves,) each, in order."""
         if not self.are_few(numbers):
             self._move_many(np.asarray(numbers, np.int64), np.asarray(nodes, np.int64))
             return
@@ -328,12 +337,12 @@ class DetachedAgents(AgentsState):
             node[row] = end
 
     def _move_many(self, numbers: IntArray, nodes: IntArray) -> None:
-        """Set the node of each agent to the last that it gets, and its previous node to the one before."""
+        """Set the node of each agent to its last node, and its previous node to the one before."""
         rows = self.rows(numbers)
         node = self.columns["node"]
         places = np.arange(len(rows))
         last, last_but_one = np.full((2, len(node)), -1)
-        last[rows] = places  # of several moves of one agent, the last one stays
+        last[rows] = places  # of several moves of one agent, the last one counts
         is_earlier = last[rows] != places
         last_but_one[rows[is_earlier]] = places[is_earlier]
         moved = np.flatnonzero(last >= 0)
@@ -342,7 +351,7 @@ class DetachedAgents(AgentsState):
         node[moved] = nodes[last[moved]]
 
     def fly(self, row: int, node: int | None, position: tuple[float, ...]) -> None:
-        """Move a flyer."""
+        """Move a flying agent."""
         columns = self.columns
         if not columns["kind"][row]:
             raise _grounded(columns["names"][row])
@@ -353,11 +362,11 @@ class DetachedAgents(AgentsState):
             columns["node"][row] = node
 
     def turn(self, row: int, quat: tuple[float, ...]) -> None:
-        """Turn a flyer in space."""
+        """Set the rotation of a flying agent."""
         self.columns["quat"][row] = quat
 
     def progress(self, numbers: IntArray, columns: Mapping[str, np.ndarray[Any, Any]]) -> None:
-        """Set how far along edges agents are."""
+        """Set the progress of agents along edges."""
         rows = self.rows(np.asarray(numbers, np.int64))
         keyframes.checked_shares(columns["edge_share"])
         keyframes.checked_motions(columns.get("edge_motion", 0))
@@ -365,7 +374,7 @@ class DetachedAgents(AgentsState):
             self.columns[name][rows] = columns.get(name, 0)
 
     def attribute(self, numbers: Sequence[int], name: str, values: Sequence[Plain] | None) -> None:
-        """Set an attribute of the caller's, or take it away."""
+        """Set or delete a custom attribute."""
         attributes = self.columns["attributes"]
         for number, value in zip(numbers, [_GONE] * len(numbers) if values is None else values, strict=True):
             row = self.row_of(number)
@@ -374,11 +383,11 @@ class DetachedAgents(AgentsState):
         self.version += 1
 
     def equip(self, row: int, name: str, sensor_id: str) -> None:
-        """Let an agent carry a sensor."""
+        """Add a sensor to an agent."""
         self.columns["sensors"][row][name] = sensor_id
 
     def unequip(self, row: int, name: str) -> None:
-        """Let an agent carry a sensor no longer."""
+        """Remove a sensor from an agent."""
         self.columns["sensors"][row].pop(name, None)
 
 
@@ -386,7 +395,8 @@ def _row_of_creation(
     name: str, number: int, given: dict[str, Any], state: dict[str, Any], strategy: str | None
 ) -> dict[str, Any]:
     """Return the row of a new agent."""
-    node, sensors = int(given["start_node_id"]), given.get("sensors") or {}
+    node = int(given["start_node_id"])
+    sensors = given.get("sensors") or {}
     places = {key: (np.nan,) * width for key, width in VECTORS.items()}
     places |= {key: value for key, value in state.items() if key in places}
     return {
@@ -412,12 +422,12 @@ def _by_id(groups: Iterable[Mapping[str, Plain]]) -> dict[str, dict[str, Any]]:
 
 
 def _unknown(number: int) -> Damaged:
-    return Damaged(f"agent number {number} moves and is not there")
+    return Damaged(f"agent number {number} moves, but does not exist")
 
 
 def _grounded(name: str) -> Damaged:
-    return Damaged(f"agent {shown(name)} flies and is on the ground")
+    return Damaged(f"agent {shown(name)} flies, but is on the ground")
 
 
 def _restoring() -> refusing:
-    return refusing("the whole state is not right", DAMAGES, Damaged, with_type=True)
+    return refusing("the whole state is invalid", DAMAGES, Damaged, with_type=True)

@@ -1,4 +1,4 @@
-"""What writes the logs of a session, one class per format version."""
+"""The encoders that write the logs of a session, one class per format version."""
 
 import os
 from collections.abc import Callable
@@ -19,24 +19,25 @@ class Version3Encoder:
     """Writes the container of docs/recording-format.md.
 
     Args:
-        output: where to.
-        header: what the header says of a session.
+        output: destination.
+        header: function that returns the header of a session.
     """
 
     has_drawings = True
 
     def __init__(self, output: Output, header: Callable[[RecordingSession], dict[str, Any]]) -> None:
-        self._output, self._header = output, header
+        self._output = output
+        self._header = header
         self._writer: Writer = None  # type: ignore[assignment] # until it begins
         self._beginning: tuple[bytes, Keyframe] | None = None
 
     @property
     def is_current(self) -> bool:
-        """Whether what was flushed can be read at once."""
+        """Return whether flushed data can be read at once."""
         return self._output.can_overwrite
 
     def begin(self, session: RecordingSession, *, is_final: bool) -> None:
-        """Write how the recording begins, unless that is there: for now, so that it opens, or for good."""
+        """Write the beginning of a recording, provisionally or finally."""
         if not is_final and not self._output.can_overwrite:
             return
         header = self._header(session)
@@ -51,39 +52,39 @@ class Version3Encoder:
         """Write the logs of turns."""
         try:
             self._writer.add_moves(logs)
-        except TypeError:  # there are events between the moves
+        except TypeError:  # there are events among the moves
             for log in logs:
                 self._writer.add_turn(log)
 
     @property
     def values(self) -> int:
-        """How many events with a value were written."""
+        """The number of events with a value written so far."""
         return self._writer.values
 
     @property
     def blocks(self) -> int:
-        """How many blocks were written that stay."""
+        """The number of final blocks written so far."""
         return self._output.blocks
 
     def keyframe(self, keyframe: Keyframe) -> None:
-        """Write the whole state."""
+        """Write a keyframe."""
         self._writer.keyframe(keyframe)
 
     def flush(self) -> None:
-        """Make what was written readable even if the program dies."""
+        """Make written data readable even if the program dies."""
         self._writer.flush()
 
     def close(self) -> None:
-        """Write the end."""
+        """Write the end block."""
         self._writer.close()
 
 
 ENCODERS: dict[int, type[Version2Encoder | Version3Encoder]] = {2: Version2Encoder, 3: Version3Encoder}
-"""Format version -> what writes it."""
+"""Format version -> encoder class."""
 
 
 class NoEncoder:
-    """Writes nothing, where there is no recording and others follow the game."""
+    """An encoder that writes nothing, if there are followers but no recording."""
 
     is_current = True
     values = blocks = 0
@@ -105,7 +106,7 @@ class NoEncoder:
 
 
 def header_of(ctx: HostContext, session: RecordingSession, options: dict[str, Any]) -> dict[str, Any]:
-    """Return the header of a recording: no host, no user, no path, and no time unless asked."""
+    """Return the header of a recording: without host, user or path, and without time unless given."""
     created = options.get("created")
     if created is None and (epoch := os.environ.get("SOURCE_DATE_EPOCH")):
         created = int(epoch)

@@ -1,4 +1,4 @@
-"""What the recorder raises on purpose."""
+"""The errors of the recorder."""
 
 from types import TracebackType
 
@@ -7,29 +7,30 @@ from gamms.text import reason
 
 
 class RecordingError(GammsError, ValueError):
-    """A recording that is damaged, foreign or absurdly large, or that can no longer be written."""
+    """An invalid, damaged or oversized recording, or a recording that can no longer be written."""
 
 
 class RecorderBusy(GammsError, RuntimeError):
-    """What was asked for does not go with what the recorder is doing."""
+    """A request that conflicts with the present operation of the recorder."""
 
 
 class Damaged(GammsError, ValueError):
-    """A state is not right, or an event does not fit the state it happens to."""
+    """An invalid state, or an event that does not fit the state."""
 
 
-DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)  # by data that no recorder wrote
-UNFIT = (GammsError, *DAMAGES)  # the same, where it is handed to a context
+# raised by data that no recorder has written
+DAMAGES = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)
+UNFIT = (GammsError, *DAMAGES)  # raised when such data are applied to a context
 
 
 class refusing:  # noqa: N801 - it reads as a word in `with refusing(…):`
-    """Turn what data of a recording raise within the block into an error that says what is wrong with them.
+    """Turn errors from damaged data into an error with a clear message; a context manager.
 
     Args:
-        what: the first words of the message; the reason follows.
-        errors: that are turned.
-        kind: of the error that is raised instead; errors of this kind, and those that a user meant, pass.
-        with_type: whether the message says the type of the error, too, because its text alone may say little.
+        what: beginning of the message; the reason follows.
+        errors: classes of errors to convert.
+        kind: class of the new error; errors of this class, and deliberate errors, are not converted.
+        with_type: whether the message includes the type of the error, because its text may be short.
     """
 
     __slots__ = ("_errors", "_kind", "_what", "_with_type")
@@ -42,10 +43,13 @@ class refusing:  # noqa: N801 - it reads as a word in `with refusing(…):`
         *,
         with_type: bool = False,
     ) -> None:
-        self._what, self._errors, self._kind, self._with_type = what, errors, kind, with_type
+        self._what = what
+        self._errors = errors
+        self._kind = kind
+        self._with_type = with_type
 
     def __enter__(self) -> None:
-        """Nothing to prepare."""
+        """Do nothing."""
 
     def __exit__(self, _: object, error: BaseException | None, trace: TracebackType | None) -> None:
         if isinstance(error, self._errors) and not isinstance(error, (self._kind, ContextTerminated)):

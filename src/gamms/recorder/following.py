@@ -1,4 +1,4 @@
-"""Reports of a game to those who follow it while it is played, such as pages in a browser."""
+"""Live reports of a game to followers, for example pages in a browser."""
 
 from collections.abc import Callable
 from typing import Any, Protocol
@@ -8,50 +8,50 @@ from gamms.recorder.keyframes import Keyframe
 
 
 class Follower(Protocol):
-    """Gets the events of a game while it is played, in the form in which they are recorded."""
+    """Receives the events of a running game, in their recorded form."""
 
     def begin(self, header: dict[str, Any], state: Keyframe) -> None:
-        """Begin, or begin again, with the present state; turns follow.
+        """Start, or restart, with the present state; turns follow.
 
         Args:
             header: the header of a recording that would begin now.
-            state: the whole state; not to be changed.
+            state: the whole state; read-only.
         """
 
     def hear(self, log: Log, *, is_over: bool) -> None:
-        """Take the events since the last call.
+        """Receive the events since the last call.
 
         Args:
-            log: the events; not to be changed.
-            is_over: whether the turn is over; else agents decide next.
+            log: the events; read-only.
+            is_over: whether the turn is over; otherwise agents decide next.
         """
 
 
 class Following:
-    """The followers of a session, and how much they know.
+    """The followers of a session, and the events that they have received.
 
     Args:
-        followers: get the reports.
+        followers: receivers of the reports.
         header: returns the header of the session.
 
     Attributes:
-        edits: how often drawings had been edited when the followers began; None: they have not begun.
+        edits: edit count of the drawings when the followers started; None: not started.
     """
 
     def __init__(self, followers: tuple[Follower, ...], header: Callable[[], dict[str, Any]]) -> None:
         self._followers = followers
         self._header = header
-        self._heard = 0  # entries of the log of this turn that they know
+        self._heard = 0  # entries of this turn's log already sent
         self.edits: int | None = None
 
     def begin(self, looks: dict[str, Any], state: Keyframe, edits: int, heard: int) -> None:
-        """Let followers begin.
+        """Start the followers.
 
         Args:
-            looks: items of the header that are different now.
+            looks: header items that have changed since.
             state: the whole state.
-            edits: how often drawings were edited.
-            heard: entries of the log of this turn that the state contains.
+            edits: edit count of the drawings.
+            heard: number of entries of this turn's log that the state includes.
         """
         self.edits = edits
         self._heard = heard
@@ -60,7 +60,7 @@ class Following:
             follower.begin(header, state)
 
     def tell(self, log: Log, *, is_over: bool) -> None:
-        """Report the part of the log of this turn that the followers do not know."""
+        """Send the new part of this turn's log to the followers."""
         news = log[self._heard :]
         self._heard = 0 if is_over else len(log)
         for follower in self._followers:

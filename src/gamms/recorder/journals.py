@@ -1,4 +1,4 @@
-"""What a context notes while it is recorded, and warnings of what cannot be written."""
+"""The journal of a context during a recording, and warnings about values that cannot be written."""
 
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -11,18 +11,18 @@ from gamms.typing.agent_engine import SensorsOfAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import strategy_name
 
-_OF_FLIGHT = 7  # what its weight is, beside the entry
+_OF_FLIGHT = 7  # weight of a flight, in addition to its entry
 
 
 class SkippedValues:
-    """Warns of what is not in a recording; once for each key of nodes, edges, agents and sensors."""
+    """Warns about values that are left out of a recording; once for each key of nodes, edges, agents and sensors."""
 
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
         self._warned: set[tuple[str, Any]] = set()
 
     def packed(self) -> bytes:
-        """Graph and obstacles of the context, as far as they can be written."""
+        """Return the graph and the obstacles of the context, without values that cannot be written."""
         packed: bytes
         packed, left_out = self._ctx.graph.storage.pack_savable()
         for (kind, key), ids in left_out.items():
@@ -31,7 +31,7 @@ class SkippedValues:
         return packed
 
     def plain_part(self, kind: str, name: object, values: Mapping[Any, Any]) -> dict[Any, Any]:
-        """Return what of the values of an agent or sensor can be written."""
+        """Return the values of an agent or sensor that can be written."""
         left_out: list[Any] = []
         part = plain_subset(values, left_out)
         for key in left_out:
@@ -39,14 +39,14 @@ class SkippedValues:
         return part
 
     def check_all(self) -> None:
-        """Warn of values of agents and sensors that cannot be written."""
+        """Warn about values of agents and sensors that cannot be written."""
         for name, (_, attributes, _) in zip(self._ctx.agent.agents, self._ctx.agent.storage.details(), strict=True):
             if attributes:
                 self.plain_part("agent", name, attributes)
         self.check_sensors(self._ctx.sensor.storage.described())
 
     def check_data(self) -> None:
-        """Warn of what rules remember that cannot be written."""
+        """Warn about data of rules that cannot be written."""
         left_out: list[Any] = []
         if self._ctx.current_game is not None:
             plain_subset(self._ctx.game.data, left_out)
@@ -54,7 +54,7 @@ class SkippedValues:
             self._warn("data", "of the game", key)
 
     def check_sensors(self, described: list[dict[str, Any]]) -> None:
-        """Warn of values of these sensors that cannot be written."""
+        """Warn about values of these sensors that cannot be written."""
         for sensor in described:
             self.plain_part("sensor", sensor["id"], sensor["keywords"])
 
@@ -69,17 +69,17 @@ class SkippedValues:
 
 
 class SessionJournal(Journal):
-    """Notes what can be written of events.
+    """A journal that keeps only values that can be written.
 
     Args:
-        names: of the agents who are there.
-        left_out: warns of what cannot be written.
+        names: names of the present agents.
+        left_out: warns about values that cannot be written.
         accept: called with each event of a replay.
 
     Attributes:
-        living: the names of the agents of whom the reader knows, in the order of their creation.
-        weight: what it costs to read the flights that were noted, beside the entries of the log, in such entries.
-        last_set: the event to which the next attribute that is set may be added; None: there is none.
+        living: names of the agents known to the reader, in order of creation.
+        weight: reading cost of the recorded flights beyond their log entries, in entries.
+        last_set: the event to which the next attribute change may be added; None: there is none.
     """
 
     def __init__(self, names: list[str], left_out: SkippedValues, accept: Callable[[int, Any], None]) -> None:
@@ -91,12 +91,12 @@ class SessionJournal(Journal):
         self.last_set: Any = None
 
     def note(self, kind: int, data: Plain) -> None:
-        """Note an event other than a move, as plain values."""
+        """Record an event other than a move, as plain values."""
         self._know(kind, data)
         self.log.append((kind, self._creation(data) if kind == kinds.AGENT_CREATE else to_plain(data)))
 
     def attributed(self, rows: Iterable[int], name: str, values: Plain) -> None:
-        """Note an attribute of the caller's, as far as it can be written."""
+        """Record a custom attribute, if it can be written."""
         if values is not None and not is_plain(values):
             for row, value in zip(rows, values, strict=True):
                 part = self._skipped.plain_part("agent", self.names[self.ids[row]], {name: value})
@@ -104,7 +104,7 @@ class SessionJournal(Journal):
             return
         last = self.log[-1] if self.log else None
         if last is not None and last is self.last_set and last[1]["name"] == name and type(values) is list:
-            # What a rule sets agent by agent is one event, which takes a tenth of the bytes.
+            # Changes of many agents by a rule become one event, in a tenth of the bytes.
             last[1]["numbers"] += [self.ids[row] for row in rows]
             last[1]["values"] += to_plain(values)
             self.in_arrays += len(values)
@@ -113,7 +113,7 @@ class SessionJournal(Journal):
         self.last_set = self.log[-1] if type(values) is list else None
 
     def append(self, kind: int, data: Plain) -> None:
-        """Take an event of a replay that has been applied, as it is."""
+        """Append an applied event of a replay unchanged."""
         self._know(kind, data)
         self.log.append((kind, data))
         self._accept(kind, data)
@@ -125,17 +125,17 @@ class SessionJournal(Journal):
             self.living.pop(data["name"], None)
 
     def flew(self, row: int, node: int, position: Position) -> None:
-        """Note where a flyer is, and the node below it."""
+        """Record the position of a flying agent, and the node below it."""
         super().flew(row, node, position)
         self.weight += _OF_FLIGHT
 
     def turned(self, row: int, quat: Quat) -> None:
-        """Note how a flyer is turned."""
+        """Record the rotation of a flying agent."""
         super().turned(row, quat)
         self.weight += _OF_FLIGHT
 
     def _creation(self, data: dict[str, Any]) -> dict[str, Any]:
-        """Return a creation without those of its keywords that cannot be written."""
+        """Return the data of a creation without keywords that cannot be written."""
         given = dict(data["kwargs"])
         strategy = given.pop("strategy", None)
         if "sensors" in given:
@@ -145,7 +145,7 @@ class SessionJournal(Journal):
 
 
 def _ids_of(given: SensorsOfAgent) -> dict[str, str] | list[str]:
-    """Return the ids of the sensors that an agent was created with, by their names in its state."""
+    """Return the ids of the sensors of a new agent, by their names in its state."""
     if isinstance(given, dict):
         return dict(zip(map(str, given), _ids_of(list(given.values())), strict=True))
     return [one if isinstance(one, str) else one.sensor_id for one in given]

@@ -1,4 +1,4 @@
-"""A whole state as a keyframe or a snapshot holds it: columns of agents, the game as plain values."""
+"""Keyframes and snapshots of a state: columns of agents, and the game as plain values."""
 
 from collections.abc import Iterable, Mapping
 from itertools import chain
@@ -20,23 +20,23 @@ from gamms.typing.context import HostContext
 from gamms.typing.game import strategy_name
 
 Keyframe = dict[str, Any]
-Columns = dict[str, Any]  # those of `LISTS` and `ARRAYS`
+Columns = dict[str, Any]  # the columns of `LISTS` and `ARRAYS`
 
 _WRITTEN = [part for column in AGENT_COLUMNS if column.is_recorded for part in column.parts or (column,)]
 LISTS = [column.name for column in _WRITTEN if column.kind is None]
-ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # kind, and shape of a row
+ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # dtype, and shape of a row
     column.name: (np.int64 if column.kind is np.bool_ else column.kind, column.shape)
     for column in _WRITTEN
     if column.kind is not None
 }
-_MOST_AGENTS = 1 << 24  # that one recording may number
+_MOST_AGENTS = 1 << 24  # most agents in a recording
 
 
-# -- to be written ------------------------------------------------------------------------------------------------
+# -- writing ------------------------------------------------------------------------------------------------------
 
 
 def captured(ctx: HostContext) -> Keyframe:
-    """Return the state of a context that is being recorded, in the form of a keyframe."""
+    """Return the present state of a context as a keyframe."""
     rows = ctx.agent.block
     described = ctx.sensor.storage.described()
     groups = grouped(described)
@@ -59,7 +59,7 @@ def captured(ctx: HostContext) -> Keyframe:
 
 
 def beside_agents(rows: AgentBlock) -> Columns:
-    """Return the recorded columns of teams, as team -> its numbers, and of the game, but for those as at first."""
+    """Return the recorded columns of teams (team -> numbers) and of the game, without initial values."""
     columns: Columns = {}
     for one in BESIDE_AGENTS:
         numbers = np.asarray(rows.games.row(one.name)).reshape(-1, *one.shape)
@@ -72,15 +72,15 @@ def beside_agents(rows: AgentBlock) -> Columns:
 
 
 def held_beside_agents(keyframe: Keyframe) -> Columns:
-    """Return the columns of teams and of the game that a keyframe holds."""
+    """Return the columns of teams and of the game in a keyframe."""
     return {one.name: keyframe[one.name] for one in BESIDE_AGENTS if one.name in keyframe}
 
 
 def restore_beside_agents(rows: AgentBlock, keyframe: Keyframe) -> None:
-    """Write the columns of teams and of the game that a keyframe holds, or else what they have at first.
+    """Set the columns of teams and of the game from a keyframe, or to their initial values.
 
     Raises:
-        Damaged: a column has more or fewer numbers, or others.
+        Damaged: a column has a wrong number of values, or invalid values.
     """
     for one in BESIDE_AGENTS:
         held = keyframe.get(one.name, {} if one.axis == "team" else one.initial)
@@ -93,22 +93,22 @@ def restore_beside_agents(rows: AgentBlock, keyframe: Keyframe) -> None:
             for team, value in values.items():
                 numbers[rows.team_rows[team] if one.axis == "team" else 0] = value
         except (AttributeError, TypeError, ValueError, OverflowError):
-            raise Damaged(f"{shown(one.name)} has other numbers than a column of its kind: {shown(held)}") from None
+            raise Damaged(f"{shown(one.name)} has invalid numbers for a column of its kind: {shown(held)}") from None
 
 
 def packed(
     columns: Columns, following: int, sensors: list[dict[str, Any]], game: GameState, rng_state: Plain
 ) -> Keyframe:
-    """Return a state in the form that is short to write.
+    """Return a state in the compact form for writing.
 
     It has `came` instead of `previous`, and `carried` instead of the `sensors` of each agent.
 
     Args:
-        columns: of the agents, and those of teams and of the game that a keyframe holds.
-        following: the number that the next new agent gets.
+        columns: columns of the agents, and of teams and the game as in a keyframe.
+        following: number of the next new agent.
         sensors: each with its `id`, `type` and `keywords`.
-        game: what the game has come to.
-        rng_state: of the context's own random stream.
+        game: state of the game.
+        rng_state: state of the context's own random stream.
     """
     groups = grouped(sensors)
     attributes = {row: values for row, values in enumerate(columns["attributes"]) if values}
@@ -150,17 +150,17 @@ def _in_order(
 
 
 CAPTURED = {name: field.captured for name, field in FIELDS.items() if field.captured is not None}
-"""Field of `GameState` -> returns what keyframes hold of it."""
+"""Field of `GameState` -> function that returns its value for keyframes."""
 
-_IN_ALL_KEYFRAMES = frozenset({"scores", "data", "over"})  # also in those of the first recordings of version 3
+_IN_ALL_KEYFRAMES = frozenset({"scores", "data", "over"})  # also in keyframes of the first recordings of version 3
 _FIRST_GAME = {name: captured(getattr(GameState(), name)) for name, captured in CAPTURED.items()}
 
 
 def restore_game(game: GameState, keyframe: Keyframe) -> None:
-    """Set the fields of a game to what a keyframe holds, or to the first ones where an older keyframe has none.
+    """Set the fields of a game from a keyframe, or to initial values for fields that an older keyframe lacks.
 
     Raises:
-        KeyError: it lacks a field that all keyframes have.
+        KeyError: a field that all keyframes have is missing.
     """
     for name, first in _FIRST_GAME.items():
         captured = keyframe[name] if name in _IN_ALL_KEYFRAMES else keyframe.get(name, first)
@@ -168,7 +168,7 @@ def restore_game(game: GameState, keyframe: Keyframe) -> None:
 
 
 def history(ctx: HostContext) -> Keyframe:
-    """Return what snapshots hold as well, and keyframes are too many for: events, facts, settings, starts."""
+    """Return data of snapshots that are too large for keyframes: events, facts, settings, starts."""
     game = ctx.game
     logs = {log: getattr(game.internals.state, log) for log in LOGGED.values()}
     return {
@@ -180,7 +180,7 @@ def history(ctx: HostContext) -> Keyframe:
 
 
 def first_history(ctx: HostContext) -> Keyframe:
-    """Return the same for the beginning of a recording, without the starts of agents that are all there still."""
+    """Return `history` for the beginning of a recording, without starts of agents that still exist."""
     first = history(ctx)
     if first.get("starts") == places_of(ctx):
         del first["starts"]
@@ -188,19 +188,19 @@ def first_history(ctx: HostContext) -> Keyframe:
 
 
 def places_of(ctx: HostContext) -> dict[str, Any]:
-    """Return where agents are: nodes, or (x, y, z) of flyers."""
+    """Return the positions of agents: nodes, or (x, y, z) for flying agents."""
     columns = ctx.agent.block
     at = (node if position is None else position for node, position in zip(columns.node, columns.position, strict=True))
     return dict(zip(columns.names, at, strict=True))
 
 
 def components_of(ctx: HostContext) -> Keyframe:
-    """Return the recorded components, which keyframes have; a snapshot is followed by events that say them."""
+    """Return the recorded components for a keyframe; after a snapshot they are recorded as events."""
     return {"components": to_plain(ctx.record.components.keyframe())}
 
 
 def flyers_of(ctx: HostContext) -> dict[str, Any] | None:
-    """Return which nodes are and were below all flyers, which follows from the map; None if there are none."""
+    """Return the present and previous nodes below all flying agents; None without flying agents."""
     columns = ctx.agent.block
     columns.locate()
     if not columns.flyers:
@@ -213,7 +213,7 @@ def flyers_of(ctx: HostContext) -> dict[str, Any] | None:
 
 
 def progress_columns(progress: list[Progress | None]) -> Columns:
-    """Return how far along edges agents are, as columns; zeros where an agent is on no edge."""
+    """Return the progress of agents along edges as columns; zeros for agents on nodes."""
     if not any(progress):
         return {name: np.zeros(len(progress), ARRAYS[name][0]) for name in ON_EDGES}
     rows = [one or (0, 0, 0.0, 0, 0) for one in progress]
@@ -221,13 +221,13 @@ def progress_columns(progress: list[Progress | None]) -> Columns:
 
 
 def progress_event(progress: list[Progress | None]) -> Columns:
-    """Return the same, without the columns that games that count edges do not need."""
+    """Return `progress_columns` without columns that games which count edges do not need."""
     columns = progress_columns(progress)
     return {name: columns[name] for name in (ON_EDGES if columns["edge_motion"].any() else ON_EDGES[:3])}
 
 
 def _needed(columns: Columns) -> tuple[str, ...]:
-    """Return the columns that say how far along edges agents are, as far as one of them is."""
+    """Return the names of the progress columns that are not all zero."""
     if "edge_motion" not in columns:
         return ()
     if columns["edge_motion"].any():
@@ -236,7 +236,7 @@ def _needed(columns: Columns) -> tuple[str, ...]:
 
 
 def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return sensors that differ by their ids alone together; of several with one id the first, as contexts have it."""
+    """Group sensors that differ only by their ids; of several sensors with one id the first is kept."""
     groups: dict[str, dict[str, Any]] = {}
     firsts: dict[str, dict[str, Any]] = {}
     for one in described:
@@ -248,14 +248,15 @@ def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
         group = groups.setdefault(key, {"type": one["type"], "keywords": keywords, "ids": []})
         group["ids"].append(one["id"])
         places.setdefault(key, []).append(at)
-    if list(chain.from_iterable(places.values())) != list(range(len(firsts))):  # else the groups have their order
+    # otherwise the order follows from the groups
+    if list(chain.from_iterable(places.values())) != list(range(len(firsts))):
         for key, group in groups.items():
             group["at"] = places[key]
     return list(groups.values())
 
 
 def deciders(ctx: HostContext, strategies: list[Any]) -> list[Any]:
-    """Return the functions that decide for the agents, which have such strategies: the plan of a team, or their own."""
+    """Return the functions that decide for the agents: the plan of a team, or the agent's own strategy."""
     plans = ctx.game.plans
     if not plans:
         return strategies
@@ -270,8 +271,9 @@ def _names_of(functions: list[Any]) -> list[str | None]:
 
 
 def _carried(sensors: list[dict[str, str]], groups: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return which sensors agents carry, as places in the list of all, and under which names, unless by their ids."""
-    names, ids = [name for one in sensors for name in one], [sensor_id for one in sensors for sensor_id in one.values()]
+    """Return the sensors of agents, as indices in the list of all sensors, and names that differ from their ids."""
+    names = [name for one in sensors for name in one]
+    ids = [sensor_id for one in sensors for sensor_id in one.values()]
     place = {sensor["id"]: i for i, sensor in enumerate(sensors_in(groups))}
     others = [sensor_id for sensor_id in dict.fromkeys(ids) if sensor_id not in place]
     place |= {sensor_id: len(place) + i for i, sensor_id in enumerate(others)}
@@ -283,31 +285,32 @@ def _carried(sensors: list[dict[str, str]], groups: list[dict[str, Any]]) -> dic
     }
 
 
-# -- that was read ------------------------------------------------------------------------------------------------
+# -- reading ------------------------------------------------------------------------------------------------------
 
 
 def opened(keyframe: Keyframe) -> Columns:
-    """Return the columns of agents, whether or not the keyframe was `packed`."""
+    """Return the columns of agents of a keyframe in either form."""
     columns = {name: keyframe[name] for name in (*LISTS, *ARRAYS) if name in keyframe}
     if "came" not in keyframe:
         return columns
-    came, carried = keyframe["came"], keyframe["carried"]
+    came = keyframe["came"]
+    carried = keyframe["carried"]
     columns["previous"] = keyframe["node"] + ((came >> 1) ^ -(came & 1))
     known = [*(sensor["id"] for sensor in sensors_in(keyframe.get("sensor_kinds", ()))), *carried["others"]]
     ids = [known[place] for place in carried["ids"].tolist()]
     ends = np.cumsum(carried["counts"]).tolist()
     pairs = list(zip(ids if carried["names"] is None else carried["names"], ids, strict=True))
     columns["sensors"] = [dict(pairs[start:end]) for start, end in zip([0, *ends], ends, strict=False)]
-    if isinstance(attributes := keyframe["attributes"], dict):  # in the first recordings of version 3 it is a list
+    if isinstance(attributes := keyframe["attributes"], dict):  # a list in the first recordings of version 3
         columns["attributes"] = [attributes.get(row, {}) for row in range(len(keyframe["names"]))]
     return columns
 
 
 def checked(columns: Columns) -> Columns:
-    """Return columns of their own, of the right kinds and of one length.
+    """Return copies of the columns, with the right types and equal lengths.
 
     Raises:
-        Damaged: they are not right; other errors tell the same.
+        Damaged: the columns are invalid; other errors mean the same.
     """
     names = [checked_name(name) for name in columns["names"]]
     columns = {
@@ -327,21 +330,21 @@ def checked(columns: Columns) -> Columns:
 
 
 def checked_name(name: object) -> str:
-    """Return the name of an agent.
+    """Return the checked name of an agent.
 
     Raises:
-        Damaged: it is no text.
+        Damaged: not a text.
     """
     if not isinstance(name, str):
-        raise Damaged(f"{shown(name)} is no name of an agent")
+        raise Damaged(f"{shown(name)} is not the name of an agent")
     return name
 
 
 def checked_following(numbers: list[int], following: int) -> int:
-    """Return the number that the next new agent gets.
+    """Return the checked number of the next new agent.
 
     Raises:
-        Damaged: one of the agents has a greater one, or it is not to be believed.
+        Damaged: an agent has a greater number, or the number is too large.
     """
     is_number = type(following) is int and 0 <= following <= _MOST_AGENTS
     if not is_number or not all(0 <= number < following for number in numbers):
@@ -350,34 +353,34 @@ def checked_following(numbers: list[int], following: int) -> int:
 
 
 def checked_shares(values: Plain) -> FloatArray:
-    """Return how much of their edges agents have covered, (agents,).
+    """Return the checked shares of edges that agents have covered, (agents,).
 
     Raises:
-        Damaged: one of them less than nothing, or all.
+        Damaged: a share is not between 0 and 1.
     """
     found: FloatArray = np.asarray(values, np.float64)
     if not ((found >= 0.0) & (found < 1.0)).all():
-        raise Damaged("an agent has covered less than nothing, or all, of the edge it is on")
+        raise Damaged("an agent has covered a share of its edge that is not between 0 and 1")
     return found
 
 
 def checked_motions(values: object) -> IntArray:
-    """Return how agents move on their edges, (agents,), as `ir.progress.Motion` numbers it.
+    """Return the checked motions of agents on edges, (agents,), as numbers of `ir.progress.Motion`.
 
     Raises:
-        Damaged: a number stands for none.
+        Damaged: a number is not a motion.
     """
     found: IntArray = np.asarray(values, np.int64)
     if not ((found >= 0) & (found < len(Motion))).all():
-        raise Damaged("an agent moves on its edge in no known way")
+        raise Damaged("an agent has an unknown motion on its edge")
     return found
 
 
 def progress_of(source: int, target: int, share: float, edge: int = 0, motion: int = 0) -> Progress | None:
-    """Return how far along an edge an agent is; None where it is on none.
+    """Return the checked progress of an agent along an edge; None on a node.
 
     Raises:
-        Damaged: it has covered less than nothing, or all, of it, or moves in no known way.
+        Damaged: the share is not between 0 and 1, or the motion is unknown.
     """
     covered = float(checked_shares(share))
     if not covered:
@@ -386,7 +389,7 @@ def progress_of(source: int, target: int, share: float, edge: int = 0, motion: i
 
 
 def sensors_in(groups: Iterable[Mapping[str, Plain]]) -> list[dict[str, Any]]:
-    """Return the sensors that are `grouped`, one by one."""
+    """Return the sensors in groups of `grouped`, one by one."""
     groups = list(groups)
     found = [
         {"id": sensor_id, "type": group["type"], "keywords": group["keywords"]}
@@ -402,7 +405,7 @@ def sensors_in(groups: Iterable[Mapping[str, Plain]]) -> list[dict[str, Any]]:
 
 
 def row_of(columns: Columns, row: int) -> dict[str, Any]:
-    """Return where an agent is, as the columns of a live context hold it."""
+    """Return the position of an agent in the form of the columns of a live context."""
     return {
         "node": int(columns["node"][row]),
         "previous": int(columns["previous"][row]),

@@ -1,4 +1,4 @@
-"""The map of a recording: in its header, or only named there by its SHA-256, and then given by the caller."""
+"""The map of a recording: in its header, or given by the caller and identified by its SHA-256 in the header."""
 
 import os
 from collections.abc import Callable
@@ -11,21 +11,22 @@ from gamms.recorder.errors import RecordingError, refusing
 from gamms.text import shown
 from gamms.typing.context import HostContext
 
-HASH = "world_sha256"  # what a header has instead of "world"
+HASH = "world_sha256"  # key in a header without "world"
 
 
 def hash_of(packed: bytes) -> str:
-    """Return the name of a map: the SHA-256 of what `ctx.graph.storage.pack` returns, in hexadecimal."""
+    """Return the SHA-256 of a packed map, in hexadecimal."""
     return sha256(packed).hexdigest()
 
 
 def hash_in(header: dict[str, Any]) -> str:
-    """Return the name of the map of a recording.
+    """Return the SHA-256 of the map of a recording.
 
     Raises:
-        RecordingError: its header names none.
+        RecordingError: the header has none.
     """
-    world, name = header.get("world"), header.get(HASH)
+    world = header.get("world")
+    name = header.get(HASH)
     if isinstance(world, bytes):
         return hash_of(world)
     if isinstance(name, str) and "world" not in header:
@@ -34,30 +35,30 @@ def hash_in(header: dict[str, Any]) -> str:
 
 
 def has_map(header: dict[str, Any]) -> bool:
-    """Whether a recording holds its map; else it only names it, or is damaged."""
+    """Return whether a recording contains its map."""
     return "world" in header or HASH not in header
 
 
 def is_map_of(packed: bytes, header: dict[str, Any]) -> bool:
-    """Whether this is the map of a recording."""
+    """Return whether a map is that of a recording."""
     return packed == header["world"] if "world" in header else hash_of(packed) == header.get(HASH)
 
 
 def without_map(header: dict[str, Any]) -> dict[str, Any]:
-    """Return the header with the name of the map instead of the map."""
+    """Return the header with the SHA-256 of the map instead of the map."""
     if "world" not in header:
         return header
     return {**{key: value for key, value in header.items() if key != "world"}, HASH: hash_of(header["world"])}
 
 
 def packed_of(graph: object) -> bytes:
-    """Return the bytes of a map.
+    """Return the packed bytes of a map.
 
     Args:
-        graph: a context, the graph of another recording, or the path of a file that `ctx.graph.save` wrote.
+        graph: a context, the graph of another recording, or the path of a file written by `ctx.graph.save`.
 
     Raises:
-        BadType (TypeError): it is none of these.
+        BadType (TypeError): not one of these.
         OSError: the file cannot be read.
     """
     if isinstance(graph, str | os.PathLike):
@@ -74,10 +75,10 @@ def packed_of(graph: object) -> bytes:
 
 
 def given_map(graph: object, header: dict[str, Any]) -> bytes:
-    """Return the bytes of a map that was given, which must be that of the recording.
+    """Return the packed bytes of a given map, if it is the map of the recording.
 
     Raises:
-        RecordingError: it is another.
+        RecordingError: it is another map.
         BadType (TypeError), OSError: see `packed_of`.
     """
     packed = packed_of(graph)
@@ -89,32 +90,32 @@ def given_map(graph: object, header: dict[str, Any]) -> bytes:
 
 
 def attach(ctx: HostContext, header: dict[str, Any]) -> None:
-    """Attach the map of a recording where there is none yet; else it must be the same.
+    """Attach the map of a recording to an empty context; otherwise check that the maps are equal.
 
     Raises:
-        RecordingError: it is another, or there is none and the recording holds none, either.
+        RecordingError: the maps differ, or neither the context nor the recording has one.
     """
     name = hash_in(header)
     if has_map(header):
         become(ctx, name, lambda: header["world"])
     elif hash_of(packed_of(ctx)) != name:
         raise RecordingError(
-            "This recording does not hold its map, and the graph of this context is another. Load the map with "
+            "This recording does not contain its map, and the graph of this context is another. Load the map with "
             f"the SHA-256 {name} first: ctx.graph.load('map.gamms')."
         )
 
 
 def become(ctx: HostContext, name: str, packed: Callable[[], bytes], others: tuple[str, ...] = ()) -> None:
-    """Give a context a map, unless it has that already.
+    """Set the map of a context, unless it already has this map.
 
     Args:
-        ctx: the context, which has no map, or one of the recording.
-        name: of the map.
-        packed: gives its bytes.
-        others: names of maps that it may take the place of.
+        ctx: a context without a map, or with a map of the recording.
+        name: SHA-256 of the map.
+        packed: returns its bytes.
+        others: SHA-256 of maps that it may replace.
 
     Raises:
-        RecordingError: the map is damaged, or that of the context is none of these.
+        RecordingError: the map is damaged, or the context has another map.
     """
     is_empty = next(iter(ctx.graph.graph.get_nodes()), None) is None
     now = None if is_empty else hash_of(packed_of(ctx))

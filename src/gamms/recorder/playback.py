@@ -1,4 +1,4 @@
-"""A recording while it is replayed in a window: any of its turns can be shown, earlier ones too."""
+"""Replay of a recording in a window, with seeking."""
 
 from collections.abc import Iterator
 from typing import Any, BinaryIO
@@ -14,16 +14,17 @@ from gamms.recorder.errors import RecorderBusy, refusing
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.recording import Recording
 from gamms.recorder.replaying import Replayer
-from gamms.recorder.resuming import Past, delete_others, history
+from gamms.recorder.resuming import EventHistory, delete_others, history
 from gamms.typing.context import HostContext
 from gamms.typing.recorder import IPlayback, OpCodes, Step
 
 _HIGHLIGHTS = (kinds.GAME_EVENT, kinds.GAME_SCORES, kinds.GAME_OVER)
-_LOOKS, _DRAWINGS = (kinds.VISUALS,), {kinds.VISUAL_COMMANDS}
+_LOOKS = (kinds.VISUALS,)
+_DRAWINGS = {kinds.VISUAL_COMMANDS}
 
 
 def _places_of(columns: keyframes.Columns) -> dict[str, int | Progress]:
-    """Return agent -> its node, or where on an edge it is, of those on the ground."""
+    """Return agent -> its node, or its progress on an edge, for agents on the ground."""
     progress = zip(*(columns[name].tolist() for name in ON_EDGES), strict=True)
     rows = zip(columns["names"], columns["kind"].tolist(), columns["node"].tolist(), progress, strict=True)
     return {name: Progress(*place) if place[4] else node for name, flies, node, place in rows if not flies}
@@ -33,48 +34,52 @@ class Playback(IPlayback):
     """A replay of a recording of version 3.
 
     Args:
-        ctx: the context into which it is replayed.
-        reader: of the recording.
+        ctx: the context for the replay.
+        reader: reader of the recording.
         replayer: applies its events.
-        owned: what is to be closed in the end, if that was opened for it.
+        owned: the file to close at the end, if it was opened for this replay.
     """
 
     def __init__(self, ctx: HostContext, reader: Reader, replayer: Replayer, owned: BinaryIO | None) -> None:
-        self._ctx, self._reader, self._replayer, self._owned = ctx, reader, replayer, owned
-        self._recording, self._past = Recording(reader), Past(reader)
-        self._drawn: list[tuple[int, str]] = []  # the logs in which artists have drawn something else
+        self._ctx = ctx
+        self._reader = reader
+        self._replayer = replayer
+        self._owned = owned
+        self._recording = Recording(reader)
+        self._past = EventHistory(reader)
+        self._drawn: list[tuple[int, str]] = []  # (log, artist) of recorded drawings by log
         self._drawn_until = 0
         self.is_open = True
 
     @property
     def turn(self) -> int:
-        """How many turns have been replayed."""
+        """The number of turns replayed."""
         return self._replayer.turn
 
     @property
     def turns(self) -> int:
-        """How many turns there are."""
+        """The number of turns."""
         return self._recording.turns
 
     @property
     def can_seek(self) -> bool:
-        """Whether other turns may be shown: not while the context is being recorded."""
+        """Whether other turns can be shown; not while the context is being recorded."""
         return self.is_open and not self._ctx.record.record()
 
     def close(self) -> None:
-        """Close the file; nothing more is replayed."""
+        """Close the file; no further replay is possible."""
         self.is_open = False
         if self._owned is not None:
             self._owned.close()
 
     def highlights(self) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield what rules emitted, changes of the scores (`scores`) and the end (`over`), each with its turn."""
+        """Yield (turn, data) of events emitted by rules, changes of the scores (`scores`) and the end (`over`)."""
         for log, _, kind, data in self._reader.events(kinds=_HIGHLIGHTS):
             if isinstance(data, dict):
                 yield log + 1, {"over": data} if kind == kinds.GAME_OVER else data
 
     def steps(self, turn: int) -> dict[str, Step]:
-        """Return the nodes, or positions in the air, of agents before and after their last move, up to a turn."""
+        """Return the nodes, or 3D positions, of agents before and after their last move, up to a turn."""
         columns = self._recording.detached(turn).agents.columns
         flies = columns["kind"].tolist()
         walks = zip(columns["previous"].tolist(), columns["node"].tolist(), strict=True)
@@ -97,10 +102,10 @@ class Playback(IPlayback):
             self._ctx.record.is_replaying = False
 
     def seek(self, turn: int) -> None:
-        """Let everything be as it was after so many turns; the replay goes on from there.
+        """Restore the state after a number of turns; the replay continues from there.
 
         Raises:
-            BadValue: there is no such turn.
+            BadValue: the turn does not exist.
             RecorderBusy (RuntimeError): the context is being recorded.
             RecordingError (ValueError): the recording is damaged.
         """
@@ -108,7 +113,9 @@ class Playback(IPlayback):
             raise BadValue(f"There is no turn {turn}: this recording has {self.turns} turns.")
         if not self.can_seek:
             raise RecorderBusy("Another turn cannot be shown while the replay is being recorded.")
-        ctx, state, recording = self._ctx, self._replayer.state, self._recording
+        ctx = self._ctx
+        state = self._replayer.state
+        recording = self._recording
         with refusing(f"Turn {turn} cannot be shown"):
             if recording.map_hash(turn) != recording.map_hash(min(self.turn, self.turns)):
                 ctx.graph.storage.unpack(recording.map_at(turn).packed)
@@ -121,8 +128,9 @@ class Playback(IPlayback):
         self._replayer.turn = turn
 
     def _looks(self, turn: int) -> tuple[Any, list[Any]]:
-        """Return the visuals that were declared then, and what artists with drawers of the program's own drew."""
-        header, declared = self._reader.header, self._past.events(turn, _LOOKS)
+        """Return the declared visuals at a turn, and the recorded drawings of custom artists."""
+        header = self._reader.header
+        declared = self._past.events(turn, _LOOKS)
         if turn > self._drawn_until:
             new = self._reader.events(self._drawn_until, turn, _DRAWINGS)
             self._drawn += [(log, data["artist"]) for log, *_, data in new]

@@ -1,4 +1,4 @@
-"""`ctx.record`: writes what happens in a context, and plays it again."""
+"""`ctx.record`: records a context, and replays recordings."""
 
 import os
 import time
@@ -24,7 +24,7 @@ from gamms.recorder.maps import without_map
 from gamms.recorder.playback import Playback
 from gamms.recorder.replaying import TURN_NS, Record, Replayer
 from gamms.recorder.session import RecordingSession
-from gamms.recorder.streams import Target, format_of, locks, readable
+from gamms.recorder.streams import RecordingTarget, format_of, locks, readable
 from gamms.text import shown
 from gamms.typing.context import HostContext
 from gamms.typing.recorder import C, IRecorder, OpCodes
@@ -35,8 +35,8 @@ class Recorder(Guarded, IRecorder):
 
     Attributes:
         ctx: the context.
-        components: the user's recorded objects.
-        is_replaying: whether a recording is being played.
+        components: recorded objects of the user.
+        is_replaying: whether a recording is being replayed.
     """
 
     _called = "ctx.record"
@@ -47,17 +47,17 @@ class Recorder(Guarded, IRecorder):
         self.components = Components(self._component_event, self._phase)
         self.is_replaying = False
         self._session: RecordingSession | None = None
-        self._target: Target | None = None
+        self._target: RecordingTarget | None = None
         self._replayer: Replayer | None = None
         self._followers: tuple[Follower, ...] = ()
-        self._watch: RecordingSession | None = None  # what they hear while nothing is recorded
-        self._recorded = self.components.recorded()  # when the recording was paused
-        self._version = 3  # of what is being written
+        self._watch: RecordingSession | None = None  # session for followers while nothing is recorded
+        self._recorded = self.components.recorded()  # components when the recording was paused
+        self._version = 3  # format version of the present recording
 
     # -- writing ------------------------------------------------------------------------------------------------
 
     def record(self) -> bool:
-        """Whether events are being written now."""
+        """Return whether events are being written."""
         session = self._session
         return session is not None and not (session.is_paused or session.has_failed or self.ctx.is_terminated())
 
@@ -69,7 +69,7 @@ class Recorder(Guarded, IRecorder):
 
     @property
     def is_open(self) -> bool:
-        """Whether a recording was started and not stopped yet, paused or not."""
+        """Whether a recording has started and not stopped, paused or not."""
         return self._session is not None
 
     @refused_while_deciding
@@ -85,24 +85,24 @@ class Recorder(Guarded, IRecorder):
         embed_graph: bool = True,
         overwrite: bool = False,
     ) -> None:
-        """Begin a recording; it begins with how things are now.
+        """Begin a recording with the present state.
 
         Args:
-            path: of a new file, which gets the suffix `.ggr` if it has none; or a binary stream.
-            version: 3, or 2 for what gamms 1.0.0 reads (agents and components only).
-            created: seconds since 1970 to be kept in the header; None: $SOURCE_DATE_EPOCH, or nothing.
-            provenance: plain values to be kept in the header.
-            sensed: write down what agents sense in the turns of `ctx.game`, too, for `Recording.observation`.
-            drawings: write down what artists and rules with drawers of the program's own draw at the end of each turn,
-                too, which calls these drawers.
-            embed_graph: whether the recording holds the map; else only its SHA-256, and who replays it needs the map.
-            overwrite: whether it may take the place of a file, once it has begun well.
+            path: path of a new file, with the suffix `.ggr` by default; or a binary stream.
+            version: 3, or 2 for gamms 1.0.0 (agents and components only).
+            created: seconds since 1970 for the header; None: $SOURCE_DATE_EPOCH, or no time.
+            provenance: plain values for the header.
+            sensed: whether to record the sensor data of agents in the turns of `ctx.game`, for `Recording.observation`.
+            drawings: whether to record the drawings of artists and rules with custom drawers at the end of each turn,
+            which calls these drawers.
+            embed_graph: whether the recording contains the map; otherwise only its SHA-256, and a replay needs the map.
+            overwrite: whether to replace an existing file, after the recording has started successfully.
 
         Raises:
-            FileExistsError: there is such a file.
-            RecorderBusy (RuntimeError): a recording is being written already, or the file to be overwritten is in use.
-            RecordingError: it cannot be written.
-            BadType (TypeError), BadValue (ValueError): an argument is impossible.
+            FileExistsError: the file exists.
+            RecorderBusy (RuntimeError): another recording is being written, or the file to overwrite is in use.
+            RecordingError: the file cannot be written.
+            BadType (TypeError), BadValue (ValueError): an argument is invalid.
         """
         if self.ctx.is_terminated():
             return
@@ -123,10 +123,10 @@ class Recorder(Guarded, IRecorder):
             self.ctx,
             with_sensed=sensed or bool(self._followers),
             with_drawings=as_bool(drawings, "drawings") and ENCODERS[version].has_drawings,
-        )  # before there is a file: not every map can be written
-        target: Target | None = None
+        )  # before the file is created: not every map can be written
+        target: RecordingTarget | None = None
         try:
-            target = Target(path, overwrite=overwrite)
+            target = RecordingTarget(path, overwrite=overwrite)
             output = Output(target.stream)
             session.write_to(ENCODERS[version](output, header), in_background=target.is_owned)
             target.keep()
@@ -136,7 +136,9 @@ class Recorder(Guarded, IRecorder):
                 target.discard()
             self._tell_followers()
             raise
-        self._target, self._session, self._version = target, session, version
+        self._target = target
+        self._session = session
+        self._version = version
         for name, data in self.components.since((set(), {})):
             self._component_event(name, data)
         self._tell_followers()
@@ -146,8 +148,8 @@ class Recorder(Guarded, IRecorder):
         """End the recording and close its file.
 
         Raises:
-            RecorderBusy (RuntimeError): none is being written, or it is paused.
-            RecordingError: it cannot be written to its end; what was written stays readable.
+            RecorderBusy (RuntimeError): no recording is being written, or it is paused.
+            RecordingError: the end cannot be written; everything before stays readable.
         """
         if self._session is None:
             if self.ctx.is_terminated():
@@ -160,7 +162,7 @@ class Recorder(Guarded, IRecorder):
 
     @refused_while_deciding
     def close(self) -> None:
-        """End the recording if there is one, paused or not, and close its file.
+        """End the recording if there is one, even if it is paused, and close its file.
 
         Raises:
             RecordingError: see `stop`.
@@ -179,7 +181,7 @@ class Recorder(Guarded, IRecorder):
 
     @refused_while_deciding
     def pause(self) -> None:
-        """Write nothing until `play`."""
+        """Pause the recording until `play`."""
         if self.ctx.is_terminated():
             return
         if self._session is None or self._session.is_paused:
@@ -191,7 +193,7 @@ class Recorder(Guarded, IRecorder):
 
     @refused_while_deciding
     def play(self) -> None:
-        """Write again, beginning with how things are now."""
+        """Resume the recording with the present state."""
         if self.ctx.is_terminated():
             return
         if self._session is None or not self._session.is_paused:
@@ -203,16 +205,16 @@ class Recorder(Guarded, IRecorder):
             self._component_event(name, data)
         self._tell_followers()
 
-    # -- following ----------------------------------------------------------------------------------------------
+    # -- followers ----------------------------------------------------------------------------------------------
 
     @refused_while_deciding
     def follow(self, follower: Follower) -> None:
-        """Let a follower hear what a recording would hold, from now on, whether or not the game is recorded.
+        """Send all events to a follower from now on, whether or not the game is recorded.
 
-        What agents sense is in it, and so in recordings that begin while there is a follower.
+        Sensor data are included, also in recordings that begin while there is a follower.
 
         Raises:
-            BadType (TypeError): it has no `begin` and `hear`.
+            BadType (TypeError): the follower has no `begin` and `hear`.
         """
         if not (callable(getattr(follower, "begin", None)) and callable(getattr(follower, "hear", None))):
             raise BadType(f"A follower has begin(header, state) and hear(log, is_over=), unlike {shown(follower)}.")
@@ -221,12 +223,12 @@ class Recorder(Guarded, IRecorder):
 
     @refused_while_deciding
     def unfollow(self, follower: Follower) -> None:
-        """Let a follower hear nothing more."""
+        """Stop sending events to a follower."""
         self._followers = tuple(one for one in self._followers if one is not follower)
         self._tell_followers()
 
     def _tell_followers(self) -> None:
-        """Let followers hear of the recording that is written; while there is none, by a session of their own."""
+        """Connect followers to the present recording; without one, to a separate session."""
         self._end_watch()
         session = self._recording()
         if session is None and self._followers and not self.ctx.is_terminated():
@@ -242,11 +244,11 @@ class Recorder(Guarded, IRecorder):
 
     @refused_while_deciding
     def write(self, opCode: OpCodes, data: dict[str, Any]) -> None:  # noqa: N803 - published name
-        """Write one record, just so; SIMULATE ends a turn.
+        """Write one record unchanged; SIMULATE ends a turn.
 
         Raises:
             RecorderBusy (RuntimeError): no recording is being written.
-            BadType (TypeError), BadValue (ValueError): it could not be read again; nothing was written.
+            BadType (TypeError), BadValue (ValueError): the record could not be read back; nothing was written.
         """
         if self.ctx.is_terminated():
             return
@@ -261,41 +263,41 @@ class Recorder(Guarded, IRecorder):
 
     @refused_while_deciding
     def event(self, kind: str, **data: Plain) -> None:
-        """Write something of the program's own, as plain values; nothing while no recording is being written.
+        """Record a custom event with plain values; does nothing if no recording is being written.
 
         Raises:
             BadType: a value is not plain.
         """
         kind = as_name(kind, "an event")
         if flaw := why_not_plain(data):
-            raise BadType(f"What is recorded must be plain values, not {shown(data)}: data{flaw}.")
+            raise BadType(f"Recorded data must be plain values, not {shown(data)}: data{flaw}.")
         if (session := self._recording()) is not None:
             session.log.append((kinds.USER_EVENT, {"kind": kind, **to_plain(data)}))
 
     def time(self) -> int:
-        """Nanoseconds: of the recording while one is replayed or written, where a turn counts as a second."""
+        """Return nanoseconds: of the recording during a replay or recording, with one second per turn."""
         if self._replayer is not None:
             return self._replayer.clock
         return time.monotonic_ns() if self._session is None else self._session.turn * TURN_NS
 
-    # -- playing ------------------------------------------------------------------------------------------------
+    # -- replay -------------------------------------------------------------------------------------------------
 
     @refused_while_deciding
     def replay(self, path: str | os.PathLike[str] | BinaryIO, *, start: int = 0) -> Iterator[Record]:
-        """Apply a recording to this context, and yield what it says, record by record, as 1.0.0 did.
+        """Apply a recording to this context, and yield its records one by one, as in 1.0.0.
 
-        In a window any turn can be shown, so that records may come again, or not at all.
+        In a window any turn can be shown, so records may repeat or be skipped.
 
         Args:
-            path: of the recording; or a binary stream.
-            start: how many turns are over in the beginning, which are not shown; of version 2 none.
+            path: path of the recording; or a binary stream.
+            start: number of turns before the first shown turn; 0 for version 2.
 
         Raises (at the first `next`):
-            FileNotFoundError: there is no such file.
+            FileNotFoundError: the file does not exist.
             RecorderBusy (RuntimeError): a recording is being replayed already.
-            RecordingError (ValueError): it is none, or damaged; what was whole has been applied. Or it does not fit
-                this context.
-            BadValue (ValueError): there is no such turn to start from.
+            RecordingError (ValueError): not a recording, or damaged, after the valid part has been applied. Or it does
+            not fit this context.
+            BadValue (ValueError): the start turn does not exist.
         """
         if self.ctx.is_terminated():
             return
@@ -304,7 +306,8 @@ class Recorder(Guarded, IRecorder):
         stream, is_owned = readable(path)
         if is_owned:
             locks(stream, alone=False)
-        self.is_replaying, is_kept = True, False
+        self.is_replaying = True
+        is_kept = False
         try:
             if not 0 <= format_of(stream) < 3:
                 is_kept = yield from self._replay_version_3(stream, start, stream if is_owned else None)
@@ -318,13 +321,15 @@ class Recorder(Guarded, IRecorder):
         finally:
             if self._session is not None:
                 self._session.end_replay()
-            self.is_replaying, self._replayer = False, None
+            self.is_replaying = False
+            self._replayer = None
             if is_owned and not is_kept:
                 stream.close()
 
     def _replay_version_3(self, stream: BinaryIO, start: int, owned: BinaryIO | None) -> Generator[Record, None, bool]:
-        """Replay, and return whether a window keeps the recording open, for its turns to be shown again."""
-        reader, replayer = Reader(stream), Replayer(self.ctx, self._recording)
+        """Replay, and return whether a window keeps the recording open for seeking."""
+        reader = Reader(stream)
+        replayer = Replayer(self.ctx, self._recording)
         self._replayer = replayer
         if reader.warning:
             self.ctx.logger.warning(reader.warning)
@@ -358,40 +363,40 @@ class Recorder(Guarded, IRecorder):
                 return
 
     def _recording(self) -> RecordingSession | None:
-        """Return the recording that is being written now."""
+        """Return the present recording."""
         return self._session if self.record() else None
 
     # -- components ---------------------------------------------------------------------------------------------
 
     def component(self, struct: Mapping[str, object] | None) -> Callable[[C], C]:
-        """Decorator: a class whose declared fields are recorded; see `Components.component`."""
+        """Return a class decorator; see `Components.component`."""
         return self.components.component(struct)
 
     def get_component(self, name: str) -> object:
-        """A component by name (KeyError)."""
+        """Return a component by name (KeyError)."""
         return self.components.get_component(name)
 
     def delete_component(self, name: str) -> None:
-        """Forget a component (KeyError)."""
+        """Delete a component (KeyError)."""
         self.components.delete_component(name)
 
     def component_iter(self) -> KeysView[Any]:
-        """Names of the components."""
+        """Return the names of the components."""
         return self.components.component_iter()
 
     def add_component(self, name: str, obj: object) -> None:
-        """Keep a component under a name (ValueError if it is taken)."""
+        """Add a component under a name (ValueError if it is taken)."""
         self.components.add_component(name, obj)
 
     def is_component_registered(self, key: tuple[str, str]) -> bool:
-        """Whether a component class is known, by module and qualified name."""
+        """Return whether a component class is registered, by module and qualified name."""
         return self.components.is_component_registered(key)
 
     def unregister_component(self, key: tuple[str, str]) -> None:
-        """Forget a component class (KeyError)."""
+        """Unregister a component class (KeyError)."""
         self.components.unregister_component(key)
 
-    # NOTE: programs look into these two (docs on compatibility).
+    # NOTE: programs access these two (docs on compatibility).
 
     @property
     def _components(self) -> dict[Any, Any]:
@@ -407,15 +412,15 @@ class Recorder(Guarded, IRecorder):
 
 
 def _check_record(opcode: object, data: object) -> None:
-    """Check that a record of the user's own can be read again."""
+    """Check that a record of the user can be read back."""
     if not isinstance(opcode, OpCodes):
         raise BadType(f"opCode must be one of gamms.typing.OpCodes, not {shown(opcode)}.")
     if opcode is OpCodes.TERMINATE:
         raise BadValue("TERMINATE is written by ctx.record.stop().")
     if not isinstance(data, dict):
-        raise BadType(f"What is recorded must be a dict of plain values, not {shown(data)}.")
+        raise BadType(f"Recorded data must be a dict of plain values, not {shown(data)}.")
     if flaw := why_not_plain(data):
-        raise BadType(f"What is recorded must be a dict of plain values, not {shown(data)}: data{flaw}.")
+        raise BadType(f"Recorded data must be a dict of plain values, not {shown(data)}: data{flaw}.")
     fields = {key: field for key, field in EVENTS[opcode.value].fields.items() if not field.is_optional}
     if missing := sorted(fields.keys() - data.keys()):
         raise BadValue(f"The data of {opcode.name} must have {', '.join(map(repr, missing))}, not only {list(data)}.")

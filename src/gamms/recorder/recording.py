@@ -1,4 +1,4 @@
-"""A recording that is open: any state of it, its events and its tables, without a context."""
+"""A recording that is open for reading: its states, events and tables, without a context."""
 
 import os
 from base64 import b64decode
@@ -26,7 +26,7 @@ from gamms.recorder.errors import Damaged, RecordingError, refusing
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import become, given_map, has_map, hash_in, hash_of
 from gamms.recorder.states import State, state_of
-from gamms.recorder.streams import Opened, format_of, readable, written
+from gamms.recorder.streams import StreamOwner, format_of, readable, written
 from gamms.text import shown
 from gamms.typing import AerialStrategy, AsyncStrategy, IContext, Strategy
 from gamms.typing.context import HostContext
@@ -40,35 +40,36 @@ if TYPE_CHECKING:
 C = TypeVar("C", bound=IContext)
 AnyStrategy = Strategy | AerialStrategy | AsyncStrategy
 Strategies = Mapping[str, AnyStrategy]  # agent or team -> its strategy
-Branches = Sequence[AnyStrategy | None] | Mapping[str, AnyStrategy | None]  # that an agent or team may go on with
+# strategies with which agents or teams may continue
+Branches = Sequence[AnyStrategy | None] | Mapping[str, AnyStrategy | None]
 
-_MOST_SHOWN = 20 << 20  # bytes of a page that a notebook shows
-_FRAME = (  # it may run its own scripts, and reach nothing of the notebook
+_MOST_SHOWN = 20 << 20  # largest page shown in a notebook, bytes
+_FRAME = (  # sandboxed: scripts run, but cannot access the notebook
     '<iframe title="the game" sandbox="allow-scripts" style="width:100%;height:560px;border:0" srcdoc="{}"></iframe>'
 )
-_BLOBS = ("world",)  # parts of the header that are no words
-_CALLERS = ("folder", "file", "allow")  # what `Scenario(**header["scenario"])` takes as said by the caller
-_LISTS = {"name": "names", "team": "teams", "speed": "speed", "strategy": "strategies"}  # columns that seldom change
+_BLOBS = ("world",)  # header entries that are not text
+_CALLERS = ("folder", "file", "allow")  # arguments of `Scenario(**header["scenario"])` that only a caller may give
+_LISTS = {"name": "names", "team": "teams", "speed": "speed", "strategy": "strategies"}  # columns that rarely change
 
 
 def open(source: str | os.PathLike[str] | BinaryIO, *, graph: object = None) -> "Recording":
-    """Open a recording of version 3, by its path or as a binary stream.
+    """Open a recording of version 3, by path or as a binary stream.
 
     Args:
-        source: the path, whose suffix may be left out, or the stream.
-        graph: the map of a recording that does not hold it: a context, the graph of another recording, or the path of
-            a file that `ctx.graph.save` wrote.
+        source: the path, with or without suffix, or the stream.
+        graph: the map, for a recording that does not contain it: a context, the graph of another recording, or the path
+        of a file written by `ctx.graph.save`.
 
     Raises:
-        FileNotFoundError, OSError: it cannot be read.
-        RecordingError (ValueError): it is none, it is of version 2, its header is damaged, or the map is another.
-        BadType (TypeError): this is neither a path nor a binary stream, or `graph` is no map.
+        FileNotFoundError, OSError: the file cannot be read.
+        RecordingError (ValueError): not a recording, of version 2, with a damaged header, or with another map.
+        BadType (TypeError): `source` is neither a path nor a binary stream, or `graph` is not a map.
     """
     stream, is_owned = readable(source)
     try:
         if 0 < format_of(stream) < 3:
             raise RecordingError(  # noqa: TRY301 - the stream is closed below
-                "This recording has format version 2, which holds neither a map nor an index. `gamms convert IN OUT` "
+                "This recording has format version 2, which has neither a map nor an index. `gamms convert IN OUT` "
                 "makes version 3 of it; ctx.record.replay plays it as it is."
             )
         return Recording(Reader(stream), stream if is_owned else None, graph)
@@ -78,19 +79,19 @@ def open(source: str | os.PathLike[str] | BinaryIO, *, graph: object = None) -> 
         raise
 
 
-class Recording(Opened):
-    """A recording that is open for reading; of its turns only a few are in memory.
+class Recording(StreamOwner):
+    """A recording that is open for reading; only a few turns are in memory.
 
-    State 0 is the start, state n is after the n-th turn; `recording[n]` is state n, `recording[-1]` the last one, and
-    `len(recording)` is how many turns were completed. Iterating gives all states in their order. What happened
-    between states n - 1 and n happened in turn n; what happened after the last completed turn is in turn `turns + 1`.
+    State 0 is the start, state n is the state after turn n; `recording[n]` is state n, `recording[-1]` the last state,
+    and `len(recording)` is the number of completed turns. Iteration yields all states in order. Turn n is between
+    states n - 1 and n; events after the last completed turn are in turn `turns + 1`.
 
-    Every call raises RecordingError (a ValueError), which names the byte, where the file is damaged, and BadValue for
-    turns that are not there.
+    Every method raises RecordingError (a ValueError) with the position if the file is damaged, and BadValue for turns
+    that do not exist.
 
     Attributes:
-        header: what it says of itself: `format`, `package` (version of GAMMS), `seed`, `created`, `provenance`.
-        warning: what is missing of a recording that was not finished; else None.
+        header: metadata: `format`, `package` (version of GAMMS), `seed`, `created`, `provenance`.
+        warning: the missing part of an unfinished recording; else None.
     """
 
     def __init__(self, reader: Reader, owned: BinaryIO | None = None, graph: object = None) -> None:
@@ -108,16 +109,16 @@ class Recording(Opened):
         self._state: DetachedState | None = None
         self._at = 0  # turns that it knows
         self._named: tuple[tuple[DetachedAgents, int] | None, dict[str, Any]] = (None, {})
-        self._maps: dict[int, IPackedGraph] = {}  # turn in which the map became so -> the map; the first and one other
+        self._maps: dict[int, IPackedGraph] = {}  # turn of a map change -> the map; the first map and one other
         self._map_turns: list[int] | None = None
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.turns} turns)"
 
     def _repr_html_(self) -> str | None:
-        """Turns, scores and a page that replays it, for notebooks; None where it cannot be read any more.
+        """Return HTML with turns, scores and a page that replays the game, for notebooks; None if it cannot be read.
 
-        Where no scripts run the page is a picture of the last state, and so is one that would be too large.
+        Without scripts, or if the page would be too large, the page is a picture of the last state.
         """
         try:
             scores = "".join(f"<br/>{escape(f'{of}: {score}')}" for of, score in self[-1].scores.items())
@@ -131,7 +132,7 @@ class Recording(Opened):
             return None
 
     def _repr_png_(self) -> bytes | None:
-        """A picture of the last state, for notebooks that are printed; None where there is nothing to make it with."""
+        """Return a picture of the last state, for printed notebooks; None if no renderer is available."""
         try:
             with self._live(self.turns, {}, is_quiet=True) as ctx:
                 found: bytes | None = ctx.visual.pictures.as_png()
@@ -151,7 +152,7 @@ class Recording(Opened):
 
     @property
     def turns(self) -> int:
-        """How many turns were completed."""
+        """The number of completed turns."""
         if self._turns is None:
             logs = self._reader.turns
             last = self._reader.events(logs - 1, logs, {kinds.UNFINISHED}) if logs else ()
@@ -164,7 +165,7 @@ class Recording(Opened):
     # -- states -------------------------------------------------------------------------------------------------
 
     def state(self, turn: int) -> State:
-        """Return the state after so many turns; 0 is the start."""
+        """Return the state after a number of turns; 0 is the start."""
         state = self.detached(turn := as_int(turn, "turn"))
         version = state.agents, state.agents.version
         if self._named[0] != version:
@@ -177,7 +178,7 @@ class Recording(Opened):
     @overload
     def __getitem__(self, turn: slice) -> list[State]: ...
     def __getitem__(self, turn: int | slice) -> State | list[State]:
-        """Return the state after so many turns, counted from the end where negative; or those of a slice, as a list."""
+        """Return the state after a number of turns, negative from the end; for a slice, a list of states."""
         if isinstance(turn, slice):
             return [self.state(one) for one in range(*turn.indices(self.turns + 1))]
         turn = as_int(turn, "turn")
@@ -194,26 +195,29 @@ class Recording(Opened):
         return number
 
     def detached(self, turn: int) -> DetachedState:
-        """Return the state after so many turns, which the next call changes."""
+        """Return the state after a number of turns, valid until the next call."""
         turn = self._as_turn(turn)
         with refusing(f"The state after turn {turn} cannot be worked out", (Damaged,)):
             return self._computed(turn)
 
     def _computed(self, turn: int) -> DetachedState:
-        """Return a state from the last keyframe, or from the state that was asked for last."""
+        """Return a state, computed from the last keyframe or from the previous result."""
         state = self._state
         if state is None or not max(self._reader.keyframe_before(turn), 0) <= self._at <= turn:
             found = self._reader.keyframe(turn)
             if found is None:
-                raise RecordingError("This recording does not say how it begins.")
-            self._state, self._named = None, (None, {})
-            self._at, state = found[0], DetachedState(found[1], found[0])
-            if "components" not in found[1]:  # as in the first recordings of version 3
+                raise RecordingError("This recording has no initial state.")
+            self._state = None
+            self._named = (None, {})
+            self._at = found[0]
+            state = DetachedState(found[1], found[0])
+            if "components" not in found[1]:  # missing in the first recordings of version 3
                 for _, _, kind, data in self._reader.events(0, self._at, COMPONENTS):
                     state.apply_event(kind, data)
-        self._state = None  # if the next line fails, it is somewhere between
+        self._state = None  # cleared, because an error in the next line leaves it incomplete
         state.advance(self._reader, self._at, turn)
-        self._state, self._at = state, turn
+        self._state = state
+        self._at = turn
         return state
 
     @overload
@@ -245,28 +249,28 @@ class Recording(Opened):
         *,
         ctx: IContext | None = None,
     ) -> HostContext | IContext:
-        """Return a live context with the game as it was after so many turns, to go on or to branch from there.
+        """Return a live context with the game after a number of turns, to continue or to branch.
 
-        Agents, sensors, teams, scores, data, facts, memories and random streams are as they were; `ctx.game.reset`
-        comes back here. What a recording cannot hold is for the caller: strategies, rules (add them to the context as
-        the program that recorded did), conflicts, settings, and what strategies keep outside of `state["memory"]`.
-        With the same seed, strategies and rules the game goes on as it did.
+        Agents, sensors, teams, scores, data, facts, memories and random streams are restored; `ctx.game.reset` returns
+        to this state. The caller supplies what a recording cannot contain: strategies, rules (add them to the context
+        as in the recorded program), conflicts, settings, and data of strategies outside `state["memory"]`. With the
+        same seed, strategies and rules the game continues identically.
 
         Args:
-            turn: how many turns are over; 0 is the start.
+            turn: number of turns before; 0 is the start.
             strategies: by agent or team; `state -> None`.
-            seed: all random streams follow from it; None: that of the recording.
+            seed: seed of all random streams; None: the seed of the recording.
             vis_engine: see `create_context`.
-            ctx: a context in which agents, strategies and rules are already there, as a program or a scenario builds
-                them; it is changed, unless this raises. None: a fresh one, which the caller terminates.
+            ctx: a context with agents, strategies and rules, as created by a program or a scenario; it is changed,
+            unless an error is raised. None: a new context, which the caller must terminate.
 
         Returns:
-            The context; a given one for type checkers as what it is, a `gamms.Context`.
+            The context; a given context keeps its static type.
 
         Raises:
-            BadValue: there is no such turn, or vis_engine goes with ctx.
-            UnknownName (KeyError): a strategy is for a team or agent that is not there.
-            RecordingError (ValueError): the recording is damaged, or it does not fit the context.
+            BadValue: the turn does not exist, or vis_engine is given with ctx.
+            UnknownName (KeyError): a team or agent with a strategy does not exist.
+            RecordingError (ValueError): the recording is damaged, or does not fit the context.
         """
         if ctx is not None and vis_engine is not None:
             raise BadValue("vis_engine is for a fresh context, and ctx has an engine already.")
@@ -283,18 +287,18 @@ class Recording(Opened):
         build: Callable[[], HostContext] | None = None,
         max_turns: int | None = None,
     ) -> dict[str, "np.ndarray[Any, Any]"]:
-        """Play on from a turn with other strategies and seeds; return the table of what would have happened.
+        """Continue from a turn with other strategies and seeds; return a table of the results.
 
-        It has a row for each seed of each combination of strategies: `strategies.<team>`, seed, the columns of
-        `Result.row()`, and error: what the game has raised, else None. See `resume` for what is raised.
+        It has one row per seed and combination of strategies: `strategies.<team>`, seed, the columns of `Result.row()`,
+        and error: the error of the game, or None. See `resume` for errors.
 
         Args:
-            turn: how many turns are over.
-            strategies: by team or agent, a list, in which None is the one that `build` gives; or a dict of names.
-            seeds: of the games that go on; None: that of the recording.
-            build: makes a context in which agents, strategies and rules are already there; None: the scenario in the
-                recording is built again, with code of GAMMS alone (or ScenarioError is raised).
-            max_turns: so many turns from there on; None: as the settings say.
+            turn: number of turns before.
+            strategies: for each team or agent a list, in which None is the strategy from `build`; or a dict by name.
+            seeds: seeds of the continued games; None: the seed of the recording.
+            build: function that makes a context with agents, strategies and rules; None: rebuild the scenario of the
+            recording, which may use only code of GAMMS (or ScenarioError is raised).
+            max_turns: maximum number of turns from there; None: as in the settings.
         """
         from gamms.recorder import resuming
 
@@ -312,12 +316,13 @@ class Recording(Opened):
         *,
         is_quiet: bool = False,
     ) -> Any:
-        """See `resume`; a quiet context says nothing of what a recording cannot hold."""
+        """Return the context of `resume`; a quiet one does not warn about data that recordings cannot contain."""
         from gamms.recorder import resuming
 
-        then, turn = self.state(turn), as_int(turn, "turn")
+        then = self.state(turn)
+        turn = as_int(turn, "turn")
         if is_quiet and seed is None and "audience" in self.header:
-            seed = 0  # nothing is drawn by it, and such a recording does not tell its own
+            seed = 0  # unused, because such a recording does not reveal its seed
         if ctx is not None:
             as_context(ctx, "resume")
         chosen = resuming.strategies_of(self.detached(turn), strategies)
@@ -348,24 +353,25 @@ class Recording(Opened):
         audience: str | None = None,
         **options: Unpack[PictureOptions],
     ) -> None:
-        """Save a picture of how things were after so many turns, or as `.html` a page that replays all of them.
+        """Save a picture of the state after a number of turns, or, as `.html`, a page that replays all turns.
 
-        A picture has the bytes that `ctx.visual.save` gave then. A page takes `title`, `theme`, `labels` and `trails`,
-        begins after `turn`, by default 0, and is as large as its window.
+        A picture equals the result of `ctx.visual.save` at that time. A page accepts `title`, `theme`, `labels` and
+        `trails`, begins after `turn`, by default 0, and fills its window.
 
         Args:
             path: an existing file is replaced; its suffix names the format.
-            turn: 0 is the start; None: the end.
-            width: pixels; None: as the map needs.
-            height: pixels; likewise.
-            dpi: pixels per inch: how large the picture is on paper.
-            audience: of a page: a team, by its text; what it could not know is not in the file. None: all is.
+            turn: number of turns before; None: the end.
+            width: pixels; None: derived from the map.
+            height: pixels; None: derived from the map.
+            dpi: pixels per inch: the size of the picture on paper.
+            audience: for a page: a team, by its text; the page leaves out what the team could not know. None:
+            everything.
             options: see `PictureOptions`.
 
         Raises:
-            BadValue: there is no such turn, or the picture cannot be so.
-            MissingFolder (FileNotFoundError): there is no such folder.
-            MissingExtra (ImportError): what the format needs is not installed.
+            BadValue: the turn does not exist, or an option is invalid.
+            MissingFolder (FileNotFoundError): the folder does not exist.
+            MissingExtra (ImportError): a library for the format is not installed.
             RecordingError (ValueError): the recording is damaged.
         """
         if as_path(path, "path").suffix.lower() == ".html":
@@ -382,18 +388,18 @@ class Recording(Opened):
         write_whole(as_target(path), pages["gamms"](self, **options), through_links=True)
 
     def cut(self, path: str | os.PathLike[str] | BinaryIO, team: object, *, overwrite: bool = False) -> None:
-        """Write what a team knew as a recording of its own, in which nothing else is; docs/recording.md says what.
+        """Write the knowledge of a team as a separate recording; see docs/recording.md.
 
         Args:
-            path: where to, as for `ctx.record.start`; or a binary stream, which stays open.
-            team: as its agents have it, or its text; of agents without a team the name of one.
-            overwrite: whether another file may be replaced.
+            path: destination, as for `ctx.record.start`; or a binary stream, which stays open.
+            team: the team, or its text; for an agent without a team its name.
+            overwrite: whether to replace an existing file.
 
         Raises:
-            UnknownName (KeyError): there is no such team.
-            BadValue: what was sensed was not recorded: `ctx.record.start(…, sensed=True)`.
-            FileExistsError, OSError: the file is there, or cannot be written.
-            RecordingError (ValueError): the recording is damaged, or does not hold its map.
+            UnknownName (KeyError): the team does not exist.
+            BadValue: the recording has no sensor data: `ctx.record.start(…, sensed=True)`.
+            FileExistsError, OSError: the file exists, or cannot be written.
+            RecordingError (ValueError): the recording is damaged, or does not contain its map.
         """
         from gamms.recorder.cut import write_cut
 
@@ -401,18 +407,18 @@ class Recording(Opened):
             write_cut(self._reader, self.graph.columns(), stream, team)
 
     def observation(self, turn: int, agent: str) -> dict[str, Any]:
-        """Return the state that an agent's strategy got in a turn; what was sensed must be recorded.
+        """Return the state that an agent's strategy received in a turn; requires recorded sensor data.
 
-        So that a decision can be repeated: `strategy(recording.observation(12, "anna"))`. What a sensor of the
-        program's own gave is there as far as it was plain, as are memories and facts.
+        Used to repeat a decision: `strategy(recording.observation(12, "anna"))`. Data of custom sensors, memories and
+        facts are included if they were plain values.
 
         Args:
-            turn: 1 is the first.
-            agent: its name.
+            turn: number of the turn, from 1.
+            agent: name of the agent.
 
         Raises:
-            BadValue: there is no such turn, or what was sensed was not recorded: `ctx.record.start(…, sensed=True)`.
-            UnknownName (KeyError): there was no such living agent.
+            BadValue: the turn does not exist, or the recording has no sensor data: `ctx.record.start(…, sensed=True)`.
+            UnknownName (KeyError): no living agent had this name.
             RecordingError (ValueError): the recording is damaged.
         """
         from gamms.recorder import resuming
@@ -430,7 +436,7 @@ class Recording(Opened):
         """The map at the start, read-only.
 
         Raises:
-            RecordingError: it is not in the recording, and was not given when that was opened.
+            RecordingError: it is not in the recording, and was not given to `open`.
         """
         return self._map(0, self._first_map)
 
@@ -438,25 +444,25 @@ class Recording(Opened):
         header = self._reader.header
         if self._given is None and not has_map(header):
             raise RecordingError(
-                f"This recording does not hold its map, only the SHA-256 of it, {hash_in(header)}. Hand the map over: "
+                f"This recording does not contain its map, only the SHA-256 of it, {hash_in(header)}. Hand the map over: "
                 "gamms.recorder.open(path, graph='map.gamms')."
             )
         return header.get("world") if self._given is None else self._given
 
     def map_hash(self, turn: int) -> str:
-        """Return the SHA-256 of the map after so many turns, whether the recording holds the map or not."""
+        """Return the SHA-256 of the map after a number of turns, even if the recording does not contain the map."""
         last = self._map_turn(turn)
         return hash_of(self.map_at(turn).packed) if last else hash_in(self._reader.header)
 
     def _map_turn(self, turn: int) -> int:
-        """Return the last turn up to this one in which the map changed; 0: none."""
+        """Return the last turn up to this one with a map change; 0 if there is none."""
         if self._map_turns is None:
             self._map_turns = sorted({log + 1 for log, *_ in self._reader.events(kinds={kinds.WORLD})})
         place = bisect_right(self._map_turns, self._as_turn(turn))
         return self._map_turns[place - 1] if place else 0
 
     def map_at(self, turn: int) -> IPackedGraph:
-        """Return the map after so many turns, read-only."""
+        """Return the read-only map after a number of turns."""
         last = self._map_turn(turn)
         return self._map(last, lambda: self._changed_map(last)) if last else self.graph
 
@@ -475,64 +481,63 @@ class Recording(Opened):
             self._maps[turn] = packed_graphs["gamms"](world)
         return self._maps[turn]
 
-    # -- what happened ------------------------------------------------------------------------------------------
+    # -- events -------------------------------------------------------------------------------------------------
 
     def events(self, start: int | None = None, stop: int | None = None) -> Iterator[dict[str, Any]]:
-        """Yield what rules emitted and programs recorded in the turns from `start` on and before `stop`, in order.
+        """Yield events emitted by rules or recorded by programs, for turns from `start` until before `stop`, in order.
 
         Yields:
-            `turn`, `kind`, and what was given with it. The turn of what a rule emitted is the number that the game
-            gave it, as in a `Result`.
+            `turn`, `kind`, and the data of the event. For events of rules, the turn is the turn number of the game, as
+            in a `Result`.
         """
         return tables.events(self._reader, *self._logs_of(start, stop))
 
     def steps(self, start: int | None = None, stop: int | None = None) -> Iterator[dict[str, Any]]:
-        """Yield everything that happened in these turns, in order.
+        """Yield all events of these turns, in order.
 
         Yields:
-            `turn`; `event`, which is "MOVE", or the name of a kind that is in the format; `agent` and `node` of a move,
-            `data` of any other.
+            `turn`; `event`, which is "MOVE", or the name of a kind of the format; `agent` and `node` for a move, `data`
+            for other events.
         """
         return tables.steps(self._reader, *self._logs_of(start, stop), self._names_at)
 
     def export(self, path: str | os.PathLike[str], *, turn_seconds: float = 1.0) -> Path:
-        """Write where the agents were at the start and after each turn: `.gpx`, `.geojson` or `.csv`.
+        """Write the positions of agents at the start and after each turn: `.gpx`, `.geojson` or `.csv`.
 
-        Places are latitude and longitude; CSV has map units, too, and takes maps without a CRS. Heights are those of
-        agents that fly. Times count from `header["created"]`, or from 1970.
+        Positions are latitude and longitude; CSV also has map units, and works without a CRS. Heights are those of
+        flying agents. Times count from `header["created"]`, or from 1970.
 
         Args:
             path: an existing file is replaced; its suffix names the format.
-            turn_seconds: how long a turn takes.
+            turn_seconds: duration of a turn.
 
         Raises:
-            UnknownType (ValueError): there is no format of this suffix.
-            BadValue (ValueError): the map has no CRS, or the time is none.
-            RecordingError (ValueError): the recording is damaged, or does not hold its map.
-            TooLarge (ValueError): there are so many agents and turns that they do not fit into memory.
+            UnknownType (ValueError): the suffix names no supported format.
+            BadValue (ValueError): the map has no CRS, or the duration is invalid.
+            RecordingError (ValueError): the recording is damaged, or does not contain its map.
+            TooLarge (ValueError): the positions do not fit in memory.
             OSError: the file cannot be written.
         """
         from gamms.recorder import tracks
 
-        def moments() -> Iterator[tracks.Moment]:
+        def moments() -> Iterator[tracks.AgentsAtTurn]:
             for turn in range(self.turns + 1):
                 state = self.state(turn)
-                yield tracks.Moment(state.agents, state.graph.columns())
+                yield tracks.AgentsAtTurn(state.agents, state.graph.columns())
 
         return tracks.export(path, moments(), self.turns, self.header.get("created"), turn_seconds)
 
     def table(
         self, name: str, start: int | None = None, stop: int | None = None, *, lat_lon: bool = False
     ) -> dict[str, np.ndarray[Any, Any]]:
-        """Return one table of the turns from `start` on and before `stop`, as columns of equal length.
+        """Return a table of turns from `start` until before `stop`, as columns of equal length.
 
-        `events`, `moves`, `positions` and `scores` are always there; each kind of event is a table, too.
-        docs/recording.md says which columns they have. With `lat_lon` nodes have latitude and longitude, as far as they
-        are on the map in the end.
+        `events`, `moves`, `positions` and `scores` always exist; each kind of event is also a table. docs/recording.md
+        lists their columns. With `lat_lon` nodes have latitude and longitude, if they are on the final map.
 
         Raises:
-            UnknownName (KeyError): there is no such table.
-            BadValue (ValueError): `lat_lon` is given, and the table has no nodes or the map no CRS.
+            UnknownName (KeyError): the table does not exist.
+            BadValue (ValueError): `lat_lon` for a table without nodes or a map without a CRS.
         """
         table = tables.table(self._reader, name, *self._logs_of(start, stop), self._names_at)
         return with_latlon(table, self.state(self.turns).graph.columns()) if as_bool(lat_lon, "lat_lon") else table
@@ -540,31 +545,31 @@ class Recording(Opened):
     def to_pandas(
         self, name: str, start: int | None = None, stop: int | None = None, *, lat_lon: bool = False
     ) -> "pd.DataFrame":
-        """Return one table as `table` does, as a data frame of pandas.
+        """Return a table as a pandas data frame; see `table`.
 
         Raises:
-            UnknownName (KeyError): there is no such table.
+            UnknownName (KeyError): the table does not exist.
             MissingExtra (ImportError): pandas is not installed.
         """
         return frame_of(self.table(name, start, stop, lat_lon=lat_lon))
 
     def logs(self, start: int | None = None, stop: int | None = None) -> Iterator[Log]:
-        """Yield the log of each turn from `start` on and before `stop`, as docs/recording-format.md describes it."""
+        """Yield the log of each turn from `start` until before `stop`; see docs/recording-format.md."""
         return (self._reader.log(log) for log in range(*self._logs_of(start, stop)))
 
     def content(self) -> bytes:
-        """Return the bytes of the file, as they are now."""
+        """Return the present bytes of the file."""
         return self._reader.content()
 
     def counts(self) -> dict[str, int]:
-        """Return how many events there are of each kind in the format; moves are not among them."""
+        """Return the number of events of each kind of the format, without moves."""
         counts: Counter[str] = Counter()
         for kind, count in self._reader.count_events().items():
             counts[tables.KINDS.get(kind, f"{kind:#010x}")] += count
         return dict(counts)
 
     def count_moves(self) -> int:
-        """Return how many moves of agents on the ground there are."""
+        """Return the number of moves of agents on the ground."""
         return self._reader.count_moves()
 
     def _names_at(self, log: int) -> tuple[dict[int, str], int]:
@@ -573,7 +578,7 @@ class Recording(Opened):
         return agents.names_by_number(), agents.following
 
     def _logs_of(self, start: int | None, stop: int | None) -> tuple[int, int]:
-        """Return the logs of turns from `start` on and before `stop`; turn n is in log n - 1."""
+        """Return the range of logs for turns from `start` until before `stop`; turn n is in log n - 1."""
         first = 0 if start is None else as_int(start, "start")
         last = self._reader.turns + 1 if stop is None else as_int(stop, "stop")
         if first < 0 or last < 0:

@@ -1,4 +1,4 @@
-"""Replay a recording: apply its events to a live context, and yield them in the form of 1.0.0."""
+"""Replay a recording: apply its events to a live context, and yield them as records of 1.0.0."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
@@ -38,27 +38,29 @@ from gamms.typing.recorder import OpCodes
 
 Record = dict[str, Any]  # timestamp, opCode, data
 
-TURN_NS = 1_000_000_000  # what a turn lasts in time stamps, which follow from the turns alone
+TURN_NS = 1_000_000_000  # duration of a turn in time stamps, which depend only on the turns
 
 
 class LiveState(State):
-    """A context that becomes what a recording of version 3 says, to the last bit.
+    """A live context to which the events of a recording of version 3 are applied, exactly.
 
     Attributes:
-        pace: by how much the game counts on in a turn.
-        sensor_ids: of the sensors of the recording; others are the program's own, and stay.
+        pace: increment of the turn number of the game.
+        sensor_ids: ids of the sensors of the recording; other sensors belong to the program, and stay.
     """
 
     agents: "LiveAgents"
 
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
-        self.agents, self.game, self.pace = LiveAgents(ctx), ctx.game.internals.state, 0
+        self.agents = LiveAgents(ctx)
+        self.game = ctx.game.internals.state
+        self.pace = 0
         self._shown: Any = {}  # artists of the recording
         self.sensor_ids: set[str] = set()
 
     def restore(self, snapshot: Keyframe) -> None:
-        """Become what a snapshot says: agents of the same name and kind are moved, missing ones made, others stay."""
+        """Apply a snapshot: agents with the same name and kind are moved, missing ones created, others stay."""
         self.agents.restore(snapshot, lambda: self._restore_sensors(snapshot.get("sensor_kinds", ())))
         game = self.game
         keyframes.restore_game(game, snapshot)
@@ -72,17 +74,18 @@ class LiveState(State):
         self.pace = int(snapshot.get("pace", 0))
 
     def end_turn(self) -> None:
-        """End the turn, also of a recording that is being written."""
+        """End the turn, also in a recording of this context."""
         self.game.turn += self.pace
         self._ctx.visual.simulate()
 
     def count(self, turn: int, pace: int, starts: dict[str, Any]) -> None:
-        """Number this turn, when it is over, and the following ones by adding `pace`; agents began at `starts`."""
-        self.pace, self.game.turn = pace, turn - pace
+        """Set the number of this turn, and the increment for the following turns; agents began at `starts`."""
+        self.pace = pace
+        self.game.turn = turn - pace
         self.game.began |= starts
 
     def append(self, log: str, entry: dict[str, Any]) -> None:
-        """Add to one of the logs of the game."""
+        """Append to a log of the game."""
         getattr(self.game, log).append(entry)
 
     def publish(self, facts: dict[str, Any], removed: Sequence[str]) -> None:
@@ -92,12 +95,12 @@ class LiveState(State):
         self._ctx.game.publish(**deepcopy(facts))
 
     def set_rng(self, rng_state: Mapping[str, Plain] | None) -> None:
-        """Set the state of the context's own random stream; None: it was not drawn from."""
+        """Set the state of the context's own random stream; None: it was not used."""
         if rng_state is not None:
             self._ctx.rng.bit_generator.state = rng_state
 
     def change_sensors(self, groups: list[dict[str, Plain]], removed: Iterable[str]) -> None:
-        """Remove sensors, then make or set others."""
+        """Remove sensors, then add or update others."""
         for sensor_id in removed:
             if sensor_id in self._ctx.sensor.sensors:
                 self._ctx.sensor.delete_sensor(sensor_id)
@@ -110,51 +113,53 @@ class LiveState(State):
         self.change_sensors(groups, sorted(gone))
 
     def replace_world(self, world: bytes) -> None:
-        """Replace graph and obstacles."""
+        """Replace the graph and the obstacles."""
         self._ctx.graph.storage.unpack(world)
 
     def show(self, visuals: dict[str, Any]) -> None:
-        """Declare what it looks like; a visual engine of the caller's may have no artists."""
+        """Declare visuals; a custom visual engine may have no artists."""
         artists = getattr(self._ctx.visual, "artists", None)
         if artists is not None:
             self._shown = artists.add_specs(visuals, self._shown)
 
     def order_sides(self, sides: Sequence[str | None]) -> None:
-        """Declare in which order teams choose their colours."""
+        """Declare the order in which teams get their colors."""
         drawing = getattr(self._ctx.visual, "drawing", None)
         if drawing is not None:
             drawing.sides = sides
 
     def draw(self, drawing: dict[str, Any]) -> None:
-        """Let an artist draw these commands from now on."""
+        """Set the draw commands of an artist."""
         artists = getattr(self._ctx.visual, "artists", None)
         if artists is not None:
             artists.add_drawing(drawing)
 
     def change_component(self, kind: int, data: dict[str, Any]) -> None:
-        """Apply a change of components, which note it themselves."""
+        """Apply a change of components, which record it themselves."""
         self._ctx.record.components.apply(OpCodes(kind).name, data)
 
 
 class LiveAgents(AgentsState):
-    """The agents of a context. What has a number is noted in the journal with the number that the agent has there.
+    """The agents of a live context; events in its journal use the agent numbers of that journal.
 
     Attributes:
         names: number in the recording -> name.
-        following: the number that the next new agent gets.
+        following: number of the next new agent.
     """
 
     def __init__(self, ctx: HostContext) -> None:
-        self._ctx, self._engine = ctx, ctx.agent
+        self._ctx = ctx
+        self._engine = ctx.agent
         self.names: dict[int, str] = {}
         self.following = 0
 
     # -- who is there ---------------------------------------------------------------------------------------------
 
     def restore(self, snapshot: Keyframe, make_sensors: Callable[[], None]) -> None:
-        """Make and place the agents of a snapshot."""
+        """Create and place the agents of a snapshot."""
         columns = keyframes.checked(keyframes.opened(snapshot))
-        numbers, names = columns["numbers"].tolist(), columns["names"]
+        numbers = columns["numbers"].tolist()
+        names = columns["names"]
         self.following = keyframes.checked_following(numbers, snapshot["next"])
         make_sensors()
         with self._engine.block.accepting_any_node():
@@ -164,7 +169,9 @@ class LiveAgents(AgentsState):
         self.names = dict(zip(numbers, names, strict=True))
 
     def _put(self, name: str, columns: dict[str, Any], row: int) -> None:
-        flies, speed, sensors = bool(columns["kind"][row]), columns["speed"][row], columns["sensors"][row]
+        flies = bool(columns["kind"][row])
+        speed = columns["speed"][row]
+        sensors = columns["sensors"][row]
         agent = self._engine.agents.get(name)
         if agent is None or bool(agent.type) != flies:
             if agent is not None:
@@ -176,13 +183,14 @@ class LiveAgents(AgentsState):
         self._equip_as(agent, sensors)
         for key, value in columns["attributes"][row].items():
             agent.__dict__[key] = deepcopy(value)
-        agent.team, agent.alive = columns["teams"][row], bool(columns["alive"][row])
+        agent.team = columns["teams"][row]
+        agent.alive = bool(columns["alive"][row])
         if not flies:
             agent.speed = speed
         self._block.write(self._block.row_of(name), keyframes.row_of(columns, row))
 
     def _equip_as(self, agent: Any, sensors: dict[str, str]) -> None:
-        """Let an agent carry these sensors, as far as there are such."""
+        """Set the sensors of an agent, without missing ones."""
         there = {name: sensor_id for name, sensor_id in sensors.items() if sensor_id in self._ctx.sensor.sensors}
         if list(there.items()) != [(name, sensor.sensor_id) for name, sensor in agent.sensors.items()]:
             for name in list(agent.sensors):
@@ -191,7 +199,7 @@ class LiveAgents(AgentsState):
                 agent.register_sensor(name, self._ctx.sensor.get_sensor(sensor_id))
 
     def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:  # noqa: ARG002
-        """Create an agent where it was, perhaps on a node that the map has no longer; and to the last bit."""
+        """Create an agent exactly as it was, even on a node that no longer exists."""
         places = {key: tuple(map(float, value)) for key, value in state.items() if key in VECTORS}
         for key, numbers in places.items():
             if len(numbers) != VECTORS[key]:
@@ -213,14 +221,14 @@ class LiveAgents(AgentsState):
         return block
 
     def row(self, name: str) -> int:
-        """Return the row of an agent by its name (KeyError)."""
+        """Return the row of an agent by name (KeyError)."""
         return self._block.row_of(self._engine.get_agent(name).name)
 
     def row_of(self, number: int) -> int:
-        """Return the row of an agent by its number.
+        """Return the row of an agent by number.
 
         Raises:
-            Damaged: there is none.
+            Damaged: the agent does not exist.
         """
         try:
             return self._block.row_of(self.names[number])
@@ -230,40 +238,41 @@ class LiveAgents(AgentsState):
     # -- what they are --------------------------------------------------------------------------------------------
 
     def set(self, row: int, column: str, value: Plain) -> None:
-        """Set one column of an agent; strategies are functions, which a recording does not hold."""
+        """Set a column of an agent; strategies are functions, and not in recordings."""
         if column in CHANGE_EVENTS:
             if column == "speed" and self._block.kind[row]:
-                raise BadType(f"Agent {self._block.names[row]!r} flies, and keeps its speed.")
+                raise BadType(f"Agent {self._block.names[row]!r} flies, so its speed is fixed.")
             self._block.set(row, column, value)
         elif column != "strategies":
             self._block.write(row, {column: value})
 
     def move(self, numbers: Sequence[int], nodes: Sequence[int]) -> None:
-        """Move agents on the ground, and note it."""
+        """Move agents on the ground, and record it."""
         for number, node in zip(numbers, nodes, strict=True):
             self.move_one(int(number), int(node))
 
     def move_one(self, number: int, node: int) -> tuple[str, int]:
-        """Move an agent, and note it; returns its name, and the node it was on."""
-        block, name = self._engine.block, self.names[number]
+        """Move an agent, and record it; return its name, and its previous node."""
+        block = self._engine.block
+        name = self.names[number]
         row = block.row_of(name)
         before: int = block.node[row]
         block.move(row, node)
         return name, before
 
     def fly(self, row: int, node: int | None, position: tuple[float, ...]) -> None:
-        """Move a flyer, and note it."""
+        """Move a flying agent, and record it."""
         self._check_flies(row)
         self._block.fly(row, as_position(position), node)
 
     def turn(self, row: int, quat: tuple[float, ...]) -> None:
-        """Turn a flyer in space, and note it."""
+        """Set the rotation of a flying agent, and record it."""
         w, x, y, z = as_numbers(quat, "quat", "(w, x, y, z)")
         self._check_flies(row)
         self._block.turn(row, (w, x, y, z))
 
     def mover(self, row: int) -> Mover:
-        """Return a flyer that is about to move."""
+        """Return a flying agent before its move, with its node."""
         self._check_flies(row)
         return Mover(self._block.names[row], self._block.nearest(row))
 
@@ -272,14 +281,14 @@ class LiveAgents(AgentsState):
             raise BadType(f"Agent {self._block.names[row]!r} does not fly.")
 
     def progress(self, numbers: IntArray, columns: Mapping[str, np.ndarray[Any, Any]]) -> None:
-        """Set how far along edges agents are."""
+        """Set the progress of agents along edges."""
         zeros = np.zeros(len(numbers), np.int64)
         places = [columns.get(name, zeros) for name in ON_EDGES]
         for number, *where in zip(numbers.tolist(), *places, strict=True):
             self._block.write(self.row_of(number), {"progress": keyframes.progress_of(*where)})
 
     def attribute(self, numbers: Sequence[int], name: str, values: Sequence[Plain] | None) -> None:
-        """Set an attribute of the caller's, or take it away."""
+        """Set or delete a custom attribute."""
         for number, value in zip(numbers, [None] * len(numbers) if values is None else values, strict=True):
             agent = self._agent(self.row_of(number))
             known = getattr(type(agent), name, None)
@@ -294,10 +303,10 @@ class LiveAgents(AgentsState):
         return self._engine.agents[self._block.names[row]]
 
     def equip(self, row: int, name: str, sensor_id: str) -> None:
-        """Let an agent carry a sensor, if it is here."""
+        """Add a sensor to an agent, if the sensor exists."""
         sensor = self._ctx.sensor.sensors.get(sensor_id)
         if sensor is None:
-            self._ctx.logger.error(f"Sensor {shown(sensor_id)} is not here: it is left out of the replay.")
+            self._ctx.logger.error(f"Sensor {shown(sensor_id)} does not exist: it is left out of the replay.")
             return
         try:
             self._agent(row).register_sensor(name, sensor)
@@ -305,7 +314,7 @@ class LiveAgents(AgentsState):
             self._ctx.logger.error(f"{reason(error)} The sensor is left out of the replay.")  # noqa: TRY400 - ILogger has none
 
     def unequip(self, row: int, name: str) -> None:
-        """Let an agent carry a sensor no longer, if that did not go itself."""
+        """Remove a sensor from an agent, unless it is already gone."""
         if name in self._agent(row).sensors:
             self._agent(row).deregister_sensor(name)
 
@@ -313,7 +322,7 @@ class LiveAgents(AgentsState):
 
     @contextmanager
     def unnoted(self) -> Iterator[None]:
-        """Note nothing of what happens to agents: it follows from an event that is noted as it is."""
+        """Record no changes of agents, because one event describes them."""
         block = self._block
         if block.journal.is_silent:
             yield
@@ -325,7 +334,7 @@ class LiveAgents(AgentsState):
             block.journal = journal
 
     def note(self, kind: int, data: Plain) -> None:
-        """Note an event of the recording, with the numbers that agents have in the journal."""
+        """Record an event of the recording, with the agent numbers of the journal."""
         journal: Journal = self._block.journal
         if journal.is_silent:
             return
@@ -342,9 +351,9 @@ class LiveAgents(AgentsState):
 
 
 class LegacyState(LiveState):
-    """A context in which records of version 2 happen as in gamms 1.0.0, which wrote more than it accepted.
+    """A context to which records of version 2 are applied as in gamms 1.0.0, which recorded more than it accepted.
 
-    They are what a program did: they are checked, and noted like it.
+    The records are actions of a program: they are checked and recorded like those.
     """
 
     def __init__(self, ctx: HostContext) -> None:
@@ -352,19 +361,19 @@ class LegacyState(LiveState):
         self.agents = _LegacyAgents(ctx)
 
     def change_component(self, kind: int, data: dict[str, Any]) -> None:
-        """Do what an operation code of components says, unless 1.0.0 refused it after it had written it down."""
+        """Apply an operation on components, unless 1.0.0 refused it after recording it."""
         self._ctx.record.components.apply(OpCodes(kind).name, data, lenient=True)
 
 
 class _LegacyAgents(LiveAgents):
     def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:  # noqa: ARG002
-        """Create an agent, unless 1.0.0 made none of this."""
+        """Create an agent, unless 1.0.0 refused it."""
         is_refused = name in self._engine.agents or "start_node_id" not in kwargs
         if not is_refused and not (kwargs.get("type") == 1 and "speed" not in kwargs):
             self._engine.create_agent(name, **kwargs)
 
     def remove(self, name: str) -> None:
-        """Delete an agent, if it is there."""
+        """Delete an agent, if it exists."""
         if name in self._engine.agents:
             self._engine.delete_agent(name)
 
@@ -373,37 +382,39 @@ class _LegacyAgents(LiveAgents):
         setattr(self._agent(row), ATTRIBUTES[column], value)
 
     def fly(self, row: int, node: int | None, position: tuple[float, ...]) -> None:  # noqa: ARG002
-        """Put a flyer somewhere; the graph says which node is below."""
+        """Move a flying agent; the graph gives the node below."""
         self._agent(row).position = position
 
 
-# -- playing ------------------------------------------------------------------------------------------------------
+# -- replay -------------------------------------------------------------------------------------------------------
 
 
 _Ongoing = Callable[[], RecordingSession | None]
 
 
 class Replayer:
-    """Applies events to a context; its journal takes them where the context is being recorded.
+    """Applies events to a context, and records them if the context is being recorded.
 
     Args:
         ctx: the context.
-        recording: gives the recording that is being written now, if any.
-        is_version_2: whether the events are records of 1.0.0, which wrote more than it accepted.
+        recording: returns the present recording, if any.
+        is_version_2: whether the events are records of 1.0.0, which recorded more than it accepted.
 
     Attributes:
-        state: what events are applied to.
-        clock: the time stamp of what is being replayed.
-        turn: how many turns have been replayed, with the one that is shown now.
+        state: the state to which events are applied.
+        clock: time stamp of the present record.
+        turn: number of turns replayed, including the turn that is shown.
     """
 
     def __init__(self, ctx: HostContext, recording: _Ongoing = lambda: None, *, is_version_2: bool = False) -> None:
-        self._ctx, self._recording, self._is_version_2 = ctx, recording, is_version_2
+        self._ctx = ctx
+        self._recording = recording
+        self._is_version_2 = is_version_2
         self.state = LegacyState(ctx) if is_version_2 else LiveState(ctx)
         self.clock = self.turn = 0
 
     def begin(self, reader: Reader) -> None:
-        """Become what a recording of version 3 begins with.
+        """Apply the initial state of a recording of version 3.
 
         Raises:
             RecordingError: it is damaged, or does not fit the context.
@@ -412,11 +423,11 @@ class Replayer:
         begin = reader.keyframe(0)
         if begin is not None:
             self._begin(reader.header, begin[1])
-        elif reader.turns or not reader.warning:  # else it was cut off behind its map
-            raise RecordingError("This recording does not say how it begins.")
+        elif reader.turns or not reader.warning:  # otherwise it was truncated after its map
+            raise RecordingError("This recording has no initial state.")
 
     def begin_with(self, header: dict[str, Any], snapshot: Keyframe) -> None:
-        """Become what a snapshot says of a game whose recording has this header.
+        """Apply a snapshot of a game whose recording has this header.
 
         Raises:
             RecordingError: it does not fit the context.
@@ -433,7 +444,7 @@ class Replayer:
         """Apply the turns of a recording from the present one on, and yield their records.
 
         Raises:
-            RecordingError: it is damaged, or does not fit the context; what was whole has been applied.
+            RecordingError: the recording is damaged, or does not fit the context; the valid part has been applied.
         """
         while self.turn < reader.turns:
             yield from self.play_turn(reader)
@@ -442,7 +453,7 @@ class Replayer:
         yield {"timestamp": max(0, reader.turns - 1) * TURN_NS, "opCode": kinds.TERMINATE}
 
     def play_turn(self, reader: Reader) -> Iterator[Record]:
-        """Apply the next turn, and yield its records; where another turn is asked for meanwhile, that is the next."""
+        """Apply the next turn, and yield its records; a seek during the iteration changes the next turn."""
         self.turn += 1
         return self._turn(self.turn - 1, reader.log(self.turn - 1))
 
@@ -453,12 +464,12 @@ class Replayer:
             pass
 
     def play_until_sensed(self, log: kinds.Log, agent: str) -> Any:
-        """Apply a turn as far as an agent senses, and return what was sensed then; None: it does not."""
+        """Apply a turn until an agent senses, and return the sensor data; None if it does not sense."""
         for code, data in events_of(log):
             if code != kinds.SENSED:
                 self.apply(code, data)
                 continue
-            with refusing("What was sensed is damaged", with_type=True):
+            with refusing("The sensor data are damaged", with_type=True):
                 if agent in map(self.state.agents.names.get, data["agents"].tolist()):
                     return data
         return None
@@ -473,7 +484,9 @@ class Replayer:
             recording.renumber(snapshot) if is_adopted else recording.emit_snapshot()
 
     def _turn(self, turn: int, log: kinds.Log) -> Iterator[Record]:
-        timestamp, is_over, ctx = turn * TURN_NS, True, self._ctx
+        timestamp = turn * TURN_NS
+        is_over = True
+        ctx = self._ctx
         for kind, data in events_of(log):
             if ctx.is_terminated():
                 return
@@ -491,7 +504,9 @@ class Replayer:
             yield {"timestamp": timestamp, "opCode": kinds.SIMULATE, "data": {}}
 
     def _moves(self, flat: list[int], turn: int) -> Iterator[Record]:
-        timestamp, is_terminated, move = turn * TURN_NS, self._ctx.is_terminated, self.state.agents.move_one
+        timestamp = turn * TURN_NS
+        is_terminated = self._ctx.is_terminated
+        move = self.state.agents.move_one
         for number, node in zip(flat[::2], flat[1::2], strict=True):
             if is_terminated():
                 return
@@ -499,24 +514,26 @@ class Replayer:
                 name, before = move(number, node)
             except UNFIT as error:
                 raise RecordingError(f"Turn {turn} moves agent number {number}: {reason(error)}") from error
-            # NOTE: not by `records_of`, which takes half as long again (benchmarks: replay).
+            # NOTE: `records_of` would take half as long again (benchmarks: replay).
             data = {"agent_name": name, "node_id": before}
             yield {"timestamp": timestamp, "opCode": kinds.AGENT_PREV_NODE, "data": data}
             data = {"agent_name": name, "node_id": node}
             yield {"timestamp": timestamp, "opCode": kinds.AGENT_CURRENT_NODE, "data": data}
 
     def apply(self, kind: int, data: Plain) -> Mover | None:
-        """Apply an event, and note it where the context is being recorded; one that is not known is only noted.
+        """Apply an event, and record it if the context is being recorded; unknown events are only recorded.
 
         Returns:
-            Which flyer it has moved, and the node that was below it.
+            The flying agent that was moved, with its previous node, or None.
 
         Raises:
-            RecordingError: it cannot happen here; the context is as it was.
+            RecordingError: the event does not fit; the context is unchanged.
         """
-        known, agents, mover = EVENTS.get(kind), self.state.agents, None
+        known = EVENTS.get(kind)
+        agents = self.state.agents
+        mover = None
         if known is None and self._is_version_2:
-            raise RecordingError(f"Operation code {kind:#010x} is none of gamms 1.0.0.")
+            raise RecordingError(f"Operation code {kind:#010x} does not exist in gamms 1.0.0.")
         notes_itself = (
             self._is_version_2 or kind in FORMS or kind in COMPONENTS or kind in (kinds.MOVES, kinds.SIMULATE)
         )
@@ -535,13 +552,13 @@ class Replayer:
         except (ContextTerminated, RecordingError):
             raise
         except UNFIT as error:
-            if kind == kinds.SIMULATE:  # of what the program does after each turn
+            if kind == kinds.SIMULATE:  # actions of the program after each turn
                 raise
             raise RecordingError(f"An event of kind {kind:#010x} cannot happen here: {reason(error)}") from error
         return mover
 
     def _note_snapshot(self, snapshot: dict[str, Plain]) -> None:
-        """Note a snapshot as it is where it says everything; else how things are now."""
+        """Record a snapshot unchanged if it is complete; otherwise the present state."""
         recording = self._recording()
         if recording is not None and list(self._ctx.agent.agents) == list(snapshot["names"]):
             self._ctx.agent.block.journal.append(kinds.SNAPSHOT, snapshot)
@@ -550,21 +567,21 @@ class Replayer:
             recording.emit_snapshot()
 
     def show(self, visuals: dict[str, Plain] | None, drawings: Iterable[dict[str, Plain]] = ()) -> None:
-        """Declare what a recording looks like; None: as it does.
+        """Declare the visuals of a recording; None: unchanged.
 
         Raises:
-            RecordingError: this is not right.
+            RecordingError: the visuals are invalid.
         """
         if visuals is not None:
-            with refusing("What this recording looks like is not right", with_type=True):
+            with refusing("The visuals of this recording are invalid", with_type=True):
                 self.state.show(visuals)
                 for drawing in drawings:
                     self.state.draw(drawing)
 
 
 def _sides_in(header: Mapping[str, Any]) -> tuple[str | None, ...]:
-    """Return the sides that the header of a cut recording names; none for a recording that is whole."""
+    """Return the sides in the header of a cut recording; empty for a whole recording."""
     sides = header.get("sides", ())
     if not isinstance(sides, list | tuple) or any(not isinstance(side, str | None) for side in sides):
-        raise RecordingError(f"The sides in the header of this recording are not right: {shown(sides)}.")
+        raise RecordingError(f"The sides in the header of this recording are invalid: {shown(sides)}.")
     return tuple(sides)

@@ -1,4 +1,4 @@
-"""From a turn of a recording on: a live context in which the game stands as it stood then."""
+"""Continue a game from a turn of its recording, in a live context."""
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -28,18 +28,19 @@ if TYPE_CHECKING:
     from gamms.recorder.formats.reader import Reader
 
 Strategies = Mapping[str, Any]  # agent or team -> its strategy
-_Logged = tuple[int, int, Any]  # the log, the kind and the data of an event
+_Logged = tuple[int, int, Any]  # log, kind and data of an event
 
 builders: Registry[Callable[[], HostContext]] = Registry("builder of games", "gamms.builders", "gamms.scenario")
-"""What makes a function that builds the game of a recording again: `gamms.scenario`, which is not imported here."""
+"""Registered functions that rebuild the game of a recording; implemented by `gamms.scenario`, which is not imported
+here."""
 
 _SEED_BITS = 63
 _HISTORY = (kinds.SNAPSHOT, *LOGGED, kinds.GAME_FACTS, kinds.GAME_TURN)
 
 
 def opened_context(seed: int, vis_engine: object, *, is_quiet: bool) -> HostContext:
-    """Return a fresh context; `vis_engine` None: without a window."""
-    level = getLogger("gamms").level  # which stays what the program has made it
+    """Return a new context; `vis_engine` None: without a window."""
+    level = getLogger("gamms").level  # restored, because the program may have set it
     more = {} if vis_engine is None else {"vis_engine": vis_engine}
     made: Any = contexts["gamms"](seed=seed, **more, **({"logger_config": {"level": level}} if level else {}))
     if is_quiet:
@@ -50,29 +51,30 @@ def opened_context(seed: int, vis_engine: object, *, is_quiet: bool) -> HostCont
 
 
 def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: int, agent: str) -> dict[str, Any]:
-    """Return the state that an agent's strategy got in a turn.
+    """Return the state that an agent's strategy received in a turn.
 
     Args:
-        ctx: a context in which the game was resumed from the turn before; it is changed.
-        log: of the turn.
-        before: the state before it.
-        turn: its number.
-        agent: its name.
+        ctx: a context resumed at the turn before; it is changed.
+        log: log of the turn.
+        before: state before the turn.
+        turn: number of the turn.
+        agent: name of the agent.
 
     Raises:
-        BadValue: what was sensed is not in the recording.
-        UnknownName (KeyError): there was no such living agent.
-        RecordingError: what is in the recording is damaged.
+        BadValue: the recording has no sensor data.
+        UnknownName (KeyError): no living agent had this name.
+        RecordingError: the recording is damaged.
     """
     replayer = Replayer(ctx)
     agents = replayer.state.agents
-    agents.names, agents.following = before.agents.names_by_number(), before.agents.following
+    agents.names = before.agents.names_by_number()
+    agents.following = before.agents.following
     found = replayer.play_until_sensed(log, agent)
     if found is None:
         if any(kind == kinds.SENSED for kind, _ in kinds.events_of(log)):
             raise UnknownName("living agent", agent, before.agents.columns["names"])
         raise BadValue(
-            f"What was sensed in turn {turn} is not in this recording: start it with ctx.record.start(…, sensed=True), "
+            f"This recording has no sensor data of turn {turn}: start it with ctx.record.start(…, sensed=True), "
             "and play by ctx.game."
         )
     try:
@@ -82,7 +84,7 @@ def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: i
     except UNFIT as error:
         raise RecordingError(f"Agent {shown(agent)} cannot be asked in turn {turn}: {reason(error)}.") from error
     numbers = {name: number for number, name in agents.names.items()}
-    with refusing(f"What was sensed in turn {turn} is damaged", with_type=True):
+    with refusing(f"The sensor data of turn {turn} are damaged", with_type=True):
         looks = sensed.looks_of(found, numbers[agent])
         graph = ctx.graph.graph
         state["sensor"] = {
@@ -97,8 +99,9 @@ def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: i
 
 @contextmanager
 def all_or_nothing(ctx: HostContext) -> Iterator[None]:
-    """Restore the game of a context if what changes it raises."""
-    before, draw_start = ctx.game.snapshot(), ctx.game.internals.draw_start
+    """Restore the game of a context if an error occurs in the block."""
+    before = ctx.game.snapshot()
+    draw_start = ctx.game.internals.draw_start
     try:
         yield
     except BaseException:
@@ -108,14 +111,14 @@ def all_or_nothing(ctx: HostContext) -> Iterator[None]:
 
 
 def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *, is_fresh: bool) -> None:
-    """Set a context to the state of a recording after so many turns.
+    """Set a context to the state of a recording after a number of turns.
 
     Args:
-        ctx: the context; its graph is what it was then.
-        reader: the recording.
-        turn: how many turns.
-        then: the state after these.
-        is_fresh: whether nothing was done with the context yet.
+        ctx: the context, with the graph of that time.
+        reader: reader of the recording.
+        turn: number of turns.
+        then: state after these turns.
+        is_fresh: whether the context is unused.
 
     Raises:
         RecordingError: it does not fit the context.
@@ -124,10 +127,11 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
     facts = dict(ctx.game.facts)
     ctx.game.internals.draw_start = None
     ctx.game.internals.state.begin_from_here()
-    replayer, past = Replayer(ctx), Past(reader)
+    replayer = Replayer(ctx)
+    past = EventHistory(reader)
     with refusing(f"This game cannot go on from turn {turn}"):
         known = history(reader, past, turn)
-        known["facts"] = facts | known["facts"]  # for those which a recording cannot hold
+        known["facts"] = facts | known["facts"]  # keep facts that a recording cannot contain
         if is_fresh:
             ctx.game.configure(known["settings"])
         snapshot = then.keyframe(turn) | known
@@ -144,19 +148,19 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
     replayer.show(looks[-1] if looks else reader.header.get("visuals"), drawings)
     for _, kind, data in past.events(turn, tuple(COMPONENTS)):
         ctx.record.components.apply(OpCodes(kind).name, data, lenient=True)
-    drawing = getattr(ctx.visual, "drawing", None)  # a visual engine of the caller's may have none
+    drawing = getattr(ctx.visual, "drawing", None)  # a custom visual engine may have none
     if drawing is not None:
         drawing.turns.forget(events=len(ctx.game.events))
         drawing.events.go_to_turn()
 
 
 def strategies_of(then: DetachedState, given: Strategies) -> dict[str, Any]:
-    """Return the strategies of agents by their names, from those of agents and teams.
+    """Return the strategies of agents by name, from strategies by agent or team.
 
     Raises:
         BadType: a strategy is not a function.
-        UnknownName (KeyError): there is no such agent or team.
-        RecordingError: a team is none.
+        UnknownName (KeyError): the agent or team does not exist.
+        RecordingError: the teams are invalid.
     """
     columns = then.agents.columns
     with refusing("The teams of this recording are damaged"):
@@ -172,8 +176,8 @@ def strategies_of(then: DetachedState, given: Strategies) -> dict[str, Any]:
 
 
 def seed_at(reader: "Reader", turn: int) -> Any:
-    """Return the seed of the game after so many turns: that of the recording, unless it was reset to another one."""
-    later = [data["seed"] for *_, data in Past(reader).events(turn, (kinds.SNAPSHOT,)) if "seed" in data]
+    """Return the seed of the game after a number of turns: that of the recording, or of a later reset."""
+    later = [data["seed"] for *_, data in EventHistory(reader).events(turn, (kinds.SNAPSHOT,)) if "seed" in data]
     return [reader.header.get("seed"), *later][-1]
 
 
@@ -184,7 +188,7 @@ def branches(
     seeds: Iterable[int] | None,
     max_turns: int | None,
 ) -> Iterator[dict[str, Any]]:
-    """Yield a row for each seed of each combination of strategies; see `Recording.branch`."""
+    """Yield a row for each seed and combination of strategies; see `Recording.branch`."""
     if not callable(build):
         raise BadType(f"build must be a function that makes a context, such as scenario.build, not {shown(build)}.")
     strategies = as_mapping(strategies, "strategies")
@@ -197,10 +201,10 @@ def branches(
 
 
 def _combinations(given: Mapping[str, Any]) -> Iterator[tuple[dict[str, str | None], dict[str, Any]]]:
-    """Yield all combinations of strategies by team or agent, with their names in a table; None stands for none given.
+    """Yield all combinations of strategies by team or agent, with their names; None means that none is given.
 
     Raises:
-        BadType: strategies are neither listed nor named.
+        BadType: strategies are neither a list nor a dict.
     """
     named: list[list[tuple[str | None, Any]]] = []
     for of, some in given.items():
@@ -215,7 +219,7 @@ def _combinations(given: Mapping[str, Any]) -> Iterator[tuple[dict[str, str | No
 
 
 def _played(ctx: HostContext, max_turns: int | None) -> dict[str, Any]:
-    """Play a game to its end; return the row of its result, or what it has raised."""
+    """Play a game to its end; return the row of its result, or its error."""
     try:
         row: dict[str, Any] = ctx.game.run(max_turns).row()
     except Exception as error:  # noqa: BLE001 - which code of users may raise; the other games go on
@@ -224,7 +228,7 @@ def _played(ctx: HostContext, max_turns: int | None) -> dict[str, Any]:
 
 
 def as_seed(given: object, recorded: object) -> int:
-    """Return the seed that a caller gave, or that of the recording.
+    """Return the seed given by a caller, or the seed of the recording.
 
     Raises:
         RecordingError: the recording has none.
@@ -232,12 +236,12 @@ def as_seed(given: object, recorded: object) -> int:
     if given is not None:
         return as_int(given, "seed")
     if type(recorded) is not int or recorded.bit_length() > _SEED_BITS:
-        raise RecordingError(f"The seed of this recording is {shown(recorded)}, which is none: give resume(…, seed=…).")
+        raise RecordingError(f"The seed of this recording is {shown(recorded)}, not a number: give resume(…, seed=…).")
     return recorded
 
 
 def delete_others(ctx: HostContext, names: list[str]) -> None:
-    """Delete agents who were not there, and those who came in another order, to be made again."""
+    """Delete agents that did not exist, and agents whose order differs, which are created again."""
     agents = ctx.agent.agents
     for name in [name for name in agents if name not in set(names)]:
         ctx.agent.delete_agent(name)
@@ -247,23 +251,23 @@ def delete_others(ctx: HostContext, names: list[str]) -> None:
         ctx.agent.delete_agent(name)
 
 
-def sensor_ids(reader: "Reader", past: "Past", turn: int) -> set[str]:
-    """Return the ids of all sensors that there were until then, at least at the end of a turn."""
+def sensor_ids(reader: "Reader", past: "EventHistory", turn: int) -> set[str]:
+    """Return the ids of all sensors that existed at the end of any turn until then."""
     begin = reader.keyframe(0)
     said = [data for *_, data in past.events(turn, (kinds.SENSORS, kinds.SNAPSHOT))]
     said += [] if begin is None else [begin[1]]
     return {sensor["id"] for data in said for sensor in keyframes.sensors_in(data.get("sensor_kinds", ()))}
 
 
-class Past:
-    """Events of some kinds up to a turn; each is read once, whichever turns are asked for."""
+class EventHistory:
+    """Events of some kinds up to a turn; each is read only once."""
 
     def __init__(self, reader: "Reader") -> None:
         self._reader = reader
-        self._known: dict[tuple[int, ...], tuple[int, list[_Logged]]] = {}  # kinds -> until which turn, and the events
+        self._known: dict[tuple[int, ...], tuple[int, list[_Logged]]] = {}  # kinds -> (last turn read, events)
 
     def events(self, turn: int, which: tuple[int, ...]) -> list[_Logged]:
-        """Return the events of these kinds in the first turns, each with its log and kind."""
+        """Return the events of these kinds in the first turns, with their logs and kinds."""
         until, known = self._known.get(which, (0, []))
         if turn > until:
             known += [(log, kind, data) for log, _, kind, data in self._reader.events(until, turn, which)]
@@ -271,15 +275,15 @@ class Past:
         return known[: bisect_left(known, turn, key=itemgetter(0))]
 
 
-def history(reader: "Reader", past: Past, turn: int) -> dict[str, Any]:
-    """Return what was emitted and published until then, and where agents began."""
+def history(reader: "Reader", past: EventHistory, turn: int) -> dict[str, Any]:
+    """Return the events and facts until then, and the starts of agents."""
     found = reader.keyframe(0)
     begin = {} if found is None else found[1]
     starts = _starts_of(begin)
     known = _history_in(begin)
     for _, kind, data in past.events(turn, _HISTORY):
         if kind == kinds.SNAPSHOT:
-            known = _history_in(deepcopy(data))  # whose lists `change` makes longer
+            known = _history_in(deepcopy(data))  # copied, because `change` extends its lists
         elif kind in LOGGED:
             known[LOGGED[kind]].append(data)
         elif kind == kinds.GAME_FACTS:
@@ -295,7 +299,7 @@ def _history_in(snapshot: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _starts_of(begin: Mapping[str, Any]) -> dict[str, Any]:
-    """Return where agents began, by the first keyframe of a recording."""
+    """Return the starts of agents from the first keyframe of a recording."""
     if "starts" in begin:
         return dict(begin["starts"])
     places = zip(begin["kind"].tolist(), begin["node"].tolist(), begin["position"].tolist(), strict=True)

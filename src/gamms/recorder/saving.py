@@ -1,4 +1,4 @@
-"""Save the turns that are over although no later turn comes: in the background, and at exit."""
+"""Save finished turns in the background, and at exit, even if no later turn comes."""
 
 import atexit
 import os
@@ -10,47 +10,49 @@ from time import sleep
 INTERVAL_S = 0.25
 
 
-class Saving:
+class BackgroundSaving:
     """Saves a recording four times a second.
 
     Args:
-        save: writes what waits; its argument says whether this is the last time.
+        save: writes pending turns; its argument tells whether this is the last call.
 
     Attributes:
-        lock: of the thread that writes.
+        lock: held by the thread that writes.
     """
 
     def __init__(self, save: Callable[[bool], None]) -> None:
-        self._save, self.lock, self._is_over = save, Lock(), False
-        self._background: _Background | None = None
+        self._save = save
+        self.lock = Lock()
+        self._is_over = False
+        self._background: _SavingThread | None = None
         self._trouble: Exception | None = None
         self._process = os.getpid()
 
     @property
     def is_inherited(self) -> bool:
-        """Whether this is a process that was forked from the one that records, and shares its file."""
+        """Whether this process was forked from the recording process, and shares its file."""
         return os.getpid() != self._process
 
     def begin(self) -> bool:
-        """Save in the background until `end`, and when the program ends; False where there are no threads."""
+        """Start saving in the background until `end`, and at exit; return False if threads are not available."""
         if self._background is None:
             self._background = _background()
             self._background.add(self)
         return self._background.has_thread
 
     def end(self) -> None:
-        """Save no more."""
+        """Stop saving."""
         self._is_over = True
         if self._background is not None:
             self._background.saved.discard(self)
 
     def check(self) -> None:
-        """Raise what went wrong in the background."""
+        """Raise an error that occurred in the background."""
         if self._trouble is not None:
             raise self._trouble
 
     def save_now(self, *, is_last: bool = True) -> None:
-        """Write what waits, in any thread."""
+        """Write pending turns, in any thread."""
         with self.lock:
             if self._trouble is None and not self._is_over:
                 try:
@@ -59,22 +61,22 @@ class Saving:
                     self._trouble = error
 
 
-class _Background:
-    """Saves recordings in one thread of this process, as long as there are some."""
+class _SavingThread:
+    """Saves all recordings of this process in one thread."""
 
     def __init__(self) -> None:
-        self.saved: set[Saving] = set()
+        self.saved: set[BackgroundSaving] = set()
         self.process = os.getpid()
         self._has_some = Event()
         atexit.register(self._save_all, is_last=True)
         self.has_thread = False
-        # NOTE: one for all of them: to start a thread takes milliseconds where other programs use the processors.
+        # NOTE: one thread for all: starting a thread takes milliseconds if other programs use the processors.
         with suppress(RuntimeError):
             Thread(target=self._keep_saving, name="gamms recordings", daemon=True).start()
             self.has_thread = True
 
-    def add(self, one: Saving) -> None:
-        """Save a recording as well."""
+    def add(self, one: BackgroundSaving) -> None:
+        """Add a recording to save."""
         self.saved.add(one)
         self._has_some.set()
 
@@ -93,11 +95,11 @@ class _Background:
                 one.save_now(is_last=is_last)
 
 
-_backgrounds: list[_Background] = []
+_backgrounds: list[_SavingThread] = []
 
 
-def _background() -> _Background:
-    """That of this process, which may have been forked from one that has another."""
+def _background() -> _SavingThread:
+    """Return the background saver of this process, which may have been forked."""
     if not _backgrounds or _backgrounds[-1].process != os.getpid():
-        _backgrounds.append(_Background())
+        _backgrounds.append(_SavingThread())
     return _backgrounds[-1]

@@ -1,4 +1,4 @@
-"""What agents sensed in one turn, as columns of ids, and back again."""
+"""Encoding of the sensor data of one turn as columns of ids."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -10,13 +10,13 @@ from gamms.plain import to_plain
 from gamms.text import shown
 from gamms.typing import AgentType, IGraph
 
-Results = Mapping[str, tuple[Any, Any]]  # sensor -> (kind, data), as in a state
+Results = Mapping[str, tuple[Any, Any]]  # sensor -> (type, data), as in a state
 
-# Forms of data: ids of nodes; nodes and edges; agents and nodes; anything else; agents in space, and the nodes below.
+# Forms of data: node ids; nodes and edges; agents and nodes; anything else; agents in 3D, and the nodes below.
 _IDS, _MAP, _AGENTS, _OTHER, _IN_SPACE = range(5)
 WITH_OTHER = (_OTHER, _IN_SPACE)
-_OF_AGENTS_IN_SPACE = ("AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT")  # which see (kind, position) of each
-# Kinds whose ids are those of nodes, and whose names are those of agents; others may mean anything by them.
+_OF_AGENTS_IN_SPACE = ("AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT")  # their data are (type, position) for each agent
+# Types whose ids are node ids, and whose names are agent names; custom types may differ.
 _OF_NODES = ("NEIGHBOR", "MAP", "RANGE", "ARC", "AERIAL", "OCCLUDED_MAP", "OCCLUDED_AERIAL")
 _OF_AGENTS = ("AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT", *_OF_AGENTS_IN_SPACE)
 _SEEING = frozenset((*_OF_NODES, *_OF_AGENTS))
@@ -27,25 +27,25 @@ Nearest = Callable[[Sequence[float]], int]
 
 
 class Look(NamedTuple):
-    """What one sensor of an agent saw."""
+    """The data of one sensor of an agent."""
 
     sensor: str
-    kind: str  # the name of a SensorType
+    kind: str  # name of a SensorType
     form: int
-    first: list[int]  # ids of nodes, or numbers of agents
-    second: list[int]  # ids of edges, or of the nodes of the agents
+    first: list[int]  # node ids, or agent numbers
+    second: list[int]  # edge ids, or the nodes of the agents
     other: Any
 
 
 def packed(
     results: Iterable[tuple[int, Results]], numbers: Mapping[str, int], nodes: Mapping[str, int]
 ) -> dict[str, Any]:
-    """Return the data of an event.
+    """Encode sensor data as the data of an event.
 
     Args:
-        results: the number of each agent, and what it sensed.
-        numbers: agent -> its number.
-        nodes: agent -> the node it is on, or above.
+        results: for each agent its number and its sensor data.
+        numbers: agent -> number.
+        nodes: agent -> its node, or the node below it.
     """
     return columns_of(
         (
@@ -60,7 +60,7 @@ def packed(
 
 
 def columns_of(observers: Iterable[tuple[int, list[Look]]]) -> dict[str, Any]:
-    """Return the data of an event: the number of each agent, and its looks."""
+    """Return the data of an event, from agent numbers and looks."""
     agents, counts, which, forms, sizes, ids, others = [list[Any]() for _ in range(7)]
     sensors: dict[tuple[str, str], int] = {}
     for agent, own in observers:
@@ -87,22 +87,24 @@ def columns_of(observers: Iterable[tuple[int, list[Look]]]) -> dict[str, Any]:
 
 
 def looks_of(data: Mapping[str, Any], agent: int | None = None) -> list[tuple[int, Look]]:
-    """Return what was packed, of all agents or of one: its number, and each of its looks.
+    """Decode looks, of all agents or of one: its number, and each of its looks.
 
     Raises:
-        KeyError, ValueError, TypeError, IndexError: this is not what `packed` gives.
+        KeyError, ValueError, TypeError, IndexError: not a result of `packed`.
     """
     agents, counts, which = (_ints(data[name]) for name in ("agents", "counts", "which"))
     if not len(which) == len(_ints(data["forms"])) == len(_ints(data["sizes"])) == counts.sum() or (counts < 0).any():
         raise ValueError("its columns have different lengths")
-    owners = np.repeat(agents, counts)  # no more than there are looks
+    owners = np.repeat(agents, counts)  # at most the number of looks
     ends = np.cumsum(data["sizes"].reshape(-1)).tolist()
     others = np.cumsum(np.isin(data["forms"], WITH_OTHER)).tolist()
     rows = range(len(owners)) if agent is None else np.flatnonzero(owners == agent).tolist()
     found = []
     for row in rows:
         sensor, kind = data["sensors"][int(data["which"][row])]
-        begin, middle, end = ends[2 * row - 1] if row else 0, ends[2 * row], ends[2 * row + 1]
+        begin = ends[2 * row - 1] if row else 0
+        middle = ends[2 * row]
+        end = ends[2 * row + 1]
         form = int(data["forms"][row])
         other = data["others"][others[row] - 1] if form in WITH_OTHER else None
         first, second = data["ids"][begin:middle].tolist(), data["ids"][middle:end].tolist()
@@ -111,16 +113,17 @@ def looks_of(data: Mapping[str, Any], agent: int | None = None) -> list[tuple[in
 
 
 def renumbered(data: Mapping[str, Any], number_of: Callable[[int], int]) -> dict[str, Any]:
-    """Return what was packed with other numbers of the agents that were seen.
+    """Return encoded looks with other numbers for the seen agents.
 
     Args:
-        data: what was packed.
-        number_of: number -> the other number of the same agent.
+        data: result of `packed`.
+        number_of: number -> new number of the same agent.
 
     Raises:
-        KeyError, ValueError, TypeError, IndexError: this is not what `packed` gives.
+        KeyError, ValueError, TypeError, IndexError: not a result of `packed`.
     """
-    ids, ends = data["ids"].copy(), np.cumsum(data["sizes"].reshape(-1)).tolist()
+    ids = data["ids"].copy()
+    ends = np.cumsum(data["sizes"].reshape(-1)).tolist()
     for row in np.flatnonzero(np.isin(data["forms"], (_AGENTS, _IN_SPACE))).tolist():
         part = slice(ends[2 * row - 1] if row else 0, ends[2 * row])
         ids[part] = [number_of(number) for number in ids[part].tolist()]
@@ -128,15 +131,15 @@ def renumbered(data: Mapping[str, Any], number_of: Callable[[int], int]) -> dict
 
 
 def data_of(look: Look, graph: IGraph, names: Mapping[int, str]) -> Any:
-    """Return what the sensor gave.
+    """Return the original data of a sensor.
 
     Args:
-        look: what was packed of it.
-        graph: the graph that was looked at.
-        names: number of an agent -> its name.
+        look: the decoded look.
+        graph: the graph of that time.
+        names: number of an agent -> name.
 
     Raises:
-        KeyError: a node, an edge or an agent is not there.
+        KeyError: a node, an edge or an agent does not exist.
     """
     if look.form == _IDS:
         return look.first
@@ -154,7 +157,7 @@ def data_of(look: Look, graph: IGraph, names: Mapping[int, str]) -> Any:
 
 
 def seen_by(look: Look) -> tuple[list[int], list[int]]:
-    """Return the nodes that a look saw, and of each the number of the agent there; -1 where a node itself was seen."""
+    """Return the nodes of a look, and for each the number of the agent there; -1 if the node itself was seen."""
     if look.kind not in _SEEING:
         return [], []
     if look.form in (_AGENTS, _IN_SPACE):
@@ -172,11 +175,11 @@ def parts_of(look: Look) -> tuple[list[int], list[int], list[tuple[int, int]], A
 
 
 class Sighting(NamedTuple):
-    """Where a sensor reported an agent to be.
+    """The reported position of an agent.
 
     Attributes:
-        node: that it is on, or above.
-        position: (x, y, z) of those that fly.
+        node: its node, or the node below it.
+        position: (x, y, z) of a flying agent.
     """
 
     node: int
@@ -184,7 +187,7 @@ class Sighting(NamedTuple):
 
 
 def nearest_on(columns: Callable[[], GraphColumns]) -> Nearest:
-    """Return what gives the node below a place, (x, y), on a map that may change."""
+    """Return a function from a place (x, y) to the nearest node, on a map that may change."""
 
     def nearest(place: Sequence[float]) -> int:
         now = columns()
@@ -194,11 +197,11 @@ def nearest_on(columns: Callable[[], GraphColumns]) -> Nearest:
 
 
 def sightings(look: Look, nearest: Nearest) -> Iterator[tuple[int | str, Sighting]]:
-    """Yield the agents that a look saw, by number or name, and where; also names of false alarms.
+    """Yield the agents in a look, by number or name, with their positions; false alarms are included by name.
 
     Args:
-        look: what was packed of it.
-        nearest: gives the node below a place, (x, y); without false and late reports the node that an agent is on.
+        look: the decoded look.
+        nearest: function from a place (x, y) to the nearest node; without errors and delays, the node of an agent.
     """
     if look.kind not in _OF_AGENTS:
         return
@@ -220,7 +223,7 @@ def sightings(look: Look, nearest: Nearest) -> Iterator[tuple[int | str, Sightin
 
 
 def as_reported(look: Look, nearest: Nearest, names: Mapping[int, str]) -> Look:
-    """Return a look that says what its agent knows of it, and neither true places nor numbers of agents beside."""
+    """Return a look reduced to the knowledge of its agent, without true positions and numbers."""
     if look.form == _IN_SPACE:
         return look._replace(second=[nearest(position[:2]) for _, position in look.other])
     if look.form == _AGENTS and look.kind not in _OF_AGENTS:
@@ -231,7 +234,7 @@ def as_reported(look: Look, nearest: Nearest, names: Mapping[int, str]) -> Look:
 
 def _ints(column: object) -> "np.ndarray[Any, Any]":
     if not isinstance(column, np.ndarray) or column.dtype.kind not in "iu" or not column.ndim:
-        raise TypeError(f"{shown(column)} is no column of integers")
+        raise TypeError(f"{shown(column)} is not a column of integers")
     return column
 
 
@@ -253,5 +256,5 @@ def _look(sensor: str, kind: str, data: object, numbers: Mapping[str, int], node
 
 
 def _are_ids(values: Collection[Any]) -> bool:
-    # NOTE: without a call for each of the many nodes that a sensor sees (benchmarks: spectators).
+    # NOTE: inline for the many nodes that a sensor sees (benchmarks: spectators).
     return _INT.issuperset(map(type, values)) and (not values or (min(values) in _INT64 and max(values) in _INT64))

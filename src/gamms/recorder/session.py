@@ -1,7 +1,6 @@
-"""One recording while it is being written: what the journal holds becomes the log of each turn.
+"""One recording while it is written: collects the journal into the log of each turn.
 
-Events become plain values at once, because what a program hands over may change a moment later, and what is recorded is
-how it was.
+Events are converted to plain values at once, because programs may change their objects later.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -34,39 +33,38 @@ _OF_AGENTS = kinds.AGENT_CREATE >> 24
 
 
 class RecordingSession:
-    """Listens to a context and hands what happens to an encoder.
+    """Listens to a context and passes its events to an encoder.
 
     Args:
         ctx: the context.
-        with_sensed: whether what agents sense is written, too.
-        with_drawings: whether what drawers of the program's own draw is written, too.
+        with_sensed: whether sensor data of agents are written, too.
+        with_drawings: whether drawings of custom drawers are written, too.
 
     Attributes:
-        is_paused: whether nothing is written for now.
-        takes_records: whether records of version 2 that are replayed are written as they are.
-        visuals: what it looked like when the first turn was over.
-        drawings: what artists draw.
-        world: graph and obstacles as they were when there was a graph for the first time, or when the first turn was
-            over; None before that.
-        header: of the recording that was replayed first of all; None: this one has its own.
-        turn: how many turns were recorded.
-        seed: of the context when the first turn was over.
+        is_paused: whether writing is paused.
+        takes_records: whether replayed records of version 2 are written unchanged.
+        visuals: visuals at the end of the first turn.
+        drawings: detector of changed drawings.
+        world: the first graph and its obstacles, or the map at the end of the first turn; None before.
+        header: header of the first replayed recording; None: this recording has its own.
+        turn: number of recorded turns.
+        seed: seed of the context at the end of the first turn.
     """
 
     def __init__(self, ctx: HostContext, *, with_sensed: bool, with_drawings: bool) -> None:
         self.ctx = ctx
         self._with_sensed = with_sensed
-        self._versions: tuple[Any, ...] = ()  # of what was recorded, to see in each turn whether anything has changed
+        self._versions: tuple[Any, ...] = ()  # versions of the recorded parts, to detect changes
         self._graph, self._phase = ctx.graph, phase_of(ctx)
         self._writer: TurnWriter | None = None
-        self._front = 0  # where in the log a change of the map goes: behind what was noted before another beginning
+        self._front = 0  # position in the log for map changes: after earlier events of another start
         self.turn = 0
         self.seed = ctx.seed
         self.is_paused = False
-        self._replayed: DetachedState | None = None  # of a recording that this one began like
+        self._replayed: DetachedState | None = None  # state of the recording that this one continues
         self.takes_records = False
         self._following: Following | None = None
-        self._pending: Log = []  # declarations of components which that one may have as well
+        self._pending: Log = []  # declarations of components that the replayed recording may repeat
         self.header: dict[str, Any] | None = None
         has_map = next(iter(ctx.graph.graph.get_nodes()), None) is not None
         self._skipped = SkippedValues(ctx)
@@ -80,18 +78,18 @@ class RecordingSession:
         self._watch_game()
 
     def write_to(self, encoder: Encoder, *, in_background: bool) -> None:
-        """Begin to write.
+        """Start writing.
 
         Args:
             encoder: writes the turns.
-            in_background: whether another thread writes turns that wait for long; else each turn is written at its end,
-                if it can be read then.
+            in_background: whether another thread writes turns that wait long; otherwise each turn is written at its
+            end, if it can be read then.
         """
         self._writer = TurnWriter(self, encoder, in_background=in_background)
 
     @property
     def has_failed(self) -> bool:
-        """Whether it could not be written further: nothing is noted then, and nothing more written."""
+        """Whether writing has failed: nothing more is recorded."""
         return self._writer is not None and self._writer.has_failed
 
     @property
@@ -100,21 +98,23 @@ class RecordingSession:
         return self._journal.log
 
     def end_turn(self) -> None:
-        """Write the turn, which is over."""
+        """Write the finished turn."""
         journal = self._journal
         if not self.turn:
             self.seed = self.ctx.seed
         self._note_changes()
         journal.log += self.drawings.changes()
         self._changes.game.count(journal.log)
-        log, journal.log, self._front = journal.log, [], 0
+        log = journal.log
+        journal.log = []
+        self._front = 0
         if self._replayed is not None:
             try:
                 self._replayed.apply(log)
-            except Damaged:  # by what a program has written among it
+            except Damaged:  # caused by records that a program has written
                 self._replayed = None
         self.turn += 1
-        if self.world is None:  # a map that comes later is an event, however long it took
+        if self.world is None:  # later maps are recorded as events
             self.world = self._skipped.packed()
         if self._writer is not None:
             self._writer.add(log, len(log) + journal.in_arrays, journal.weight, has_arrays=bool(journal.in_arrays))
@@ -122,23 +122,23 @@ class RecordingSession:
         self._tell_followers(log, is_over=True)
 
     def follow(self, followers: tuple[Follower, ...], header: "Callable[[RecordingSession], dict[str, Any]]") -> None:
-        """Report all that happens from now on to these followers, and to no others.
+        """Send all further events to these followers only.
 
         Args:
-            followers: get the reports.
+            followers: receivers of the events.
             header: returns the header of a session.
         """
         self._following = Following(followers, lambda: header(self)) if followers else None
         self._begin_with_followers()
 
     def _begin_with_followers(self) -> None:
-        """Let followers begin with how things are now, once there is a map."""
+        """Start followers with the present state, once there is a map."""
         following = self._following
         if following is None or next(iter(self.ctx.graph.graph.get_nodes()), None) is None:
             return
         self._note_changes()
         self._front = len(self.log)
-        self._journal.last_set = None  # the state that they begin with has it
+        self._journal.last_set = None  # included in their initial state
         looks = {"world": self._skipped.packed(), "visuals": self.drawings.specs(), "drawings": self.drawings.noted}
         state = keyframes.captured(self.ctx) | keyframes.history(self.ctx) | {"pace": self._changes.game.pace}
         following.begin(looks, state, self.drawings.edits, len(self.log))
@@ -147,15 +147,15 @@ class RecordingSession:
         following = self._following
         if following is None:
             return
-        # The header has what is declared in the first turn, and no event says it.
+        # Declarations of the first turn are in the header, not in events.
         if following.edits is None or (self.turn == 1 and is_over and following.edits != self.drawings.edits):
             self._begin_with_followers()
             return
-        self._journal.last_set = None  # they have this event already
+        self._journal.last_set = None  # they have already received this event
         following.tell(log, is_over=is_over)
 
     def pause(self) -> None:
-        """Write nothing until `play`."""
+        """Pause writing until `play`."""
         self.end_replay()
         self._note_changes()
         self._stop_listening()
@@ -163,11 +163,11 @@ class RecordingSession:
         self._members = dict(self.ctx.agent.agents)
 
     def play(self, known: Mapping[str, Any] | None = None) -> None:
-        """Write again, beginning with how things are now.
+        """Resume writing with the present state.
 
         Args:
-            known: the agents of whom the reader knows, by name; None instead of one: any agent of that name. Without,
-                these are those of the pause.
+            known: the agents known to the reader, by name; None as a value: any agent of this name. Default: the agents
+            at the pause.
         """
         known = self._members if known is None else known
         waiting = self._journal.log
@@ -175,7 +175,7 @@ class RecordingSession:
         self.is_paused = False
         now = self.ctx.agent.agents
         left = [name for name, agent in known.items() if name in now and agent in (None, now[name])]
-        # Those who come back do so in their order, and so do all who follow them.
+        # Returning agents are created in their order, and so are all later ones.
         kept = [name for name, other in takewhile(lambda pair: pair[0] == pair[1], zip(left, now, strict=False))]
         gone = [(kinds.AGENT_DELETE, {"name": name}) for name in known if name not in kept]
         snapshot = keyframes.captured(self.ctx) | keyframes.history(self.ctx) | {"seed": self.ctx.seed}
@@ -185,7 +185,7 @@ class RecordingSession:
         self._begin_with_followers()
 
     def close(self) -> None:
-        """Write what is left, and listen no longer."""
+        """Write the rest, and stop listening."""
         self.end_replay()
         self._stop_listening()
         if self._writer is None or self._writer.has_stopped():
@@ -200,16 +200,16 @@ class RecordingSession:
 
     @property
     def is_new(self) -> bool:
-        """Whether nothing has happened yet but that classes of components were declared."""
+        """Whether nothing has happened yet except declarations of component classes."""
         has_begun = self._writer is not None and self._writer.has_begun
         is_new = not has_begun and not self.turn and not self.begin["names"] and not self.is_paused
         log = self.log
         return is_new and all(entry[0] == kinds.COMPONENT_REGISTER for entry in log if type(entry) is tuple)
 
     def adopt(self, header: dict[str, Any], begin: keyframes.Keyframe) -> bool:
-        """Begin as a recording does that is replayed, if nothing has happened yet; returns whether it does.
+        """Begin like a replayed recording, if nothing has happened yet; return whether this was possible.
 
-        What follows are the same events then, and give the same bytes.
+        Equal events then give equal bytes.
         """
         if not self.is_new or not (self.world is None or is_map_of(self.world, header)):
             return False
@@ -219,34 +219,38 @@ class RecordingSession:
         return True
 
     def take_records(self) -> None:
-        """Take the records of a replay of version 2 as they are, if nothing has happened yet."""
+        """Write the records of a replay of version 2 unchanged, if nothing has happened yet."""
         self.takes_records = self.is_new
         if self.takes_records:
             self._set_declarations_aside()
 
     def _set_declarations_aside(self) -> None:
-        """Write declarations of components when the replay has ended, unless it makes the same."""
-        self._pending, self._journal.log = self._journal.log, []
+        """Delay declarations of components until the end of the replay, which may repeat them."""
+        self._pending = self._journal.log
+        self._journal.log = []
 
     def end_replay(self) -> None:
-        """Go on by what the context says."""
-        self._replayed, self.takes_records = None, False
+        """Continue with the state of the context."""
+        self._replayed = None
+        self.takes_records = False
         self.log.extend(self._pending)
         self._pending = []
 
     def renumber(self, snapshot: keyframes.Keyframe) -> None:
-        """Give agents the numbers that they have in a snapshot, and expect no changes but those that follow it."""
-        journal, block = self._journal, self.ctx.agent.block
+        """Use the agent numbers of a snapshot, and treat its state as known."""
+        journal = self._journal
+        block = self.ctx.agent.block
         journal.names = [""] * snapshot["next"]
         journal.living = dict.fromkeys(snapshot["names"])
         for name, number in zip(snapshot["names"], snapshot["numbers"].tolist(), strict=True):
             journal.renumber(block.row_of(name), name, number)
-        self._revised, self._declarations = _REVISIONS(self._graph), self.drawings.edits
+        self._revised = _REVISIONS(self._graph)
+        self._declarations = self.drawings.edits
         self.drawings.changes()
         self._watch_game()
 
     def note_component(self, kind: int, data: dict[str, Any]) -> None:
-        """Note what has happened to a component."""
+        """Record a change of a component."""
         self.log.append((kind, data))
         self._take_from_pending(kind, data)
 
@@ -256,10 +260,10 @@ class RecordingSession:
 
     @contextmanager
     def as_replayed(self, record: dict[str, Any]) -> Iterator[None]:
-        """Write a record of version 2 as it is, in place of what is noted while it happens."""
+        """Write a record of version 2 unchanged, instead of the events in this block."""
         log = self.log
         if record["opCode"] == kinds.SIMULATE:
-            log.append((kinds.REPLAYED, (record, [])))  # first, for this ends the turn
+            log.append((kinds.REPLAYED, (record, [])))  # first, because it ends the turn
             yield
             return
         before = len(log)
@@ -270,13 +274,13 @@ class RecordingSession:
         self._take_from_pending(record["opCode"], record.get("data", {}))
 
     def emit_snapshot(self) -> None:
-        """Write how things are now, which a replay has set."""
+        """Record the present state as a snapshot, after a replay has set it."""
         self._note_changes(is_set_next=True)
         self._stop_listening()
         self.play(self._journal.living)
 
     def restart(self) -> None:
-        """Begin again after a reset of the game, which takes back what this turn noted of agents."""
+        """Restart after a reset of the game, which undoes this turn's changes of agents."""
         self._stop_listening()
         events = [entry for entry in self.log if type(entry) is tuple]
         known: dict[str, Any] = dict(self._journal.living)
@@ -292,7 +296,7 @@ class RecordingSession:
         self.play(known)
 
     def abandon(self) -> None:
-        """Listen no longer, and write nothing more."""
+        """Stop listening and writing."""
         self._stop_listening()
         if self._writer is not None:
             self._writer.end()
@@ -307,22 +311,23 @@ class RecordingSession:
             callbacks.append(callback)
 
     def _callbacks(self) -> list[tuple[list[Any], Callable[..., None]]]:
-        """Return what the context calls, and where it looks for it."""
+        """Return (list of callbacks of the context, callback) pairs."""
         internals = self.ctx.game.internals
         found: list[Any] = [(self.ctx.visual.after_turn, self.end_turn), (internals.after_reset, self.restart)]
         return [*found, (internals.after_observing, self._note_sensed)] if self._with_sensed else found
 
     def _note_sensed(self, agents: list[Any], states: list[dict[str, Any]]) -> None:
-        """Write down what agents are about to decide by, after what has become so before."""
+        """Record the sensor data from which agents will decide, after all earlier changes."""
         self._note_changes()
-        journal, columns = self._journal, self.ctx.agent.block
+        journal = self._journal
+        columns = self.ctx.agent.block
         numbers = dict(zip(columns.names, journal.ids, strict=False))
         nodes = dict(zip(columns.names, columns.node, strict=True))
         results = [(numbers[agent.name], state["sensor"]) for agent, state in zip(agents, states, strict=True)]
         if self._following is not None and self._following.edits is None:
             self._begin_with_followers()
         journal.log.append((kinds.SENSED, sensed.packed(results, numbers, nodes)))
-        self._front = len(journal.log)  # what changes later in this turn is behind what was decided by
+        self._front = len(journal.log)  # later changes of this turn come after the sensor data
         if self._following is not None and self._following.edits is not None:
             self._tell_followers(journal.log, is_over=False)
 
@@ -335,20 +340,21 @@ class RecordingSession:
                 callbacks.remove(callback)
 
     def keyframe(self) -> keyframes.Keyframe:
-        """Return how things are after the last turn."""
-        if self._replayed is not None:  # it knows what no context can hold: strategies are functions
+        """Return the state after the last turn."""
+        if self._replayed is not None:  # it has data that no context can have, such as names of strategies
             return self._replayed.keyframe(self.turn)
         return keyframes.captured(self.ctx) | {"pace": self._changes.game.pace} | keyframes.components_of(self.ctx)
 
     def _note_changes(self, *, is_set_next: bool = False) -> None:
-        """Record what no journal notes: a change of the map, before who stands on it, and what the game has come to.
+        """Record changes that the journal does not contain: the map, before the agents on it, and the game.
 
         Args:
-            is_set_next: whether a snapshot follows, which says where the flyers are that a replay has just set.
+            is_set_next: whether a snapshot follows, with the positions of flying agents set by a replay.
         """
-        # NOTE: in most turns no version has changed, and the fields of the game alone are looked at
+        # NOTE: in most turns no version has changed, and only the fields of the game are compared
         # (benchmarks: w4).
-        log, versions = self._journal.log, self._current_versions()
+        log = self._journal.log
+        versions = self._current_versions()
         has_changed = versions != self._versions
         if has_changed:
             self._note_world(log, is_set_next=is_set_next)
@@ -360,8 +366,9 @@ class RecordingSession:
         self._changes.game.detect(log)
 
     def _current_versions(self) -> tuple[Any, ...]:
-        """Return numbers, one of which changes whenever a map, sensor, artist, agent, team, strategy or plan does."""
-        ctx, phase = self.ctx, self._phase
+        """Return version numbers that change with maps, sensors, artists, agents, teams, strategies and plans."""
+        ctx = self.ctx
+        phase = self._phase
         return (
             _REVISIONS(self._graph),
             phase.sensor_changes,
@@ -388,7 +395,7 @@ class RecordingSession:
             log += self._visual_changes()
 
     def _accept(self, kind: int, data: Plain) -> None:
-        """Expect what an event of a replay has changed: it is noted already, and what changes later comes behind it."""
+        """Accept the change of a replayed event as known; later changes come after it."""
         self._front = len(self.log)
         if kind == kinds.WORLD:
             self._revised = _REVISIONS(self._graph)
@@ -404,13 +411,15 @@ class RecordingSession:
             self._changes.game.accept(kind, data)
 
     def _watch_game(self) -> None:
-        """Compare with how things are now from now on."""
+        """Compare with the present state from now on."""
         self._changes = ContextChanges(self.ctx, self._skipped.check_sensors)
         self._journal.progressed.clear()
 
     def _new_progress(self) -> Log:
-        """Return the event that says how far along edges agents are."""
-        block, ids, progressed = self.ctx.agent.block, self._journal.ids, self._journal.progressed
+        """Return an event with the progress of agents along edges, if it changed."""
+        block = self.ctx.agent.block
+        ids = self._journal.ids
+        progressed = self._journal.progressed
         rows = [row for row in range(len(block)) if ids[row] in progressed]
         progressed.clear()
         numbers = np.array([ids[row] for row in rows], np.int64)
@@ -418,7 +427,7 @@ class RecordingSession:
         return [(kinds.AGENT_PROGRESS, {"numbers": numbers, **progress})]
 
     def _visual_changes(self) -> Log:
-        """Return the event that says how it looks now; what was declared in the first turn goes into the header."""
+        """Return an event with changed visuals; visuals of the first turn go to the header."""
         self._declarations, visuals = self.drawings.edits, self.drawings.specs()
         if not self.turn:
             self.visuals = visuals
@@ -426,7 +435,7 @@ class RecordingSession:
         return [(kinds.VISUALS, visuals)]
 
     def _world_changes(self) -> Log:
-        """Return the event with the changed map; the first map goes into the header, for it may be loaded late."""
+        """Return an event with a changed map; the first map goes to the header, even if it is loaded late."""
         self._revised, world = _REVISIONS(self._graph), self._skipped.packed()
         if self.world is None:
             self.world = world
@@ -435,5 +444,5 @@ class RecordingSession:
 
 
 def _precedes_sensors(entry: Any) -> bool:
-    """Return whether an entry of a log comes before changes of sensors, which come before agents that carry them."""
+    """Return whether a log entry must precede sensor changes, which precede agents that carry the sensors."""
     return type(entry) is tuple and entry[0] in (kinds.SNAPSHOT, kinds.SENSORS)

@@ -1,4 +1,4 @@
-"""How things were after a turn of a recording."""
+"""The state after a turn of a recording."""
 
 from collections.abc import Callable
 from copy import deepcopy
@@ -22,20 +22,19 @@ _PARTS = {
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """How things were after a turn.
+    """The state after a turn.
 
     Attributes:
-        turn: how many turns were over.
-        agents: read-only columns (agents,), one row for each agent in the order of their creation: name, team, kind
-            ("BASIC" or "AERIAL"), alive, node, previous (node), speed, strategy; x, y and z of those who fly;
-            heading_x and heading_y, where those on the ground were set to look; quat_w, quat_x, quat_y and
-            quat_z, how those who fly are turned. What an agent does not have is NaN, or None. In games by metres
-            also edge_source, edge_target (nodes), edge (its id) and edge_share, of those on an edge; the share of
-            the others is NaN, and the ids are -1.
-        scores: by whatever the rules keep scores for.
-        data: what rules had kept in `ctx.game.data`, as far as it was plain.
-        over: why the game was over, who had won, whether time was up; None while it went on.
-        components: by name, the fields of each with their values; None where one was not set.
+        turn: number of turns before.
+        agents: read-only columns (agents,), one row per agent in order of creation: name, team, kind ("BASIC" or
+        "AERIAL"), alive, node, previous (node), speed, strategy; x, y and z of flying agents; heading_x and heading_y,
+        the headings set for agents on the ground; quat_w, quat_x, quat_y and quat_z, the rotations of flying agents.
+        Missing values are NaN or None. In games by metres also edge_source, edge_target (nodes), edge (id) and
+        edge_share of agents on an edge; for others the share is NaN, and the ids are -1.
+        scores: scores by the keys of the rules.
+        data: plain values of `ctx.game.data`.
+        over: the reason, the winner, and whether time was up; None while the game continued.
+        components: name -> values by field; None for fields that were not set.
     """
 
     turn: int
@@ -48,20 +47,20 @@ class State:
 
     @property
     def graph(self) -> IPackedGraph:
-        """The map as it was then, read-only; while the recording is open."""
+        """The read-only map of that time; while the recording is open."""
         return self._map()
 
     def xy(self) -> FloatArray:
-        """Return where the agents are, (agents, 2), map units: on nodes, on edges, or in the air; NaN: nowhere."""
+        """Return the positions of the agents, (agents, 2), map units; NaN for agents without a position."""
         from gamms.recorder import tracks  # which few need
 
-        return tracks.Places().of(self.agents, self._map().columns())[:, :2]
+        return tracks.PositionCache().of(self.agents, self._map().columns())[:, :2]
 
 
 def state_of(
     state: DetachedState, turn: int, named: dict[str, np.ndarray[Any, Any]], map_then: Callable[[], IPackedGraph]
 ) -> State:
-    """Return a state for the caller to keep."""
+    """Return an independent state for the caller."""
     columns = state.agents.columns
     agents = {name: named[name] for name in ("name", "team")}
     agents["kind"] = read_only(_KINDS[(columns["kind"] != 0).astype(np.int64)])

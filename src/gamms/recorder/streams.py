@@ -1,4 +1,4 @@
-"""What a recording is written to and read from: paths, and streams of the caller's own."""
+"""Files and streams of recordings."""
 
 import io
 import os
@@ -15,23 +15,23 @@ from gamms.typing.recorder import MAGIC_NUMBER
 
 _SUFFIX = ".ggr"
 _SCENARIOS = (".yaml", ".yml")
-_PathOrStream = str | os.PathLike[str] | BinaryIO | io.TextIOBase  # of which the last, text, is refused
+_PathOrStream = str | os.PathLike[str] | BinaryIO | io.TextIOBase  # the last one, text, is refused
 
 
 def named(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a new recording: with the suffix, if it has none."""
+    """Return the path of a new recording, with the default suffix if it has none."""
     file = as_path(path, "The path of a recording")
     return file if file.name.endswith(_SUFFIX) else Path(f"{file}{_SUFFIX}")
 
 
-class Opened:
-    """What reads a stream, and closes it if it was opened here."""
+class StreamOwner:
+    """A reader of a stream that closes the stream if it opened it."""
 
     def __init__(self, owned: BinaryIO | None) -> None:
         self._owned = owned
 
     def __reduce_ex__(self, protocol: SupportsIndex) -> Any:
-        """Refuse to be pickled or copied with an open file."""
+        """Raise BadType: an open file cannot be pickled or copied."""
         if self._owned is not None:
             raise BadType("An open file can neither be pickled nor copied: pass on its path, and open it again there.")
         return super().__reduce_ex__(protocol)
@@ -43,26 +43,26 @@ class Opened:
         self.close()
 
     def close(self) -> None:
-        """Close the file, if it was opened here."""
+        """Close the file if this object opened it."""
         if self._owned is not None:
             self._owned.close()
 
 
-class Target:
-    """The stream that a recording is written to: of the caller's own, or of a new file.
+class RecordingTarget:
+    """The destination of a recording: a stream of the caller, or a new file.
 
     Attributes:
-        stream: to write to.
-        is_owned: whether it is a file that was opened here.
+        stream: the stream to write to.
+        is_owned: whether the file was opened here.
 
     Args:
-        path: of the file, which gets the suffix if it has none; or a binary stream.
-        overwrite: whether the file may take the place of another: as soon as `keep` says so.
+        path: path of the file, with the default suffix; or a binary stream.
+        overwrite: whether to replace an existing file, on `keep`.
 
     Raises:
-        FileExistsError: there is such a file.
-        RecorderBusy (RuntimeError): it is being recorded or replayed.
-        BadType (TypeError): this is neither a path nor a binary stream.
+        FileExistsError: the file exists.
+        RecorderBusy (RuntimeError): the file is being recorded or replayed.
+        BadType (TypeError): neither a path nor a binary stream.
     """
 
     def __init__(self, path: _PathOrStream, *, overwrite: bool = False) -> None:
@@ -82,7 +82,7 @@ class Target:
         if self._path.exists():
             if not overwrite:
                 raise FileExistsError(
-                    f"There is a file {str(file)!r} already; choose another name, or write over it with overwrite=True."
+                    f"The file {str(file)!r} already exists; choose another name, or replace it with overwrite=True."
                 )
             self._old = self._path.open("rb")
             if not locks(self._old, alone=True):
@@ -102,13 +102,13 @@ class Target:
         return stream
 
     def keep(self) -> None:
-        """Move the file to its path, now that something is in it."""
+        """Move the finished file to its path."""
         if self._old is not None:
             self._at.replace(self._path)
             self._close_old()
 
     def discard(self) -> None:
-        """Leave everything as it was."""
+        """Delete the unfinished file, and leave an existing one unchanged."""
         if self.is_owned:
             self.stream.close()
             self._at.unlink(missing_ok=True)
@@ -119,7 +119,7 @@ class Target:
             self._old.close()
 
     def close(self) -> bool:
-        """Close the stream, unless the caller goes on with it; False if the file was removed meanwhile."""
+        """Close the stream if it was opened here; return False if the file was removed meanwhile."""
         has_name = not self.is_owned or self.stream.closed or os.fstat(self.stream.fileno()).st_nlink > 0
         if self.is_owned or not isinstance(self.stream, io.BytesIO):
             self.stream.close()
@@ -128,8 +128,8 @@ class Target:
 
 @contextmanager
 def written(path: _PathOrStream, *, overwrite: bool = False) -> Iterator[BinaryIO]:
-    """Give a stream to write a whole recording to; if that fails, a file is as it was before. See `Target`."""
-    target = Target(path, overwrite=overwrite)
+    """Yield a stream to write a whole recording; on an error an existing file is unchanged. See `RecordingTarget`."""
+    target = RecordingTarget(path, overwrite=overwrite)
     try:
         yield target.stream
         target.keep()
@@ -141,12 +141,12 @@ def written(path: _PathOrStream, *, overwrite: bool = False) -> Iterator[BinaryI
 
 
 def readable(path: _PathOrStream) -> tuple[BinaryIO, bool]:
-    """Return a stream that can seek, and whether it was opened here; the suffix of a path may be left out.
+    """Return a seekable stream, and whether it was opened here; the suffix of a path may be left out.
 
     Raises:
-        FileNotFoundError: there is no such file.
-        RecordingError (ValueError): it is a folder or a scenario.
-        BadType (TypeError): this is neither a path nor a binary stream.
+        FileNotFoundError: the file does not exist.
+        RecordingError (ValueError): a folder or a scenario file.
+        BadType (TypeError): neither a path nor a binary stream.
     """
     if isinstance(path, (str, os.PathLike)):
         file = as_path(path, "The path of a recording")
@@ -156,7 +156,7 @@ def readable(path: _PathOrStream) -> tuple[BinaryIO, bool]:
         stream = file.open("rb")
         if format_of(stream) < 0:
             stream.close()
-            raise RecordingError(f"{str(file)!r} is no recording: it does not begin with 'MMGR' and a version.")
+            raise RecordingError(f"{str(file)!r} is not a recording: it does not begin with 'MMGR' and a version.")
         return stream, True
     if hasattr(path, "read") and not isinstance(path, io.TextIOBase):
         return path if path.seekable() else io.BytesIO(path.read()), False
@@ -167,25 +167,25 @@ def refuse_other(file: Path) -> None:
     """Raise RecordingError for a folder, a pipe or device, and a scenario file."""
     if file.is_dir():
         held = sorted(file.glob(f"*{_SUFFIX}"))
-        hint = f": give the file in it, {str(held[0])!r}." if held else ", and none is in it."
+        hint = f": give the file in it, {str(held[0])!r}." if held else ", which contains none."
         raise RecordingError(f"{str(file)!r} is a folder, not a recording{hint}")
     if file.exists() and not file.is_file():
         raise RecordingError(f"{str(file)!r} is a pipe, socket or device, not a recording.")
     if file.suffix.lower() in _SCENARIOS and file.exists():
-        raise RecordingError(f"{str(file)!r} is no recording: `gamms run` plays scenarios.")
+        raise RecordingError(f"{str(file)!r} is not a recording: `gamms run` plays scenarios.")
 
 
 def format_of(stream: BinaryIO) -> int:
-    """Return the format version of the recording that begins where a stream stands, and stays; -1: it is none."""
+    """Return the format version of the recording at the present position of a stream; -1 if there is none."""
     head = stream.read(8)
     stream.seek(-len(head), os.SEEK_CUR)
     return int.from_bytes(head[4:], "big") if head[:4] == MAGIC_NUMBER and len(head) == 8 else -1
 
 
 def locks(stream: BinaryIO, *, alone: bool) -> bool:
-    """Lock a file as long as it is open, alone or together with others; False if others keep it from that.
+    """Lock a file while it is open, exclusively or shared; return False if it is locked by others.
 
-    Where a system or its file has no locks nothing happens.
+    Does nothing on systems or files without locks.
     """
     try:
         import fcntl

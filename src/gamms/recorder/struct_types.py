@@ -1,13 +1,13 @@
-"""The types of a component's fields: from Python hints, from the text in a recording, and back; never by `eval`.
+"""The types of component fields, parsed from Python hints and from texts in recordings, without `eval`.
 
     type  = atom {"|" atom}
     atom  = "int" | "float" | "str" | "bool" | "NoneType" | "None" | "..." | "<class '" name "'>"
           | "Optional[" type "]" | "Union[" type {"," type} "]"
           | "Tuple[" type {"," type} "]" | "Tuple[" type ", ...]" | "List[" type "]"
 
-with `typing.` before a name if you like, and `tuple` and `list` for `Tuple` and `List`. A recording holds the text that
-1.0.0 writes: `typing.Optional[int]`, `typing.Union[int, str, NoneType]`, `<class 'NoneType'>`. All of it is Python's
-grammar of expressions but for `<class '…'>`, so that Python's own parser reads it, which evaluates nothing.
+with an optional `typing.` before names, and `tuple` and `list` for `Tuple` and `List`. A recording has the text that
+1.0.0 writes: `typing.Optional[int]`, `typing.Union[int, str, NoneType]`, `<class 'NoneType'>`. Except for `<class '…'>`
+this is Python's grammar of expressions, so Python's own parser is used, which evaluates nothing.
 """
 
 import ast
@@ -33,29 +33,29 @@ _SCALARS: dict[str, type] = {
 }
 _ACCEPTED: dict[str, tuple[type, ...]] = {name: (kind,) for name, kind in _SCALARS.items()} | {"float": (float, int)}
 _NONE = "NoneType"
-_OPEN = "..."  # behind the only type in a tuple of any length
+_OPEN = "..."  # after the only type in a tuple of any length
 _MOST_LETTERS = 4000
 _MOST_DEPTH = 8
 _CLASS = re.compile(r"<class '(\w+)'>")
-_LETTERS = re.compile(r"[A-Za-z_.\[\],|\s]*")  # no digits, quotes or brackets of other kinds
+_LETTERS = re.compile(r"[A-Za-z_.\[\],|\s]*")  # no digits, quotes or other brackets
 _EMPTY_END = re.compile(r",\s*\]")
 _ALLOWED = "int, float, str, bool, None, Optional, Union, tuple[...] and list[...] of those"
 
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """A tuple with a type per item, a tuple of any length, or a list."""
+    """A tuple with one type per item, a tuple of any length, or a list."""
 
     kind: type  # tuple or list
     items: tuple["FieldType", ...]
-    is_open: bool  # any number of items, all of one type
+    is_open: bool  # any number of items of one type
 
     def __str__(self) -> str:
         inside = ", ".join(item.inner_text() for item in self.items)
         return f"{self.kind.__name__}[{inside}{', ...' if self.is_open and self.kind is tuple else ''}]"
 
     def fits(self, value: object) -> bool:
-        """Whether the value is such a tuple or list."""
+        """Return whether a value is such a tuple or list."""
         if not isinstance(value, tuple | list) or type(value) is not self.kind:
             return False
         if self.is_open:
@@ -65,7 +65,7 @@ class Array:
         )
 
     def shaped(self, values: Iterable[Any]) -> Any:
-        """Return the values as a fresh tuple or list, and so within."""
+        """Return the values as a fresh tuple or list, recursively."""
         values = list(values)
         if self.is_open:
             return self.kind(self.items[0].shaped(one) for one in values)
@@ -76,12 +76,12 @@ class Array:
 
 @dataclass(frozen=True, slots=True)
 class FieldType:
-    """What a field may hold: one of the members, which are names of scalars and arrays."""
+    """The type of a field: a union of scalars and arrays."""
 
     members: tuple[str | Array, ...]
 
     def __str__(self) -> str:
-        """Return the text in a recording."""
+        """Return the text for a recording."""
         if len(self.members) == 1 and self.members[0] in _SCALARS and self.members[0] != "...":
             return f"<class '{self.members[0]}'>"
         return self.inner_text()
@@ -96,20 +96,20 @@ class FieldType:
         return f"typing.Union[{', '.join(texts)}]"
 
     def or_none(self) -> "FieldType":
-        """Return the type of a field: each may be None, and is at first."""
+        """Return the type with None, which every field may be, and is initially."""
         return union([self, FieldType((_NONE,))])
 
     def fits(self, value: object) -> bool:
-        """Whether the value is of this type; a whole number passes for a float, as it does in Python's typing."""
+        """Return whether a value has this type; an integer counts as a float, as in Python's typing."""
         return any(
             member.fits(value) if isinstance(member, Array) else isinstance(value, _ACCEPTED[member])
             for member in self.members
         )
 
     def shaped(self, value: object) -> Any:
-        """Return a fresh value of the kind declared: recordings have one kind of array, Python tuples and lists.
+        """Return a fresh value of the declared type: recordings have one kind of array, Python tuples and lists.
 
-        A value of a type that is not declared comes back as it is.
+        A value of an undeclared type is returned unchanged.
         """
         if isinstance(value, np.generic | np.ndarray):
             value = value.tolist()
@@ -120,7 +120,7 @@ class FieldType:
 
 
 def union(parts: Iterable[FieldType]) -> FieldType:
-    """Return the union of types, each once, in order; None last where there is one other, as Optional has no order."""
+    """Return the union of types, without duplicates, in order; None comes last."""
     members = tuple(dict.fromkeys(member for part in parts for member in part.members))
     return FieldType(members[::-1] if len(members) == 2 and members[0] == _NONE else members)
 
@@ -129,10 +129,10 @@ def union(parts: Iterable[FieldType]) -> FieldType:
 
 
 def of_hint(hint: object) -> FieldType:
-    """Return the type that a Python hint means, which says itself in the grammar above.
+    """Return the type of a Python hint, by its text in the grammar above.
 
     Raises:
-        BadType (TypeError): a recording cannot hold it.
+        BadType (TypeError): recordings do not support it.
     """
     try:
         if hint is not None and not isinstance(hint, str):
@@ -143,14 +143,15 @@ def of_hint(hint: object) -> FieldType:
 
 
 def parse(text: object) -> FieldType:
-    """Return the type of the text in a recording.
+    """Return the type of a text in a recording.
 
     Raises:
-        RecordingError: the text says anything else.
+        RecordingError: the text is not a type.
     """
     if not isinstance(text, str) or len(text) > _MOST_LETTERS:
         raise RecordingError(f"The type of a field is a text of at most {_MOST_LETTERS} letters. Use {_ALLOWED}.")
-    why, plain = "", _CLASS.sub(r" \1 ", text).strip()
+    why = ""
+    plain = _CLASS.sub(r" \1 ", text).strip()
     if _LETTERS.fullmatch(plain) and not _EMPTY_END.search(plain):
         try:
             return _type(syntax_tree(plain, mode="eval").body, 1)
@@ -162,7 +163,7 @@ def parse(text: object) -> FieldType:
 
 
 def _type(node: ast.expr, depth: int) -> FieldType:
-    """Return the type that an expression says (ValueError)."""
+    """Return the type of an expression (ValueError)."""
     if depth > _MOST_DEPTH:
         raise ValueError(f" It is nested deeper than {_MOST_DEPTH}.")
     parts = []
@@ -187,7 +188,8 @@ def _atom(node: ast.expr, depth: int) -> FieldType:
     if not isinstance(node, ast.Subscript):
         raise ValueError  # noqa: TRY004 - it is the text that is wrong
     inside = [_type(one, depth + 1) for one in (node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice])]
-    name, dots = ast.unparse(node.value).removeprefix("typing.").lower(), FieldType((_OPEN,))
+    name = ast.unparse(node.value).removeprefix("typing.").lower()
+    dots = FieldType((_OPEN,))
     if name == "optional" and len(inside) == 1:
         return inside[0].or_none()
     if name == "union":

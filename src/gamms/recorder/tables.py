@@ -23,14 +23,14 @@ from gamms.text import reason, shown
 
 Table = dict[str, np.ndarray[Any, Any]]
 NamesAt = Callable[[int], tuple[dict[int, str], int]]
-"""When a log begins: number -> name of the agents who are there, and the number that the next one gets."""
+"""Function from a log number to (number -> name of the agents at its beginning, number of the next agent)."""
 
 KINDS = {code: kind.name for code, kind in EVENTS.items()} | {
     kinds.MOVES: "MOVE",
     kinds.AERIAL_AGENT_FLIGHT: "AERIAL_AGENT_POSITION",  # the same by number
     kinds.AERIAL_AGENT_TURN: "AERIAL_AGENT_QUATERNION",
 }
-"""What steps and tables call events, by their codes."""
+"""Event code -> name in steps and tables."""
 
 _LONG_NAME = 64  # characters; arrays of texts have room for the longest in each row
 _MOST_CHARACTERS = 1 << 18
@@ -55,7 +55,7 @@ _SENSED: dict[str, type] = {"turn": np.int64, "agent": np.str_, "sensor": np.str
 
 
 def events(reader: Reader, start: int, stop: int) -> Iterator[dict[str, Any]]:
-    """Yield what rules emitted and programs recorded in these logs."""
+    """Yield events emitted by rules or recorded by programs, in these logs."""
     for log, _, _, data in reader.events(start, stop, _EMITTED):
         if not (isinstance(data, dict) and isinstance(data.get("kind"), str)):
             raise RecordingError(f"An event of turn {log + 1} has no kind: {shown(data)}.")
@@ -63,7 +63,7 @@ def events(reader: Reader, start: int, stop: int) -> Iterator[dict[str, Any]]:
 
 
 def steps(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Iterator[dict[str, Any]]:
-    """Yield everything in these logs: `turn`, `event`, and for a move `agent` and `node`, else `data`."""
+    """Yield all events in these logs: `turn`, `event`, and for a move `agent` and `node`, else `data`."""
     names, following = names_at(start)
     for log in range(start, stop):
         for kind, data in steps_of(reader.log(log)):
@@ -77,7 +77,7 @@ def steps(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Iterator[
 
 
 def _by_name(kind: int, data: tuple[Plain, ...], name: str) -> dict[str, Any]:
-    """Return the data of an event that names its agent by number, as one that names it."""
+    """Return the data of an event with the name of its agent instead of its number."""
     if kind == kinds.AERIAL_AGENT_FLIGHT:
         return {"agent_name": name, "position": list(data[2:]), "node": data[1]}
     return {"agent_name": name, "quat": list(data[1:])}
@@ -85,7 +85,7 @@ def _by_name(kind: int, data: tuple[Plain, ...], name: str) -> dict[str, Any]:
 
 def _name(names: dict[int, str], number: int, log: int) -> str:
     if number not in names:
-        raise RecordingError(f"Agent number {number} moves in turn {log + 1} and is not there.")
+        raise RecordingError(f"Agent number {number} moves in turn {log + 1}, but does not exist.")
     return names[number]
 
 
@@ -97,15 +97,15 @@ def _roster_after(
         if kind == kinds.SNAPSHOT:
             numbers = data["numbers"].tolist()
             return dict(zip(numbers, data["names"], strict=True)), keyframes.checked_following(numbers, data["next"])
-        names[following] = data["name"]  # in place, for a thousand may come one by one
+        names[following] = data["name"]  # in place, because a thousand agents may be created one by one
     return names, following + 1
 
 
 def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -> Table:
-    """Return one table of these logs.
+    """Return a table of these logs.
 
     Raises:
-        UnknownName (KeyError): there is no such table.
+        UnknownName (KeyError): the table does not exist.
     """
     if as_name(name, "a table") in _TABLES:
         with refusing(f"The table {shown(name)} cannot be made: an event in it is damaged", DAMAGES, with_type=True):
@@ -124,7 +124,7 @@ def _events(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
 
 
 def _moves(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
-    """Return every move of an agent on the ground: the turn, its name, where to."""
+    """Return all moves of agents on the ground: turn, agent, node."""
     turns, numbers, nodes = reader.moves(start, stop)
     places = turns.searchsorted(np.arange(start, stop))
     roster = list(reader.events(start, stop, _ROSTER))
@@ -136,8 +136,9 @@ def _moves(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
 def _names(
     numbers: IntArray, before: list[int], roster: list[tuple[int, Any]], known: tuple[dict[int, str], int]
 ) -> np.ndarray[Any, Any]:
-    """Return the names of agents by their numbers, where so many of these come before each event of the roster."""
-    parts, done = [], 0
+    """Return the names of agents by number; `before` numbers come before each event of the roster."""
+    parts = []
+    done = 0
     names, following = known
     for until, (kind, data) in zip(before, roster, strict=True):
         if kind == kinds.SNAPSHOT:
@@ -155,13 +156,13 @@ def _named(numbers: IntArray, known: dict[int, str]) -> np.ndarray[Any, Any]:
     try:
         names = [known[number] for number in distinct.tolist()]
     except KeyError as error:
-        raise RecordingError(f"Agent number {reason(error)} moves and is not there.") from error
+        raise RecordingError(f"Agent number {reason(error)} moves, but does not exist.") from error
     is_long = max(map(len, names)) > max(_LONG_NAME, _MOST_CHARACTERS // len(numbers))
     return np.array(names, object if is_long else np.str_)[places]
 
 
 def _positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
-    """Return every move of a flyer: the turn, its name, where to."""
+    """Return all moves of flying agents: turn, agent, position."""
     rows: list[tuple[Any, ...]] = []
     names, following = names_at(start)
     for log, _, kind, data in reader.events(start, stop, {*_ROSTER, *_FLIGHTS}):
@@ -175,7 +176,7 @@ def _positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Tabl
 
 
 def _travel(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
-    """Return where on edges agents were after turns in which that changed: turn, agent, the edge, and its share."""
+    """Return the progress of agents after each change: turn, agent, edge, and share."""
     rows: list[tuple[Any, ...]] = []
     names, following = names_at(start)
     for log, _, kind, data in reader.events(start, stop, {*_ROSTER, kinds.AGENT_PROGRESS}):
@@ -190,27 +191,27 @@ def _travel(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
 
 
 def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
-    """Return all scores, of every turn in which one of them changed."""
-    found: dict[int, Any] = {}  # of several in one turn, the last
+    """Return all scores of each turn in which a score changed."""
+    found: dict[int, Any] = {}  # the last value of each turn
     for log, _, _, data in reader.events(start, stop, {kinds.GAME_SCORES, kinds.SNAPSHOT}):
         found[log + 1] = data["scores"]
     return _rows_as(_SCORES, [(turn, of, score) for turn, scores in found.items() for of, score in scores])
 
 
 def _deeds(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
-    """Return everything that agents did besides moving: turn, agent, deed, the node they were at, and its fields."""
+    """Return all deeds of agents: turn, agent, deed, node, and fields."""
     rows = [data for *_, data in reader.events(start, stop, {kinds.GAME_DEED})]
     return table_of([dict(row) for row in rows]) if rows else _rows_as(_DEEDS, [])
 
 
 def _messages(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
-    """Return what was sent, and to whom it came: one row for each message and agent; see `ir.messages`."""
+    """Return all messages: one row per message and receiver; see `ir.messages`."""
     sent = [as_entry("messages", data) for *_, data in reader.events(start, stop, {kinds.GAME_MESSAGE})]
     return table_of(message_table(sent)) if sent else _rows_as(_MESSAGES, [])
 
 
 def _sensed(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
-    """Return every node that a sensor saw: turn, agent, sensor, the node, and the agent there if that was seen."""
+    """Return all nodes seen by sensors: turn, agent, sensor, node, and the agent there if it was seen."""
     rows: list[tuple[Any, ...]] = []
     names, following = names_at(start)
     for log, _, kind, data in reader.events(start, stop, {*_ROSTER, kinds.SENSED}):
@@ -224,7 +225,7 @@ def _sensed(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
 
 
 def _rows_as(dtypes: Mapping[str, type], rows: list[tuple[Any, ...]]) -> Table:
-    """Return rows as columns, which have these types where there are none."""
+    """Return rows as columns, with these types if there are no rows."""
     if not rows:
         return {name: np.zeros(0, dtype) for name, dtype in dtypes.items()}
     return table_of(dict(zip(dtypes, zip(*rows, strict=True), strict=True)))

@@ -1,4 +1,4 @@
-"""Where the agents of a recording were after each turn, as GPX, GeoJSON and CSV files."""
+"""Export the positions of the agents of a recording as GPX, GeoJSON and CSV files."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -19,35 +19,35 @@ from gamms.limits import refuse_above
 from gamms.text import as_xml
 from gamms.typing.on_edges import point_along
 
-_BYTES = 200  # of memory for one place
-_DECIMALS = 8  # of degrees: a millimetre
-_LONGEST_S = 1e9  # of a game: 30 years
+_BYTES = 200  # of memory for one position
+_DECIMALS = 8  # decimals of degrees: a millimetre
+_LONGEST_S = 1e9  # longest game: 30 years
 
 
-class Moment(NamedTuple):
-    """Where agents were after a turn.
+class AgentsAtTurn(NamedTuple):
+    """The agents after a turn.
 
     Attributes:
         agents: the columns of a `State`.
-        columns: the map.
+        columns: columns of the map.
     """
 
     agents: Mapping[str, "np.ndarray[Any, Any]"]
     columns: GraphColumns
 
 
-class Tracks(NamedTuple):
-    """Places of agents, ordered by agent, then by turn.
+class AgentTracks(NamedTuple):
+    """Positions of agents, ordered by agent, then by turn.
 
     Attributes:
-        turn: (places,) how many turns were over.
-        agent: (places,) its name.
-        team: (places,) None without one.
-        node: (places,) where it is, was last, or what it is above.
+        turn: (places,) number of turns before.
+        agent: (places,) name of the agent.
+        team: (places,) None without a team.
+        node: (places,) its node, its last node, or the node below it.
         alive: (places,)
         xyz: (places, 3) map units; z is NaN on the ground.
         latlon: (places, 2) degrees; None on a map without a CRS.
-        time: (places,) as ISO 8601 has it.
+        time: (places,) in ISO 8601.
     """
 
     turn: IntArray
@@ -60,26 +60,27 @@ class Tracks(NamedTuple):
     time: list[str]
 
 
-def export(path: object, moments: Iterable[Moment], turns: int, created: object, turn_seconds: float) -> Path:
-    """Write the tracks of a recording in the format that the suffix names; see `Recording.export`.
+def export(path: object, moments: Iterable[AgentsAtTurn], turns: int, created: object, turn_seconds: float) -> Path:
+    """Write the tracks of a recording in the format named by the suffix; see `Recording.export`.
 
     Args:
         path: of the file.
         moments: the start, and each turn.
-        turns: how many turns there are.
-        created: when the recording began, seconds since 1970.
-        turn_seconds: how long a turn takes.
+        turns: number of turns.
+        created: start of the recording, seconds since 1970.
+        turn_seconds: duration of a turn.
     """
-    target, seconds = as_target(path), checked_seconds(turn_seconds, turns)
+    target = as_target(path)
+    seconds = checked_seconds(turn_seconds, turns)
     write = _FORMATS.get(target.suffix.lower())
     if write is None:
         hint = nearest(target.suffix.lower(), _FORMATS) or f" There are {', '.join(_FORMATS)}."
-        raise UnknownType(f"No tracks can be written as {target.suffix or 'a file without a suffix'!r}.{hint}")
+        raise UnknownType(f"Cannot write tracks as {target.suffix or 'a file without a suffix'!r}.{hint}")
     began = float(created) if isinstance(created, (int, float)) and 0 <= created < _LONGEST_S * 4 else 0.0
     found = tracks_of(moments, began, seconds)
     if found.latlon is None and write is not _write_csv:
         raise BadValue(
-            f"{target.suffix} counts in degrees, and the map of this recording has no CRS. Write .csv, or record a map "
+            f"{target.suffix} needs degrees, and the map of this recording has no CRS. Write .csv, or record a map "
             "whose ctx.graph.graph.crs is set."
         )
     with whole_file(target, through_links=True) as beside:
@@ -88,10 +89,10 @@ def export(path: object, moments: Iterable[Moment], turns: int, created: object,
 
 
 def checked_seconds(turn_seconds: float, turns: int) -> float:
-    """Check how long a turn takes in a game of so many turns.
+    """Check the duration of a turn in a game with this number of turns.
 
     Raises:
-        BadValue: it is negative, or so long that there are no times for all turns.
+        BadValue: it is negative, or too long for valid times of all turns.
     """
     seconds = as_range(turn_seconds, "turn_seconds")
     if seconds * max(turns, 1) > _LONGEST_S:
@@ -99,13 +100,17 @@ def checked_seconds(turn_seconds: float, turns: int) -> float:
     return seconds
 
 
-def tracks_of(moments: Iterable[Moment], began: float, turn_seconds: float) -> Tracks:
-    """Return where the agents were at the start and after each turn; an agent whose node is gone is nowhere."""
+def tracks_of(moments: Iterable[AgentsAtTurn], began: float, turn_seconds: float) -> AgentTracks:
+    """Return the positions of agents at the start and after each turn; NaN if the node was removed."""
     parts: list[tuple[Any, ...]] = []
-    count, crs, seen, times = 0, None, Places(), list[str]()
+    count = 0
+    crs = None
+    seen = PositionCache()
+    times = list[str]()
     start = datetime.fromtimestamp(began, UTC)
     for turn, moment in enumerate(moments):
-        agents, crs = moment.agents, moment.columns.crs
+        agents = moment.agents
+        crs = moment.columns.crs
         xyz = seen.of(agents, moment.columns)
         parts.append((np.full(len(xyz), turn), agents["name"], agents["team"], agents["node"], agents["alive"], xyz))
         times.append((start + timedelta(seconds=turn * turn_seconds)).isoformat().replace("+00:00", "Z"))
@@ -118,17 +123,17 @@ def tracks_of(moments: Iterable[Moment], began: float, turn_seconds: float) -> T
     if crs is not None:
         latlon = projection.project_back_and_forth(xy, crs, projection.WGS84)[:, ::-1].round(_DECIMALS)
     texts = [times[turn] for turn in turns[order].tolist()]
-    return Tracks(turns[order], names[order], teams[order], nodes[order], alive[order], xyz[order], latlon, texts)
+    return AgentTracks(turns[order], names[order], teams[order], nodes[order], alive[order], xyz[order], latlon, texts)
 
 
-class Places:
-    """Looks up where agents are on maps that seldom change."""
+class PositionCache:
+    """Looks up positions on maps that rarely change."""
 
     def __init__(self) -> None:
         self._columns: GraphColumns | None = None
 
     def of(self, agents: Mapping[str, "np.ndarray[Any, Any]"], columns: GraphColumns) -> FloatArray:
-        """Return (agents, 3) for the columns of a `State`; NaN for z on the ground, and for what is not on the map."""
+        """Return positions (agents, 3) for the columns of a `State`; NaN for z on the ground, and for removed nodes."""
         if columns is not self._columns:
             self._columns = columns
             self._orders = np.argsort(columns.node_ids, kind="stable"), np.argsort(columns.edge_ids, kind="stable")
@@ -148,15 +153,15 @@ class Places:
 # -- formats ------------------------------------------------------------------------------------------------------
 
 
-def _agents(tracks: Tracks) -> Iterator[tuple[str, Any, slice]]:
-    """Yield the name and team of each agent, and where its places are."""
+def _agents(tracks: AgentTracks) -> Iterator[tuple[str, Any, slice]]:
+    """Yield the name and team of each agent, and the range of its positions."""
     starts = (np.flatnonzero(tracks.agent[1:] != tracks.agent[:-1]) + 1).tolist()
     bounds = [0, *starts, len(tracks.agent)] if len(tracks.agent) else [0]
     for start, stop in pairwise(bounds):
         yield str(tracks.agent[start]), tracks.team[start], slice(start, stop)
 
 
-def _write_csv(file: Path, tracks: Tracks) -> None:
+def _write_csv(file: Path, tracks: AgentTracks) -> None:
     columns: dict[str, list[Any]] = {
         "turn": tracks.turn.tolist(),
         "time": tracks.time,
@@ -173,7 +178,7 @@ def _write_csv(file: Path, tracks: Tracks) -> None:
     write_csv(file, columns, zip(*columns.values(), strict=True))
 
 
-def _write_gpx(file: Path, tracks: Tracks) -> None:
+def _write_gpx(file: Path, tracks: AgentTracks) -> None:
     with file.open("w", encoding="utf-8") as stream:
         stream.write('<?xml version="1.0" encoding="UTF-8"?>\n')
         stream.write('<gpx version="1.1" creator="GAMMS" xmlns="http://www.topografix.com/GPX/1/1">\n')
@@ -187,7 +192,7 @@ def _write_gpx(file: Path, tracks: Tracks) -> None:
         stream.write("</gpx>\n")
 
 
-def _write_geojson(file: Path, tracks: Tracks) -> None:
+def _write_geojson(file: Path, tracks: AgentTracks) -> None:
     with file.open("w", encoding="utf-8", errors="backslashreplace") as stream:
         stream.write('{"type": "FeatureCollection", "features": [')
         comma = "\n"
@@ -202,14 +207,14 @@ def _write_geojson(file: Path, tracks: Tracks) -> None:
         stream.write("\n]}\n")
 
 
-def _places(tracks: Tracks, rows: slice) -> Iterator[tuple[list[float], float | None, str]]:
-    """Yield latitude and longitude, height and time of the places of an agent."""
+def _places(tracks: AgentTracks, rows: slice) -> Iterator[tuple[list[float], float | None, str]]:
+    """Yield (latitude and longitude, height, time) of the positions of an agent."""
     latlon = np.zeros((0, 2)) if tracks.latlon is None else tracks.latlon
     heights = [float(z) if np.isfinite(z) else None for z in tracks.xyz[rows, 2]]
     return zip(latlon[rows].tolist(), heights, tracks.time[rows], strict=True)
 
 
-_FORMATS: dict[str, Callable[[Path, Tracks], None]] = {
+_FORMATS: dict[str, Callable[[Path, AgentTracks], None]] = {
     ".gpx": _write_gpx,
     ".geojson": _write_geojson,
     ".csv": _write_csv,

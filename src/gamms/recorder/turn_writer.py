@@ -1,4 +1,4 @@
-"""When turns are written: at their end, in the background, or many at once; and when a keyframe is due."""
+"""Scheduling of writes: turns at their end, in the background, or many at once; and keyframes."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,89 +7,90 @@ from typing import Any, Protocol
 from gamms.ir.events import Log
 from gamms.progress import uninterrupted
 from gamms.recorder.keyframes import Keyframe
-from gamms.recorder.saving import Saving
+from gamms.recorder.saving import BackgroundSaving
 from gamms.typing.context import HostContext
 
-_TURNS_AT_ONCE = 256  # that may wait to be written
+_TURNS_AT_ONCE = 256  # most turns that wait to be written
 _ENTRIES_AT_ONCE = 1 << 13  # of logs that may wait
-_TURNS_OF_ARRAYS = 8  # that may wait where many agents move
-_TURNS_OF_STREAM = 64  # that may wait where blocks cannot be replaced, and no other thread writes
-_KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read
-_KEYFRAME_TURNS = 128  # at least, in which each agent acts: the cost of a keyframe grows with the agents, too
-_OF_VALUE = 64  # entries that take as long to read as one event with a value; flights: `SessionJournal.weight`
+_TURNS_OF_ARRAYS = 8  # most waiting turns if many agents move
+_TURNS_OF_STREAM = 64  # most waiting turns if blocks cannot be replaced, and no other thread writes
+_KEYFRAME_ENTRIES = 1 << 17  # log entries between two keyframes: 65,536 moves, which take some milliseconds to read
+# minimum number of turns in which each agent acts, because the cost of a keyframe grows with the agents, too
+_KEYFRAME_TURNS = 128
+_OF_VALUE = 64  # entries that take as long to read as one event with a value; for flights see `SessionJournal.weight`
 
 Encoder = Any
-"""Writes logs in some format: `begin(session, is_final)`, `add(logs)`, `keyframe(state)`, `flush()`, `close()`.
+"""An encoder of logs: `begin(session, is_final)`, `add(logs)`, `keyframe(state)`, `flush()`, `close()`.
 
-It has `values`, the number of events with a value that were written; `blocks`, the number of blocks that will not be
-replaced; `is_current`, whether flushed turns can be read at once.
+It has `values`, the number of events with a value written; `blocks`, the number of final blocks; `is_current`, whether
+flushed turns can be read at once.
 """
 
 
-class Source(Protocol):
-    """The session whose turns are written."""
+class TurnSource(Protocol):
+    """A session whose turns are written."""
 
     ctx: HostContext
     turn: int
 
     def keyframe(self) -> Keyframe:
-        """Return how things are after the last turn."""
+        """Return the state after the last turn."""
 
     def abandon(self) -> None:
-        """Listen no longer, and write nothing more."""
+        """Stop listening and writing."""
 
 
 class TurnWriter:
-    """Writes the turns of a session by an encoder.
+    """Writes the turns of a session with an encoder.
 
     Args:
         session: the session.
         encoder: writes logs.
-        in_background: whether another thread writes turns that wait for long; else each turn is written at its end, if
-            it can be read then.
+        in_background: whether another thread writes turns that wait long; otherwise each turn is written at its end, if
+        it can be read then.
 
     Attributes:
-        has_begun: whether the beginning is written for good: until the first turn is over, a map may be loaded.
-        has_failed: whether nothing more can be written.
+        has_begun: whether the beginning is final: until the first turn is over, a map may be loaded.
+        has_failed: whether writing has failed.
     """
 
-    def __init__(self, session: Source, encoder: Encoder, *, in_background: bool) -> None:
+    def __init__(self, session: TurnSource, encoder: Encoder, *, in_background: bool) -> None:
         self._session = session
         self._encoder = encoder
         self._in_background = in_background
-        self._saving = Saving(self._save)
+        self._saving = BackgroundSaving(self._save)
         self._logs: list[Log] = []  # that wait
-        self._entries = 0  # of the logs since the last interval
-        self._weight = 0  # of flights since then; see `SessionJournal`
-        self._writes_at = 1  # the turn at whose end the waiting turns are written
-        self._interval_ends = _TURNS_AT_ONCE  # the turn at whose end a keyframe may be written
+        self._entries = 0  # log entries since the last interval
+        self._weight = 0  # weight of flights since then; see `SessionJournal`
+        self._writes_at = 1  # turn after which waiting turns are written
+        self._interval_ends = _TURNS_AT_ONCE  # turn after which a keyframe may be written
         self._since_keyframe = 0  # entries
-        self._values = 0  # that were written up to the last interval
-        self._blocks = 0  # that were complete when waiting turns were saved
+        self._values = 0  # values written up to the last interval
+        self._blocks = 0  # complete blocks when waiting turns were last saved
         self.has_begun = False
         self.has_failed = False
         encoder.begin(session, is_final=False)
 
     def add(self, log: Log, entries: int, weight: int, *, has_arrays: bool) -> None:
-        """Take the log of a turn that is over, and write it now or later.
+        """Add the log of a finished turn, and write it now or later.
 
         Args:
             log: not changed afterwards.
-            entries: of the log, each move of an array counted by itself.
-            weight: of its flights.
+            entries: number of entries, with each move of an array counted.
+            weight: weight of its flights.
             has_arrays: whether it has arrays of moves.
         """
         self._logs.append(log)
         self._entries += entries
         self._weight += weight
         turn = self._session.turn
-        # NOTE: arrays may wait: to begin to write takes a twentieth of what a turn does (benchmarks: teams, recorded).
+        # NOTE: arrays may wait: starting to write takes a twentieth of a turn (benchmarks: teams, recorded).
         is_full = self._entries >= _ENTRIES_AT_ONCE and not (has_arrays and turn % _TURNS_OF_ARRAYS)
         if turn >= self._writes_at or is_full:
             self._write(is_full=is_full)
 
     def close(self, rest: Log) -> None:
-        """Write the waiting turns, the log of the turn that is not over, and the end."""
+        """Write the waiting turns, the log of the unfinished turn, and the end."""
         if rest:
             self._logs.append(rest)
         with self._writing():
@@ -98,11 +99,11 @@ class TurnWriter:
             self._saving.end()
 
     def end(self) -> None:
-        """Write nothing more in the background."""
+        """Stop writing in the background."""
         self._saving.end()
 
     def has_stopped(self) -> bool:
-        """Whether nothing more is written; so it is, from now on, in another process than the one that records."""
+        """Return whether writing has stopped; it stops in a process that did not start the recording."""
         if self._saving.is_inherited:
             self._fail()
             self._session.ctx.logger.warning(
@@ -135,7 +136,7 @@ class TurnWriter:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Let Ctrl-C wait, and end the recording if writing fails."""
+        """Delay Ctrl-C, and end the recording if writing fails."""
         with uninterrupted(), self._saving.lock:
             try:
                 self._saving.check()
@@ -145,12 +146,13 @@ class TurnWriter:
                 raise
 
     def _save(self, is_last: bool) -> None:
-        """Write turns that no later turn has written; or let the next one report the error."""
+        """Write waiting turns; on an error let the next turn report it."""
         try:
             self._encode()
-            # NOTE: turns of a block that began since are written with it, or the next time: not twice where blocks are
-            # large and end soon (benchmarks: teams, recorded).
-            before, self._blocks = self._blocks, self._encoder.blocks
+            # NOTE: turns of a new block are written with it, or the next time, so that large, short-lived
+            # blocks are not written twice (benchmarks: teams, recorded).
+            before = self._blocks
+            self._blocks = self._encoder.blocks
             if is_last or before == self._blocks:
                 self._encoder.flush()
         except Exception:
@@ -158,7 +160,7 @@ class TurnWriter:
             raise
 
     def _end_interval(self) -> None:
-        """Write a keyframe if one is due: by what was recorded, never by the clock."""
+        """Write a keyframe if one is due, depending on the data, never on the clock."""
         values = self._encoder.values
         self._since_keyframe += self._entries + self._weight + _OF_VALUE * (values - self._values)
         self._values = values
@@ -174,4 +176,4 @@ class TurnWriter:
             self._encoder.begin(self._session, is_final=True)
         if waiting := self._logs[:]:
             self._encoder.add(waiting)
-            del self._logs[: len(waiting)]  # others may have joined, behind them
+            del self._logs[: len(waiting)]  # other turns may have been added after them

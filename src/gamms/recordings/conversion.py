@@ -46,7 +46,7 @@ def version_of(path: str | os.PathLike[str]) -> int:
     with given.open("rb") as file:
         version = format_of(file)
     if version < 0:
-        raise RecordingError(f"{str(path)!r} is no recording: it does not begin with 'MMGR' and a version.")
+        raise RecordingError(f"{str(path)!r} is not a recording: it does not begin with 'MMGR' and a version.")
     return version
 
 

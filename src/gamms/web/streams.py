@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 from gamms.ir import events as kinds
 from gamms.ir.events import Log, events_of
 from gamms.ir.graph import GraphColumns
-from gamms.recorder.cut import Cut, cut_header, sides_of
+from gamms.recorder.cut import KnowledgeFilter, cut_header, sides_of
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.sensed import Nearest, nearest_on
 from gamms.web.columns import MAGIC, frame
@@ -65,7 +65,7 @@ class Stream:
 
     def __init__(self, audience: Audience, header: Keyframe, state: Keyframe, turns: int, nearest: Nearest) -> None:
         is_everything, visuals = audience.is_everything, header.get("visuals")
-        self._cut = None if is_everything else Cut(state, audience.has, nearest, visuals)
+        self._cut = None if is_everything else KnowledgeFilter(state, audience.has, nearest, visuals)
         if self._cut is not None:
             state = self._cut.keyframe(0)
             header = {**cut_header(header, self._cut), "sides": header["sides"], "audience": str(audience)}

@@ -4,18 +4,20 @@ from gamms.strategies import chase, first, flee, goto, guard
 
 
 def attack(ctx, caution):
-    """Make the strategy of an attacker: flee from defenders nearer than `caution`, else go to the flags.
+    """Make an attacker's strategy: flee from defenders nearer than `caution`, else go to the flags.
 
-    Flags that are known to be real come first, then those that no agent has looked at; the nearest of them.
+    Flags known to be real come first, then unseen flags; within each group, the nearest.
     """
 
     def flag(state):
-        known, captured = state["facts"]["known"], state["facts"]["captured"]
+        known = state["facts"]["known"]
+        captured = state["facts"]["captured"]
         real = [node for node, is_real in known.items() if is_real and node not in captured]
         goals = real or [node for node in state["facts"]["candidates"] if node not in known]
         return min(goals, key=lambda node: (ctx.graph.distance(state["curr_pos"], node), node), default=None)
 
-    go, run = goto(ctx, flag), flee(ctx)
+    go = goto(ctx, flag)
+    run = flee(ctx)
 
     def strategy(state):
         near = [
@@ -28,7 +30,7 @@ def attack(ctx, caution):
 
 
 def defend(ctx, post):
-    """Make the strategy of a defender: chase attackers in view, its own or a tower's, else guard a real flag."""
+    """Make a defender's strategy: chase attackers seen by itself or by a tower, else guard a real flag."""
     pursue = chase(ctx, otherwise=None)
 
     def walk(state):

@@ -1,12 +1,11 @@
-"""The rules of the competition: flags, of which some are decoys, are found out and captured."""
+"""The rules of the competition: real and decoy flags are discovered and captured."""
 
 
 def flags(attackers, defenders, real, radius):
-    """Make the rule of the flags, which are on the nodes of the fact `candidates`.
+    """Make the rule for flags on the nodes of the fact `candidates`.
 
-    Which are real is drawn from the seed. Defenders know; attackers find out about a flag when one of them has it in
-    view, and all of them know then. An attacker that comes within `radius` edges of a real flag captures it, and is
-    out.
+    The real flags are drawn from the seed. Defenders know them; when one attacker has a flag in view, all attackers
+    know whether it is real. An attacker that comes within `radius` edges of a real flag captures it, and is out.
 
     Args:
         attackers, defenders: the teams.
@@ -27,7 +26,8 @@ def flags(attackers, defenders, real, radius):
         ctx.game.publish(to=attackers, known=known, captured=state["captured"])
 
     def discover(ctx, agent):
-        here, state = agent.current_node_id, ctx.game.data["flags"]
+        here = agent.current_node_id
+        state = ctx.game.data["flags"]
         in_view = {here}.union(*(sensor.coverage(here, agent.name).node_ids for sensor in agent.sensors.values()))
         for node in ctx.game.facts["candidates"]:
             if node in in_view and node not in state["known"]:
@@ -59,5 +59,6 @@ def flags(attackers, defenders, real, radius):
             color = "gray" if node not in state["known"] else "orange" if node in state["real"] else "black"
             ctx.visual.render_circle(at.x, at.y, 5 if node in state["captured"] else 12, color)
 
-    flags.prepare, flags.drawer = prepare, draw
+    flags.prepare = prepare
+    flags.drawer = draw
     return flags

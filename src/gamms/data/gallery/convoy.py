@@ -1,15 +1,15 @@
-"""Trucks that go to their depot, and escorts that stay with one of them until a raider comes near."""
+"""Trucks that drive to their depot, and escorts that stay with them until a raider comes near."""
 
 from gamms.strategies import goto
 
 
 def drive(ctx):
-    """Make the strategy of a truck: go to the depot."""
+    """Make a truck's strategy: go to the depot."""
     return goto(ctx, lambda _: ctx.agent.get_agent("depot_0").current_node_id)
 
 
 def escort(ctx, reach):
-    """Make the strategy of an escort: to the raider that is nearest to its truck within `reach`, else to the truck."""
+    """Make an escort's strategy: go to the raider nearest to its truck within `reach`, else to the truck."""
 
     def target(state):
         trucks = [truck.current_node_id for truck in ctx.agent.teams["trucks"] if truck.alive]

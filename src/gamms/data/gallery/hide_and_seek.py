@@ -1,4 +1,4 @@
-"""Hiders that look for corners, and seekers that count first and then visit all streets around."""
+"""Hiders that look for hidden corners, and seekers that wait first and then visit all streets."""
 
 from functools import cache
 
@@ -6,7 +6,7 @@ from gamms.strategies import chase, first, flee, goto, sweep
 
 
 def hide(ctx, reach):
-    """Make the strategy of a hider: run from seekers in view, else go where least can be seen within `reach` metres."""
+    """Make a hider's strategy: flee from visible seekers, else go to the least visible node within `reach` metres."""
 
     @cache
     def corner(start):
@@ -23,7 +23,7 @@ def hide(ctx, reach):
 
 
 def seek(ctx, head_start, radius):
-    """Make the strategy of a seeker: stand at first, then chase hiders in view, else visit all streets."""
+    """Make a seeker's strategy: wait at first, then chase visible hiders, else visit all streets."""
     middle = ctx.graph.nearest_node(385980, 6672300)
     area = sorted(ctx.graph.distances(source=middle, cutoff=radius))
     look = first(chase(ctx, otherwise=None), sweep(ctx, nodes=area, repeat=True))

@@ -1,4 +1,4 @@
-"""Smugglers that draw their ways, and police that covers as many of such ways as it can."""
+"""Smugglers that draw random paths, and police that cover as many of these paths as possible."""
 
 from collections import Counter
 from functools import cache
@@ -7,11 +7,12 @@ from gamms.strategies import chase, first, goto
 
 
 def ways(ctx, detour):
-    """Make a function that draws a way from a node to an exit, by a place that makes it at most `detour` as long."""
+    """Make a function that draws a random path from a node to an exit, at most `detour` times the shortest one."""
 
     @cache
     def places(start, end):
-        out, back = ctx.graph.distances(source=start), ctx.graph.distances(target=end)
+        out = ctx.graph.distances(source=start)
+        back = ctx.graph.distances(target=end)
         return [node for node in sorted(out) if out[node] + back.get(node, out[end] * detour) <= detour * out[end]]
 
     def way(start, draw):
@@ -23,7 +24,7 @@ def ways(ctx, detour):
 
 
 def smuggle(ctx, detour):
-    """Make the strategy of a smuggler: draw a way, and go along it."""
+    """Make a smuggler's strategy: draw a path and follow it."""
     way = ways(ctx, detour)
 
     def strategy(state):
@@ -36,7 +37,7 @@ def smuggle(ctx, detour):
 
 
 def blockade(ctx, detour, samples):
-    """Make the plan of the police: draw ways as smugglers do, and stand where most of them pass."""
+    """Make the plan of the police: draw sample paths like smugglers, and stand on the most used nodes."""
     way = ways(ctx, detour)
     drive = first(chase(ctx, otherwise=None), goto(ctx, lambda state: state["memory"]["post"]))
 

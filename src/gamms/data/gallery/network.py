@@ -1,4 +1,4 @@
-"""A network of relays, intruders that put them out, engineers that repair them, and the rule of what hangs together."""
+"""A network of relays, intruders that disable them, engineers that repair them, and a rule about connectivity."""
 
 from functools import cache
 
@@ -8,7 +8,7 @@ from gamms.strategies import chase, first, goto
 
 
 def relays(count, reach, seed):
-    """Return relays at random places of a square of 100 by 100 metres; those at most `reach` apart have a link."""
+    """Return relays at random positions in a square of 100 by 100 metres, with links up to length `reach`."""
     graph = nx.random_geometric_graph(count, reach / 100, seed=seed)
     for node, (x, y) in nx.get_node_attributes(graph, "pos").items():
         graph.nodes[node].clear()
@@ -17,23 +17,24 @@ def relays(count, reach, seed):
 
 
 def working(ctx):
-    """Return the nodes of the relays that work."""
+    """Return the nodes of working relays."""
     return {relay.current_node_id for relay in ctx.agent.teams["relays"] if relay.alive}
 
 
 def attack(ctx):
-    """Make the strategy of an intruder: to the working relay with the most links for its distance."""
+    """Make an intruder's strategy: go to the working relay with the most links relative to its distance."""
     links = cache(lambda node: len(ctx.graph.distances(source=node, weight=None, cutoff=1)))
 
     def target(state):
-        left, metres = working(ctx), ctx.graph.distances(source=state["curr_pos"])
+        left = working(ctx)
+        metres = ctx.graph.distances(source=state["curr_pos"])
         return max(sorted(left), key=lambda node: links(node) / (30 + metres[node]), default=None)
 
     return goto(ctx, target)
 
 
 def repair(ctx):
-    """Make the strategy of an engineer: after intruders in sight, else to the nearest relay that is out."""
+    """Make an engineer's strategy: chase visible intruders, else go to the nearest disabled relay."""
 
     def target(state):
         out = sorted({relay.current_node_id for relay in ctx.agent.teams["relays"]} - working(ctx))
@@ -43,7 +44,7 @@ def repair(ctx):
 
 
 def outages(ctx, least):
-    """Put relays out where intruders are, repair them where engineers are, and end the game if too little is left."""
+    """Disable relays at intruders, repair them at engineers, and end the game if too few are connected."""
     there = {agent.current_node_id: agent.team for agent in ctx.game.agents if agent.team != "relays"}
     for relay in ctx.agent.teams["relays"]:
         if relay.alive and there.get(relay.current_node_id) == "intruders":

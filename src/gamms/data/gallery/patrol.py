@@ -1,4 +1,4 @@
-"""A town with missing streets, guards that go round its sites, robbers that wait, and the rule of robberies."""
+"""A town with missing streets, guards that visit its sites, robbers that wait, and the rule of robberies."""
 
 import networkx as nx
 import numpy as np
@@ -7,8 +7,9 @@ from gamms.strategies import chase, first, flee, goto
 
 
 def town(side, missing, seed):
-    """Return a grid of crooked streets, some of which are missing; every place can be reached."""
-    rng, graph = np.random.default_rng(seed), nx.grid_2d_graph(side, side)
+    """Return a connected grid of crooked streets, some of which are missing."""
+    rng = np.random.default_rng(seed)
+    graph = nx.grid_2d_graph(side, side)
     for x, y in graph:
         graph.nodes[x, y].update(x=20 * x + rng.uniform(-6, 6), y=20 * y + rng.uniform(-6, 6))
     streets = list(graph.edges)
@@ -20,10 +21,11 @@ def town(side, missing, seed):
 
 
 def guard(ctx):
-    """Make the strategy of a guard: chase robbers in sight, else go from site to site, in any order."""
+    """Make a guard's strategy: chase visible robbers, else go from site to site in random order."""
 
     def site(state):
-        goal, left = state["memory"].get("site"), sites_left(ctx)
+        goal = state["memory"].get("site")
+        left = sites_left(ctx)
         state["memory"]["site"] = goal if goal in left and goal != state["curr_pos"] else state["draw"].choice(left)
         return state["memory"]["site"]
 
@@ -31,7 +33,7 @@ def guard(ctx):
 
 
 def rob(ctx, caution):
-    """Make the strategy of a robber: away from guards within `caution` metres, else to the nearest site."""
+    """Make a robber's strategy: flee from guards within `caution` metres, else go to the nearest site."""
     run = flee(ctx)
     go = goto(ctx, lambda state: ctx.graph.routes.nearest(state["curr_pos"], sites_left(ctx)))
 
@@ -49,7 +51,7 @@ def sites_left(ctx):
 
 
 def robbery(ctx, turns, enough):
-    """Count how long robbers have been on each site; one is robbed after so many turns, and `enough` win."""
+    """Count the turns of robbers on each site; a site is robbed after `turns`, and `enough` robbed sites win."""
     since = ctx.game.data.setdefault("since", {})
     attacked = {agent.current_node_id for agent in ctx.game.agents if agent.team == "robbers"}
     for site in [agent for agent in ctx.game.agents if agent.team == "sites"]:

@@ -1,4 +1,4 @@
-"""A town of blocks, and the machine that plays the runner where no person does."""
+"""A town of blocks, and the strategy of the runner if no person plays it."""
 
 from gamms.graph import grid
 
@@ -12,7 +12,7 @@ def blocks(width, height):
 
 
 def collect(ctx, fear):
-    """Make the strategy of the runner: to the nearest coin, and not nearer than `fear` to hunters in sight."""
+    """Make the runner's strategy: go to the nearest coin, at least `fear` away from visible hunters."""
 
     def strategy(state):
         coins = state["sensor"]["sees_coins"][1].values()

@@ -6,10 +6,11 @@ import networkx as nx
 
 
 def rings(rings, spokes, spacing):
-    """Return `rings` rings of `spokes` nodes around (0, 0), joined along the rings and along the spokes."""
+    """Return `rings` rings of `spokes` nodes around (0, 0), connected along rings and spokes."""
     graph = nx.cartesian_product(nx.path_graph(rings), nx.cycle_graph(spokes))
     for ring, spoke in graph:
-        radius, angle = spacing * (ring + 4), 2 * pi * spoke / spokes
+        radius = spacing * (ring + 4)
+        angle = 2 * pi * spoke / spokes
         graph.nodes[ring, spoke].update(x=radius * cos(angle), y=radius * sin(angle))
     return nx.convert_node_labels_to_integers(graph, ordering="sorted")
 
@@ -20,7 +21,7 @@ def inside(spokes):
 
 
 def storm(ctx, fear):
-    """Make the strategy of an attacker: inwards, but not nearer than `fear` to defenders in sight if it can help it."""
+    """Make an attacker's strategy: move inward, if possible at least `fear` away from visible defenders."""
     columns = ctx.graph.columns()
     places = dict(zip(columns.node_ids.tolist(), columns.xy.tolist(), strict=True))
 
@@ -38,7 +39,7 @@ def storm(ctx, fear):
 
 
 def match(ctx):
-    """Make the plan of the defenders: those nearest to each other are matched first, and each goes for its attacker."""
+    """Make the defenders' plan: match the nearest pairs first, and send each defender to its attacker."""
     columns = ctx.graph.columns()
     places = dict(zip(columns.node_ids.tolist(), columns.xy.tolist(), strict=True))
 
@@ -49,7 +50,8 @@ def match(ctx):
         seen = {name: node for state in states.values() for name, node in state["sensor"]["radar"][1].items()}
         here = {name: state["curr_pos"] for name, state in states.items()}
         pairs = sorted((metres(here[one], seen[other]), one, other) for one in here for other in seen)
-        goals, taken = {}, set()
+        goals = {}
+        taken = set()
         for _, one, other in pairs:
             if one not in goals and other not in taken:
                 goals[one] = seen[other]

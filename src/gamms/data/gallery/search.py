@@ -1,4 +1,4 @@
-"""Drones that fly along lanes and report, and rescuers that go where the nearest person was reported last."""
+"""Drones that fly along lanes and report, and rescuers that go to the nearest reported person."""
 
 from math import hypot
 
@@ -8,11 +8,11 @@ BREADTH = 250.0  # metres between two lanes
 
 
 def fly(ctx, north):
-    """Make the strategy of a drone: go up and down the map in lanes, and tell the rescuers whom it sees.
+    """Make a drone's strategy: fly up and down the map in lanes, and report visible people to the rescuers.
 
     Args:
         ctx: the context.
-        north: whether it begins in the south, and goes north first.
+        north: whether it starts in the south, and flies north first.
     """
     (west, south), (east, top) = ctx.graph.columns().xy.min(axis=0), ctx.graph.columns().xy.max(axis=0)
     lanes = [west + BREADTH * (i + 0.5) for i in range(int((east - west) / BREADTH) + 1)]
@@ -33,7 +33,7 @@ def fly(ctx, north):
 
 
 def rescue(ctx, patience):
-    """Make the strategy of a rescuer: go to the nearest place at which a person was reported, for `patience` turns."""
+    """Make a rescuer's strategy: go to the nearest place where a person was reported, for `patience` turns."""
 
     def target(state):
         reports = state["memory"].setdefault("reports", {})

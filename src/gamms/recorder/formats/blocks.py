@@ -1,7 +1,7 @@
-"""Blocks: what a recording is a list of. Each has a head with sizes and checksums, and a body of packed bytes.
+"""The blocks of a recording. Each has a head with sizes and checksums, and a body of packed bytes.
 
-All numbers are little-endian. A file: `MAGIC`, a header block, other blocks, an end block. In an unfinished one, which
-has no end block, the last block may have a longer copy behind it, which then counts.
+All numbers are little-endian. A file consists of `MAGIC`, a header block, other blocks, and an end block. In an
+unfinished file, without an end block, the last block may be followed by a longer copy, which replaces it.
 """
 
 import os
@@ -16,7 +16,7 @@ from gamms.plain import Plain
 from gamms.recorder.errors import DAMAGES, RecordingError, refusing
 from gamms.text import shown
 
-MAGIC = b"MMGR\0\0\0\3"  # the last four bytes are the format version, which is big-endian as in older versions
+MAGIC = b"MMGR\0\0\0\3"  # the last four bytes are the format version, big-endian as in older versions
 SYNC = b"\xd3GB"
 HEADER, KEYFRAME, TURNS, END = b"HKTE"
 
@@ -24,24 +24,26 @@ MOST_BODY = (1 << 32) - 1
 MOST_MOVES = 1 << 22  # in one block
 MOST_EVENTS = 1 << 20
 MOST_TURNS = 1 << 16
-_MOST_COPIES = 8  # heads of copies that are looked into; an honest file has one
+_MOST_COPIES = 8  # heads of copies that are examined; a valid file has one
 
-# Bytes of memory, or as much time as these would take: what is counted in heads is charged before it is read.
-_OF_TURN, _OF_MOVE, _OF_EVENT = 512, 32, 64
+# Bytes of memory, or the equivalent time: charged by the counts in heads before a block is read.
+_OF_TURN = 512
+_OF_MOVE = 32
+_OF_EVENT = 64
 
 _HEAD = Struct("<3sBIIIIIIII")
 HEAD_SIZE = _HEAD.size
 _PIECE = 1 << 20
 
 
-class Head(NamedTuple):
-    """The head of a block, and where it is."""
+class BlockHead(NamedTuple):
+    """The head of a block, and its position."""
 
     type: int
     size: int  # of the body in bytes
     crc: int  # CRC-32 of the body
-    key: int  # CRC-32 of the body of the header of the file; 0 in its own head
-    first: int  # turns before this block
+    key: int  # CRC-32 of the body of the header of the file; 0 in the header itself
+    first: int  # number of turns before this block
     turns: int
     moves: int
     events: int
@@ -49,12 +51,12 @@ class Head(NamedTuple):
 
     @property
     def end(self) -> int:
-        """Where the block ends."""
+        """The position after the block."""
         return self.at + HEAD_SIZE + self.size
 
 
-class Counts(NamedTuple):
-    """How many turns, moves and events a block holds, and how many turns come before it."""
+class BlockCounts(NamedTuple):
+    """The numbers of turns, moves and events of a block, and the number of turns before it."""
 
     first: int = 0
     turns: int = 0
@@ -63,11 +65,11 @@ class Counts(NamedTuple):
 
 
 def cost_of(turns: int, moves: int, events: int) -> int:
-    """Return how much memory turns take, without the values of events, in bytes."""
+    """Return the memory cost of turns in bytes, without the values of events."""
     return _OF_TURN * turns + _OF_MOVE * moves + _OF_EVENT * events
 
 
-def block(type: int, body: bytes, key: int, counts: Counts) -> bytes:
+def block(type: int, body: bytes, key: int, counts: BlockCounts) -> bytes:
     """Return the bytes of a block."""
     if len(body) > MOST_BODY:
         raise BadValue(f"{len(body)} bytes cannot be recorded at once; at most {MOST_BODY} can.")
@@ -75,18 +77,18 @@ def block(type: int, body: bytes, key: int, counts: Counts) -> bytes:
     return b"".join((front, zlib.crc32(front).to_bytes(4, "little"), body))
 
 
-def head_of(data: bytes, at: int = 0) -> Head:
-    """Return what the first `HEAD_SIZE` bytes of a block say, which is at this byte.
+def head_of(data: bytes, at: int = 0) -> BlockHead:
+    """Decode the head of a block from its first `HEAD_SIZE` bytes.
 
     Raises:
-        BadFile: this is no head.
+        BadFile: not a valid head.
     """
     if len(data) < HEAD_SIZE or not data.startswith(SYNC):
-        raise BadFile("no block begins here")
+        raise BadFile("there is no block here")
     _, *parts, crc = _HEAD.unpack_from(data)
     if zlib.crc32(data[: HEAD_SIZE - 4]) != crc:
         raise BadFile("the head of this block is damaged")
-    head = Head._make((*parts, at))
+    head = BlockHead._make((*parts, at))
     if head.turns > MOST_TURNS or head.moves > MOST_MOVES or head.events > MOST_EVENTS:
         raise BadFile(f"this block has {head.turns} turns, {head.moves} moves and {head.events} events: too many")
     return head
@@ -95,21 +97,21 @@ def head_of(data: bytes, at: int = 0) -> Head:
 # -- the blocks of a file ---------------------------------------------------------------------------------------
 
 
-class Contents(NamedTuple):
+class FileContents(NamedTuple):
     """The header and the blocks of a recording."""
 
     header: dict[str, Plain]
-    found: list[Head]
+    found: list[BlockHead]
     warning: str | None  # None of a finished one
 
 
 def at_byte(at: int) -> refusing:
-    """Name the byte of a block in the errors that it causes."""
+    """Return a context manager that adds the position of a block to errors."""
     return refusing(f"This recording is damaged at byte {at}", (*DAMAGES, MemoryError, RecursionError))
 
 
-class Input:
-    """Bytes of a stream by their place, counted from where it stands at first."""
+class BlockSource:
+    """Random access to the bytes of a stream, counted from its initial position."""
 
     def __init__(self, stream: BinaryIO) -> None:
         try:
@@ -124,53 +126,53 @@ class Input:
         self._stream = stream
 
     def read(self, at: int, size: int) -> bytes:
-        """Return bytes.
+        """Return `size` bytes from a position.
 
         Raises:
-            BadFile: they are not there.
+            BadFile: there are fewer bytes.
             RecordingError: the file was closed.
         """
         if self._stream.closed:
             raise RecordingError("This recording was closed: open it again, or read it within `with`.")
         if not 0 <= at <= at + size <= self.size:
-            raise BadFile(f"{size} bytes are promised and {max(self.size - at, 0)} are there")
+            raise BadFile(f"{size} bytes are stated, but only {max(self.size - at, 0)} exist")
         self._stream.seek(self._begin + at)
         data = self._stream.read(size)
         if len(data) != size:
             raise BadFile("the file became shorter while it was read")
         return data
 
-    def head(self, at: int) -> Head:
-        """Return the head of the block at a byte (BadFile)."""
+    def head(self, at: int) -> BlockHead:
+        """Return the head of the block at a position (BadFile)."""
         return head_of(self.read(at, min(HEAD_SIZE, self.size - at)), at)
 
-    def body(self, head: Head) -> bytes:
+    def body(self, head: BlockHead) -> bytes:
         """Return the body of a block.
 
         Raises:
-            BadFile: it is damaged, or the head is another by now.
+            BadFile: the body is damaged, or the head has changed.
         """
         if self.head(head.at) != head:
-            raise BadFile("this block and what is known of it do not fit")
+            raise BadFile("this block has changed")
         body = self.read(head.at + HEAD_SIZE, head.size)
         if zlib.crc32(body) != head.crc:
             raise BadFile("this block is damaged")
         return body
 
 
-def contents_of(source: Input, decoder: packing.Decoder) -> Contents:
-    """Return the header of a recording, and which blocks it has.
+def contents_of(source: BlockSource, decoder: packing.Decoder) -> FileContents:
+    """Return the header and the list of blocks of a recording.
 
     Raises:
-        RecordingError: it is none, or its header is damaged or cut off.
+        RecordingError: not a recording, or its header is damaged or truncated.
     """
     _check_magic(source.read(0, min(len(MAGIC), source.size)))
     with at_byte(len(MAGIC)):
         head = source.head(len(MAGIC))
         header = packing.unpack(source.body(head), decoder)
         if head.type != HEADER or head.key or not isinstance(header, dict):
-            raise BadFile("the header is not here")
-    return Contents(header, *_Blocks(source, head).read(head.end))
+            raise BadFile("there is no header here")
+    return FileContents(header, *_Blocks(source, head).read(head.end))
 
 
 def _check_magic(data: bytes) -> None:
@@ -181,26 +183,28 @@ def _check_magic(data: bytes) -> None:
         raise RecordingError(f"This recording has format version {version} at byte 4; only version 3 is read here.")
     if not data:
         raise RecordingError(
-            "This is no recording: nothing is at byte 0. A stream is read from where it stands; try seek(0)."
+            "This is not a recording: nothing is at byte 0. A stream is read from its present position; try seek(0)."
         )
-    raise RecordingError(f"This is no recording: at byte 0 it begins with {shown(data)}, and not with {shown(MAGIC)}.")
+    raise RecordingError(f"This is not a recording: at byte 0 it begins with {shown(data)}, not with {shown(MAGIC)}.")
 
 
-def turns_of(found: list[Head]) -> int:
-    """Return how many turns there are in blocks that follow each other."""
+def turns_of(found: list[BlockHead]) -> int:
+    """Return the number of turns in consecutive blocks."""
     return found[-1].first + found[-1].turns if found else 0
 
 
 class _Blocks:
-    """The blocks that follow each other behind the header of a file."""
+    """The consecutive blocks after the header of a file."""
 
-    def __init__(self, source: Input, header: Head) -> None:
-        self._source, self._key = source, header.crc
-        self._found: list[Head] = []
+    def __init__(self, source: BlockSource, header: BlockHead) -> None:
+        self._source = source
+        self._key = header.crc
+        self._found: list[BlockHead] = []
 
-    def read(self, at: int) -> tuple[list[Head], str | None]:
-        """Return the blocks from a byte on, and what is missing of an unfinished file."""
-        source, found = self._source, self._found
+    def read(self, at: int) -> tuple[list[BlockHead], str | None]:
+        """Return the blocks from a position on, and a warning for an unfinished file."""
+        source = self._source
+        found = self._found
         while (block := self._at(at)) is not None and self._joins(block):
             at = block.end
             if block.type == END and at == source.size:
@@ -210,18 +214,19 @@ class _Blocks:
         if (copy := self._copy_behind(at)) is not None:
             self._join(copy)
             at = copy.end
-        turns, rest = turns_of(found), f" {source.size - at} bytes behind them are lost." if source.size > at else ""
-        return found, f"This recording was not finished: its first {turns} turns, up to byte {at}, are there.{rest}"
+        turns = turns_of(found)
+        rest = f" {source.size - at} bytes after them are lost." if source.size > at else ""
+        return found, f"This recording was not finished: its first {turns} turns, up to byte {at}, can be read.{rest}"
 
-    def _at(self, at: int) -> Head | None:
+    def _at(self, at: int) -> BlockHead | None:
         try:
             head = self._source.head(at)
         except BadFile:
             return None
         return head if head.key == self._key and head.end <= self._source.size else None
 
-    def _joins(self, block: Head) -> bool:
-        """Return whether a block continues what was found; if so, it is added."""
+    def _joins(self, block: BlockHead) -> bool:
+        """Add a block if it continues the blocks found so far; return whether it does."""
         if block.type == END:
             return block.first == turns_of(self._found)
         if block.type not in (TURNS, KEYFRAME):
@@ -234,24 +239,24 @@ class _Blocks:
         self._join(block)
         return True
 
-    def _join(self, block: Head) -> None:
+    def _join(self, block: BlockHead) -> None:
         if self._replaces(block):
             self._found.pop()
         self._found.append(block)
 
-    def _replaces(self, block: Head) -> bool:
+    def _replaces(self, block: BlockHead) -> bool:
         last = self._found[-1] if self._found else block._replace(first=-1)
         return last.type == block.type == TURNS and last.first == block.first and last.turns <= block.turns
 
-    def _is_sound(self, block: Head) -> bool:
+    def _is_sound(self, block: BlockHead) -> bool:
         try:
             self._source.body(block)
         except BadFile:
             return False
         return True
 
-    def _copy_behind(self, at: int) -> Head | None:
-        """Return the first sound block behind a damaged place that replaces the last block of turns or continues it."""
+    def _copy_behind(self, at: int) -> BlockHead | None:
+        """Return the first valid block after a damaged place that replaces or continues the last block of turns."""
         tries = 0
         for place in self._places_of(SYNC + bytes([TURNS]), at + 1):
             block = self._at(place)
@@ -264,7 +269,7 @@ class _Blocks:
         return None
 
     def _places_of(self, mark: bytes, at: int) -> Iterator[int]:
-        """Yield where these bytes are, from a place on."""
+        """Yield the positions of these bytes, from a position on."""
         while at < self._source.size:
             piece = self._source.read(at, min(_PIECE, self._source.size - at))
             place = piece.find(mark)

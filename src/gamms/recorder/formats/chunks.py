@@ -1,16 +1,16 @@
-"""The turns of one block: collected as they happen, written as columns, read as arrays.
+"""The turns of one block: collected during a game, written as columns, read as arrays.
 
-A block holds the values of events, one behind the other, and columns (`ir/packing.py`):
+A block has the values of events, one after another, and columns (`ir/packing.py`):
 
     turns:  moves of each; events of each
-    moves:  rows, as differences from the move before; the nodes, as tracks of the rows
-    events: how many moves of the block come before each, as differences; kinds; sizes of their values in bytes
-    tracks: of each kind of event whose data are only numbers, and whose sizes are 0, these numbers
+    moves:  rows, as differences from the previous move; nodes, as tracks of the rows
+    events: number of moves of the block before each, as differences; kinds; sizes of their values in bytes
+    tracks: for each kind of event with only numeric data, and sizes of 0, these numbers
 
-A track is what the entries of one agent hold, in their order, for where one goes next resembles where it went before;
-tracks stand in the order of the agents' numbers. Of each track the first node stands apart, as the difference from that
-of the track before; the others are differences within it. Moves are such tracks, and so are events whose data are only
-numbers: an agent's number, perhaps a node, and floats.
+A track has the entries of one agent, in order, because consecutive positions of an agent are similar; tracks are sorted
+by agent number. The first node of each track is stored separately, as the difference from the first node of the
+previous track; the others are differences within the track. Moves are such tracks, and so are events with only numeric
+data: an agent's number, maybe a node, and floats.
 """
 
 from array import array
@@ -33,47 +33,50 @@ from gamms.recorder.formats import blocks
 from gamms.text import reason, shown
 
 Log = list[Plain]
-"""The log of one turn: ints two by two, and tuples, among them those that hold the moves of many agents."""
+"""The log of one turn: pairs of ints, and tuples, including tuples with the moves of many agents."""
 
-BYTES_PER_MOVE, _BYTES_PER_EVENT, _BYTES_PER_NUMBER = 4, 8, 4  # estimates that cost nothing
+# estimates of bytes
+BYTES_PER_MOVE = 4
+_BYTES_PER_EVENT = 8
+_BYTES_PER_NUMBER = 4
 
 
 # -- tracks -----------------------------------------------------------------------------------------------------
 
 
-class Form(NamedTuple):
-    """What an event whose data are numbers consists of, behind the number of an agent."""
+class EventForm(NamedTuple):
+    """The form of an event with only numeric data, after the number of its agent."""
 
     nodes: int
     floats: int
 
 
-FORMS = {AERIAL_AGENT_FLIGHT: Form(1, 3), AERIAL_AGENT_TURN: Form(0, 4)}
+FORMS = {AERIAL_AGENT_FLIGHT: EventForm(1, 3), AERIAL_AGENT_TURN: EventForm(0, 4)}
 
 
-class Layout:
-    """Which entries belong to which agent, worked out from the agent of each."""
+class TrackLayout:
+    """The assignment of entries to tracks, computed from the agent number of each entry."""
 
     __slots__ = ("at", "is_first", "lengths", "order")
 
     def __init__(self, numbers: IntArray) -> None:
-        self.order = _by_number(numbers)  # (entries,): track by track
+        self.order = _by_number(numbers)  # (entries,): sorted by track
         ordered = numbers[self.order]
         self.is_first = np.ones(len(numbers), np.bool_)
         self.is_first[1:] = ordered[1:] != ordered[:-1]
-        self.at = np.flatnonzero(self.is_first)  # (tracks,): where each begins
+        self.at = np.flatnonzero(self.is_first)  # (tracks,): start of each track
         self.lengths = np.diff(self.at, append=len(numbers))
 
     def columns(self, values: IntArray) -> Iterator[bytes]:
-        """Yield two columns: the first value of each track; all others, as differences."""
+        """Yield two columns: the first value of each track; all other values, as differences."""
         ordered = values[self.order]
         yield column(steps(ordered[self.is_first]))
         yield column(steps(ordered)[~self.is_first])
 
     def float_columns(self, values: IntArray) -> Iterator[bytes]:
-        """Yield two columns of the bits of floats: as `columns`, but differences of the differences of each track.
+        """Yield two columns of the bits of floats: like `columns`, but with second differences of each track.
 
-        An agent that goes straight on makes steps that hardly differ.
+        The steps of an agent that moves straight on are nearly equal.
         """
         ordered = values[self.order]
         yield column(steps(ordered[self.is_first]))
@@ -82,8 +85,9 @@ class Layout:
         yield column(np.where(is_second, others, steps(others)))
 
     def take(self, reader: ByteReader, *, are_floats: bool = False) -> IntArray:
-        """Return the values whose `columns` come next, or the bits of floats whose `float_columns` do, (entries,)."""
-        firsts, others = reader.sums(len(self.at)), reader.column(len(self.order) - len(self.at))
+        """Read the values (entries,) of the next `columns`, or the bits of floats of the next `float_columns`."""
+        firsts = reader.sums(len(self.at))
+        others = reader.column(len(self.order) - len(self.at))
         if are_floats:
             others = self._sums(0, others)[~self.is_first]
         values = np.empty(len(self.order), np.int64)
@@ -91,7 +95,7 @@ class Layout:
         return values
 
     def _sums(self, firsts: IntArray | int, others: IntArray) -> IntArray:
-        """Return the sums along each track, track by track."""
+        """Return the cumulative sums of each track, track by track."""
         parts = np.zeros(len(self.order), np.int64)
         parts[~self.is_first] = others
         sums = np.cumsum(parts)
@@ -100,34 +104,34 @@ class Layout:
 
 
 @lru_cache(maxsize=2)
-def layout_of(numbers: bytes) -> tuple[bytes, Layout]:
-    """Return the column and the layout of the bytes of some numbers: most blocks have the same as the one before."""
-    # NOTE: which spares a third of the time of a block with ten agents (benchmarks: w4).
+def layout_of(numbers: bytes) -> tuple[bytes, TrackLayout]:
+    """Return the cached column and layout for encoded numbers: most blocks have those of the previous block."""
+    # NOTE: saves a third of the time of a block with ten agents (benchmarks: w4).
     array = np.frombuffer(numbers, np.int64)
-    return column(steps(array)), Layout(array)
+    return column(steps(array)), TrackLayout(array)
 
 
 def _by_number(numbers: IntArray) -> IntArray:
     if len(numbers) and int(numbers.min()) >= 0 and int(numbers.max()) < 1 << 16:
-        return numbers.astype(np.uint16).argsort(kind="stable")  # NOTE: a radix sort, 5 times as fast on unordered rows
+        return numbers.astype(np.uint16).argsort(kind="stable")  # NOTE: a radix sort, 5 times as fast on unsorted rows
     return numbers.argsort(kind="stable")
 
 
 # -- events -----------------------------------------------------------------------------------------------------
 
 
-class Rows(NamedTuple):
-    """Events of one kind that wait for their block."""
+class EventRows(NamedTuple):
+    """Events of one kind, before they are written to a block."""
 
-    ints: "array[int]"  # number of the agent, and perhaps a node, of each
+    ints: "array[int]"  # number of the agent, and maybe a node, of each event
     floats: "array[float]"
 
     @classmethod
-    def of(cls, kind: int, events: list[Plain]) -> "Rows":
-        """Return the data of some events.
+    def of(cls, kind: int, events: list[Plain]) -> "EventRows":
+        """Return checked data of events.
 
         Raises:
-            BadType, BadValue: some are none for their kind.
+            BadType, BadValue: the data are invalid for their kind.
         """
         nodes, floats = FORMS[kind]
         for data in events:
@@ -142,21 +146,21 @@ class Rows(NamedTuple):
                 array("d", chain.from_iterable([data[1 + nodes :] for data in events])),
             )
         except TypeError as error:
-            raise BadType(f"An event of kind {kind:#010x} has something else than numbers ({reason(error)}).") from None
+            raise BadType(f"An event of kind {kind:#010x} has data that are not numbers ({reason(error)}).") from None
         except OverflowError:
             raise BadValue(f"An event of kind {kind:#010x} has a number of more than 64 bits.") from None
 
     @classmethod
-    def joined(cls, parts: Sequence["Rows"]) -> "Rows":
+    def joined(cls, parts: Sequence["EventRows"]) -> "EventRows":
         """Return the events of several turns."""
         ints, floats = (b"".join(numbers) for numbers in zip(*parts, strict=True))
         return cls(array("q", ints), array("d", floats))
 
     def columns(self, kind: int) -> Iterator[bytes]:
-        """Yield the columns that stand in the block: of floats, their bits as integers."""
+        """Yield the columns for the block: the bits of floats as integers."""
         nodes, floats = FORMS[kind]
         ints = np.frombuffer(self.ints, np.int64).reshape(-1, 1 + nodes)
-        layout = Layout(ints[:, 0])
+        layout = TrackLayout(ints[:, 0])
         yield column(steps(ints[:, 0]))
         bits = np.frombuffer(self.floats, np.float64).astype("<f8", copy=False).view(np.int64).reshape(-1, floats)
         for part in ints.T[1:]:
@@ -166,16 +170,16 @@ class Rows(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Tracks:
-    """Events of one kind, in their order."""
+class EventTracks:
+    """Events of one kind, in order."""
 
-    numbers: IntArray  # (events,): of the agents
+    numbers: IntArray  # (events,): agent numbers
     nodes: IntArray  # (events, 0 or 1)
     floats: FloatArray  # (events, floats)
 
-    def at(self, places: IntArray | slice) -> "Tracks":
-        """Return some of them."""
-        return Tracks(self.numbers[places], self.nodes[places], self.floats[places])
+    def at(self, places: IntArray | slice) -> "EventTracks":
+        """Return a selection of the events."""
+        return EventTracks(self.numbers[places], self.nodes[places], self.floats[places])
 
     def data(self) -> Iterator[tuple[Plain, ...]]:
         """Yield the data of each event."""
@@ -183,15 +187,16 @@ class Tracks:
         return zip(*(part.tolist() for part in parts), strict=True)
 
     @classmethod
-    def take(cls, reader: ByteReader, kind: int, size: int) -> "Tracks":
-        """Return so many events of a kind, whose columns come next.
+    def take(cls, reader: ByteReader, kind: int, size: int) -> "EventTracks":
+        """Read `size` events of a kind from the next columns.
 
         Raises:
-            BadFile: they are damaged.
+            BadFile: the columns are damaged.
         """
         numbers = reader.sums(size)
-        layout = Layout(numbers)
-        nodes, floats = np.empty((size, FORMS[kind].nodes), np.int64), np.empty((size, FORMS[kind].floats), np.int64)
+        layout = TrackLayout(numbers)
+        nodes = np.empty((size, FORMS[kind].nodes), np.int64)
+        floats = np.empty((size, FORMS[kind].floats), np.int64)
         for part in nodes.T:
             part[:] = layout.take(reader)
         for part in floats.T:
@@ -202,29 +207,29 @@ class Tracks:
 # -- collecting and writing -------------------------------------------------------------------------------------
 
 
-class Part(NamedTuple):
-    """The logs of one turn or of several, checked and taken apart."""
+class LogPart(NamedTuple):
+    """The checked logs of one or several turns, as columns."""
 
-    moves: IntArray  # (moves, 2): the number of an agent, and a node
+    moves: IntArray  # (moves, 2): agent number, node
     turns: Sequence[int]  # moves of each turn
-    after: Sequence[int] = ()  # moves before each event; a part of several turns has no events
+    after: Sequence[int] = ()  # number of moves before each event; a part of several turns has no events
     kinds: Sequence[int] = ()
-    data: Sequence[bytes] = ()  # of the events whose data are not only numbers
-    rows: Mapping[int, Rows] = MappingProxyType({})  # the others, by their kind
+    data: Sequence[bytes] = ()  # of events with data other than numbers
+    rows: Mapping[int, EventRows] = MappingProxyType({})  # events with only numeric data, by kind
 
     @property
     def size(self) -> int:
-        """An estimate of the bytes that it takes."""
+        """The estimated size in bytes."""
         values = sum(map(len, self.data)) + _BYTES_PER_EVENT * len(self.data)
         numbers = sum(len(some.ints) + len(some.floats) for some in self.rows.values())
         return BYTES_PER_MOVE * len(self.moves) + values + _BYTES_PER_NUMBER * numbers
 
 
-def part_of(log: Sequence[object]) -> Part:
-    """Return the log of a turn, taken apart.
+def part_of(log: Sequence[object]) -> LogPart:
+    """Return the checked log of a turn as a part.
 
     Raises:
-        BadType, BadValue: it is none, or has an event that is not plain.
+        BadType, BadValue: not a log, or an event is not plain.
     """
     log = log if isinstance(log, list) else list(log)
     try:
@@ -239,24 +244,28 @@ def part_of(log: Sequence[object]) -> Part:
     return part
 
 
-def part_of_moves(numbers: "array[int]", turns: Sequence[int] | None = None) -> Part:
-    """Return moves, `row, node` two by two, as a part.
+def part_of_moves(numbers: "array[int]", turns: Sequence[int] | None = None) -> LogPart:
+    """Return moves, as pairs `row, node`, as a part.
 
     Args:
-        numbers: of the moves.
-        turns: moves of each turn; None: all are of one turn.
+        numbers: rows and nodes of the moves.
+        turns: number of moves of each turn; None: all are in one turn.
     """
     _check_pairs(len(numbers))
     moves = np.frombuffer(numbers, np.int64).reshape(-1, 2)
-    return Part(moves, [len(moves)] if turns is None else turns)
+    return LogPart(moves, [len(moves)] if turns is None else turns)
 
 
-def _mixed(log: Log) -> Part:
-    """Return the log of a turn with events."""
+def _mixed(log: Log) -> LogPart:
+    """Return the log of a turn with events as a part."""
     found: list[IntArray] = []
-    after, kinds, data = [], [], []
+    after = []
+    kinds = []
+    data = []
     rows: dict[int, list[Plain]] = {kind: [] for kind in FORMS}
-    types, begin, count = list(map(type, log)), 0, 0
+    types = list(map(type, log))
+    begin = 0
+    count = 0
     for _ in range(types.count(tuple)):
         end = types.index(tuple, begin)
         moves = _moves(log[begin:end])
@@ -275,9 +284,9 @@ def _mixed(log: Log) -> Part:
         else:
             data.append(packing.to_bytes(one, f"An event of kind {kind}"))
     found.append(_moves(log[begin:]))
-    numbers = {kind: Rows.of(kind, each) for kind, each in rows.items() if each}
+    numbers = {kind: EventRows.of(kind, each) for kind, each in rows.items() if each}
     whole = found[0] if len(found) == 1 else np.concatenate(found)
-    return Part(whole, [len(whole)], after, kinds, data, numbers)
+    return LogPart(whole, [len(whole)], after, kinds, data, numbers)
 
 
 def _moves(numbers: Log) -> IntArray:
@@ -286,7 +295,7 @@ def _moves(numbers: Log) -> IntArray:
         return np.frombuffer(array("q", numbers), np.int64).reshape(-1, 2)
     except TypeError as error:
         raise BadType(
-            f"A log has ints and tuples (kind, data); this one has something else ({reason(error)})."
+            f"A log has ints and tuples (kind, data); this one has other entries ({reason(error)})."
         ) from None
     except OverflowError:
         raise BadValue(f"Rows and nodes have 64 bits; {shown(numbers)} has more.") from None
@@ -300,38 +309,38 @@ def _checked_event(event: tuple[Plain, ...]) -> tuple[int, Plain]:
 
 def _check_pairs(size: int) -> None:
     if size % 2:
-        raise BadValue("A log has two ints, row and node, for each move; one of them is missing.")
+        raise BadValue("A log has two ints, row and node, for each move; one int is missing.")
 
 
-class Collected:
-    """The turns that wait for their block.
+class WaitingTurns:
+    """The turns that wait to be written as a block.
 
     Args:
-        first: turns before it.
+        first: number of turns before it.
         parts: the first turns.
 
     Attributes:
-        parts: all turns.
-        turns: how many there are; likewise `moves`, `events`, and `values`, the events that have one.
-        size: in bytes, an estimate.
+        parts: the parts of all turns.
+        turns: number of turns; also `moves`, `events`, and `values`, the number of events with a value.
+        size: estimated size in bytes.
     """
 
-    def __init__(self, first: int, parts: Sequence[Part] = ()) -> None:
-        self.first, self.parts = first, list[Part]()
+    def __init__(self, first: int, parts: Sequence[LogPart] = ()) -> None:
+        self.first, self.parts = first, list[LogPart]()
         self.turns = self.moves = self.events = self.values = self.size = 0
         for part in parts:
             self.add(part)
 
     @property
-    def counts(self) -> blocks.Counts:
-        """What the head of the block says."""
-        return blocks.Counts(self.first, self.turns, self.moves, self.events)
+    def counts(self) -> blocks.BlockCounts:
+        """The counts for the head of the block."""
+        return blocks.BlockCounts(self.first, self.turns, self.moves, self.events)
 
     def fits(self, moves: int, events: int = 0) -> bool:
-        """Return whether so many moves and events can still join."""
+        """Return whether this many moves and events can be added."""
         return self.moves + moves <= blocks.MOST_MOVES and self.events + events <= blocks.MOST_EVENTS
 
-    def add(self, part: Part) -> None:
+    def add(self, part: LogPart) -> None:
         """Add turns."""
         self.parts.append(part)
         self.turns += len(part.turns)
@@ -340,10 +349,10 @@ class Collected:
         self.values += len(part.data)
         self.size += part.size
 
-    def since(self, mark: int) -> "Collected":
-        """Return the turns behind the first so many parts, for a block of their own."""
+    def since(self, mark: int) -> "WaitingTurns":
+        """Return the turns after the first `mark` parts, for a separate block."""
         before = sum(len(part.turns) for part in self.parts[:mark])
-        return Collected(self.first + before, self.parts[mark:])
+        return WaitingTurns(self.first + before, self.parts[mark:])
 
     def body(self) -> bytes:
         """Return the body of the block."""
@@ -353,12 +362,12 @@ class Collected:
         columns[2:2] = self._columns_of_moves()
         for kind in sorted(FORMS):
             if some := [part.rows[kind] for part in parts if kind in part.rows]:
-                columns += Rows.joined(some).columns(kind)
+                columns += EventRows.joined(some).columns(kind)
         data = [one for part in parts for one in part.data]
         return packing.pack_parts(data, columns, blocks.cost_of(*self.counts[1:]), FAST)
 
     def _columns_of_moves(self) -> Iterator[bytes]:
-        """Yield the rows, the first nodes of their tracks, and the other nodes."""
+        """Yield rows, first nodes of tracks, and other nodes."""
         parts = [part.moves for part in self.parts]
         moves = parts[0] if len(parts) == 1 else np.concatenate(parts)
         rows, layout = layout_of(moves[:, 0].tobytes())
@@ -366,7 +375,7 @@ class Collected:
         yield from layout.columns(moves[:, 1])
 
     def _columns_of_events(self) -> Iterator[bytes]:
-        """Yield the events of each turn; of each event how many moves come before it, its kind, and its size."""
+        """Yield the number of events of each turn; for each event the moves before it, its kind, and its size."""
         if not self.events:
             yield column(np.zeros(self.turns, np.int64))
             yield from [column(np.zeros(0, np.int64))] * 3
@@ -388,26 +397,29 @@ class Collected:
 # -- reading ----------------------------------------------------------------------------------------------------
 
 
-class Values:
-    """The values of the events of a block, each decoded when it is asked for.
+class EventValues:
+    """The values of the events of a block, decoded on access.
 
     Args:
-        data: one behind the other.
-        ends: (values + 1,), where each ends, after a 0.
-        decoder: of the file.
-        charged: (values,), 1 for those that were charged to the file.
+        data: encoded values, one after another.
+        ends: (values + 1,) end of each value, after a 0.
+        decoder: decoder of the file.
+        charged: (values,) 1 for values whose memory has been charged to the file.
     """
 
     __slots__ = ("_charged", "_data", "_decoder", "_ends")
 
     def __init__(self, data: bytes, ends: IntArray, decoder: packing.Decoder, charged: bytearray) -> None:
-        self._data, self._ends, self._decoder, self._charged = data, ends, decoder, charged
+        self._data = data
+        self._ends = ends
+        self._decoder = decoder
+        self._charged = charged
 
     def __getitem__(self, number: int) -> Plain:
-        """Return one of them.
+        """Return the value with this number.
 
         Raises:
-            BadFile: no writer makes this.
+            BadFile: the bytes are invalid.
         """
         data = self._data[self._ends[number] : self._ends[number + 1]]
         value = self._decoder.value(data, is_new=not self._charged[number])
@@ -423,27 +435,27 @@ class Chunk:
     move_ends: IntArray  # (turns + 1,): turn i has the moves from move_ends[i] to move_ends[i + 1]
     event_ends: IntArray  # (turns + 1,)
     moves: IntArray  # (moves, 2): row, node
-    after: IntArray  # (events,): moves of the block before it
+    after: IntArray  # (events,): number of moves of the block before each event
     kinds: IntArray  # (events,)
-    values: Values  # of the events
-    tracks: dict[int, Tracks]  # the events whose data are only numbers, by their kind
+    values: EventValues  # of the events
+    tracks: dict[int, EventTracks]  # events with only numeric data, by kind
     places: dict[int, IntArray]  # which events these are
 
     def numbers_of(self, first: int, last: int, kinds: Collection[int] | None = None) -> IntArray:
-        """Return which events happen in turns `first` to `last - 1` of the block, or those of some kinds."""
+        """Return the numbers of the events in turns `first` to `last - 1`, optionally only of some kinds."""
         begin, end = int(self.event_ends[first]), int(self.event_ends[last])
         numbers = np.arange(begin, end)
         return numbers if kinds is None else numbers[np.isin(self.kinds[begin:end], list(kinds))]
 
     def turns_of(self, numbers: IntArray) -> IntArray:
-        """Return in which turns of the block some events happen."""
+        """Return the turn within the block of each event."""
         return self.event_ends.searchsorted(numbers, side="right") - 1
 
     def data_of(self, numbers: IntArray) -> Iterator[Plain]:
-        """Yield the data of some events, ascending.
+        """Yield the data of events, given in ascending order.
 
         Raises:
-            BadFile: they are damaged.
+            BadFile: the data are damaged.
         """
         kinds = self.kinds[numbers]
         rows = {kind: self.tracks_of(kind, numbers[kinds == kind]).data() for kind in self.tracks}
@@ -453,12 +465,12 @@ class Chunk:
             else:
                 yield self.values[number]
 
-    def tracks_of(self, kind: int, numbers: IntArray) -> Tracks:
-        """Return some events of a kind whose data are only numbers."""
+    def tracks_of(self, kind: int, numbers: IntArray) -> EventTracks:
+        """Return some events of a kind with only numeric data."""
         return self.tracks[kind].at(self.places[kind].searchsorted(numbers))
 
     def log(self, turn: int, without: Collection[int] = ()) -> Log:
-        """Return the log of a turn of the recording, without events of some kinds."""
+        """Return the log of a turn of the recording, without some kinds of events."""
         turn -= self.first
         begin, end = self.move_ends[turn : turn + 2].tolist()
         flat: Log = self.moves[begin:end].reshape(-1).tolist()
@@ -479,17 +491,17 @@ class Chunk:
         return log + flat[at:]
 
 
-def chunk_of(head: blocks.Head, body: bytes, decoder: packing.Decoder, charged: bytearray) -> Chunk:
-    """Return the turns of a block.
+def chunk_of(head: blocks.BlockHead, body: bytes, decoder: packing.Decoder, charged: bytearray) -> Chunk:
+    """Decode the turns of a block.
 
     Args:
-        head: of the block.
-        body: of the block.
-        decoder: of the file.
-        charged: (events,), 1 for those whose values were charged to the file.
+        head: head of the block.
+        body: body of the block.
+        decoder: decoder of the file.
+        charged: (events,) 1 for events whose values have been charged to the file.
 
     Raises:
-        BadFile: it is damaged.
+        BadFile: the block is damaged.
     """
     data, columns = packing.unpack_parts(body, decoder.most_bytes, has_columns=True)
     reader = ByteReader(columns)
@@ -497,33 +509,35 @@ def chunk_of(head: blocks.Head, body: bytes, decoder: packing.Decoder, charged: 
     event_ends = _ends(reader.column(head.turns), head.events, "events")
     moves = np.empty((head.moves, 2), np.int64)
     moves[:, 0] = reader.sums(head.moves)
-    moves[:, 1] = Layout(moves[:, 0]).take(reader)
-    after, kinds, sizes = reader.sums(head.events), reader.column(head.events), reader.column(head.events)
+    moves[:, 1] = TrackLayout(moves[:, 0]).take(reader)
+    after = reader.sums(head.events)
+    kinds = reader.column(head.events)
+    sizes = reader.column(head.events)
     data_ends = _ends(sizes, len(data), "bytes")
     found = _take_tracks(reader, kinds, sizes)
     reader.finish()
-    moves.setflags(write=False)  # views of it are handed out
+    moves.setflags(write=False)  # because views of it are returned
     turns = np.repeat(np.arange(head.turns), np.diff(event_ends))  # of the events
     if (after < move_ends[turns]).any() or (after > move_ends[turns + 1]).any() or (after[1:] < after[:-1]).any():
         raise BadFile("an event is out of place")
-    values = Values(data, data_ends, decoder, charged)
+    values = EventValues(data, data_ends, decoder, charged)
     places = {kind: np.flatnonzero(kinds == kind) for kind in found}
     return Chunk(head.first, move_ends, event_ends, moves, after, kinds, values, found, places)
 
 
-def _take_tracks(reader: ByteReader, kinds: IntArray, sizes: IntArray) -> dict[int, Tracks]:
+def _take_tracks(reader: ByteReader, kinds: IntArray, sizes: IntArray) -> dict[int, EventTracks]:
     found = {}
     for kind in sorted(FORMS):
         is_one = kinds == kind
         if is_one.any():
             if sizes[is_one].any():
-                raise BadFile(f"an event of kind {kind:#010x} has data of its own")
-            found[kind] = Tracks.take(reader, kind, int(np.count_nonzero(is_one)))
+                raise BadFile(f"an event of kind {kind:#010x} has data that are not numbers")
+            found[kind] = EventTracks.take(reader, kind, int(np.count_nonzero(is_one)))
     return found
 
 
 def _ends(sizes: IntArray, total: int, what: str) -> IntArray:
-    """Return where each part ends that has such a size, after a 0."""
+    """Return the end of each part, given the sizes, after a 0."""
     ends = np.zeros(len(sizes) + 1, np.int64)
     if len(sizes) and (int(sizes.min()) < 0 or int(sizes.max()) > total):
         raise BadFile(f"its numbers of {what} are damaged")

@@ -1,4 +1,4 @@
-"""Read a recording: any turn without the others, of a file that is whole, cut off, or made to do harm."""
+"""Random access to the turns of a recording, in complete, truncated or malicious files."""
 
 import os
 from bisect import bisect_right
@@ -15,64 +15,65 @@ from gamms.ir.packing import Decoder, unpack
 from gamms.limits import Allowance
 from gamms.plain import Plain
 from gamms.recorder.formats import blocks, chunks
-from gamms.recorder.formats.blocks import Contents, Head, Input, at_byte, contents_of, turns_of
-from gamms.recorder.streams import Opened
+from gamms.recorder.formats.blocks import BlockHead, BlockSource, FileContents, at_byte, contents_of, turns_of
+from gamms.recorder.streams import StreamOwner
 
-_KEPT = 4  # blocks of turns that are kept as arrays
+_KEPT = 4  # number of decoded blocks in memory
 _TURNS_AT_ONCE = 256
 
 
-class Reader(Opened):
-    """A recording that is open for reading; of its turns only a few blocks are in memory.
+class Reader(StreamOwner):
+    """A recording that is open for reading; only a few blocks of turns are in memory.
 
-    Every call raises RecordingError (a ValueError), which names the byte, where the file is damaged, and BadValue for a
-    turn that is not there.
+    Every method raises RecordingError (a ValueError) with the position if the file is damaged, and BadValue for a turn
+    that does not exist.
     """
 
-    header: dict[str, Plain]  # what the writer was given
+    header: dict[str, Plain]  # as passed to the writer
     turns: int  # that are whole
     is_complete: bool  # whether the recording was finished
-    warning: str | None  # what is missing of an unfinished one
+    warning: str | None  # the missing part of an unfinished recording
 
     def __init__(self, source: str | os.PathLike[str] | BinaryIO) -> None:
-        """Open a recording by its path, or the one that begins where a stream stands and goes on to its end.
+        """Open a recording by path, or from the present position of a stream to its end.
 
         Raises:
-            RecordingError (ValueError): there is no recording, or none with a whole header.
-            OSError: it cannot be read.
+            RecordingError (ValueError): not a recording, or its header is incomplete.
+            OSError: the file cannot be read.
         """
         super().__init__(as_path(source, "path").open("rb") if isinstance(source, str | os.PathLike) else None)
         try:
-            self._input = Input(self._owned or source)  # type: ignore[arg-type]  # a path would have been opened
+            self._input = BlockSource(self._owned or source)  # type: ignore[arg-type]  # a path would have been opened
             self._decoder = Decoder(Allowance(self._input.size, "it", is_streamed=True))
             self._take(contents_of(self._input, self._decoder))
         except BaseException:
             self.close()
             raise
 
-    def _take(self, contents: Contents) -> None:
-        self.header, self.warning = contents.header, contents.warning
+    def _take(self, contents: FileContents) -> None:
+        self.header = contents.header
+        self.warning = contents.warning
         self.is_complete, self.turns = contents.warning is None, turns_of(contents.found)
         self._chunks = [block for block in contents.found if block.type == blocks.TURNS]
         self._keyframes = [block for block in contents.found if block.type == blocks.KEYFRAME]
         self._firsts = [block.first for block in self._chunks]
         self._keyframe_turns = [block.first for block in self._keyframes]
         self._kept: OrderedDict[int, chunks.Chunk] = OrderedDict()
-        self._charged: dict[int, bytearray] = {}  # place of a block -> which of its values were
+        self._charged: dict[int, bytearray] = {}  # position of a block -> which of its values have been charged
         for block in self._chunks:
             with at_byte(block.at):
                 self._decoder.allowance.begin()
                 self._decoder.allowance.charge(blocks.cost_of(block.turns, block.moves, block.events))
 
     def content(self) -> bytes:
-        """Return the bytes of the file, as they are now."""
+        """Return the present bytes of the file."""
         return self._input.read(0, self._input.size)
 
     def log(self, turn: int, without: Collection[int] = ()) -> chunks.Log:
-        """Return the log of a turn, from 0: `row, node` of a move two by two, and tuples `(kind, data)`.
+        """Return the log of a turn, counted from 0: pairs `row, node` for moves, and tuples `(kind, data)`.
 
         Args:
-            turn: which.
+            turn: index of the turn.
             without: kinds of events to leave out.
         """
         self._check_range(turn, turn + 1)
@@ -82,7 +83,7 @@ class Reader(Opened):
             return chunk.log(turn, without)
 
     def moves(self, start: int = 0, stop: int | None = None) -> tuple[IntArray, IntArray, IntArray]:
-        """Return all moves of turns `start` to `stop - 1`, in their order: turns, rows, nodes, (moves,) each."""
+        """Return all moves of turns `start` to `stop - 1`, in order: turns, rows, nodes, (moves,) each."""
         parts: list[tuple[IntArray, ...]] = []
         for chunk, first, last in self._parts(start, stop):
             begin, end = chunk.move_ends[first], chunk.move_ends[last]
@@ -97,17 +98,17 @@ class Reader(Opened):
         return turns, rows, nodes
 
     def has_events(self, start: int, stop: int) -> bool:
-        """Return whether something other than a move happens in turns `start` to `stop - 1`."""
+        """Return whether turns `start` to `stop - 1` have events other than moves."""
         parts = self._parts(start, stop, with_events=True)
         return any(chunk.event_ends[first] < chunk.event_ends[last] for chunk, first, last in parts)
 
     def events(
         self, start: int = 0, stop: int | None = None, kinds: Collection[int] | None = None
     ) -> Iterator[tuple[int, int, int, Plain]]:
-        """Yield all other events of these turns, or those of some kinds, in their order.
+        """Yield all events other than moves of these turns, optionally only of some kinds, in order.
 
         Yields:
-            The turn; how many moves of this turn come before the event; its kind; its data.
+            The turn; the number of moves of this turn before the event; its kind; its data.
         """
         for chunk, first, last in self._parts(start, stop, with_events=True):
             numbers = chunk.numbers_of(first, last, kinds)
@@ -121,7 +122,7 @@ class Reader(Opened):
                 yield turn, place, kind, data
 
     def pieces(self, start: int, stop: int) -> Iterator[tuple[int, int]]:
-        """Yield where pieces of these turns begin and end, of no more turns and blocks than stay in memory."""
+        """Yield (start, stop) of pieces of these turns, each small enough to stay in memory."""
         self._check_range(start, stop)
         while start < stop:
             last = bisect_right(self._firsts, start) - 1 + _KEPT
@@ -131,26 +132,26 @@ class Reader(Opened):
             start = end
 
     def count_moves(self) -> int:
-        """Return how many moves there are."""
+        """Return the number of moves."""
         return sum(block.moves for block in self._chunks)
 
     def count_events(self) -> dict[int, int]:
-        """Return how many events of each kind there are."""
+        """Return the number of events of each kind."""
         counts: Counter[int] = Counter()
         for chunk, _, _ in self._parts(0, None, with_events=True):
             counts.update(chunk.kinds.tolist())
         return dict(sorted(counts.items()))
 
     def keyframe_before(self, turn: int) -> int:
-        """Return how many turns come before the keyframe that `keyframe(turn)` returns; -1 if there is none."""
+        """Return the number of turns before the keyframe that `keyframe(turn)` returns; -1 without a keyframe."""
         number = bisect_right(self._keyframe_turns, turn) - 1
         return self._keyframe_turns[number] if number >= 0 else -1
 
     def keyframe(self, turn: int) -> tuple[int, dict[str, Plain]] | None:
-        """Return the last keyframe that stands before turn `turn`.
+        """Return the last keyframe at or before turn `turn`.
 
         Returns:
-            How many turns come before it, and the state after them; None if there is none so early.
+            The number of turns before it, and its state; None if there is none.
         """
         if not 0 <= turn <= self.turns:
             raise BadValue(f"There is no state after {turn} turns: this recording has {self.turns} turns.")
@@ -162,14 +163,14 @@ class Reader(Opened):
             state = unpack(self._input.body(block), self._decoder, is_new=block.at not in self._charged)
             self._charged[block.at] = bytearray()
             if not isinstance(state, dict):
-                raise BadFile("this is no keyframe")
+                raise BadFile("this is not a keyframe")
         return block.first, state
 
     def verify(self) -> None:
-        """Read everything.
+        """Read the whole recording, to check it.
 
         Raises:
-            RecordingError (ValueError): something is damaged.
+            RecordingError (ValueError): a part is damaged.
         """
         for _ in self._parts(0, None):
             pass
@@ -181,7 +182,7 @@ class Reader(Opened):
     def _parts(
         self, start: int, stop: int | None, *, with_events: bool = False
     ) -> Iterator[tuple[chunks.Chunk, int, int]]:
-        """Yield the chunks that have these turns, or only those with events; and which of their turns: from, to."""
+        """Yield the chunks of these turns, or only chunks with events; with the first and the last of their turns."""
         stop = self.turns if stop is None else stop
         self._check_range(start, stop)
         number = max(bisect_right(self._firsts, start) - 1, 0)
@@ -190,7 +191,8 @@ class Reader(Opened):
             end = min(stop, block.first + block.turns)
             if block.events or not with_events:
                 yield self._chunk(number), start - block.first, end - block.first
-            number, start = number + 1, end
+            number = number + 1
+            start = end
 
     def _check_range(self, start: int, stop: int) -> None:
         if not 0 <= start <= stop <= self.turns:
@@ -205,7 +207,7 @@ class Reader(Opened):
             self._kept.popitem(last=False)
         return chunk
 
-    def _read(self, block: Head) -> chunks.Chunk:
+    def _read(self, block: BlockHead) -> chunks.Chunk:
         body = self._input.body(block)
         charged = self._charged.setdefault(block.at, bytearray(block.events))
         return chunks.chunk_of(block, body, self._decoder, charged)

@@ -1,13 +1,13 @@
-"""Format version 2, the recordings of gamms 1.0.0: reads every one of them; `compat.py` writes the same bytes.
+"""Format version 2, of gamms 1.0.0: reads all of its recordings; `compat.py` writes the same bytes.
 
-Layout: 4 bytes `MMGR`; the version, a big-endian uint32; then one CBOR map per event, one after the other, with the
-keys `timestamp` (int, nanoseconds), `opCode` (int) and, but for the last record of all, `data` (a map). There is no
-index and no checksum. The last record says TERMINATE; what may follow it is not read.
+Layout: 4 bytes `MMGR`; the version, a big-endian uint32; then one CBOR map per event, with the keys `timestamp` (int,
+nanoseconds), `opCode` (int) and, except for the last record, `data` (a map). There is no index and no checksum. The
+last record is TERMINATE; bytes after it are not read.
 
-`CborReader` reads CBOR (RFC 8949) as plain data and nothing else; it never makes an object that a file asks for.
-Numbers, texts, bytes, lists, maps, None, and sets (tag 258) come out as what they are; any other tag, such as a date, a
-regular expression or a shared reference, as a `Tagged`, unopened. Sizes, nesting and the number of items are bounded
-before anything is allocated.
+`CborReader` reads CBOR (RFC 8949) as plain data only; it never creates objects that a file requests. Numbers, texts,
+bytes, lists, maps, None, and sets (tag 258) are decoded; a value with any other tag, for example a date, a regular
+expression or a shared reference, is returned as a `Tagged`. Sizes, nesting and the number of items are checked before
+memory is allocated.
 """
 
 from collections.abc import Callable, Iterator
@@ -25,12 +25,12 @@ from gamms.typing.recorder import MAGIC_NUMBER, OpCodes
 Record = dict[str, Plain]  # timestamp, opCode, data
 
 VERSION = 2
-ENDED = "Recording ended unexpectedly."  # the words of 1.0.0, which programs look for
+ENDED = "Recording ended unexpectedly."  # the message of 1.0.0, which programs check
 
-# What lifts a record of the version to the next one. Version 1 has the layout of version 2.
+# Conversion of the records of each version to the next. Version 1 has the layout of version 2.
 TRANSLATIONS: dict[int, Callable[[Record], Record]] = {1: lambda record: record}
 
-# What the data of a record has at least.
+# Required keys of the data of each record.
 FIELDS = {
     code.value: frozenset(key for key, field in EVENTS[code.value].fields.items() if not field.is_optional)
     for code in OpCodes
@@ -39,14 +39,14 @@ FIELDS = {
 _HEADER = Struct(">4sI")
 _BLOCK = 1 << 16
 _TERMINATE = OpCodes.TERMINATE.value
-# How every record of 1.0.0 begins; read in one go, the rest by `CborReader`.
+# Common beginning of the records of 1.0.0, read at once; `CborReader` reads the rest.
 _FRONT = Struct(">11sxQ7sxI5s")
 _FRONT_TEXTS = (b"\xa3\x69timestamp", b"\x66opCode", b"\x64data")
 _MARKS = (0x1B, 0x1A)
 _MARKS_AT = (11, 27)
 
 MOST_BYTES = 1 << 24  # of one record
-MOST_ITEMS = 1 << 20  # in one record: each takes at most some 100 bytes of memory
+MOST_ITEMS = 1 << 20  # per record, at about 100 bytes of memory each
 MOST_DEPTH = 64
 MOST_BIGNUM_BYTES = 1 << 10
 
@@ -61,30 +61,30 @@ _SIZES = {24: Struct(">B"), 25: Struct(">H"), 26: Struct(">I"), 27: Struct(">Q")
 
 
 class Incomplete(Exception):
-    """The bytes end before the item does."""
+    """The bytes end before the item is complete."""
 
 
 class BadCbor(Exception):
-    """The bytes are no plain data, or too much of it."""
+    """The bytes are not plain data, or exceed a limit."""
 
 
 @dataclass(frozen=True, slots=True)
 class Tagged:
-    """A tagged value that was not opened: the number of the tag and the plain data behind it."""
+    """A tagged value that was not decoded: the number of the tag and the plain data after it."""
 
     number: int
     value: Plain
 
 
 class CborReader:
-    """Reads items from bytes, front to back; `position` is where the next one begins.
+    """Reads items from bytes sequentially; `position` is the start of the next item.
 
     Every method raises Incomplete or BadCbor.
 
     Args:
         data: the bytes.
-        position: where the first item begins.
-        keys: those of the file that were read before.
+        position: start of the first item.
+        keys: dict keys read before in this file.
     """
 
     def __init__(self, data: bytes | bytearray, position: int = 0, keys: Keys | None = None) -> None:
@@ -96,7 +96,8 @@ class CborReader:
 
     def item(self, depth: int = 0) -> Plain:
         """Return the next item."""
-        data, position = self._data, self.position
+        data = self._data
+        position = self.position
         if position >= len(data):
             raise Incomplete
         head = data[position]
@@ -104,7 +105,8 @@ class CborReader:
         self._items += 1
         if self._items > MOST_ITEMS or position - self._begin > MOST_BYTES:
             raise BadCbor(f"it has more than {MOST_ITEMS} items or {MOST_BYTES} bytes")
-        kind, info = head >> 5, head & 31
+        kind = head >> 5
+        info = head & 31
         if kind == _SIMPLE_KIND:
             if info not in _FLOATS and info not in _SIMPLE:
                 raise BadCbor("it holds a value that is no plain data")
@@ -162,7 +164,7 @@ class CborReader:
         return found
 
     def _tagged(self, number: int, depth: int) -> Plain:
-        """Return what is behind a tag: a whole number, a set, or something that stays closed."""
+        """Return the value of a tag: an integer, a set, or a `Tagged`."""
         self._check_container(1, depth)
         value = self.item(depth + 1)
         if number in _BIGNUMS and isinstance(value, bytes):
@@ -194,7 +196,7 @@ _SIMPLE_KIND = len(_READERS)
 
 
 def _hashable(value: Plain) -> Plain:
-    """Return a key: lists, which the format has instead of tuples, become tuples."""
+    """Return a dict key; lists, which the format has instead of tuples, become tuples."""
     if isinstance(value, list):
         return tuple(_hashable(one) for one in value)
     if isinstance(value, set):
@@ -208,13 +210,13 @@ def _hashable(value: Plain) -> Plain:
 
 
 def read(stream: BinaryIO) -> Iterator[Record]:
-    """Yield the records of a recording, TERMINATE last; memory stays bounded whatever the file holds.
+    """Yield the records of a recording, TERMINATE last, within bounded memory.
 
     Raises:
-        RecordingError: at the first `next`, when this is no recording of version 1 or 2; later, when a record is
-            damaged or the file ends before a record says TERMINATE. All records before that one were yielded.
+        RecordingError: at the first `next`, if this is not a recording of version 1 or 2; later, if a record is damaged
+        or the file ends before TERMINATE. All earlier records have been yielded.
     """
-    window = _Window(stream)
+    window = _StreamWindow(stream)
     lifts = [TRANSLATIONS[version] for version in range(_read_version(window), VERSION)]
     while True:
         offset = window.offset
@@ -227,12 +229,12 @@ def read(stream: BinaryIO) -> Iterator[Record]:
             return
 
 
-class _Window:
-    """The part of the stream that is being looked at: `data` from `position` on; `offset` bytes lie before that."""
+class _StreamWindow:
+    """The part of the stream in memory: `data` from `position` on; `offset` bytes are before it."""
 
     def __init__(self, stream: BinaryIO) -> None:
         self._stream = stream
-        self._behind = 0  # bytes of the stream that `data` no longer holds
+        self._behind = 0  # bytes of the stream before `data`
         self.data = b""
         self.position = 0
         self.keys = Keys()
@@ -242,21 +244,22 @@ class _Window:
         return self._behind + self.position
 
     def grow(self) -> bool:
-        """Read at least as much again, so that a long record is not begun too often; returns whether there was more."""
+        """Read at least as much again, so that a long record is restarted rarely; return whether there was more."""
         left = self.data[self.position :]
         more = self._stream.read(max(_BLOCK, len(left)))
         if not isinstance(more, bytes):
             raise BadType(f"A recording is read from a binary stream, not one that gives {type(more).__name__}.")
         self._behind += self.position
-        self.data, self.position = left + more, 0
+        self.data = left + more
+        self.position = 0
         return bool(more)
 
 
-def _read_version(window: _Window) -> int:
+def _read_version(window: _StreamWindow) -> int:
     while len(window.data) < _HEADER.size and window.grow():
         pass
     if len(window.data) < _HEADER.size or not window.data.startswith(MAGIC_NUMBER):
-        raise RecordingError("This is no recording: it does not begin with 'MMGR' and a version (byte 0).")
+        raise RecordingError("This is not a recording: it does not begin with 'MMGR' and a version (byte 0).")
     version = int(_HEADER.unpack_from(window.data)[1])
     if not 0 < version <= VERSION:
         raise RecordingError(f"The recording has format version {version} (byte 4); this reads 1 to {VERSION}.")
@@ -264,7 +267,7 @@ def _read_version(window: _Window) -> int:
     return version
 
 
-def _read_record(window: _Window) -> Record:
+def _read_record(window: _StreamWindow) -> Record:
     while True:
         try:
             return _next_record(window)
@@ -278,8 +281,9 @@ def _read_record(window: _Window) -> Record:
         raise RecordingError(f"{ENDED} The record at byte {window.offset} is cut off.")
 
 
-def _next_record(window: _Window) -> Record:
-    data, position = window.data, window.position
+def _next_record(window: _StreamWindow) -> Record:
+    data = window.data
+    position = window.position
     if len(data) - position > _FRONT.size:
         begin, time, code, opcode, rest = _FRONT.unpack_from(data, position)
         marks = (data[position + _MARKS_AT[0]], data[position + _MARKS_AT[1]])
@@ -291,7 +295,7 @@ def _next_record(window: _Window) -> Record:
     reader = CborReader(data, position, window.keys)
     found = reader.item()
     if type(found) is not dict:
-        raise BadCbor("it is no map")
+        raise BadCbor("it is not a map")
     window.position = reader.position
     return found
 
@@ -305,7 +309,7 @@ def _check(record: Record, offset: int) -> None:
     data = record.get("data")
     is_map = type(data) is dict or (data is None and opcode == _TERMINATE)
     if len(record) != (3 if "data" in record else 2) or not is_map:
-        raise _damaged(offset, "it has other parts than 'timestamp', 'opCode' and a map 'data'")
+        raise _damaged(offset, "it has parts other than 'timestamp', 'opCode' and a map 'data'")
     if data is not None and not FIELDS[opcode] <= data.keys():
         missing = ", ".join(sorted(FIELDS[opcode] - data.keys()))
         raise _damaged(offset, f"{OpCodes(opcode).name} needs {missing}")

@@ -1,9 +1,9 @@
-"""Write a recording, so that it can be read up to the last second whenever the program dies.
+"""Write a recording so that it can be read up to the last second if the program dies.
 
-Blocks close by what is in them, never by the clock. What the clock forces out early are shorter, provisional blocks at
-the end of the file, which the one block of the same turns replaces later: that one is first written behind them, then
-over them, and then the file is cut. So at every moment one or the other is whole, and a finished file does not know how
-long anything took.
+Blocks are closed by their contents, never by the clock. Turns that the clock forces out early are written as shorter,
+provisional blocks at the end of the file, which the final block of the same turns replaces later: it is first written
+after them, then over them, and then the file is truncated. So at every moment one of the two is complete, and a
+finished file does not depend on timing.
 """
 
 import os
@@ -22,16 +22,16 @@ from gamms.recorder.formats import blocks, chunks
 
 _FEWEST_TURNS = 32
 _MOST_SIZES = 64
-_TROUBLES = (OSError, ValueError, TypeError, AttributeError)  # full, gone, closed, none at all
+_TROUBLES = (OSError, ValueError, TypeError, AttributeError)  # full, disconnected, closed, missing
 
 
 class Writer:
-    """Writes a recording into a binary stream, which stays open.
+    """Writes a recording to a binary stream, which stays open.
 
-    Requires: nothing else is written into the stream.
-    Ensures: the same header, logs and keyframes give the same bytes. Whenever the program is killed, the turns of at
-        most `seconds` are lost, `size` bytes or `turns` turns, whichever is least. Streams that cannot seek, cut and
-        overwrite, and files opened for appending, get whole blocks only: there the seconds do not count.
+    Requires: nothing else is written to the stream.
+    Ensures: equal headers, logs and keyframes give equal bytes. If the program is killed, at most the turns of
+    `seconds`, `size` bytes or `turns` turns are lost, whichever is least. Streams that cannot seek, truncate and
+    overwrite, and files opened for appending, get only final blocks: `seconds` has no effect for them.
     """
 
     def __init__(
@@ -47,13 +47,13 @@ class Writer:
         """Begin a recording.
 
         Args:
-            stream: open for writing; the recording begins where it stands, or takes the place of what is provisional.
-            header: plain values and NumPy arrays, whatever describes the recording.
-            turns: a block closes after so many turns, 1 to 65,536.
-            seconds: how often open blocks are written too; None for never.
-            size: a block of 32 turns or more closes after so many bytes, counting 4 for each move; one of fewer turns
-                after 64 times as many.
-            clock: where the seconds come from.
+            stream: writable; the recording begins at its present position, or replaces provisional blocks.
+            header: plain values and NumPy arrays that describe the recording.
+            turns: most turns of a block, 1 to 65,536.
+            seconds: interval for writing open blocks, too; None: never.
+            size: a block of at least 32 turns closes after this many bytes, with 4 for each move; a block of fewer
+            turns after 64 times as many.
+            clock: returns the seconds.
 
         Raises:
             BadType, BadValue: the header is not plain.
@@ -64,32 +64,35 @@ class Writer:
                 f"Blocks of {turns} turns or {size} bytes cannot be; at least 1 of both, at most 65,536 turns."
             )
         body = packing.pack(_is_dict(header, "header"), "The header")
-        head = blocks.block(blocks.HEADER, body, 0, blocks.Counts())
-        self._turns, self._seconds, self._size, self._clock = turns, seconds, size, clock
+        head = blocks.block(blocks.HEADER, body, 0, blocks.BlockCounts())
+        self._turns = turns
+        self._seconds = seconds
+        self._size = size
+        self._clock = clock
         self._key = blocks.head_of(head[: blocks.HEAD_SIZE]).crc
         self._file = stream if isinstance(stream, Output) else Output(stream)
         self._values = 0  # before the open block
-        self._open = chunks.Collected(0)
+        self._open = chunks.WaitingTurns(0)
         self._file.append(blocks.MAGIC + head)
         self._saved_at = clock()
-        self._saved = 0  # parts of the open block that are in provisional blocks
+        self._saved = 0  # parts of the open block in provisional blocks
 
     @property
     def turns(self) -> int:
-        """How many turns were added."""
+        """The number of turns added."""
         return self._open.first + self._open.turns
 
     @property
     def values(self) -> int:
-        """How many events with a value were added: all but those whose data are only numbers."""
+        """The number of events with a value added: all except events with only numeric data."""
         return self._values + self._open.values
 
     def add_turn(self, log: Sequence[object]) -> None:
-        """Add the log of the next turn; it may be changed afterwards.
+        """Add the log of the next turn; the list may be changed afterwards.
 
         Raises:
-            BadType, BadValue: it is no log, or has an event that is not plain; nothing was added then.
-            RecordingError: the stream cannot be written. What was written before stays readable.
+            BadType, BadValue: not a log, or an event is not plain; nothing was added.
+            RecordingError: the stream cannot be written. Data written before stay readable.
         """
         self._file.check()
         part = chunks.part_of(log)
@@ -99,10 +102,10 @@ class Writer:
         self._close_or_flush()
 
     def add_moves(self, logs: Sequence[list[int]]) -> None:
-        """Add the logs of turns that have moves alone; as `add_turn`, in a fraction of the time.
+        """Add the logs of turns that have only moves; like `add_turn`, in a fraction of the time.
 
         Raises:
-            TypeError: there is something else in them; nothing was added.
+            TypeError: there are other entries; nothing was added.
             RecordingError: see `add_turn`.
         """
         moves = array("q")
@@ -129,29 +132,30 @@ class Writer:
             self.flush()
 
     def _is_full_before(self, counts: list[int]) -> bool:
-        """Return whether turns of so many moves each would close the block before the last of them."""
-        turns, size = self._open.turns + len(counts) - 1, self._open.size + chunks.BYTES_PER_MOVE * sum(counts[:-1])
+        """Return whether turns with this many moves each would close the block before the last turn."""
+        turns = self._open.turns + len(counts) - 1
+        size = self._open.size + chunks.BYTES_PER_MOVE * sum(counts[:-1])
         return len(counts) > 1 and self._is_full(turns, size)
 
     def _is_full(self, turns: int, size: int) -> bool:
-        """Return whether a block closes: not before some turns, so that a block of many agents has several, too."""
+        """Return whether a block is full; a minimum number of turns keeps blocks of many agents from being small."""
         is_large = size >= self._size and (turns >= _FEWEST_TURNS or size >= _MOST_SIZES * self._size)
         return turns >= self._turns or is_large
 
     def keyframe(self, state: dict[str, Plain]) -> None:
-        """Write the whole state after the turns added so far: plain values and NumPy arrays.
+        """Write the state after the turns added so far: plain values and NumPy arrays.
 
         Raises:
-            BadType, BadValue: it is not plain; nothing was written then.
+            BadType, BadValue: the state is not plain; nothing was written.
             RecordingError: see `add_turn`.
         """
         self._file.check()
         body = packing.pack(_is_dict(state, "keyframe"), "A keyframe", FAST)
         self.end_block()
-        self._put(blocks.KEYFRAME, body, blocks.Counts(self.turns))
+        self._put(blocks.KEYFRAME, body, blocks.BlockCounts(self.turns))
 
     def end_block(self) -> None:
-        """Write the turns that were added and let a new block begin, whatever the stream can do.
+        """Write the added turns as a final block, on any stream.
 
         Raises:
             RecordingError: see `add_turn`.
@@ -161,7 +165,7 @@ class Writer:
             self._close_block()
 
     def flush(self) -> None:
-        """Write all turns that were added, if the stream can take back the last blocks of a file.
+        """Write all added turns, if the last blocks of the stream can be replaced later.
 
         Raises:
             RecordingError: see `add_turn`.
@@ -174,7 +178,7 @@ class Writer:
         self._saved_at = self._clock()
 
     def close(self) -> None:
-        """Write all turns and the end; calls after the first do nothing, nor do those after an error.
+        """Write all turns and the end; further calls, and calls after an error, do nothing.
 
         Raises:
             RecordingError: see `add_turn`.
@@ -182,19 +186,19 @@ class Writer:
         if self._file.is_closed:
             return
         self.end_block()
-        self._put(blocks.END, b"", blocks.Counts(self.turns))
+        self._put(blocks.END, b"", blocks.BlockCounts(self.turns))
         self._file.close()
 
     def _close_block(self) -> None:
         self._put(blocks.TURNS, self._open.body(), self._open.counts)
         self._values += self._open.values
-        self._open = chunks.Collected(self.turns)
+        self._open = chunks.WaitingTurns(self.turns)
         self._saved, self._saved_at = 0, self._clock()
 
-    def _put(self, type: int, body: bytes, counts: blocks.Counts) -> None:
+    def _put(self, type: int, body: bytes, counts: blocks.BlockCounts) -> None:
         self._file.append(self._block(type, body, counts))
 
-    def _block(self, type: int, body: bytes, counts: blocks.Counts) -> bytes:
+    def _block(self, type: int, body: bytes, counts: blocks.BlockCounts) -> bytes:
         return blocks.block(type, body, self._key, counts)
 
 
@@ -208,29 +212,29 @@ def _is_dict(value: object, what: str) -> dict[str, Plain]:
 
 
 class Output:
-    """What is settled, and behind it perhaps provisional blocks, which will be replaced."""
+    """The stream: final blocks, and maybe provisional blocks after them, which are replaced later."""
 
     def __init__(self, stream: BinaryIO) -> None:
-        self.end = 0  # of what is settled, in bytes from where the recording begins
+        self.end = 0  # end of the final blocks, in bytes from the start of the recording
         self.blocks = 0  # that were settled
         self.is_closed = False
         self._length = 0  # of all that is there
         with self._watch():
             stream.flush()
-            # What a buffer could not write it would try again when it is closed, and fail for the second time.
+            # Unwritten data in a buffer would be written again on closing, and fail again.
             self._stream: Any = getattr(stream, "raw", stream)
             self.can_overwrite = _can_overwrite(stream)
-            # A buffer that is read as well keeps what it has read until it seeks the end.
+            # A buffer that is also read keeps its data until it seeks the end.
             self._readable = stream if stream is not self._stream and stream.readable() else None
             self._begin = stream.tell() if self.can_overwrite else 0
 
     def check(self) -> None:
-        """Refuse to go on after the end, or an error."""
+        """Raise an error after the end, or after an error."""
         if self.is_closed:
             raise RecordingError(f"Nothing more can be recorded: this recording ended after byte {self._length}.")
 
     def append(self, data: bytes) -> None:
-        """Write what stays, instead of what is provisional, which stays readable until that is done."""
+        """Write a final block over the provisional blocks, which stay readable until it is complete."""
         with self._watch():
             if self._length > self.end:
                 self._write(max(self._length, self.end + len(data)), data)
@@ -244,7 +248,7 @@ class Output:
             self._show()
 
     def extend(self, data: bytes) -> None:
-        """Write a provisional block behind all that is there.
+        """Write a provisional block at the end.
 
         Requires: `can_overwrite`.
         """
@@ -254,13 +258,13 @@ class Output:
             self._show()
 
     def back_to(self, end: int) -> None:
-        """Make all that is there from a byte on provisional, even if writing it was interrupted."""
+        """Make all bytes from a position on provisional, even after an interrupted write."""
         self.end = end
         if self.can_overwrite:
             self._length = self._stream.seek(0, os.SEEK_END) - self._begin
 
     def close(self) -> None:
-        """Refuse whatever else is written."""
+        """Refuse further writes."""
         self.is_closed = True
 
     def _write(self, at: int, data: bytes) -> None:
@@ -270,12 +274,12 @@ class Output:
         while left:
             written = self._stream.write(left)
             if not written:
-                raise BlockingIOError("it takes nothing more at the moment")
+                raise BlockingIOError("it accepts no more data at the moment")
             left = left[written:]
         self._stream.flush()
 
     def _show(self) -> None:
-        """Make what was written visible through the object of the program."""
+        """Flush written data to the stream of the program."""
         if self._readable is not None:
             self._readable.seek(0, os.SEEK_END)
 
@@ -292,9 +296,9 @@ class Output:
 
 
 def _can_overwrite(stream: BinaryIO) -> bool:
-    """Return whether the stream can seek, overwrite and be cut."""
+    """Return whether the stream can seek, overwrite and truncate."""
     if "a" in str(getattr(stream, "mode", "")):
-        return False  # writes go to the end, wherever it stands
+        return False  # writes go to the end, at any position
     with suppress(OSError, AttributeError):
         if stream.seekable():
             stream.truncate(stream.tell())
