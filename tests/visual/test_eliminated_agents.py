@@ -10,7 +10,7 @@ from gamms.agent import AgentType
 from gamms.ir.draw import DrawKind
 from gamms.sensor import SensorType
 from gamms.strategies import stay
-from gamms.visual.files import Frames, Source
+from gamms.visual.files import Frames, FrameSource
 
 AGENTS, SENSORS, MARKS = 20, 15, 25  # layers
 
@@ -130,7 +130,7 @@ def test_a_film_shows_the_last_way_and_then_the_cross_alone(road):
     walker = road.agent.create_agent("walker", start_node_id=0, strategy=lambda state: state.update(action=1))
     assert walker.alive
     out_in_turn(road, 1, "walker")
-    frames = Frames(Source(road, road.visual.drawing, road.visual.artists), (300, 60), {"background": "white"})
+    frames = Frames(FrameSource(road, road.visual.drawing, road.visual.artists), (300, 60), {"background": "white"})
     seen = {}
 
     def spy(ctx, data):

@@ -10,7 +10,7 @@ import gamms
 from gamms.sensor import SensorType
 from gamms.visual.backends import FILMS
 from gamms.visual.backends.av_backend import MOST, SIDE, TILE, paste, planes_of, squares
-from gamms.visual.files import Frames, Source
+from gamms.visual.files import Frames, FrameSource
 
 SIZE = 420, 260
 
@@ -78,7 +78,7 @@ def test_each_frame_is_what_it_would_be_if_it_were_painted_again(city, case, fra
 
     def compared(canvas):
         options = {"title": "Walk", "captions": True}
-        fresh = Frames(Source(city, city.visual.drawing, city.visual.artists), SIZE, options)
+        fresh = Frames(FrameSource(city, city.visual.drawing, city.visual.artists), SIZE, options)
         fresh._fitted = film._frames._fitted
         differences.append(np.abs(at(fresh, painted[-1]).pixels().astype(int) - canvas.pixels()).max())
         add(canvas)

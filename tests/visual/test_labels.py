@@ -11,7 +11,7 @@ import gamms
 from gamms.errors import BadType, UnknownName
 from gamms.visual.appearance import TEAM_COLORS
 from gamms.visual.camera import Camera
-from gamms.visual.labels import SIDES, Dots, are_free, beside, dots_of, placed
+from gamms.visual.labels import SIDES, AgentDots, are_free, beside, dots_of, placed
 
 PAGE = (0.0, 0.0, 400.0, 300.0)
 places = st.lists(st.tuples(st.floats(0, 400), st.floats(0, 300), st.floats(2, 15)), min_size=1, max_size=40)
@@ -40,7 +40,7 @@ def overlap(one, other):
 
 @given(places, st.data(), boxes_taken)
 def test_a_label_covers_no_dot_no_other_label_nothing_taken_and_is_on_the_page(found, data, taken):
-    dots = Dots(np.array([one[:2] for one in found]), np.array([one[2] for one in found]))
+    dots = AgentDots(np.array([one[:2] for one in found]), np.array([one[2] for one in found]))
     widths = np.array(data.draw(st.lists(st.floats(5, 90), min_size=len(found), max_size=len(found))))
     taken = [(x, y, x + width, y + height) for x, y, width, height in taken]
     boxes = [box for box in put(dots, widths, taken)[1] if box is not None]
@@ -57,7 +57,7 @@ def test_a_label_covers_no_dot_no_other_label_nothing_taken_and_is_on_the_page(f
 
 @given(places)
 def test_a_label_is_nearer_to_its_own_dot_than_to_any_that_does_not_touch_that(found):
-    dots = Dots(np.array([one[:2] for one in found]), np.array([one[2] for one in found]))
+    dots = AgentDots(np.array([one[:2] for one in found]), np.array([one[2] for one in found]))
     for row, box in enumerate(put(dots, np.full(len(found), 40.0))[1]):
         if box is not None:
             gaps = [distance(box, center) - radius for center, radius in zip(dots.centers, dots.radii, strict=True)]
@@ -67,14 +67,14 @@ def test_a_label_is_nearer_to_its_own_dot_than_to_any_that_does_not_touch_that(f
 
 @given(places)
 def test_a_label_that_can_stay_stays(found):
-    dots = Dots(np.array([one[:2] for one in found]), np.array([one[2] for one in found]))
+    dots = AgentDots(np.array([one[:2] for one in found]), np.array([one[2] for one in found]))
     widths = np.full(len(found), 30.0)
     sides, _ = put(dots, widths)
     assert put(dots, widths, before=sides)[0].tolist() == sides.tolist()
 
 
 def test_a_lone_label_is_above_at_the_right_of_its_dot_which_it_does_not_touch():
-    dots = Dots(np.array([(200.0, 150.0)]), np.array([8.0]))
+    dots = AgentDots(np.array([(200.0, 150.0)]), np.array([8.0]))
     [side], [box] = put(dots, np.array([40.0]))
     assert SIDES[side].tolist() == [1, -1]
     assert box[0] > 200.0
@@ -183,13 +183,13 @@ def centers(ctx, share):
 
 
 def test_labels_keep_their_sides_in_the_frames_of_a_film(square):
-    from gamms.visual.files import Frames, Source
+    from gamms.visual.files import Frames, FrameSource
 
     pytest.importorskip("pygame")
     for number in range(4):
         add(square, [f"agent_{number}"], number)
     visual = square.visual
-    frames = Frames(Source(square, visual.drawing, visual.artists), (400, 400), {"labels": True})
+    frames = Frames(FrameSource(square, visual.drawing, visual.artists), (400, 400), {"labels": True})
     frames.at(1.0)
     kept = dict(frames._labels._sides)
     assert len(kept) == 4

@@ -181,10 +181,10 @@ def test_trails_are_a_number(road):
 
 def test_a_film_shows_trails_that_grow(road, tmp_path):
     pytest.importorskip("pygame")
-    from gamms.visual.files import Frames, Source
+    from gamms.visual.files import Frames, FrameSource
 
     visual = road.visual
-    frames = Frames(Source(road, visual.drawing, visual.artists), (640, 120), {"trails": 5, "labels": False})
+    frames = Frames(FrameSource(road, visual.drawing, visual.artists), (640, 120), {"trails": 5, "labels": False})
     amounts = []
     for _ in range(3):
         road.game.step()

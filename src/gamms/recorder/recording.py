@@ -444,7 +444,7 @@ class Recording(StreamOwner):
         header = self._reader.header
         if self._given is None and not has_map(header):
             raise RecordingError(
-                f"This recording does not contain its map, only the SHA-256 of it, {hash_in(header)}. Hand the map over: "
+                f"This recording does not contain its map, only the SHA-256 of it, {hash_in(header)}. Pass the map: "
                 "gamms.recorder.open(path, graph='map.gamms')."
             )
         return header.get("world") if self._given is None else self._given

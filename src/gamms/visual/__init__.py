@@ -1,16 +1,15 @@
-"""The visual engines: what a scenario looks like, and pictures, films and windows of it.
+"""The visual engines: the look of a scenario, and its pictures, films and windows.
 
 An engine (`engine.py`, read it first) is a facade of parts: `drawing.py` has the primitives, which collect draw
-commands; `artists.py` keeps the artists (`artist.py`) that were declared, and `default_scene.py` those of a scenario
-that does not declare its graph; `camera.py` says where pictures look; `pictures.py` saves them by way of `files.py`;
-`page.py` has what stands around the map, `captions.py` what is said below it, and `labels.py` what stands beside
-agents. Drawers (`drawers/`) say what a thing looks like, with what `shown_turn.py` knows of the turn; backends
-(`backends/`) turn draw commands into files; `scene.py` paints frames of films and of the window (`window/`) fast.
-Colours are in `appearance.py` and `themes.py`, the font in `lettering.py`, legends and values in `legend.py`, recorded
-drawings in `recorded_drawings.py`, and names of 1.0.0's window in `compat.py`.
-May import: `gamms.typing`, `gamms.kernels`, `gamms.ir`, `gamms.plugins`, `gamms.arguments`, `gamms.errors`.
-To extend: something to draw is one function in `drawers/`; a way to show it is one file in `backends/` and
-one line in its `__init__`. Drawing only reads the scenario; it never changes it.
+commands; `artists.py` stores the declared artists (`artist.py`), and `default_scene.py` makes those of a scenario that
+does not declare its graph; `camera.py` has cameras; `pictures.py` saves pictures with `files.py`; `page.py` arranges
+the parts around the map, `captions.py` the text below it, and `labels.py` the names beside agents. Drawers (`drawers/`)
+draw one kind of thing each, with data of the turn from `shown_turn.py`; backends (`backends/`) convert draw commands to
+files; `scene.py` paints frames of films and of the window (`window/`) fast. Colors are in `appearance.py` and
+`themes.py`, the font in `lettering.py`, legends and values in `legend.py`, recorded drawings in `recorded_drawings.py`,
+and names of 1.0.0's window in `compat.py`. May import: `gamms.typing`, `gamms.kernels`, `gamms.ir`, `gamms.plugins`,
+`gamms.arguments`, `gamms.errors`. To draw something new, add one function to `drawers/`; to add an output format, add
+one file to `backends/` and one line to its `__init__`. Drawing only reads the scenario.
 """
 
 import typing as _typing
@@ -69,7 +68,7 @@ else:
 
 
 class _Lazy:
-    """A module that is imported when something in it is asked for."""
+    """A module that is imported on first access to an attribute."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -79,7 +78,7 @@ class _Lazy:
 
 
 def lazy(name: str) -> _Lazy:
-    """Return the module of that name, which is imported when it is first used."""
+    """Return a module that is imported on first use."""
     return _Lazy(name)
 
 

@@ -1,4 +1,4 @@
-"""How things look: colours, and the data of the built-in drawers."""
+"""The appearance of drawings: colors, and the data of the built-in drawers."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,11 +18,11 @@ from gamms.typing import ColorType, IAgent
 Rgb = tuple[int, int, int]
 Rgba = tuple[int, int, int, int]
 AnyColor = ColorType | str
-"""RGB or RGBA, the name of a colour, or `#rrggbb`."""
+"""RGB or RGBA, the name of a color, or `#rrggbb`."""
 
 
 class Color:
-    """Colours by name, as RGB."""
+    """Named colors, as RGB."""
 
     White = (255, 255, 255)
     Black = (0, 0, 0)
@@ -42,8 +42,9 @@ class Color:
 
 PAPER: Rgb = (252, 252, 250)  # behind every picture
 
-# Each is what it is called. In this order they grow lighter, by 6.8 or more of CIELAB's 100, so that they differ in
-# grey, too; for colour-blind readers (by Machado's matrices) any two are 19 or more apart, Okabe and Ito's 16.
+# Each has a clear color name. In this order they grow lighter, by at least 6.8 of CIELAB's 100, so that they differ
+# in grey, too; for color-blind viewers (by Machado's matrices) any two are at least 19 apart, compared to Okabe and
+# Ito's 16.
 TEAM_COLORS: tuple[Rgb, ...] = (
     (20, 80, 165),
     (208, 48, 40),
@@ -59,11 +60,11 @@ _NAMED_TEAMS = {"blue": 0, "red": 1, "green": 2, "pink": 3, "purple": 3, "orange
 def team_colors(
     teams: Iterable[Any], given: Mapping[str, Rgb] = MappingProxyType({}), palette: Sequence[Rgb] = TEAM_COLORS
 ) -> dict[str, Rgb]:
-    """Return a colour for each team, by its text: its own where it is named after one, else the next that is left.
+    """Return a color for each team, by its text: the color with its name, else the next free color.
 
     Args:
-        teams: in the order in which they choose; a team may be anything.
-        given: text of a team -> its colour, which no other team chooses.
+        teams: in the order of assignment; teams may be any values.
+        given: text of a team -> its color, which no other team gets.
         palette: blue, red, green, pink, orange and cyan.
     """
     names = dict.fromkeys(map(str, teams))
@@ -76,11 +77,11 @@ def team_colors(
 
 
 def in_order(sides: Iterable[str | None], known: Sequence[str]) -> list[str]:
-    """Return those who choose colours, each in its place.
+    """Return the known sides in the order of color assignment.
 
     Args:
-        sides: the order of all sides of a game; None: one whose name is not known there.
-        known: sides that are; those that `sides` does not name take the places of None, then those behind.
+        sides: order of all sides of a game; None for a side whose name is unknown.
+        known: the known sides; those missing in `sides` replace the None entries, then are appended.
     """
     named = set(sides := tuple(sides))
     others = iter([side for side in known if side not in named])
@@ -88,12 +89,12 @@ def in_order(sides: Iterable[str | None], known: Sequence[str]) -> list[str]:
 
 
 def is_dark(color: Sequence[float]) -> bool:
-    """Return whether a colour is nearer to black than to white."""
+    """Return whether a color is nearer to black than to white."""
     return sum(color[:3]) < 3 * 128
 
 
 def inks(background: Rgba) -> tuple[Rgb, Rgb]:
-    """Return two greys for words on a background: one that is easy to read, and a fainter one."""
+    """Return two greys for text on a background: one with high contrast, and a fainter one."""
     if is_dark(background):
         return (222, 224, 228), (150, 154, 160)
     return (51, 51, 51), (119, 119, 119)
@@ -108,10 +109,10 @@ _NAMES |= {name.replace("gray", "grey"): value for name, value in _NAMES.items()
 
 
 def string_to_color(text: str) -> Rgb:
-    """Return the colour called `text`: a name in any case, or `#rrggbb`.
+    """Return a color by name, in any case, or by `#rrggbb`.
 
     Raises:
-        BadValue (ValueError): no such colour.
+        BadValue (ValueError): the color does not exist.
     """
     name = text.strip().lower()
     if name in _NAMES:
@@ -132,7 +133,7 @@ def rgba(color: AnyColor) -> Rgba:
     """
     try:
         return _rgba(color)
-    except TypeError:  # a list or an array, which cannot be looked up, or no colour at all
+    except TypeError:  # a list or an array, which is not hashable, or not a color
         return _rgba.__wrapped__(color)
 
 
@@ -166,10 +167,10 @@ _TABLES = {
 
 
 def table(name: object) -> tuple[Rgb, ...]:
-    """Return the colours of a map from low to high, LEVELS of them.
+    """Return the colors of a color map from low to high, LEVELS of them.
 
     Raises:
-        UnknownName (KeyError): there is no such map.
+        UnknownName (KeyError): the color map does not exist.
     """
     if not isinstance(name, str) or name not in _TABLES:
         raise UnknownName("colour map", name, _TABLES)
@@ -180,7 +181,7 @@ def table(name: object) -> tuple[Rgb, ...]:
 
 
 def levels(values: FloatArray, low: float, high: float) -> IntArray:
-    """Return the level (values,) of each value, 0 to LEVELS - 1; what lies outside has that of the nearer end."""
+    """Return the level (values,) of each value, 0 to LEVELS - 1, clipped at both ends."""
     if high <= low:
         return np.full(len(values), LEVELS // 2, np.int64)
     share = (np.clip(values, low, high) - low) / (high - low)
@@ -188,7 +189,7 @@ def levels(values: FloatArray, low: float, high: float) -> IntArray:
 
 
 def colorized(colorize: Colorize, values: FloatArray) -> tuple[list[Rgb], IntArray]:
-    """Apply a caller's function to values; return the different colours, and the place of each value's among them."""
+    """Apply a caller's color function to values; return the distinct colors, and the index of each value's color."""
     distinct, places = np.unique(values, return_inverse=True)
     named = [rgba(colorize(value))[:3] for value in distinct.tolist()]
     colors = list(dict.fromkeys(named))
@@ -197,7 +198,7 @@ def colorized(colorize: Colorize, values: FloatArray) -> tuple[list[Rgb], IntArr
 
 
 def color_group(agent: IAgent) -> Any:
-    """Return the team of an agent, or its name if it has none: agents of one group have one colour."""
+    """Return the team of an agent, or its name without a team: agents of one group have the same color."""
     team = getattr(agent, "team", None)
     return agent.name if team is None else team
 
@@ -225,23 +226,23 @@ class Rectangle:
 
 @dataclass
 class AgentData:
-    """How an agent looks; `size` in world units."""
+    """The look of an agent; `size` in world units."""
 
     name: str
     color: ColorType = Color.Black
     size: float = 8.0
-    image: Any = None  # the path of a picture; a window may keep the loaded one
-    current_position: tuple[float, float] | None = None  # where it was drawn last
-    least_px: float = 6.0  # its radius is never less
-    shift: tuple[float, float] = (0.0, 0.0)  # by how many radii it was drawn right of and below its position
+    image: Any = None  # path of an image; a window may store the loaded image
+    current_position: tuple[float, float] | None = None  # position of the last drawing
+    least_px: float = 6.0  # minimum radius
+    shift: tuple[float, float] = (0.0, 0.0)  # offset of the last drawing to the right and down, in radii
     defaults: dict[str, Any] = field(default_factory=dict, compare=False)  # what was filled in
 
     @classmethod
     def declared(cls, **given: Any) -> "AgentData":
-        """Return a look of which only these values were declared, so that `fill` may change the others.
+        """Return a look with declared values, so that `fill` may change the others.
 
         Raises:
-            BadType, BadValue: the name is not a string or is empty, or the size is no finite number.
+            BadType, BadValue: the name is not a string or is empty, or the size is not a finite number.
         """
         as_name(given["name"], "an agent")
         if "size" in given:
@@ -252,33 +253,34 @@ class AgentData:
         return look
 
     def fill(self, other: "AgentData") -> None:
-        """Take from another look what was neither declared nor set by the program since."""
+        """Copy the values from another look that were neither declared nor set by the program."""
         for name, value in self.defaults.items():
             if getattr(self, name) == value:
                 self.defaults[name] = getattr(other, name)
                 setattr(self, name, getattr(other, name))
 
     def given(self) -> dict[str, Any]:
-        """Return the values that were declared."""
+        """Return the declared values."""
         filled = {name for name, value in self.defaults.items() if getattr(self, name) == value}
         return {name: value for name, value in self.__dict__.items() if name not in filled}
 
 
 @dataclass
 class AgentLooks:
-    """How many agents look that are drawn together, in columns; all are of one size.
+    """The looks of agents of one size that are drawn together, as columns.
 
-    Iterating gives the `AgentData` of each, which are copies.
+    Iteration yields copies as `AgentData`.
     """
 
     names: Sequence[str]
-    rows: IntArray  # (agents,) among all agents, while the structure of these is the same
-    structure: int | None  # the `structure_version` of that time
+    rows: IntArray  # (agents,) row of each agent, valid for one structure
+    structure: int | None  # the `structure_version` of these rows
     colors: Sequence[Rgb]  # the different ones
-    color_rows: IntArray  # (agents,) the colour of each
+    color_rows: IntArray  # (agents,) color index of each agent
     size: float
     least_px: float
-    positions: FloatArray = field(init=False, compare=False)  # (agents, 2) where they were drawn last; NaN: not at all
+    # (agents, 2) positions of the last drawing; NaN: not drawn
+    positions: FloatArray = field(init=False, compare=False)
     shifts: FloatArray = field(init=False, compare=False)  # (agents, 2) see `AgentData.shift`
 
     def __post_init__(self) -> None:
@@ -287,19 +289,20 @@ class AgentLooks:
     def note(
         self, is_shown: BoolArray, positions: FloatArray | float = np.nan, shifts: FloatArray | float = 0.0
     ) -> None:
-        """Note where those that are shown were drawn."""
-        self.positions, self.shifts = np.full((len(self.names), 2), np.nan), np.zeros((len(self.names), 2))
+        """Record the positions at which the shown agents were drawn."""
+        self.positions = np.full((len(self.names), 2), np.nan)
+        self.shifts = np.zeros((len(self.names), 2))
         self.positions[is_shown], self.shifts[is_shown] = positions, shifts
 
     def drawn(self) -> tuple[list[str], FloatArray]:
-        """Return the names of those that were drawn, and (agents, 6): position, shift, size and least radius."""
+        """Return the names of drawn agents, and (agents, 6): position, shift, size and minimum radius."""
         is_drawn = ~np.isnan(self.positions[:, 0])
         names = [self.names[row] for row in np.flatnonzero(is_drawn).tolist()]
         sizes = np.broadcast_to((self.size, self.least_px), (len(names), 2))
         return names, np.hstack([self.positions[is_drawn], self.shifts[is_drawn], sizes])
 
     def without(self, hidden: Collection[str]) -> "AgentLooks":
-        """Return those of the other agents."""
+        """Return the looks without the hidden agents."""
         kept = [row for row, name in enumerate(self.names) if name not in hidden]
         names = [self.names[row] for row in kept]
         return AgentLooks(
@@ -315,7 +318,7 @@ class AgentLooks:
 
 @dataclass
 class GraphData:
-    """How the graph looks; `node_size` in world units."""
+    """The look of the graph; `node_size` in world units."""
 
     node_color: ColorType = Color.DarkGray
     node_size: float = 2.0
@@ -323,4 +326,4 @@ class GraphData:
     draw_id: bool = False
     edge_line_points: dict[int, Any] = field(
         default_factory=dict, compare=False
-    )  # graph revision -> what the drawer made of it
+    )  # graph revision -> cached result of the drawer

@@ -1,4 +1,4 @@
-"""An artist: a drawer, the data it draws, and the layer it draws on; and artists that draw together."""
+"""Artists: a drawer, its data, and its layer; and groups of artists that draw together."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
@@ -35,10 +35,10 @@ class RenderMode(Enum):
 
 
 class Artist(Guarded, IArtist):
-    """Draws one thing: `drawer(ctx, data)`, or a shape that is described by `data`.
+    """Draws one object: `drawer(ctx, data)`, or a shape described by `data`.
 
     Attributes:
-        edits: a number that changes whenever anything but the data of any artist does.
+        edits: a number that changes with every change of any artist, except of its data.
     """
 
     edits: ClassVar[int] = 0
@@ -72,17 +72,17 @@ class Artist(Guarded, IArtist):
 
     @refused_while_deciding
     def set_visible(self, visible: bool) -> None:
-        """Show or hide."""
+        """Set whether the artist is shown."""
         self._visible = bool(visible)
         Artist.edits += 1
 
     def get_visible(self) -> bool:
-        """Return whether it is shown."""
+        """Return whether the artist is shown."""
         return self._visible
 
     @refused_while_deciding
     def set_drawer(self, drawer: Drawer | Shape) -> None:
-        """Draw with another function or shape."""
+        """Set the drawer, a function or shape."""
         if isinstance(drawer, Shape):
             drawer = _SHAPES[drawer]
         if not callable(drawer):
@@ -96,14 +96,14 @@ class Artist(Guarded, IArtist):
 
     @refused_while_deciding
     def set_artist_type(self, artist_type: ArtistType) -> None:
-        """Set whether it changes from frame to frame."""
+        """Set whether the drawing changes from frame to frame."""
         if not isinstance(artist_type, ArtistType):
             raise BadType(f"An artist type is ArtistType.STATIC or ArtistType.DYNAMIC, not {shown(artist_type)}.")
         self._artist_type = artist_type
         Artist.edits += 1
 
     def get_artist_type(self) -> ArtistType:
-        """Return whether it changes from frame to frame."""
+        """Return whether the drawing changes from frame to frame."""
         return self._artist_type
 
     @refused_while_deciding
@@ -130,7 +130,7 @@ class Artist(Guarded, IArtist):
 
 
 def looks_of(artists: Mapping[str, IArtist]) -> Iterator[AgentData]:
-    """Return how agents look, of those that visible artists show."""
+    """Yield the looks of agents that visible artists show."""
     for artist in artists.values():
         look = _look_of(artist)
         if isinstance(look, AgentData):
@@ -140,8 +140,9 @@ def looks_of(artists: Mapping[str, IArtist]) -> Iterator[AgentData]:
 
 
 def drawn_looks(artists: Mapping[str, IArtist]) -> tuple[list[str], FloatArray]:
-    """Return the names of agents that visible artists have drawn, and columns: see `AgentLooks.drawn`."""
-    names, columns = list[str](), [np.empty((0, 6))]
+    """Return the names of agents that visible artists have drawn, and columns; see `AgentLooks.drawn`."""
+    names = list[str]()
+    columns = [np.empty((0, 6))]
     for look in map(_look_of, artists.values()):
         if isinstance(look, AgentLooks):
             more, found = look.drawn()
@@ -172,11 +173,11 @@ def _order(item: _Item) -> tuple[int, bool]:
 
 
 class ArtistGroup:
-    """The visible artists of several, sorted once and drawn any number of times.
+    """The visible artists of a collection, sorted once and drawn any number of times.
 
     Args:
         ctx: the context.
-        artists: by name; what is changed in them other than their data needs a new group.
+        artists: by name; any change except of their data needs a new group.
 
     Attributes:
         artists: in painting order.
@@ -184,14 +185,15 @@ class ArtistGroup:
 
     def __init__(self, ctx: IContext, artists: Mapping[str, IArtist]) -> None:
         items = in_painting_order(artists)
-        self._ctx, self.artists = ctx, tuple(artist for _, artist in items)
+        self._ctx = ctx
+        self.artists = tuple(artist for _, artist in items)
         by_step = groupby(items, lambda item: (item[1].get_layer(), _is_disc(ctx, item[1])))
         self._steps = [(layer, are_discs, list(members)) for (layer, are_discs), members in by_step]
 
     def commands(self, share: float = 1.0) -> DrawCommands:
-        """Return what all draw after a share of the agents' last moves, from 0.0 to 1.0.
+        """Return the commands of all artists after a share of the agents' last moves, from 0.0 to 1.0.
 
-        An artist that fails is logged, and the others draw.
+        Errors of an artist are logged, and the others draw.
         """
         return drawing_of(self._ctx).record(lambda commands: self._draw(commands, share))
 
@@ -206,7 +208,7 @@ class ArtistGroup:
                 self._draw_singly(members)
 
     def _draw_discs(self, members: list[_Item], share: float) -> bool:
-        """Draw agents together; False where one of them has to be drawn, or to fail, by itself."""
+        """Draw agents together; return False if one of them needs to be drawn alone."""
         try:
             return render_agents(self._ctx, [data_of(artist)["agent_data"] for _, artist in members], share)
         except Exception:  # noqa: BLE001 - drawn by itself, the agent that is the reason fails likewise
@@ -232,17 +234,17 @@ def _is_disc(ctx: IContext, artist: IArtist) -> bool:
 
 
 def data_of(artist: IArtist) -> dict[str, Any]:
-    """Return what an artist draws."""
+    """Return the data of an artist."""
     return artist.data
 
 
 def state_of(name: str, artist: IArtist) -> Any:
-    """Return something hashable that changes whenever a STATIC artist has to draw again in the same world."""
+    """Return a hashable key that changes whenever a STATIC artist must draw again in an unchanged world."""
     return name, artist.get_layer(), artist.get_drawer(), _print_of(getattr(artist, "data", None))
 
 
 def _print_of(value: object) -> Any:
-    """Return something hashable that differs where two values would be drawn differently."""
+    """Return a hashable key that differs if two values are drawn differently."""
     if isinstance(value, dict):
         return tuple((_print_of(key), _print_of(one)) for key, one in value.items())
     if isinstance(value, list | tuple | set | frozenset):

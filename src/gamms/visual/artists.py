@@ -1,4 +1,4 @@
-"""Artists by name: declared with keywords, added by the caller, or made from the specs of a recording."""
+"""Artists by name: declared by keywords, added by callers, or created from the specs of a recording."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -49,15 +49,15 @@ _Data = dict[str, Any]
 _NONE: Mapping[str, IArtist] = MappingProxyType({})
 
 
-class _Kind(NamedTuple):
-    """A built-in drawer, and the keywords that describe its artists."""
+class _ArtistKind(NamedTuple):
+    """A kind of built-in artist: its drawer, and the keywords that describe it."""
 
-    drawer: Drawer | type  # a class: a drawer made from the keywords
+    drawer: Drawer | type  # a class: the drawer is an object made from the keywords
     names: tuple[str, ...]  # of the keywords
-    keywords_of: Callable[[_Data], _Data]  # may have more, and may raise where the data are the caller's
+    keywords_of: Callable[[_Data], _Data]  # may return more keys, and may raise for data of callers
     data_of: Callable[[_Data], _Data]
     is_static: bool = False
-    is_shape: bool = False  # whose data are the program's own, so that they may change at any time
+    is_shape: bool = False  # its data belong to the program, and may change at any time
 
 
 def _of_shape(kind: type) -> Callable[[_Data], _Data]:
@@ -65,42 +65,46 @@ def _of_shape(kind: type) -> Callable[[_Data], _Data]:
 
 
 _KINDS = {
-    "graph": _Kind(
+    "graph": _ArtistKind(
         render_graph,
         ("node_color", "node_size", "edge_color", "draw_id"),
         lambda data: data["graph_data"].__dict__,
         lambda given: {"graph_data": GraphData(**given)},
         is_static=True,
     ),
-    "obstacles": _Kind(render_obstacles, ("color_map", "boundary_thickness", "fill"), dict, dict, is_static=True),
-    "agent": _Kind(
+    "obstacles": _ArtistKind(render_obstacles, ("color_map", "boundary_thickness", "fill"), dict, dict, is_static=True),
+    "agent": _ArtistKind(
         render_agent,
         ("name", "color", "size"),
         lambda data: data["agent_data"].given(),
         lambda given: {"agent_data": AgentData.declared(**given), "_alpha": 1.0},
     ),
-    "sensor": _Kind(render_sensor, ("name", "color", "size", "node_color", "node_size", "edge_color"), dict, dict),
-    "circle": _Kind(render_circle, ("x", "y", "radius", "scale", "color"), _of_shape(Circle), dict, is_shape=True),
-    "rectangle": _Kind(
+    "sensor": _ArtistKind(
+        render_sensor, ("name", "color", "size", "node_color", "node_size", "edge_color"), dict, dict
+    ),
+    "circle": _ArtistKind(
+        render_circle, ("x", "y", "radius", "scale", "color"), _of_shape(Circle), dict, is_shape=True
+    ),
+    "rectangle": _ArtistKind(
         render_rectangle, ("x", "y", "width", "height", "color"), _of_shape(Rectangle), dict, is_shape=True
     ),
-    "flags": _Kind(FlagsDrawer, ("key", "colors"), dict, dict),
-    "territory": _Kind(TerritoryDrawer, ("key", "colors"), dict, dict),
-    "tags": _Kind(render_tags, (), dict, dict),
-    "goals": _Kind(render_goals, (), dict, dict),
-    "held": _Kind(render_held, (), dict, dict),
-    "discovered": _Kind(render_discovered, (), dict, dict),
-    "resources": _Kind(render_amounts, (), dict, dict),
-    "cooldowns": _Kind(render_cooldowns, (), dict, dict),
+    "flags": _ArtistKind(FlagsDrawer, ("key", "colors"), dict, dict),
+    "territory": _ArtistKind(TerritoryDrawer, ("key", "colors"), dict, dict),
+    "tags": _ArtistKind(render_tags, (), dict, dict),
+    "goals": _ArtistKind(render_goals, (), dict, dict),
+    "held": _ArtistKind(render_held, (), dict, dict),
+    "discovered": _ArtistKind(render_discovered, (), dict, dict),
+    "resources": _ArtistKind(render_amounts, (), dict, dict),
+    "cooldowns": _ArtistKind(render_cooldowns, (), dict, dict),
 }
 _NAME_OF = {kind.drawer: name for name, kind in _KINDS.items()}
-_KEYWORDS = {  # of `set_…_visual`
+_KEYWORDS = {  # keywords of `set_…_visual`
     "graph": GraphVisual.__optional_keys__,
     "obstacles": ObstacleVisual.__optional_keys__,
     "agent": AgentVisual.__optional_keys__,
     "sensor": SensorVisual.__optional_keys__,
 }
-_GROUND = (  # drawers of map, agents, messages and what sensors see
+_GROUND = (  # drawers of map, agents, messages and sensor views
     render_graph,
     render_base_map,
     render_tunnels,
@@ -112,20 +116,20 @@ _GROUND = (  # drawers of map, agents, messages and what sensors see
     render_input_overlay,
     legend_only,
 )
-_DRAWING = "drawing"  # the kind of an artist whose commands are recorded
+_DRAWING = "drawing"  # kind of an artist whose commands are recorded
 
 
 def _kind_of(artist: IArtist) -> str | None:
-    """Return the kind of an artist with a built-in drawer; None of any other."""
+    """Return the kind of an artist with a built-in drawer; None for others."""
     drawer = artist.get_drawer()
     try:
         return _NAME_OF.get(drawer) or _NAME_OF.get(type(drawer))  # type: ignore[arg-type]  # None is in no table
-    except TypeError:  # a drawer that is not hashable
+    except TypeError:  # the drawer is not hashable
         return None
 
 
 def spec_of(name: str, artist: IArtist) -> dict[str, Any] | None:
-    """Describe an artist: `name`, `kind`, `keywords`, `layer`, `visible`; None unless its drawer is built in."""
+    """Return the spec of an artist: `name`, `kind`, `keywords`, `layer`, `visible`; None for custom drawers."""
     kind = _kind_of(artist)
     if kind is None:
         return None
@@ -133,21 +137,22 @@ def spec_of(name: str, artist: IArtist) -> dict[str, Any] | None:
         drawer: Any = artist.get_drawer()
         given = drawer.keywords if isinstance(_KINDS[kind].drawer, type) else _KINDS[kind].keywords_of(artist.data)
         keywords = {key: given[key] for key in _KINDS[kind].names if key in given}
-    except (KeyError, TypeError, ValueError, AttributeError):  # data of the caller's own, which do not draw, either
+    except (KeyError, TypeError, ValueError, AttributeError):  # invalid data of a caller, which cannot be drawn, either
         return None
     return _spec(name, kind, keywords, artist)
 
 
 def _spec(name: str, kind: str, keywords: _Data, artist: IArtist) -> _Data:
-    layer, visible = artist.get_layer(), artist.get_visible()
+    layer = artist.get_layer()
+    visible = artist.get_visible()
     return {"name": name, "kind": kind, "keywords": keywords, "layer": layer, "visible": visible}
 
 
 def artist_of(ctx: IContext, spec: dict[str, Any]) -> Artist | None:
-    """Make an artist from its spec; None if it is of an unknown kind.
+    """Return an artist from its spec; None for an unknown kind.
 
     Raises:
-        KeyError, BadType, TypeError: this is no spec.
+        KeyError, BadType, TypeError: not a valid spec.
     """
     kind = _KINDS.get(spec["kind"])
     if kind is None:
@@ -165,18 +170,18 @@ def artist_of(ctx: IContext, spec: dict[str, Any]) -> Artist | None:
 
 
 class Artists(Guarded):
-    """The artists of a context by name: those that were declared or added, and those of the default scene.
+    """The artists of a context by name: declared, added, and those of the default scene.
 
     Args:
         ctx: the context.
-        drawing: what they draw with.
+        drawing: the drawing primitives.
 
     Attributes:
-        declared: every artist that was declared or added.
-        is_graph_declared: whether the graph was, so that there is no default scene.
+        declared: all declared and added artists.
+        is_graph_declared: whether the graph was declared, so that there is no default scene.
         edits: a number that changes whenever an artist is declared, added or removed.
-        drawings: those of a recording that is replayed.
-        fog: what a team knows, beyond which nothing is shown; None: all is.
+        drawings: drawings of a recording that is replayed.
+        fog: filter by the knowledge of a team; None: everything is shown.
     """
 
     _called = "ctx.visual"
@@ -185,17 +190,19 @@ class Artists(Guarded):
 
     def __init__(self, ctx: IContext, drawing: Drawing) -> None:
         self._phase = phase_of(ctx)
-        self._ctx, self._drawing = ctx, drawing
-        self._own_colors: dict[str, Rgb] = {}  # of teams, but for those of a recording
+        self._ctx = ctx
+        self._drawing = drawing
+        self._own_colors: dict[str, Rgb] = {}  # of teams, without those of a recording
         self.declared = {}
         self._proposed: dict[str, IArtist] = {}
         self.is_graph_declared = False
-        self._is_replayed = False  # what is declared is from a recording, where rules drew, too
+        self._is_replayed = False  # whether the declarations are from a recording, in which rules also drew
         self._default: dict[Theme, DefaultScene] = {}
         self.edits = 0
         self.drawings = RecordedDrawings(ctx)
         self.fog: Fog | None = None
-        self._drawn: tuple[Any, dict[str, IArtist]] = None, {}  # what `drawn` has found, and by which edits
+        # the result of `drawn`, with the edit counts for which it is valid
+        self._drawn: tuple[Any, dict[str, IArtist]] = None, {}
 
     # -- shown -----------------------------------------------------------------------------------------------
 
@@ -203,12 +210,12 @@ class Artists(Guarded):
     def shown(
         self, trails: int = 0, scene: "DefaultScene | None" = None, *, sensors: bool = True
     ) -> dict[str, IArtist]:
-        """Return the artists that draw: the declared ones, and those of the default scene that they do not replace.
+        """Return the artists to draw: the declared ones, and those of the default scene that are not replaced.
 
         Args:
-            trails: of how many turns the ways of agents are shown, besides.
-            scene: the default one; None: that of pictures, in the theme of the drawing.
-            sensors: whether those of what sensors see are among them.
+            trails: number of turns for which the paths of agents are shown.
+            scene: the default scene; None: the one of pictures, in the theme of the drawing.
+            sensors: whether artists of sensor views are included.
 
         Raises:
             ContextTerminated: the context has ended.
@@ -230,14 +237,15 @@ class Artists(Guarded):
         return self._eliminated(artists) | artists
 
     def signs(self) -> dict[str, IArtist]:
-        """Return the artists that draw but for those of map, agents, messages and what sensors see, by name."""
+        """Return the artists by name, without those of map, agents, messages and sensor views."""
         artists = self.shown(sensors=False)
         return {name: one for name, one in artists.items() if one.get_drawer() not in _GROUND}
 
     def _eliminated(self, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
-        """Return the artist that marks agents that are out; marks stand beside the largest disc of these artists."""
+        """Return the artist that marks eliminated agents; marks are placed beside the largest disc of these artists."""
         looks = list(looks_of(artists))
-        colors, size = {look.name: look.color for look in looks}, max((look.size for look in looks), default=0.0)
+        colors = {look.name: look.color for look in looks}
+        size = max((look.size for look in looks), default=0.0)
         out = {name: has_arrived for name, has_arrived in self._drawing.events.out().items() if name in colors}
         tags = artists.get("tags")
         if tags is not None and (self.fog is not None or tags.get_drawer() is render_tags):
@@ -249,7 +257,7 @@ class Artists(Guarded):
         return {"eliminated": marks}
 
     def _of_default(self, scene: "DefaultScene | None", *, sensors: bool) -> dict[str, IArtist]:
-        """Return the default scene unless the graph was declared; in a replay of such a game, what its rules drew."""
+        """Return the default scene unless the graph was declared; in a replay of such a game, the drawings of rules."""
         if self.is_graph_declared and not self._is_replayed:
             return {}
         if scene is None:
@@ -263,18 +271,19 @@ class Artists(Guarded):
 
     @property
     def team_colors(self) -> Mapping[str, Rgb]:
-        """The colours that were declared, by the text of their teams."""
+        """The declared colors, by the text of the teams."""
         return MappingProxyType(dict(self._drawing.team_colors))
 
     @team_colors.setter
     def team_colors(self, colors: Mapping[Any, AnyColor]) -> None:
-        """Give teams, and agents without one by their names, other colours than the usual ones.
+        """Set the colors of teams, and of agents without a team by name.
 
         Raises:
-            BadType, BadValue: no mapping, or a colour that is none.
-            UnknownName (KeyError): no agent, flag or territory is of that team.
+            BadType, BadValue: not a mapping, or an invalid color.
+            UnknownName (KeyError): the team has no agent, flag or territory.
         """
-        checked, known = _checked_colors(colors), {*self._drawing.group_colors(), *teams_of_rules(self._ctx)}
+        checked = _checked_colors(colors)
+        known = {*self._drawing.group_colors(), *teams_of_rules(self._ctx)}
         for team in checked:
             if team not in known:
                 raise UnknownName("team", team, sorted(known))
@@ -284,12 +293,12 @@ class Artists(Guarded):
     @refused_while_deciding
     @as_declared(IVisualizationEngine.set_graph_visual)
     def set_graph_visual(self, **kwargs: Unpack[GraphVisual]) -> Artist:
-        """Declare how the graph looks; the contract explains the keywords."""
+        """Set the look of the graph; the contract explains the keywords."""
         self._declare_graph(is_declared=not self._ctx.is_terminated())
         return self._declare("graph", self._made("graph", {**kwargs}, Layer.GRAPH))
 
     def _declare_graph(self, *, is_declared: bool) -> None:
-        """Note that the graph was declared: what the default scene has filled in is as in 1.0.0 again."""
+        """Record that the graph was declared, and reset values of the default scene to those of 1.0.0."""
         if is_declared and not self.is_graph_declared:
             self.is_graph_declared = True
             for look in looks_of(self.declared):
@@ -301,14 +310,14 @@ class Artists(Guarded):
     @refused_while_deciding
     @as_declared(IVisualizationEngine.set_obstacle_visual)
     def set_obstacle_visual(self, **kwargs: Unpack[ObstacleVisual]) -> Artist:
-        """Declare how obstacles look; the contract explains the keywords."""
+        """Set the look of obstacles; the contract explains the keywords."""
         keywords = {"color_map": {}, "boundary_thickness": 1.0, **kwargs}
         return self._declare("obstacles", self._made("obstacles", keywords, Layer.OBSTACLES))
 
     @refused_while_deciding
     @as_declared(IVisualizationEngine.set_agent_visual)
     def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> Artist:
-        """Declare how an agent looks; the contract explains the keywords."""
+        """Set the look of an agent; the contract explains the keywords."""
         artist = self._made("agent", {**kwargs, "name": name}, Layer.AGENTS)
         artist.data["agent_data"].image = kwargs.get("image_path")
         return self._declare(name, artist)
@@ -316,7 +325,7 @@ class Artists(Guarded):
     @refused_while_deciding
     @as_declared(IVisualizationEngine.set_sensor_visual)
     def set_sensor_visual(self, name: str, **kwargs: Unpack[SensorVisual]) -> Artist:
-        """Declare how a sensor's last view looks; the contract explains the keywords."""
+        """Set the look of a sensor's last view; the contract explains the keywords."""
         artist = self._made("sensor", {**kwargs, "name": name}, kwargs.get("layer", Layer.SENSORS))
         return self._declare(f"sensor_{as_name(name, 'a sensor')}", artist)
 
@@ -331,25 +340,25 @@ class Artists(Guarded):
         vmax: float | None = None,
         name: str = "values",
     ) -> Artist | None:
-        """Show a value of each node, or of each edge, as a colour, and explain the colours in a legend.
+        """Show values of nodes or edges as colors, with a legend.
 
-        Calling it again replaces what was shown under that name; with neither nodes nor edges it is shown no longer.
+        A further call replaces the values of this name; without nodes and edges it removes them.
 
         Args:
-            nodes: id -> value. One that is NaN, or not there, leaves the node as it is.
-            edges: the same for edges; the higher value is on top where two edges share a street.
+            nodes: id -> value. Nodes with NaN, or without a value, are unchanged.
+            edges: id -> value; the higher value is on top if two edges share a street.
             cmap: "viridis", "magma", "cividis" or "diverging" (palest at 0, unless `vmin` or `vmax` is given), or a
-                function from a value to a colour.
-            vmin: what has the first colour, and all below it; default: the lowest value.
-            vmax: what has the last colour, and all above it; default: the highest value.
-            name: of the artist; another than "values" is the title of the legend.
+            function from a value to a color.
+            vmin: value of the first color, also used below; default: the lowest value.
+            vmax: value of the last color, also used above; default: the highest value.
+            name: name of the artist; any name except "values" is also the title of the legend.
 
         Returns:
-            The artist, on layer 13; None where nothing is shown.
+            The artist, on layer 13; None if nothing is shown.
 
         Raises:
-            UnknownName (KeyError): no such node, edge or colour map.
-            BadType, BadValue: no mapping to numbers, both nodes and edges, or `vmin` not below `vmax`.
+            UnknownName (KeyError): a node, edge or color map does not exist.
+            BadType, BadValue: not a mapping to numbers, both nodes and edges, or `vmin` not below `vmax`.
         """
         from gamms.visual.drawers.graph import render_values
         from gamms.visual.legend import checked
@@ -391,7 +400,7 @@ class Artists(Guarded):
     @refused_while_deciding
     @as_declared(IVisualizationEngine.add_artist)
     def add_artist(self, name: str, artist: IArtist | dict[str, Any]) -> IArtist:
-        """Draw an artist; the contract explains the arguments."""
+        """Add an artist; the contract explains the arguments."""
         if isinstance(artist, dict):
             artist = self._artist_of(artist)
         if not isinstance(artist, IArtist):
@@ -405,20 +414,20 @@ class Artists(Guarded):
 
     @refused_while_deciding
     def propose(self, name: str, artist: dict[str, Any]) -> None:
-        """Draw an artist in place of the one that was proposed by that name; one of the caller's stays."""
+        """Add an artist, or replace one proposed under this name; an artist of the caller stays."""
         known = self.declared.get(name)
         if known is None or known is self._proposed.get(name):
             self._proposed[name] = self.add_artist(name, artist)
 
     @refused_while_deciding
     def withdraw(self, name: str) -> None:
-        """Remove the artist that was proposed by this name, unless another has taken its place."""
+        """Remove the artist proposed under this name, unless another has replaced it."""
         artist = self._proposed.pop(name, None)
         if artist is not None and self.declared.get(name) is artist:
             self.remove_artist(name)
 
     def get(self, name: str) -> IArtist | None:
-        """Return the artist that was declared or added under a name; None if there is none."""
+        """Return the artist declared or added under a name; None if there is none."""
         return self.declared.get(as_key(name, "The name of an artist"))
 
     def _artist_of(self, data: dict[str, Any]) -> Artist:
@@ -429,7 +438,7 @@ class Artists(Guarded):
 
     @refused_while_deciding
     def remove_artist(self, name: str) -> None:
-        """Draw an artist no longer; a missing one is only warned about."""
+        """Remove an artist; a missing one only gives a warning."""
         if self._ctx.is_terminated():
             return
         self.edits += 1
@@ -439,11 +448,12 @@ class Artists(Guarded):
     # -- recorded --------------------------------------------------------------------------------------------
 
     def specs(self, *, with_drawings: bool = False) -> dict[str, Any]:
-        """Describe the `artists` of built-in drawers as plain values; colours of teams; and if the graph was declared.
+        """Return specs of the `artists` with built-in drawers; colors of teams; and whether the graph was declared.
 
-        With drawings, the artists of other drawers and shapes are in their places, for what they draw is recorded.
+        With drawings, artists with other drawers and shapes are included, because their drawings are recorded.
         """
-        drawn, artists = self.drawn(with_custom=with_drawings), list[Any]()
+        drawn = self.drawn(with_custom=with_drawings)
+        artists = list[Any]()
         for name, artist in self.declared.items():
             if name in drawn:
                 keywords = {"is_static": artist.get_artist_type() is ArtistType.STATIC}
@@ -461,32 +471,33 @@ class Artists(Guarded):
         return self._drawn[1]
 
     def recorded_drawings(self, *, with_custom: bool) -> dict[str, dict[str, Any]]:
-        """Return what artists draw at present as plain values, by name; see `drawn`."""
+        """Return the present drawings of artists as plain values, by name; see `drawn`."""
         return {name: self.drawings.recorded(name, one) for name, one in self.drawn(with_custom=with_custom).items()}
 
     @refused_while_deciding
     def add_drawing(self, recorded: dict[str, Any]) -> None:
-        """Show what was recorded of an artist that the recording has declared; else do nothing.
+        """Show a recorded drawing of an artist that the recording has declared; otherwise do nothing.
 
         Raises:
-            BadType, BadValue, KeyError: this is no recorded drawing; nothing has changed.
+            BadType, BadValue, KeyError: not a recorded drawing; nothing has changed.
         """
         artist = self.declared.get(recorded["artist"])
         if artist is None or not isinstance(artist.get_drawer(), RecordedDrawer):
             return
-        layer, visible = as_int(recorded["layer"], "The layer of an artist"), bool(recorded["visible"])
+        layer = as_int(recorded["layer"], "The layer of an artist")
+        visible = bool(recorded["visible"])
         self.drawings.put(recorded)
         if (layer, visible) != (artist.get_layer(), artist.get_visible()):
             artist.set_layer(layer)
             artist.set_visible(visible)
 
     def end_turn(self) -> None:
-        """Show drawings of a recording no longer where a turn was played, and not replayed."""
+        """Remove recorded drawings after a turn that was played instead of replayed."""
         if self.drawings.commands and not getattr(self._ctx.record, "is_replaying", False):
             self.drawings.clear()
 
     def _drawing_of(self, spec: dict[str, Any]) -> Artist:
-        """Make an artist that draws what is recorded."""
+        """Return an artist that draws recorded commands."""
         drawer = RecordedDrawer(self.drawings, spec["name"])
         artist = Artist(self._ctx, drawer, spec["layer"])
         artist.data = {"legend": drawer.legend}
@@ -497,17 +508,17 @@ class Artists(Guarded):
 
     @refused_while_deciding
     def add_specs(self, specs: dict[str, Any], own: Mapping[str, IArtist] = _NONE) -> Mapping[str, IArtist]:
-        """Add the artists that `specs` describe, but for those whose names are taken.
+        """Add the artists described by `specs`, except for taken names.
 
         Args:
-            specs: of this or another context.
+            specs: from this or another context.
             own: the result of an earlier call, whose artists are replaced.
 
         Returns:
             The artists that were added.
 
         Raises:
-            KeyError, BadType (TypeError), TypeError: these are no specs; nothing has changed.
+            KeyError, BadType (TypeError), TypeError: not valid specs; nothing has changed.
         """
         made = {
             as_name(one["name"], "an artist"): (
@@ -515,7 +526,8 @@ class Artists(Guarded):
             )
             for one in specs["artists"]
         }
-        is_declared, colors = bool(specs["is_declared"]), _checked_colors(specs.get("team_colors", {}))
+        is_declared = bool(specs["is_declared"])
+        colors = _checked_colors(specs.get("team_colors", {}))
         if self._ctx.is_terminated():
             return own
         for name, artist in own.items():
@@ -531,10 +543,10 @@ class Artists(Guarded):
 
 
 def _checked_colors(colors: object) -> dict[str, Rgb]:
-    """Return colours by the text of their teams.
+    """Return checked colors by the text of their teams.
 
     Raises:
-        BadType, BadValue: they are none.
+        BadType, BadValue: the colors are invalid.
     """
     if not isinstance(colors, Mapping):
         raise BadType(f"team_colors must be a mapping from teams to colours, not {shown(colors)}.")

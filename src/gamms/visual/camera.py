@@ -1,4 +1,4 @@
-"""Cameras of pictures and of the window, and what of a drawing they see."""
+"""Cameras of pictures and of the window, and clipping of drawings to their view."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.typing import IContext
 
-_SHORTEST = 1e-12  # what goes less far along an axis does not go along it
+_SHORTEST = 1e-12  # smaller extents along an axis count as 0
 
 
 def touching(
@@ -25,8 +25,8 @@ def touching(
 
 
 def extent(starts: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the lower left and the upper right corner of lines (lines, 2), of which there is at least one."""
-    # NOTE: a tenth of the time of min(axis=0), which goes through pairs (first frame of 100,000 edges).
+    """Return the lower left and the upper right corner of lines (lines, 2); there must be at least one."""
+    # NOTE: a tenth of the time of min(axis=0), which iterates over pairs (first frame of 100,000 edges).
     low: FloatArray = np.minimum(starts.T, ends.T, order="C").min(axis=1)
     high: FloatArray = np.maximum(starts.T, ends.T, order="C").max(axis=1)
     return low, high
@@ -46,12 +46,14 @@ def inside(points: FloatArray, corners: FloatArray) -> "np.ndarray[tuple[int, ..
 def clipped(
     starts: FloatArray, ends: FloatArray, low: tuple[float, float], high: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the parts of lines (lines, 2) inside a box; lines that miss it are left out, their order stays."""
+    """Return the parts of lines (lines, 2) inside a box, in order, without lines that miss it."""
     ways = ends - starts
-    enter, leave = np.zeros(len(starts)), np.ones(len(starts))
+    enter = np.zeros(len(starts))
+    leave = np.ones(len(starts))
     is_inside = np.ones(len(starts), bool)
     for axis in (0, 1):
-        way, start = ways[:, axis], starts[:, axis]
+        way = ways[:, axis]
+        start = starts[:, axis]
         is_parallel = np.abs(way) < _SHORTEST
         step = np.where(is_parallel, 1.0, way)
         at_low, at_high = (low[axis] - start) / step, (high[axis] - start) / step
@@ -59,17 +61,18 @@ def clipped(
         leave = np.minimum(leave, np.where(is_parallel, 1.0, np.maximum(at_low, at_high)))
         is_inside &= ~is_parallel | ((start >= low[axis]) & (start <= high[axis]))
     is_inside &= enter <= leave
-    begin, way = starts[is_inside], ways[is_inside]
+    begin = starts[is_inside]
+    way = ways[is_inside]
     return begin + enter[is_inside, None] * way, begin + leave[is_inside, None] * way
 
 
 Point = tuple[float, float]
 Box = tuple[FloatArray, FloatArray]  # the lower left and the upper right corner, world units
 Margins = tuple[float, float, float, float]  # left, top, right, bottom; pixels
-FAINTEST_PX = 0.4  # of lines whose width is in world units: thinner ones would vanish
-CSS_DPI = 96.0  # at which pixels have the usual size
-_SMALLEST = 1e-9  # world units; anything smaller is a point
-_AT_SIDE = 0.05  # of the longer side of a box: what is nearer to one of its sides is at that side
+FAINTEST_PX = 0.4  # minimum width of lines in world units: thinner lines would vanish
+CSS_DPI = 96.0  # resolution at which pixels have their usual size
+_SMALLEST = 1e-9  # world units; smaller extents count as points
+_AT_SIDE = 0.05  # share of the longer side of a box within which drawings count as at the border
 
 
 class Camera(NamedTuple):
@@ -86,54 +89,55 @@ class Camera(NamedTuple):
         return (points - (self.left, self.top)) * (self.scale, -self.scale)
 
 
-class Look(NamedTuple):
-    """Where pictures of any size look: a point and a width, in world units."""
+class FixedView(NamedTuple):
+    """The view of pictures of any size: a center and a width, in world units."""
 
     x: float
     y: float
     world_width: float
 
     def camera(self, width: int, height: int) -> Camera:
-        """Return the camera of a picture of so many pixels."""
+        """Return the camera of a picture with this size in pixels."""
         scale = width / self.world_width
         return Camera(width, height, self.x - self.world_width / 2, self.y + height / 2 / scale, scale)
 
 
-class Follow(NamedTuple):
-    """Where pictures look while they keep an agent in the middle: its name, and a width in world units."""
+class FollowView(NamedTuple):
+    """A view that keeps an agent in the center: its name, and a width in world units."""
 
     name: str
     world_width: float
 
     def camera(self, place: tuple[float, float], width: int, height: int) -> Camera:
-        """Return the camera over a place, moved by whole pixels only so that streets do not flicker."""
-        camera = Look(*place, self.world_width).camera(width, height)
+        """Return the camera over a point, moved by whole pixels so that streets do not flicker."""
+        camera = FixedView(*place, self.world_width).camera(width, height)
         left, top = round(camera.left * camera.scale) / camera.scale, round(camera.top * camera.scale) / camera.scale
         return camera._replace(left=left, top=top)
 
 
 class Viewpoint(Guarded):
-    """Where pictures, frames and films look.
+    """The view of pictures, frames and films.
 
     Args:
         ctx: the context.
-        position_of: of an agent, by name, after a share of its last move.
+        position_of: function from an agent's name and a share of its last move to its position.
 
     Attributes:
-        look: None sees everything that is drawn.
-        followed: the agent that is kept in the middle, if any.
+        look: a fixed view; None: everything that is drawn.
+        followed: the agent in the center, if any.
     """
 
     _called = "ctx.visual"
 
     def __init__(self, ctx: IContext, position_of: Callable[[str, float], tuple[float, float]]) -> None:
-        self._phase, self._position_of = phase_of(ctx), position_of
-        self.look: Look | None = None
-        self.followed: Follow | None = None
+        self._phase = phase_of(ctx)
+        self._position_of = position_of
+        self.look: FixedView | None = None
+        self.followed: FollowView | None = None
 
     @refused_while_deciding
     def look_at(self, x: float, y: float, width: float) -> None:
-        """Look at `width` world units around (x, y), instead of everything.
+        """Show `width` world units around (x, y), instead of everything.
 
         Raises:
             BadType, BadValue: not finite numbers, or a width that is not positive.
@@ -141,34 +145,35 @@ class Viewpoint(Guarded):
         x, y, width = as_float(x, "x"), as_float(y, "y"), as_float(width, "width")
         if width <= 0.0:
             raise BadValue(f"A view needs a positive width in world units, not {width:g}.")
-        self.look, self.followed = Look(x, y, width), None
+        self.look = FixedView(x, y, width)
+        self.followed = None
 
     @refused_while_deciding
     def look_at_all(self) -> None:
-        """Look at everything that is drawn."""
+        """Show everything that is drawn."""
         self.look = self.followed = None
 
     @refused_while_deciding
     def follow(self, agent_name: str, width: float) -> None:
-        """Keep an agent in the middle of `width` world units; where it is gone, stay where it was last."""
-        self.followed = Follow(agent_name, float(width))
+        """Keep an agent in the center of `width` world units; if it is gone, keep its last position."""
+        self.followed = FollowView(agent_name, float(width))
 
     @outside_of_deciding
     def camera(self, width: int, height: int, share: float = 1.0) -> Camera | None:
-        """Return the camera of a picture after a share of the agents' last moves; None sees everything."""
+        """Return the camera of a picture after a share of the agents' last moves; None shows everything."""
         if self.followed is not None:
             try:
                 x, y = self._position_of(self.followed.name, share)
             except GammsError:  # it is gone
                 self.followed = None
             else:
-                self.look = Look(x, y, self.followed.world_width)
+                self.look = FixedView(x, y, self.followed.world_width)
                 return self.followed.camera((x, y), width, height)
         return None if self.look is None else self.look.camera(width, height)
 
 
 def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, margins: Margins) -> Camera:
-    """Return a camera that sees all from corner to corner, as large as it gets between margins in pixels."""
+    """Return the camera that shows a box as large as possible between margins in pixels."""
     left, top, right, bottom = margins
     free = max(width - left - right, 1.0), max(height - top - bottom, 1.0)
     scale = min(
@@ -180,18 +185,19 @@ def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, margins:
 
 
 def bounds(commands: DrawCommands) -> Box:
-    """Return the lower left and upper right corner of everything drawn, world units; sizes in pixels do not count."""
+    """Return the lower left and upper right corner of all drawings, world units, without sizes in pixels."""
     if len(commands) == 0:
         return np.zeros(2), np.zeros(2)
     breadth = np.where(commands.kind == DrawKind.LINE, commands.width, 0.0)
     reach = np.where(commands.space == DrawSpace.WORLD, commands.size + breadth / 2.0, 0.0)
-    around, axes = np.repeat(reach, np.diff(commands.offsets)), _corners(commands).T
-    # NOTE: one axis after the other, which takes a third of the time (first frame of 100,000 edges).
+    around = np.repeat(reach, np.diff(commands.offsets))
+    axes = _corners(commands).T
+    # NOTE: one axis after the other, in a third of the time (first frame of 100,000 edges).
     return np.array([(axis - around).min() for axis in axes]), np.array([(axis + around).max() for axis in axes])
 
 
 def _corners(commands: DrawCommands) -> FloatArray:
-    """Return the points of all commands, with the far corner of each rectangle in place of its extent."""
+    """Return the points of all commands, with the far corner of each rectangle instead of its extent."""
     points = commands.points.copy()
     rows = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
     anchors = commands.offsets[rows]
@@ -203,7 +209,7 @@ def _corners(commands: DrawCommands) -> FloatArray:
 
 
 def spill(commands: DrawCommands, box: Box) -> Margins:
-    """Return how many pixels signs that stand at the sides of a box, or nearly so, reach beyond it."""
+    """Return how many pixels signs near the border of a box extend beyond it."""
     shifts, places = shifted_points(commands)
     low, high = box
     far = _AT_SIDE * float((high - low).max())
@@ -218,9 +224,9 @@ def spill(commands: DrawCommands, box: Box) -> Margins:
 
 
 def shifted_points(commands: DrawCommands) -> tuple[IntArray, IntArray]:
-    """Return which points are pixels right of a place and below it, and the point that is this place, for each.
+    """Return the points that are pixel offsets to the right and down, and the index of the reference point of each.
 
-    The place is the first point of the command: the centre of a moved circle, or the place of a polygon in pixels.
+    The reference is the first point of the command: the center of a moved circle, or the place of a pixel polygon.
     """
     is_moved = (commands.kind == DrawKind.CIRCLE) & (np.diff(commands.offsets) == 2)
     is_symbol = (commands.kind == DrawKind.POLYGON) & (commands.space == DrawSpace.SCREEN)
@@ -233,7 +239,7 @@ def shifted_points(commands: DrawCommands) -> tuple[IntArray, IntArray]:
 def on_screen(commands: DrawCommands, camera: Camera) -> FloatArray:
     """Return all points in pixels.
 
-    Both points of a moved circle are its centre; both first points of a polygon in pixels are its first corner.
+    Both points of a moved circle are its center; both first points of a pixel polygon are its first corner.
     """
     points = camera.to_screen(commands.points)
     shifts, places = shifted_points(commands)
@@ -242,14 +248,16 @@ def on_screen(commands: DrawCommands, camera: Camera) -> FloatArray:
     return points
 
 
-_HALF_WIDTH = 15.0  # world units, of a camera that was not pointed anywhere
-_CLOSEST = 1e-6  # world units: half the width of the closest look
+_HALF_WIDTH = 15.0  # world units, of a camera without a set view
+_CLOSEST = 1e-6  # world units: half the width of the closest view
 NO_MARGINS = (0.0, 0.0, 0.0, 0.0)
-_STEADY, _STEP = 1.3, 0.5  # a camera that sees so many times as much, or moves by such a share of its view, leaps
+# a larger zoom, or a move by a larger share of the view, counts as a jump
+_STEADY = 1.3
+_STEP = 0.5
 
 
 class WindowCamera:
-    """The camera of a window; setting one of its values changes the next frame.
+    """The camera of a window; changed values take effect in the next frame.
 
     World coordinates are y up; screen coordinates are pixels, y down; viewport coordinates go from 0.0 to 1.0.
 
@@ -269,11 +277,13 @@ class WindowCamera:
         screen_width: int = 1280,
         screen_height: int = 720,
     ) -> None:
-        self._x, self._y, self._size = camera_x, camera_y, camera_size
+        self._x = camera_x
+        self._y = camera_y
+        self._size = camera_size
         self._width, self._height = screen_width, screen_height
-        self.is_pointed = False  # whether a person or a program has said where to look
+        self.is_pointed = False  # whether a person or a program has set the view
 
-    # -- what can be set -------------------------------------------------------------------------------------
+    # -- settable values -------------------------------------------------------------------------------------
 
     @property
     def camera_x(self) -> float:
@@ -282,7 +292,8 @@ class WindowCamera:
 
     @camera_x.setter
     def camera_x(self, x: float) -> None:
-        self._x, self.is_pointed = as_float(x, "camera_x"), True
+        self._x = as_float(x, "camera_x")
+        self.is_pointed = True
 
     @property
     def camera_y(self) -> float:
@@ -291,7 +302,8 @@ class WindowCamera:
 
     @camera_y.setter
     def camera_y(self, y: float) -> None:
-        self._y, self.is_pointed = as_float(y, "camera_y"), True
+        self._y = as_float(y, "camera_y")
+        self.is_pointed = True
 
     @property
     def camera_size(self) -> float:
@@ -302,7 +314,8 @@ class WindowCamera:
     def camera_size(self, size: float) -> None:
         if (size := as_float(size, "camera_size")) <= 0.0:
             raise BadValue(f"camera_size is half the visible width in world units, above 0, not {size:g}.")
-        self._size, self.is_pointed = max(size, _CLOSEST), True
+        self._size = max(size, _CLOSEST)
+        self.is_pointed = True
 
     @property
     def screen_width(self) -> int:
@@ -323,10 +336,10 @@ class WindowCamera:
         self.set_screen_size(self._width, height)
 
     def set_screen_size(self, width: int, height: int) -> None:
-        """Show on a screen of so many pixels; the visible width stays.
+        """Set the screen size in pixels; the visible width stays.
 
         Raises:
-            BadValue: one is not positive.
+            BadValue: a size is not positive.
         """
         width, height = as_int(width, "screen_width"), as_int(height, "screen_height")
         if width <= 0 or height <= 0:
@@ -334,23 +347,24 @@ class WindowCamera:
         self._width, self._height = width, height
 
     def look_at_box(self, low: FloatArray, high: FloatArray, margins: Margins = NO_MARGINS) -> None:
-        """Let everything between two corners be seen, in the middle if that leaves margins of so many pixels."""
+        """Show the box between two corners, centered if margins of these sizes in pixels allow it."""
         (x, y), (across, up) = ((low + high) / 2).tolist(), (high - low).tolist()
         left, top, right, bottom = margins
-        across_px, down_px = max(self._width - left - right, 1.0), max(self._height - top - bottom, 1.0)
-        unit = max(across / across_px, up / down_px) or 2.0 * _HALF_WIDTH / self._width  # of the world, per pixel
+        across_px = max(self._width - left - right, 1.0)
+        down_px = max(self._height - top - bottom, 1.0)
+        unit = max(across / across_px, up / down_px) or 2.0 * _HALF_WIDTH / self._width  # world units per pixel
         slack = (across_px - across / unit) / 2, (down_px - up / unit) / 2  # pixels, at either side
         self._x = x + _shift(right - left, slack[0]) * unit
         self._y = y + _shift(top - bottom, slack[1]) * unit
         self._size = unit * self._width / 2
 
     def move_by(self, right_px: float, down_px: float) -> None:
-        """Let the picture follow a hand that moves by so many pixels."""
+        """Move the picture along with a drag by this many pixels."""
         self.camera_x -= right_px / self.scale
         self.camera_y += down_px / self.scale
 
     def zoom(self, factor: float, around: Point | None = None, closest: float = _CLOSEST) -> None:
-        """Show `factor` times as much, down to a half width of `closest`; a point of the screen stays where it is."""
+        """Show `factor` times as much, down to a half width of `closest`; a point of the screen stays fixed."""
         size = max(self._size * factor, min(closest, self._size))
         if around is not None:
             x, y = self.screen_to_world(*around)
@@ -358,7 +372,7 @@ class WindowCamera:
             self._x, self._y = x + (self._x - x) * share, y + (self._y - y) * share
         self.camera_size = size
 
-    # -- what follows ----------------------------------------------------------------------------------------
+    # -- derived values --------------------------------------------------------------------------------------
 
     @property
     def scale(self) -> float:
@@ -396,7 +410,7 @@ class WindowCamera:
         return self._y + self.camera_size_y
 
     def camera(self) -> Camera:
-        """Return what frames are painted through: moved by whole pixels, so that painted tiles can be shifted."""
+        """Return the camera for painting, moved by whole pixels, so that painted tiles can be shifted."""
         scale = self.scale
         left, top = round(self.bound_left * scale), round(self.bound_bottom * scale)
         return Camera(self._width, self._height, left / scale, top / scale, scale)
@@ -404,16 +418,16 @@ class WindowCamera:
     # -- conversions -----------------------------------------------------------------------------------------
 
     def world_to_screen(self, x: float, y: float) -> Point:
-        """Return a world point in pixels."""
+        """Convert a world point to pixels."""
         return (x - self.bound_left) * self.scale, (self.bound_bottom - y) * self.scale
 
     def screen_to_world(self, x: float, y: float) -> Point:
-        """Return a point in pixels as a world point."""
+        """Convert pixels to a world point."""
         return self.bound_left + x / self.scale, self.bound_bottom - y / self.scale
 
 
 def _shift(margins_px: float, slack_px: float) -> float:
-    """Return how far from the middle, in pixels, content between margins of such a difference has to be."""
+    """Return the offset from the center, in pixels, for contents between margins with this difference."""
     shift = abs(margins_px) / 2 - slack_px
     return 0.0 if shift <= 0.0 else shift if margins_px > 0.0 else -shift
 
@@ -423,7 +437,8 @@ def is_near(camera: Camera, before: Camera) -> bool:
     if not 1 / _STEADY <= camera.scale / before.scale <= _STEADY:
         return False
     (x, y), (then_x, then_y) = _middle(camera), _middle(before)
-    right, up = abs(x - then_x) * camera.scale, abs(y - then_y) * camera.scale
+    right = abs(x - then_x) * camera.scale
+    up = abs(y - then_y) * camera.scale
     return right <= _STEP * camera.width and up <= _STEP * camera.height
 
 

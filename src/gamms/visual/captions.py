@@ -1,4 +1,4 @@
-"""What happens in a game, in words: sentences for events, and how it ended; films, windows and commands share it."""
+"""Captions: sentences for events and for the end of a game, shared by films, windows and commands."""
 
 import re
 from collections.abc import Collection, Iterable, Mapping
@@ -15,8 +15,14 @@ from gamms.visual.lettering import shortened, words_width
 MOST_LINES = 2  # at once
 CAPTION_SECONDS = 2.0  # for which a line is shown
 LINE_PX = 25.0
-_FONT_PX, _ASIDE_PX, _SPOT_PX = 21.0, 26.0, 5.0  # of captions; between the turn and them; their dots
-_CARD_PX, _TITLE_PX, _PAD_PX, _TITLE_SPOT_PX = 26.0, 34.0, 24.0, 8.0
+# of captions; between the turn and them; their dots
+_FONT_PX = 21.0
+_ASIDE_PX = 26.0
+_SPOT_PX = 5.0
+_CARD_PX = 26.0
+_TITLE_PX = 34.0
+_PAD_PX = 24.0
+_TITLE_SPOT_PX = 8.0
 _LONGEST = 90  # letters
 _LAST = "starts again"  # which rules may note before others see why
 _SENTENCES = {  # kind of event -> the field that the sentence is about, and what it says of that one
@@ -45,12 +51,13 @@ class Caption(NamedTuple):
 
 
 def captions_of(events: Iterable[Mapping[str, Any]]) -> list[Caption]:
-    """Return what happened in a turn: a sentence for each agent, and kind and agent where no sentence is known."""
+    """Return the sentences of a turn's events, one per agent; kind and agent for events without a known sentence."""
     found: dict[tuple[str | None, str], list[str]] = {}  # by agent and kind
     of_turn = list(events)
     arrived = [event.get("agent") for event in of_turn if event.get("kind") == "arrive"]
     for event in of_turn:
-        kind, agent = as_text(event.get("kind", "")), event.get("agent")
+        kind = as_text(event.get("kind", ""))
+        agent = event.get("agent")
         if kind in DECISIONS or (kind == "eliminated" and agent in arrived):  # an arrival says enough
             continue
         about, predicate = _SENTENCES.get(kind, ("", ""))
@@ -76,7 +83,7 @@ def score_line(scores: Mapping[Any, float]) -> str:
 
 
 def scores_of(ctx: IContext, later: Iterable[str] = ()) -> dict[str, float]:
-    """Return the scores by text, of all teams where one has any; `later` are those that will have some."""
+    """Return the scores by text, of all teams if one has any; `later` are teams that will have scores."""
     game = ctx.current_game
     known = {} if game is None else {as_text(of): score for of, score in game.scores.items()}
     teams = dict.fromkeys(as_text(team) for team in dict.fromkeys(ctx.agent.positions.teams) if team is not None)
@@ -86,19 +93,20 @@ def scores_of(ctx: IContext, later: Iterable[str] = ()) -> dict[str, float]:
 
 def ending(over: Mapping[str, Any]) -> tuple[str, str]:
     """Return who has won, and why the game is over, in words."""
-    winner, reason = over.get("winner"), as_text(over.get("reason", ""))
+    winner = over.get("winner")
+    reason = as_text(over.get("reason", ""))
     return "No winner" if winner is None else f"{as_text(winner)} won", _REASONS.get(reason, reason)
 
 
-class Card(NamedTuple):
-    """How a game ended: who has won, in which colour, and why, with the scores and the number of turns."""
+class ResultCard(NamedTuple):
+    """The end of a game: the winner and its color, the reason, the scores and the number of turns."""
 
     title: str
     color: Rgb | None
     lines: tuple[str, ...]
 
 
-def end_card(ctx: IContext, turn: int, later: Iterable[str] = (), reason: str = "") -> Card | None:
+def end_card(ctx: IContext, turn: int, later: Iterable[str] = (), reason: str = "") -> ResultCard | None:
     """Return how the game ended; where it did not, and no reason for its last turn is given or known, None."""
     game = ctx.current_game
     over = None if game is None else game.over
@@ -110,11 +118,11 @@ def end_card(ctx: IContext, turn: int, later: Iterable[str] = (), reason: str = 
     color = None if over is None else drawing_of(ctx).group_colors().get(as_text(over["winner"]))
     scores = dict(sorted(scores_of(ctx, later).items(), key=lambda item: -item[1]))
     turns = f"{as_text(turn)} turn{'s' * (turn != 1)}"
-    return Card(title, color, (reason, *([score_line(scores)] if scores else []), turns))
+    return ResultCard(title, color, (reason, *([score_line(scores)] if scores else []), turns))
 
 
-class Line(NamedTuple):
-    """A line of what happened, the colour of the team that it is about, and for how many turns it will be shown."""
+class CaptionLine(NamedTuple):
+    """A caption, the color of its team, and the number of turns for which it will be shown."""
 
     words: str
     color: Rgb | None
@@ -122,15 +130,15 @@ class Line(NamedTuple):
 
 
 class CaptionBar(NamedTuple):
-    """What stands below the map: the turn, the scores, and what happened, the latest first."""
+    """The text below the map: the turn, the scores, and the events, the latest first."""
 
     turn: int
     scores: str
-    lines: tuple[Line, ...]
+    lines: tuple[CaptionLine, ...]
 
 
 class Captions:
-    """What happened in the last turns.
+    """The captions of the last turns.
 
     Args:
         ctx: the context.
@@ -141,23 +149,27 @@ class Captions:
     """
 
     def __init__(self, ctx: IContext, drawing: Drawing) -> None:
-        self._ctx, self._drawing, self.turns = ctx, drawing, 1
-        self._lines: list[Line] = []
+        self._ctx = ctx
+        self._drawing = drawing
+        self.turns = 1
+        self._lines: list[CaptionLine] = []
 
     def now(self, hidden: Collection[str] = ()) -> CaptionBar:
-        """Return what is said in this turn; call it once in each.
+        """Return the captions of this turn; call it once per turn.
 
         Args:
             hidden: agents that are not shown; what happens among them is left out.
         """
-        game, colors, agents = self._ctx.current_game, self._drawing.group_colors(), self._ctx.agent.agents
-        new = list[Line]()
+        game = self._ctx.current_game
+        colors = self._drawing.group_colors()
+        agents = self._ctx.agent.agents
+        new = list[CaptionLine]()
         if game is not None and game.over is not None:
             color = colors.get(str(game.over.get("winner")))
-            new.append(Line(": ".join(ending(game.over)), color, self.turns))
+            new.append(CaptionLine(": ".join(ending(game.over)), color, self.turns))
         for words, name in captions_of(one for one in self._drawing.events.of_turn() if _is_open(one, hidden)):
             color = colors.get(str(color_group(agents[name])) if name in agents else str(name))
-            new.append(Line(words, color, self.turns))
+            new.append(CaptionLine(words, color, self.turns))
         if len(new) > MOST_LINES:
             last = new[MOST_LINES - 1]
             new[MOST_LINES - 1 :] = [last._replace(words=f"{last.words}, and {len(new) - MOST_LINES} more")]
@@ -192,13 +204,14 @@ def draw_caption_bar(
     room = left + width - begin - 4 * _SPOT_PX
     newest = max((line.turns for line in bar.lines), default=0)
     for number, line in enumerate(bar.lines[:lines] if room > _ASIDE_PX else ()):
-        middle, ink = top + (number + 0.5) * LINE_PX, None if line.turns == newest else faint
+        middle = top + (number + 0.5) * LINE_PX
+        ink = None if line.turns == newest else faint
         if line.color is not None:
             pen.circle(begin + _SPOT_PX, middle, _SPOT_PX, line.color)
         pen.text(shortened(line.words, _FONT_PX, room), begin + 4 * _SPOT_PX, middle, _FONT_PX, ink)
 
 
-def draw_card(pen: Pen, card: Card, center: tuple[float, float], ground: Rgb, faint: Rgb) -> None:
+def draw_card(pen: Pen, card: ResultCard, center: tuple[float, float], ground: Rgb, faint: Rgb) -> None:
     """Draw how a game ended on a card around a point."""
     spot = 0.0 if card.color is None else 3.0 * _TITLE_SPOT_PX
     title = words_width(card.title, _TITLE_PX) + spot

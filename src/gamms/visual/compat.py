@@ -96,7 +96,7 @@ class RenderManager(WindowCamera):
         return not (is_crossed or inside(np.array([(self._x, self._y)]), corners).any())
 
     def check_rectangle_culled(self, x: float, y: float, width: float, height: float) -> bool:
-        """Return whether what `render_rectangle` draws, from its top-left corner and in pixels, is wholly outside."""
+        """Return whether a rectangle of `render_rectangle`, from its top-left corner in pixels, is wholly outside."""
         left, top = self.world_to_screen(x, y)
         return left > self._width or top > self._height or left + width < 0.0 or top + height < 0.0
 
@@ -174,7 +174,7 @@ class WindowNames:
         return self.artists.declared["input_overlay"]
 
     def _get_target_surface(self) -> Any:
-        """Return a surface for drawers that paint with pygame: above what their layer draws; else the screen."""
+        """Return a surface for drawers that paint with pygame: above the drawings of their layer; else the screen."""
         if self.drawing.commands is None:
             return window_surface() or self.screen
         if self.drawer_surface is None:

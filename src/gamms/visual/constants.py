@@ -9,7 +9,7 @@ CACHE_ZOOM_MAX = 1.2  # how far a cached drawing is stretched before it is drawn
 
 
 class Engine(Enum):
-    """How a scenario is shown: not at all, in a window, in a film that needs no display, or in browsers."""
+    """The display of a scenario: none, a window, a film without a display, or browsers."""
 
     NO_VIS = 0
     PYGAME = 1

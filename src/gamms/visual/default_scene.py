@@ -54,8 +54,13 @@ from gamms.visual.themes import Theme
 MOST_SENSORS = 20  # more of them would hide what happens
 _MOST_APART = 6  # so many are drawn one by one, each with all that it sees
 _WITHOUT_CARRIER = (110, 114, 120)
-_AGENT_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; more than so many are smaller, and drawn together
-_DENSE, _TINY_PX = 5000, 1.0  # more than so many would hide each other, and are still smaller
+# radius of agents; more than so many are smaller, and drawn together
+_AGENT_PX = 6.0
+_LEAST_PX = 3.0
+_MANY = 150
+# more than so many would hide each other, and are still smaller
+_DENSE = 5000
+_TINY_PX = 1.0
 TOGETHER = "agents on the ground"  # the name of the artist that draws them
 _VIEWS = (  # the parts of a view, what they are, and their signs
     ("outline", "field of view", "field"),
@@ -70,14 +75,16 @@ _COUNTED = (
     (COOLDOWNS, render_cooldowns, Layer.FLAGS),
 )
 RING = 1.7  # of a sensed agent, in radii of its disc
-_WALL, _THICKEST = 0.3, 0.5  # of a wall: in radii of agents, and at most in metres
+# of a wall: in radii of agents, and at most in metres
+_WALL = 0.3
+_THICKEST = 0.5
 
 
 ColoredSights = Mapping[str, list[tuple[Rgb, SensorView | None]]]
 
 
 class DefaultScene:
-    """The artists of a scenario that does not declare its graph, kept as long as what they depend on stays the same.
+    """The artists of a scenario that does not declare its graph, cached until their inputs change.
 
     Args:
         ctx: the context.
@@ -85,10 +92,13 @@ class DefaultScene:
     """
 
     def __init__(self, ctx: IContext, theme: Theme) -> None:
-        self._ctx, self._theme = ctx, theme
+        self._ctx = ctx
+        self._theme = theme
         self._map_key: Any = None
         self._map: dict[str, IArtist] = {}
-        self._unit, self._most = 1.0, inf  # radius of agents, and what it is at most
+        # radius of agents, and what it is at most
+        self._unit = 1.0
+        self._most = inf
         self._agents_key: Any = None
         self._agents: dict[str, IArtist] = {}
         self._colors: dict[str, Rgb] = {}  # of agents, by name
@@ -123,7 +133,7 @@ class DefaultScene:
         return self._mark != before
 
     def of_rules(self) -> dict[str, IArtist]:
-        """Return the artists of what rules remember, which is all that a replay has, by the names that rules use."""
+        """Return the artists of rule data, which is all that a replay has, by the names that rules use."""
         artists: dict[str, IArtist] = {"tags": self._tags}
         if goals_in(self._ctx):
             artists["goals"] = Artist(self._ctx, render_goals, Layer.GOALS)
@@ -145,7 +155,8 @@ class DefaultScene:
         key = graph.columns().revision, graph.obstacle_revision  # the first one changes with the scenery, too
         if key == self._map_key and None not in key:  # which are engines that do not count
             return
-        columns, tones = graph.columns(), self._theme.map
+        columns = graph.columns()
+        tones = self._theme.map
         self._map_key, self._unit = key, sight_radius(columns)
         streets = self._static(render_graph, Layer.GRAPH)
         size = (0.35 if columns.crs is None else 0.15) * self._unit  # where paths are slim, larger ones would be beads
@@ -172,12 +183,15 @@ class DefaultScene:
         key = self._ctx.agent.structure_version, self._mark, drawing_of(self._ctx).team_colors, are_together
         if key == self._agents_key:
             return
-        positions, by_side = self._ctx.agent.positions, drawing_of(self._ctx).group_colors()
-        names, sides = positions.names, zip(positions.names, positions.teams, strict=True)
+        positions = self._ctx.agent.positions
+        by_side = drawing_of(self._ctx).group_colors()
+        names = positions.names
+        sides = zip(positions.names, positions.teams, strict=True)
         least_px = max(_LEAST_PX, min(_AGENT_PX, _AGENT_PX * (_MANY / max(len(names), 1)) ** 0.5))
         if are_together:
             least_px = max(_TINY_PX, least_px * min(1.0, (_DENSE / len(names)) ** 0.5))
-        self._agents_key, self._agents = key, {}
+        self._agents_key = key
+        self._agents = {}
         self._colors = {name: by_side[as_text(name if team is None else team)] for name, team in sides}
         if are_together:
             self._agents[TOGETHER] = self._together(least_px)
@@ -189,7 +203,8 @@ class DefaultScene:
 
     def _together(self, least_px: float) -> Artist:
         """Return the artist of all agents on the ground."""
-        positions, colors = self._ctx.agent.positions, list(dict.fromkeys(self._colors.values()))
+        positions = self._ctx.agent.positions
+        colors = list(dict.fromkeys(self._colors.values()))
         place_of = {color: place for place, color in enumerate(colors)}
         places = np.array([place_of[color] for color in self._colors.values()], np.int64)
         rows = np.delete(np.arange(len(places)), positions.flyers)
@@ -201,8 +216,9 @@ class DefaultScene:
         return artist
 
     def _sensors(self, declared: Mapping[str, IArtist]) -> dict[str, IArtist]:
-        """Return artists of what sensors see at present."""
-        nodes, found = len(self._ctx.graph.columns().node_ids), dict[str, list[Sight]]()
+        """Return artists of the present sensor views."""
+        nodes = len(self._ctx.graph.columns().node_ids)
+        found = dict[str, list[Sight]]()
         for sight in drawing_of(self._ctx).carriers.sights(MOST_SENSORS):
             if sight.view is None or _is_worth_drawing(sight.view, nodes):
                 found.setdefault(sight.sensor.sensor_id, []).append(sight)
@@ -226,7 +242,7 @@ def artists_of_sights(
     declared: Mapping[str, IArtist],
     before: Mapping[str, Artist] = MappingProxyType({}),
 ) -> dict[str, Artist]:
-    """Return artists of what sensors see: one for each, and one for the rings of all that are drawn so.
+    """Return artists of sensor views: one per color, and one for the rings of all views.
 
     Args:
         ctx: the context.
@@ -235,7 +251,8 @@ def artists_of_sights(
         declared: artists by name, which are left out.
         before: artists to be used again.
     """
-    artists, look = dict[str, Artist](), sizes_of_sights(unit)
+    artists = dict[str, Artist]()
+    look = sizes_of_sights(unit)
     together: list[tuple[Rgb, SensorView]] = [
         (color, view)
         for name, views in sights.items()
@@ -267,7 +284,7 @@ def artists_of_sights(
 
 
 def legend_of_sights(given: Iterable[tuple[Rgb, SensorView | None]]) -> Rows | None:
-    """Return what the signs of views mean, in grey, as each has the colour of the agent that looks."""
+    """Return legend rows for the signs of views, in grey, because views have the colors of their agents."""
     sights = list(given)
     views = [view for _, view in sights if view is not None]
     rows = [

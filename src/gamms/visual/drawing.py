@@ -18,7 +18,7 @@ from gamms.text import as_text, shown
 from gamms.typing import IAgent, IContext
 from gamms.visual.appearance import AnyColor, Color, Rgb, in_order, rgba, team_colors
 from gamms.visual.camera import Viewpoint, shifted_points
-from gamms.visual.shown_turn import Carriers, Motion, PastTurns, TurnEvents
+from gamms.visual.shown_turn import Motion, PastTurns, SensorCarriers, TurnEvents
 from gamms.visual.themes import THEMES, Theme
 
 _ONE = array("q", (1,))  # point, of as many commands as it is repeated
@@ -45,7 +45,7 @@ class Disc(NamedTuple):
     edge_px: float = EDGE_PX  # half of it is hidden
 
 
-class Spread(NamedTuple):
+class DiscOffsets(NamedTuple):
     """By how many radii discs on one node are moved before and after a turn."""
 
     on: IntArray  # (discs,) the node of each, by any number
@@ -55,12 +55,12 @@ class Spread(NamedTuple):
     ends: FloatArray  # (discs, 2)
 
     def is_of(self, on: IntArray, rows: IntArray) -> bool:
-        """Return whether it is that of these discs."""
+        """Return whether it belongs to these discs."""
         return np.array_equal(self.on, on) and np.array_equal(self.rows, rows)
 
 
 class Commands:
-    """An open list of draw commands; what is added is painted on `layer`, above what was added before.
+    """A growing list of draw commands; commands are added on `layer`, above earlier ones.
 
     Attributes:
         layer: of what is added next.
@@ -86,16 +86,22 @@ class Commands:
     def add_discs(
         self, centers: Points, discs: Sequence[Disc], looks: IntArray, shifts: FloatArray | None = None
     ) -> None:
-        """Draw discs around `centers` (discs, 2), each above those before it; `looks` (discs,) are rows of `discs`.
+        """Draw discs around `centers` (discs, 2), each above the previous ones; `looks` (discs,) are rows of `discs`.
 
         `shifts` (discs, 2) moves discs right and down, by at most one radius: so the smaller of the two sizes of a
         disc stays within the larger one, whichever that is.
         """
-        points, n = _as_points(centers), _CIRCLES * len(looks)
-        sizes, widths, inks = [], [], []
+        points = _as_points(centers)
+        n = _CIRCLES * len(looks)
+        sizes = []
+        widths = []
+        inks = []
         for disc in discs:
-            radius, least = _as_extent(disc.radius, "size"), _as_extent(disc.at_least_px, "size")
-            edge_px, edge, ink = _as_extent(disc.edge_px, "width"), rgba(disc.edge), rgba(disc.color)
+            radius = _as_extent(disc.radius, "size")
+            least = _as_extent(disc.at_least_px, "size")
+            edge_px = _as_extent(disc.edge_px, "width")
+            edge = rgba(disc.edge)
+            ink = rgba(disc.color)
             # Both edges come first, so that the larger disc hides the edge of the smaller.
             sizes.append((radius, least, radius, least))
             widths.append((edge_px, edge_px, 0.0, 0.0))
@@ -127,7 +133,8 @@ class Commands:
         Raises:
             BadValue: a line of fewer than two points, or offsets that do not divide the points.
         """
-        points, counts = _as_points(points), np.diff(offsets)
+        points = _as_points(points)
+        counts = np.diff(offsets)
         if len(offsets) == 0 or offsets[0] != 0 or offsets[-1] != len(points) or (counts < 2).any():
             raise BadValue("Each line needs two points or more, and the offsets must go from 0 to their number.")
         self._add(DrawKind.LINE, points, counts, color, space=space, width=width)
@@ -149,7 +156,8 @@ class Commands:
         Raises:
             BadValue: a polygon of fewer than three points, or offsets that do not divide the points.
         """
-        points, counts = _as_points(points), np.diff(offsets)
+        points = _as_points(points)
+        counts = np.diff(offsets)
         if len(offsets) == 0 or offsets[0] != 0 or offsets[-1] != len(points) or (counts < 3).any():
             raise BadValue("Each polygon needs three points or more, and the offsets must go from 0 to their number.")
         self._add(DrawKind.POLYGON, points, counts, color, width=width)
@@ -160,7 +168,8 @@ class Commands:
         Raises:
             BadValue: fewer than two corners.
         """
-        places, corners = _as_points(places), _as_points(corners)
+        places = _as_points(places)
+        corners = _as_points(corners)
         if len(corners) < 2:
             raise BadValue(f"A symbol needs two corners or more, not {len(corners)}.")
         points = np.empty((len(places), 1 + len(corners), 2))
@@ -215,7 +224,8 @@ class Commands:
         angle: float = 0.0,
         text: str = "",
     ) -> None:
-        size, width = _as_extent(size, "size"), _as_extent(width, "width")
+        size = _as_extent(size, "size")
+        width = _as_extent(width, "width")
         values = {"kind": kind, "layer": self.layer, "space": space, "size": size, "width": width, "angle": angle}
         self._append(len(counts), values, bytes(rgba(color)) * len(counts), text)
         self._points.append(points)
@@ -275,7 +285,8 @@ def magnified(commands: DrawCommands, factor: float) -> DrawCommands:
     """Return the same with everything that is measured in pixels so many times as large."""
     if factor == 1.0:
         return commands
-    in_pixels, points = commands.space == DrawSpace.SCREEN, commands.points.copy()
+    in_pixels = commands.space == DrawSpace.SCREEN
+    points = commands.points.copy()
     extents = commands.offsets[:-1][in_pixels & (commands.kind == DrawKind.RECTANGLE)] + 1
     points[extents] *= factor
     points[shifted_points(commands)[0]] *= factor
@@ -319,7 +330,7 @@ _FONT_PX = 36
 
 
 class Drawing:
-    """The drawing primitives, and what drawers may ask about the turn that is shown.
+    """The drawing primitives, and queries of drawers about the turn that is shown.
 
     Args:
         ctx: the context.
@@ -344,14 +355,18 @@ class Drawing:
     def __init__(
         self, ctx: IContext, theme: Theme = THEMES["light"], held_image: Callable[[object], str] | None = None
     ) -> None:
-        self._ctx, self.theme, self._held_image = ctx, theme, held_image or image_path
-        self.turns, self.carriers = PastTurns(ctx), Carriers(ctx)
-        self.motion, self.events = Motion(ctx, self.turns), TurnEvents(ctx, self.turns)
+        self._ctx = ctx
+        self.theme = theme
+        self._held_image = held_image or image_path
+        self.turns = PastTurns(ctx)
+        self.carriers = SensorCarriers(ctx)
+        self.motion = Motion(ctx, self.turns)
+        self.events = TurnEvents(ctx, self.turns)
         self.viewpoint = Viewpoint(ctx, self.motion.position_of)
         self.team_colors: Mapping[str, Rgb] = {}
         self.sides: Sequence[str | None] = ()
         self.has_default_look = self.has_stacks = False
-        self.spread: Spread | None = None
+        self.spread: DiscOffsets | None = None
         self.commands: Commands | None = None
         self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}
 
@@ -367,7 +382,7 @@ class Drawing:
 
     @contextmanager
     def owned(self, agent: str = "", sides: Iterable[str] | None = None) -> Iterator[None]:
-        """Say to whom the commands of a `with` block belong; see `gamms.ir.draw.Owner`."""
+        """Set the owner of the commands of a `with` block; see `gamms.ir.draw.Owner`."""
         commands = self.commands
         if commands is None:
             yield
@@ -380,8 +395,9 @@ class Drawing:
             commands.owner = before
 
     def record(self, draw: "Callable[[Commands], None]") -> DrawCommands:
-        """Return what is drawn while a function runs, as draw commands."""
-        outer, self.commands = self.commands, Commands()
+        """Run a function, and return its drawing as draw commands."""
+        outer = self.commands
+        self.commands = Commands()
         try:
             draw(self.commands)
             return self.commands.freeze()
@@ -559,7 +575,8 @@ class Drawing:
 
     def group_colors(self, more: Iterable[Any] = ()) -> dict[str, Rgb]:
         """Return a colour for each group of agents, and for more teams, by text; the same in all pictures of a game."""
-        names, teams = self._ctx.agent.positions.names, self._ctx.agent.positions.teams
+        names = self._ctx.agent.positions.names
+        teams = self._ctx.agent.positions.teams
         groups = dict.fromkeys(teams)
         if None in groups:
             groups = dict.fromkeys(name if team is None else team for name, team in zip(names, teams, strict=True))
@@ -568,7 +585,7 @@ class Drawing:
         return {side: colors[side] for side in known}
 
     def of_map(self, measure: Callable[[GraphColumns], Measured]) -> Measured:
-        """Return what a function makes of the map, computed once per map: drawers ask for it in every frame."""
+        """Return the result of a function of the map, cached per map, because drawers need it in every frame."""
         columns = self._ctx.graph.columns()
         if self._measured[0] is not columns:
             self._measured = columns, {}
@@ -594,13 +611,13 @@ class Drawing:
     def render_all_discs(
         self, centers: Points, discs: "Sequence[Disc]", looks: IntArray, shifts: FloatArray | None = None
     ) -> None:
-        """Draw discs of several looks, each above those before it; see `Commands.add_discs`."""
+        """Draw discs of several looks, each above the previous ones; see `Commands.add_discs`."""
         if self.commands is not None:
             self.commands.add_discs(centers, discs, looks, shifts)
 
 
 def drawing_of(ctx: IContext) -> Drawing:
-    """Return what built-in drawers of a context draw with, bulk primitives included."""
+    """Return the drawing object for the built-in drawers of a context, with bulk primitives."""
     return cast("Drawing", ctx.visual.drawing)  # type: ignore[attr-defined] # of our own engines
 
 

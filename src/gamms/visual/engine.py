@@ -17,7 +17,7 @@ from gamms.typing import IContext, IVisualizationEngine
 from gamms.visual.appearance import Rgb
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.artists import Artists
-from gamms.visual.camera import Follow, Look
+from gamms.visual.camera import FixedView, FollowView
 from gamms.visual.drawing import Drawing
 from gamms.visual.files import size
 from gamms.visual.pictures import Pictures
@@ -35,7 +35,8 @@ class _Method:
     """A method of a part that an engine offers as its own."""
 
     def __init__(self, part: str, method: Callable[..., Any]) -> None:
-        self._part, self._method = part, method
+        self._part = part
+        self._method = method
 
     def __call__(self, engine: object, *args: object, **kwargs: object) -> Any:
         return self.__get__(engine, type(engine))(*args, **kwargs)
@@ -52,7 +53,9 @@ class _Attribute(Generic[_T]):
     """An attribute of a part that an engine offers as its own."""
 
     def __init__(self, part: str, name: str, check: Callable[[Any, str], _T] | None = None) -> None:
-        self._part, self._name, self._check = part, name, check
+        self._part = part
+        self._name = name
+        self._check = check
 
     def __get__(self, engine: object, owner: type) -> _T:
         value: _T = getattr(getattr(engine, self._part), self._name)
@@ -99,7 +102,8 @@ class PictureEngine(Guarded, IVisualizationEngine):
     turn_seconds = _Attribute[float]("pictures", "turn_seconds", as_range)
     width, height = _Attribute[int]("pictures", "width"), _Attribute[int]("pictures", "height")
     team_colors = _Attribute[Mapping[str, Rgb]]("artists", "team_colors")
-    look, followed = _Attribute[Look | None]("viewpoint", "look"), _Attribute[Follow | None]("viewpoint", "followed")
+    look = _Attribute[FixedView | None]("viewpoint", "look")
+    followed = _Attribute[FollowView | None]("viewpoint", "followed")
 
     # -- drawing: 1.0.0's primitives, and those that draw many things at once ---------------------------------
 
@@ -161,14 +165,14 @@ class PictureEngine(Guarded, IVisualizationEngine):
 
     @property
     def is_filming(self) -> bool:
-        """Whether a film is being made."""
+        """Return whether a film is being made."""
         return bool(self.pictures.films)
 
     # -- where pictures look ---------------------------------------------------------------------------------
 
     @refused_while_deciding
     def look_at(self, x: float, y: float, width: float) -> None:
-        """Let frames and films show `width` world units around (x, y), instead of everything.
+        """Show `width` world units around (x, y) in frames and films, instead of everything.
 
         Raises:
             BadType, BadValue: not finite numbers, or a width that is not positive.
@@ -177,12 +181,12 @@ class PictureEngine(Guarded, IVisualizationEngine):
 
     @refused_while_deciding
     def look_at_all(self) -> None:
-        """Let frames and films show everything that is drawn."""
+        """Show everything that is drawn in frames and films."""
         self.viewpoint.look_at_all()
 
     @refused_while_deciding
     def follow(self, agent_name: str, width: float) -> None:
-        """Let pictures, frames and films keep an agent in the middle of `width` world units, until they look elsewhere.
+        """Keep an agent in the center of `width` world units in pictures, frames and films, until another view is set.
 
         When there is no such agent any more, they stay where it was last.
 
@@ -201,7 +205,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
 
     @property
     def is_closing(self) -> bool:
-        """Whether a person has closed what is shown: False, nothing is."""
+        """Return False: there is no window that a person could close."""
         return False
 
     def simulate(self) -> None:
@@ -217,10 +221,10 @@ class PictureEngine(Guarded, IVisualizationEngine):
         self.pictures.add_turn()
 
     def update(self) -> None:
-        """Do nothing: there is no window to draw a frame in."""
+        """Do nothing, because there is no window."""
 
     def stay_open(self) -> None:
-        """Do nothing: there is no window to close."""
+        """Do nothing, because there is no window."""
 
     def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:  # noqa: ARG002 - there is no window to ask in
         """Return the agent's own node, or no movement for an agent that flies."""

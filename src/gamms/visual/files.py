@@ -1,4 +1,4 @@
-"""Pictures and films: from what artists draw to a file."""
+"""Pictures and films: from the drawings of artists to files."""
 
 import os
 from base64 import b64encode
@@ -22,14 +22,16 @@ from gamms.visual.backends import FILMS, FORMATS, Backend, FilmWriter
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import CSS_DPI, NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, bounds, spill
-from gamms.visual.captions import CAPTION_SECONDS, CaptionBar, Captions, Card, end_card
+from gamms.visual.captions import CAPTION_SECONDS, CaptionBar, Captions, ResultCard, end_card
 from gamms.visual.drawing import Commands, Drawing, joined, magnified
 from gamms.visual.labels import LABEL_PX, STREET_PX, Labels, StreetNames, name_ink, write_labels, write_street_names
 from gamms.visual.legend import Block, blocks_of, grown
 from gamms.visual.page import Page, PageStyle, page_size, style_of
 from gamms.visual.scene import Scene, whole_frame
 
-_DEFAULT_PX, _DEFAULT_RATIO = 1280, 16 / 9  # of a picture that looks at a part of the map
+# of a picture that looks at a part of the map
+_DEFAULT_PX = 1280
+_DEFAULT_RATIO = 16 / 9
 _LONGEST_PX = 65_535  # as GIF counts them
 _FINEST_DPI = 10_000.0
 _PICTURE_BYTES = 20  # of memory per pixel, measured: the canvas, its copies and the file
@@ -54,7 +56,8 @@ def sheet(name: str | os.PathLike[str], width: int | None, height: int | None, d
     Raises:
         BadValue: a size or dpi that is not positive or too large, or a format that cannot be written.
     """
-    path, asked = as_path(name, "path"), sides(width, height)
+    path = as_path(name, "path")
+    asked = sides(width, height)
     if not 0.0 < (dpi := as_float(dpi, "dpi")) <= _FINEST_DPI:
         raise BadValue(f"A picture needs between 0 and {_FINEST_DPI:g} pixels per inch, not dpi={dpi:g}.")
     return Sheet(asked, dpi, _backend(path))
@@ -95,17 +98,20 @@ def _backend(path: Path) -> Backend:
         raise BadValue(f"A picture cannot be saved as {path.suffix or path.name!r}: use {known}.") from None
 
 
-def painted(source: "Source", sheet: Sheet, style: PageStyle) -> bytes:
-    """Paint the present state and what stands around it, as the content of a file."""
-    artists, viewpoint = source.artists.shown(style.trails, sensors=style.sensors), source.drawing.viewpoint
-    blocks, group = blocks_of(source.ctx, artists), ArtistGroup(source.ctx, artists)
+def painted(source: "FrameSource", sheet: Sheet, style: PageStyle) -> bytes:
+    """Return a picture of the present state, with everything around the map, as the bytes of a file."""
+    artists = source.artists.shown(style.trails, sensors=style.sensors)
+    viewpoint = source.drawing.viewpoint
+    blocks = blocks_of(source.ctx, artists)
+    group = ArtistGroup(source.ctx, artists)
     fine = sheet.dpi / CSS_DPI  # so that lines, letters and marks are as large on paper whatever the dpi
 
     def fitted(commands: DrawCommands) -> tuple[Page, Camera, Point | None]:
         box = bounds(commands)
         reach = spill(commands, box)
         width, height = size(*_sides(sheet.asked, box, blocks, viewpoint, style, fine, reach))
-        page, camera = Page(width, height, blocks, style, fine), viewpoint.camera(width, height)
+        page = Page(width, height, blocks, style, fine)
+        camera = viewpoint.camera(width, height)
         page.spill = reach
         return (page, *page.fit(*box)) if camera is None else (page, camera, None)
 
@@ -143,14 +149,16 @@ def _sides(
 
 
 FRAMES_PER_TURN = 5  # a sixth of a second
-_HELD_SECONDS, _CARD_SECONDS = 1.0, 2.5  # how long the end is shown, and the card that says how it ended
+# how long the end is shown, and the card that says how it ended
+_HELD_SECONDS = 1.0
+_CARD_SECONDS = 2.5
 _MOST_SHOWN = 20 << 20  # bytes of a film that a notebook keeps
 _FASTEST = 240.0  # frames per second
 _LONGEST_MP4_PX = 16_384
 _being_made: WeakValueDictionary[Path, "Film"] = WeakValueDictionary()
 
 
-class Plan(NamedTuple):
+class FilmPlan(NamedTuple):
     """The checked options of a film."""
 
     path: Path
@@ -165,14 +173,15 @@ def film_plan(
     width: int | None,
     height: int | None,
     frames_per_turn: int | None,
-) -> Plan:
+) -> FilmPlan:
     """Check everything that can be checked before the first frame.
 
     Raises:
         BadValue: an unknown format, or a bad number.
         MissingFolder: the folder is not there.
     """
-    path, asked = as_target(path), sides(width, height, FILM_BYTES)
+    path = as_target(path)
+    asked = sides(width, height, FILM_BYTES)
     if not 0.0 < (fps := as_float(fps, "fps")) <= _FASTEST:
         raise BadValue(f"A film needs between 0 and {_FASTEST:g} frames per second, not fps={fps:g}.")
     frames = FRAMES_PER_TURN if frames_per_turn is None else as_int(frames_per_turn, "frames_per_turn")
@@ -183,10 +192,10 @@ def film_plan(
         raise BadValue(f"Cannot write a film as {path.suffix or path.name!r}; there is: {known}.")
     if suffix == ".mp4" and max(width or 0, height or 0) > _LONGEST_MP4_PX:
         raise BadValue(f"An MP4 has at most {_LONGEST_MP4_PX} pixels at each side, not {width} x {height}.")
-    return Plan(path, fps, asked, frames)
+    return FilmPlan(path, fps, asked, frames)
 
 
-class Source(NamedTuple):
+class FrameSource(NamedTuple):
     """The parts of an engine that frames are made from."""
 
     ctx: IContext
@@ -200,14 +209,14 @@ class Source(NamedTuple):
 
 
 class _CachedPainting:
-    """A painting that is prepared again only when what it depends on has changed."""
+    """A painting that is prepared again only if its inputs have changed."""
 
     def __init__(self) -> None:
         self._key: object = None
         self._painting = Painting(Commands().freeze())
 
     def paint(self, canvas: Canvas, camera: Camera, key: object, draw: Callable[[], DrawCommands]) -> None:
-        """Paint what a function draws; with an equal key, what it drew before."""
+        """Paint the drawing of a function; for an equal key, reuse the last drawing."""
         if key != self._key:
             self._key, self._painting = key, Painting(draw())
         self._painting.paint(canvas, camera)
@@ -232,7 +241,7 @@ class Frames:
 
     def __init__(
         self,
-        source: Source,
+        source: FrameSource,
         asked: Asked,
         options: PictureOptions,
         scene: Scene | None = None,
@@ -240,15 +249,20 @@ class Frames:
         is_even: bool = False,
         later_px: float = 0.0,
     ) -> None:
-        self.ctx, self.scene = source.ctx, scene or Scene(source.ctx, self._world)
+        self.ctx = source.ctx
+        self.scene = scene or Scene(source.ctx, self._world)
         self._later_px = later_px
-        self._source, self._viewpoint, self._options = source, source.drawing.viewpoint, options
-        self._style, self._labels = style_of(self.ctx, **options), Labels()
+        self._source = source
+        self._viewpoint = source.drawing.viewpoint
+        self._options = options
+        self._style = style_of(self.ctx, **options)
+        self._labels = Labels()
         width, height = asked
         if width is None or height is None or self._style.is_tight:
             with self._themed():
                 artists = source.artists.shown(self._style.trails, sensors=self._style.sensors)
-                commands, blocks = ArtistGroup(self.ctx, artists).commands(), blocks_of(self.ctx, artists)
+                commands = ArtistGroup(self.ctx, artists).commands()
+                blocks = blocks_of(self.ctx, artists)
             box = bounds(commands)
             reach = self._reach(spill(commands, box))
             width, height = _sides(asked, box, blocks, self._viewpoint, self._style, reach=reach)
@@ -261,19 +275,23 @@ class Frames:
         self._blocks: tuple[Block, ...] = ()
         self._page = Page(self.width, self.height, (), self._style)
         self._around, self._below = _CachedPainting(), _CachedPainting()  # the map
-        self.captions, self._caption_bar = Captions(self.ctx, source.drawing), CaptionBar(0, "", ())
-        self._card: Card | None = None
+        self.captions = Captions(self.ctx, source.drawing)
+        self._caption_bar = CaptionBar(0, "", ())
+        self._card: ResultCard | None = None
         self._camera: Camera | None = None  # of the last frame
 
     def begin_turn(self) -> None:
         """Look up which artists draw in this turn."""
         style = self._style if isinstance(self._style.labels, frozenset) else style_of(self.ctx, **self._options)
         with self._themed():
-            self._artists, self._is_new_turn = self._source.artists.shown(style.trails, sensors=style.sensors), True
+            self._artists = self._source.artists.shown(style.trails, sensors=style.sensors)
+            self._is_new_turn = True
             blocks = grown(self._blocks, blocks_of(self.ctx, self._artists))
         if (blocks, style) != (self._blocks, self._style):
-            self._blocks, self._style = blocks, style
-            reach, self._page = self._page.spill, Page(self.width, self.height, blocks, style)
+            self._blocks = blocks
+            self._style = style
+            reach = self._page.spill
+            self._page = Page(self.width, self.height, blocks, style)
             self._page.spill = reach
         if style.has_captions:
             with self._themed():
@@ -288,7 +306,8 @@ class Frames:
         camera, corner = self._view(share)
         budget = None if self._viewpoint.followed is None else whole_frame()  # so that streets are shifted
         self.scene.paint(self.canvas, camera, self._style.background, budget)
-        page, bar = self._page, self._caption_bar
+        page = self._page
+        bar = self._caption_bar
         with self._themed():
             labels = page.labels(self._labels, camera, self.ctx, self._artists or {}, corner)
             names = page.street_names(self._street_names, camera, self.ctx, self._artists or {}, corner, labels)
@@ -321,7 +340,7 @@ class Frames:
         return self._source.drawing.themed(self._style.theme)
 
     def _world(self) -> Any:
-        """Return what changes when the graph or the obstacles do, or the theme."""
+        """Return a key that changes with the graph, the obstacles or the theme."""
         graph = self.ctx.graph
         return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None), self._style.theme
 
@@ -340,8 +359,10 @@ class Frames:
 class Film:
     """A film that is being made. The file appears, whole, when it ends; after an error nothing is written."""
 
-    def __init__(self, frames: Frames, plan: Plan, open_films: "list[Film]") -> None:
-        self.plan, self._frames, self._open = plan, frames, open_films
+    def __init__(self, frames: Frames, plan: FilmPlan, open_films: "list[Film]") -> None:
+        self.plan = plan
+        self._frames = frames
+        self._open = open_films
         frames.captions.turns = max(1, round(CAPTION_SECONDS * plan.fps / plan.frames_per_turn))
         self._place = plan.path.resolve()
         if self._place in _being_made:

@@ -1,4 +1,4 @@
-"""Fog: what a team cannot see is not shown, what it has seen once is dimmed.
+"""Fog of war: hides what a team cannot see, and dims what it has seen before.
 
 Sensors are asked again, for a recording does not hold what they saw: those of the kinds that come with GAMMS.
 """
@@ -34,12 +34,16 @@ from gamms.visual.legend import legend_only
 from gamms.visual.shown_turn import Sight
 
 _OPEN = (render_base_map, render_obstacles, render_input_overlay, legend_only)  # drawers of what every team knows
-_STREET, _SLIM, _DOT, _LINE_PX = 2.0, 0.2, 0.08, 1.5  # as broad as in other pictures
+# as broad as in other pictures
+_STREET = 2.0
+_SLIM = 0.2
+_DOT = 0.08
+_LINE_PX = 1.5
 _DIGITS = 6  # of the coordinates by which agents and nodes are found again
 
 
 class Fog:
-    """What a team knows of the map; it filters the artists that are shown, from the first `look` on.
+    """The map knowledge of a team, which filters the shown artists from the first `look` on.
 
     Args:
         ctx: the context, whose `visual.artists` have this fog from now on.
@@ -54,7 +58,8 @@ class Fog:
     """
 
     def __init__(self, ctx: IContext, team: str) -> None:
-        self._ctx, self.team = ctx, team
+        self._ctx = ctx
+        self.team = team
         if not any(True for _ in self._own()):
             raise UnknownName("team", team, {str(color_group(agent)) for agent in ctx.agent.create_iter()})
         if not any(_sensors_of(agent) for agent in self._own()):
@@ -74,8 +79,9 @@ class Fog:
         return {agent.name for agent in self._own()}
 
     def filtered(self, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
-        """Return what of these artists the team may see, and those of what it knows instead of the others."""
-        territories, flags = territories_in(self._ctx), flags_in(self._ctx)
+        """Return the artists that the team may see, and artists of its knowledge instead of the others."""
+        territories = territories_in(self._ctx)
+        flags = flags_in(self._ctx)
         left_out = {
             "graph",
             "tags",
@@ -99,7 +105,7 @@ class Fog:
         return kept | {"graph": self._streets_artist, "tags": self._tags} | self._sights
 
     def _may_show(self, artist: IArtist) -> bool:
-        """Return whether an artist shows an agent that is seen, or what does not depend on who sees it."""
+        """Return whether an artist shows a visible agent, or something independent of visibility."""
         look = data_of(artist).get("agent_data") if isinstance(getattr(artist, "data", None), dict) else None
         return look.name not in self.hidden if isinstance(look, AgentData) else artist.get_drawer() in _OPEN
 
@@ -144,8 +150,9 @@ class Fog:
         return _rounded([node.x, node.y]) in found
 
     def _show_sights(self, sights: list[Sight]) -> None:
-        """Draw what the team's sensors see, while they are few, and no others."""
-        color, found = drawing_of(self._ctx).group_colors()[self.team], dict[str, list[Any]]()
+        """Draw the views of the team's sensors, if they are few, and no others."""
+        color = drawing_of(self._ctx).group_colors()[self.team]
+        found = dict[str, list[Any]]()
         for sight in sights if len(sights) <= MOST_SENSORS else ():
             found.setdefault(sight.sensor.sensor_id, []).append((color, sight.view or SensorView()))
         unit = sight_radius(self._ctx.graph.columns())
@@ -158,7 +165,9 @@ class Fog:
         points, offsets, ends = self._streets(columns)
         shades = np.isin(columns.node_ids, list(self._seen)).astype(np.int64)
         shades += np.isin(columns.node_ids, list(self._now))
-        of_streets, unit, visual = shades[ends].min(axis=1), typical_edge_length(columns), drawing_of(ctx)
+        of_streets = shades[ends].min(axis=1)
+        unit = typical_edge_length(columns)
+        visual = drawing_of(ctx)
         is_real = columns.crs is not None
         width = min(_STREET, _SLIM * unit) if is_real else _LINE_PX
         for shade, color in enumerate(visual.theme.fog):

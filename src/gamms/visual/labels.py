@@ -39,13 +39,18 @@ Rectangle = tuple[float, float, float, float]  # left, top, right, bottom; pixel
 # Above at the right first, as on maps, where the streets of a grid do not pass: the order in which they are tried.
 SIDES = np.array([(1, -1), (1, 1), (1, 0), (-1, -1), (-1, 1), (-1, 0), (0, -1), (0, 1)], np.float64)
 LABEL_PX = 18.0
-_GAP_PX, _DOTS_PX = 3.0, 5.0  # between a label and its dot; other dots
+# between a label and its dot; other dots
+_GAP_PX = 3.0
+_DOTS_PX = 5.0
 _APART_PX = 2.0  # other labels, and dots that touch its own
 _COMES_PX = 6.0  # what is free around a label that was left out in the frame before
-_DIAGONAL, _CELL_PX = 0.5**0.5, 48.0
+_DIAGONAL = 0.5**0.5
+_CELL_PX = 48.0
 _MOST_COUNTED = 5000  # agents, of which those that stand on one place are counted
 _MOST_MARKS = 200  # commands of flags, goals and the like of which names are kept clear
-_MOST_AUTO, _AUTO_PX = 30, 10_000.0  # so many names are easy to read, if each has so many pixels of the page
+# so many names are easy to read, if each has so many pixels of the page
+_MOST_AUTO = 30
+_AUTO_PX = 10_000.0
 
 
 def as_choice(ctx: IContext, labels: object) -> Choice:
@@ -73,8 +78,8 @@ class Label(NamedTuple):
     middle: float
 
 
-class Dots(NamedTuple):
-    """What is seen of agents, in pixels."""
+class AgentDots(NamedTuple):
+    """The drawn discs of agents, in pixels."""
 
     centers: FloatArray  # (dots, 2)
     radii: FloatArray  # (dots,)
@@ -89,7 +94,8 @@ class Labels:
 
     def __init__(self) -> None:
         self._sides: dict[tuple[str, bool], int] = {}  # of names of agents, and whether they stand at a mark
-        self._is_first, self.are_shown = True, False
+        self._is_first = True
+        self.are_shown = False
 
     def placed(
         self,
@@ -112,8 +118,11 @@ class Labels:
             page: where labels may be.
             taken: where they may not.
         """
-        heights, named, agents = dict(_heights(ctx)), _named(ctx, choice, page), ctx.agent.agents
-        words, self.are_shown = dict[int, str](), bool(named)
+        heights = dict(_heights(ctx))
+        named = _named(ctx, choice, page)
+        agents = ctx.agent.agents
+        words = dict[int, str]()
+        self.are_shown = bool(named)
         # Among very many agents no count could be read.
         if named or heights or (drawing_of(ctx).has_stacks and len(agents) <= _MOST_COUNTED):
             looks = [look for look in looks_of(artists) if look.current_position is not None and look.name in agents]
@@ -132,8 +141,9 @@ class Labels:
         keys = [keys[row] for row in rows.tolist()]
         before = np.array([self._sides.get(key, -1) for key in keys])
         rings, shapes = _marks(ctx, artists, camera, fine)
-        dots, taken = _ringed(dots, rings), [*taken, *shapes]
-        boxes = beside(Dots(dots.centers[rows], dots.radii[rows]), sizes)
+        dots = _ringed(dots, rings)
+        taken = [*taken, *shapes]
+        boxes = beside(AgentDots(dots.centers[rows], dots.radii[rows]), sizes)
         comes = np.where((before < 0) & (not self._is_first), _COMES_PX, 0.0)
         sides = placed(boxes, are_free(boxes, dots, rows, page, taken, comes), before)
         self._sides = {key: side for key, side in zip(keys, sides.tolist(), strict=True) if side >= 0}
@@ -175,52 +185,55 @@ def _heights(ctx: IContext) -> Iterator[tuple[str, str]]:
         yield positions.names[row], "" if z <= 0.0 else f"{z:.0f} m" if z >= 10.0 else f"{z:.2g} m"
 
 
-def dots_of(looks: Sequence[AgentData], camera: Camera, fine: float = 1.0, flyers: Iterable[str] = ()) -> Dots:
-    """Return the dots of agents that were drawn, in pixels of which the camera has `fine` in one."""
+def dots_of(looks: Sequence[AgentData], camera: Camera, fine: float = 1.0, flyers: Iterable[str] = ()) -> AgentDots:
+    """Return the discs of drawn agents, in pixels of which the camera has `fine` in one."""
     above = set(flyers)
     columns = [(*(look.current_position or ()), *look.shift, look.size, look.least_px) for look in looks]
     is_above = np.array([look.name in above for look in looks], bool)
     return dots_in(np.array(columns, np.float64).reshape(-1, 6), camera, fine, is_above)
 
 
-def dots_in(columns: FloatArray, camera: Camera, fine: float = 1.0, is_above: BoolArray | bool = False) -> Dots:
-    """Return the same of columns (dots, 6), those of `AgentLooks.drawn`; `is_above` says which are in the air."""
+def dots_in(columns: FloatArray, camera: Camera, fine: float = 1.0, is_above: BoolArray | bool = False) -> AgentDots:
+    """Return the discs of columns (dots, 6), as in `AgentLooks.drawn`; `is_above` marks flying agents."""
     scale = camera.scale / fine
     radii = np.maximum(columns[:, 4] * scale, columns[:, 5])
     centers = camera.to_screen(columns[:, :2]) / fine + columns[:, 2:4] * radii[:, None]
     rings = np.maximum(RING * columns[:, 4] * scale, RING_PX) + 2.0
-    return Dots(centers, np.where(is_above, rings, radii + 1.5))
+    return AgentDots(centers, np.where(is_above, rings, radii + 1.5))
 
 
-def _marks(ctx: IContext, artists: Mapping[str, IArtist], camera: Camera, fine: float) -> tuple[Dots, list[Rectangle]]:
-    """Return the circles of flags, goals and the like, and the boxes around what else is drawn of them, in pixels."""
+def _marks(
+    ctx: IContext, artists: Mapping[str, IArtist], camera: Camera, fine: float
+) -> tuple[AgentDots, list[Rectangle]]:
+    """Return the circles of flags, goals and similar signs, and the boxes around other drawings of them, in pixels."""
     marks = {name: artist for name, artist in artists.items() if getattr(artist.get_drawer(), "is_mark", False)}
     share = max((data.get("_alpha", 1.0) for data in map(data_of, marks.values())), default=1.0)
     commands = ArtistGroup(ctx, marks).commands(share) if marks else Commands().freeze()
     if not 0 < len(commands) <= _MOST_MARKS:
-        return Dots(np.empty((0, 2)), np.empty(0)), []
+        return AgentDots(np.empty((0, 2)), np.empty(0)), []
     view = camera._replace(scale=camera.scale / fine)
-    in_world, points = commands.space == DrawSpace.WORLD, on_screen(commands, view)
+    in_world = commands.space == DrawSpace.WORLD
+    points = on_screen(commands, view)
     reach = (commands.size * np.where(in_world, view.scale, 1.0) + commands.width / 2)[:, None]
     low = np.minimum.reduceat(points, commands.offsets[:-1]) - reach
     high = np.maximum.reduceat(points, commands.offsets[:-1]) + reach
     is_round = commands.kind == DrawKind.CIRCLE
     boxes: list[Rectangle] = [(*box[:2], *box[2:]) for box in np.hstack([low, high])[~is_round].tolist()]
-    return Dots((low + high)[is_round] / 2, reach[is_round, 0]), boxes
+    return AgentDots((low + high)[is_round] / 2, reach[is_round, 0]), boxes
 
 
-def _ringed(dots: Dots, rings: Dots) -> Dots:
+def _ringed(dots: AgentDots, rings: AgentDots) -> AgentDots:
     """Return dots, each as large as the widest ring that is drawn around it, and then the rings."""
     apart = np.hypot(*np.moveaxis(dots.centers[:, None] - rings.centers, 2, 0))
     around = np.where(apart < dots.radii[:, None], apart + rings.radii, 0.0).max(axis=1, initial=0.0)
     radii = np.maximum(dots.radii, around)
-    return Dots(np.concatenate([dots.centers, rings.centers]), np.concatenate([radii, rings.radii]))
+    return AgentDots(np.concatenate([dots.centers, rings.centers]), np.concatenate([radii, rings.radii]))
 
 
 def _words(
-    looks: Sequence[AgentData], dots: Dots, heights: Mapping[str, str], named: frozenset[str]
+    looks: Sequence[AgentData], dots: AgentDots, heights: Mapping[str, str], named: frozenset[str]
 ) -> Iterator[tuple[int, str]]:
-    """Yield rows of dots and the words beside them: of those at one place the first counts how many there are."""
+    """Yield (row of a disc, text beside it); at a place with several discs, the first has their number."""
     at: dict[tuple[object, ...], list[int]] = {}
     for row, (look, place) in enumerate(zip(looks, np.rint(dots.centers).tolist(), strict=True)):
         at.setdefault((*place, repr(look.color)), []).append(row)
@@ -237,7 +250,7 @@ def _words(
 # -- where they go ------------------------------------------------------------------------------------------------
 
 
-def beside(dots: Dots, sizes: FloatArray) -> FloatArray:
+def beside(dots: AgentDots, sizes: FloatArray) -> FloatArray:
     """Return rectangles of sizes (dots, 2) at all sides of their dots, (dots, sides, 4): left, top, right, bottom."""
     away = (
         (dots.radii + _GAP_PX)[:, None, None]
@@ -250,7 +263,7 @@ def beside(dots: Dots, sizes: FloatArray) -> FloatArray:
 
 
 def are_free(
-    boxes: FloatArray, dots: Dots, own: IntArray, page: Rectangle, taken: Sequence[Rectangle], comes: FloatArray
+    boxes: FloatArray, dots: AgentDots, own: IntArray, page: Rectangle, taken: Sequence[Rectangle], comes: FloatArray
 ) -> BoolArray:
     """Return which rectangles (labels, sides, 4) touch no dot, nothing that is taken, and no edge of the page.
 
@@ -287,7 +300,8 @@ def are_free(
 
 def placed(boxes: FloatArray, is_free: BoolArray, before: IntArray) -> IntArray:
     """Return the side of each label, one after the other: that of before, else the first that is free; -1 for none."""
-    sides, kept = np.full(len(boxes), -1), dict[tuple[int, int], list[Rectangle]]()
+    sides = np.full(len(boxes), -1)
+    kept = dict[tuple[int, int], list[Rectangle]]()
     for label, (free, last) in enumerate(zip(is_free.tolist(), before.tolist(), strict=True)):
         for side in dict.fromkeys((last, *range(len(SIDES)))):
             if side < 0 or not free[side]:
@@ -319,9 +333,15 @@ def _touch(one: Rectangle, other: Rectangle) -> bool:
 STREET_PX = 15.0
 _CLOSE = 0.8  # pixels of a metre from which on streets have names
 _NAME_AREA = 50_000.0  # pixels of the page for each name
-_AGAIN_PX, _BETWEEN_PX = 320.0, 14.0  # from a name to the same one, and to another
-_ROOM_PX, _TRY_PX = 10.0, 24.0  # of a street beyond each end of its name; from place to place that is tried
-_STRAIGHT, _BENT_PX = 0.99, 2.0  # a stretch for a name: how straight, and how far its middle may be beside
+# from a name to the same one, and to another
+_AGAIN_PX = 320.0
+_BETWEEN_PX = 14.0
+# of a street beyond each end of its name; from place to place that is tried
+_ROOM_PX = 10.0
+_TRY_PX = 24.0
+# a stretch for a name: how straight, and how far its middle may be beside
+_STRAIGHT = 0.99
+_BENT_PX = 2.0
 _UPRIGHT = 0.2  # so far across, as a share of how far down, a name still reads upwards
 _LONGEST_NAME = 60  # letters
 
@@ -337,11 +357,13 @@ class StreetName(NamedTuple):
     @property
     def corner(self) -> tuple[float, float]:
         """The upper left corner of the words, around which they are turned."""
-        across, down, turn = words_width(self.words, STREET_PX) / 2, MIDDLE * STREET_PX, radians(self.angle)
+        across = words_width(self.words, STREET_PX) / 2
+        down = MIDDLE * STREET_PX
+        turn = radians(self.angle)
         return self.x - across * cos(turn) - down * sin(turn), self.y + across * sin(turn) - down * cos(turn)
 
 
-class _Named(NamedTuple):
+class _NamedStreets(NamedTuple):
     """Streets with names, the greatest first, and the boxes around them."""
 
     words: list[str]
@@ -379,9 +401,11 @@ class StreetNames:
             page: where names may be.
             taken: where they may not.
         """
-        columns, scale = ctx.graph.columns(), camera.scale / fine
+        columns = ctx.graph.columns()
+        scale = camera.scale / fine
         if scale < _CLOSE or not in_metres(columns):
-            self._places, self._known = {}, (None, [])
+            self._places = {}
+            self._known = (None, [])
             return []
         dots = dots_in(drawn_looks(artists)[1], camera, fine)
         key = columns, camera, fine, page, tuple(taken), dots.centers.tobytes(), dots.radii.tobytes()
@@ -391,7 +415,7 @@ class StreetNames:
         return self._known[1]
 
     def _fresh(
-        self, streets: _Named, camera: Camera, page: Rectangle, taken: Sequence[Rectangle], kept: Dots
+        self, streets: _NamedStreets, camera: Camera, page: Rectangle, taken: Sequence[Rectangle], kept: AgentDots
     ) -> list[StreetName]:
         scale, before, self._places, found = camera.scale, self._places, dict[int, float](), list[StreetName]()
         left, top, right, bottom = page
@@ -402,22 +426,24 @@ class StreetNames:
         for row in np.flatnonzero(is_near).tolist():
             if (len(found) + 1) * _NAME_AREA > (right - left) * (bottom - top):
                 break
-            words, width = streets.words[row], float(streets.widths[row])
+            words = streets.words[row]
+            width = float(streets.widths[row])
             same = np.array([(name.x, name.y) for name in found if name.words == words]).reshape(-1, 2)
             tries = _stretches(camera.to_screen(streets.points[row]), streets.along[row] * scale, width, page)
             for place in _in_order(tries, before.get(row, -1.0) * scale):
-                name, reach = _name_at(words, tries, place), _marks_along(width, tries, place)
+                name = _name_at(words, tries, place)
+                reach = _marks_along(width, tries, place)
                 if (np.hypot(*(same - (name.x, name.y)).T) < _AGAIN_PX).any() or not _is_clear(reach, kept, taken):
                     continue
                 radii = np.concatenate([kept.radii, reach.radii + _BETWEEN_PX])
-                kept = Dots(np.concatenate([kept.centers, reach.centers]), radii)
+                kept = AgentDots(np.concatenate([kept.centers, reach.centers]), radii)
                 self._places[row] = float(tries.along[place]) / scale
                 found.append(name)
                 break
         return found
 
 
-class _Stretches(NamedTuple):
+class _StraightParts(NamedTuple):
     """Straight stretches of a street that are on the page, from end to end."""
 
     along: FloatArray  # (stretches,)  of their middles, pixels
@@ -425,13 +451,14 @@ class _Stretches(NamedTuple):
     ends: FloatArray  # (stretches, 2)
 
 
-def _stretches(points: FloatArray, along: FloatArray, width: float, page: Rectangle) -> _Stretches:
+def _stretches(points: FloatArray, along: FloatArray, width: float, page: Rectangle) -> _StraightParts:
     """Return where a street is straight for so long, and inside the page, with the left end first."""
     half = width / 2 + _ROOM_PX
     middles = np.arange(half, max(float(along[-1]) - half, 0.0), _TRY_PX)
     between = _points_at(points, along, middles)
     is_there = ((between > page[:2]) & (between < page[2:])).all(axis=1)
-    middles, between = middles[is_there], between[is_there]
+    middles = middles[is_there]
+    between = between[is_there]
     begins, ends = (_points_at(points, along, middles + way) for way in (-half, half))
     is_good = np.hypot(*(ends - begins).T) >= _STRAIGHT * 2 * half
     is_good &= np.hypot(*(between - (begins + ends) / 2).T) <= _BENT_PX
@@ -440,7 +467,7 @@ def _stretches(points: FloatArray, along: FloatArray, width: float, page: Rectan
     ways = ends - begins
     is_back = ways[:, 0] < _UPRIGHT * ways[:, 1]  # of names that are nearly upright, all read upwards
     begins, ends = np.where(is_back[:, None], ends, begins), np.where(is_back[:, None], begins, ends)
-    return _Stretches(middles[is_good], begins[is_good], ends[is_good])
+    return _StraightParts(middles[is_good], begins[is_good], ends[is_good])
 
 
 def _points_at(points: FloatArray, along: FloatArray, places: FloatArray) -> FloatArray:
@@ -448,7 +475,7 @@ def _points_at(points: FloatArray, along: FloatArray, places: FloatArray) -> Flo
     return np.column_stack([np.interp(places, along, axis) for axis in points.T])
 
 
-def _in_order(tries: _Stretches, before: float) -> list[int]:
+def _in_order(tries: _StraightParts, before: float) -> list[int]:
     """Return the stretches: that of the frame before first, then from the middle outwards."""
     if not len(tries.along):
         return []
@@ -457,20 +484,20 @@ def _in_order(tries: _Stretches, before: float) -> list[int]:
     return order
 
 
-def _name_at(words: str, tries: _Stretches, place: int) -> StreetName:
+def _name_at(words: str, tries: _StraightParts, place: int) -> StreetName:
     (x, y), (across, down) = (tries.begins[place] + tries.ends[place]) / 2, tries.ends[place] - tries.begins[place]
     return StreetName(words, float(x), float(y), degrees(atan2(-float(down), float(across))))
 
 
-def _marks_along(width: float, tries: _Stretches, place: int) -> Dots:
+def _marks_along(width: float, tries: _StraightParts, place: int) -> AgentDots:
     """Return circles that cover the words on a stretch."""
     radius = EM * STREET_PX / 2 + 1.0
     count = max(int(width / radius), 1) + 1
     shares = np.linspace(0.0, 1.0, count)[:, None]
-    return Dots(tries.begins[place] * (1 - shares) + tries.ends[place] * shares, np.full(count, radius))
+    return AgentDots(tries.begins[place] * (1 - shares) + tries.ends[place] * shares, np.full(count, radius))
 
 
-def _is_clear(reach: Dots, kept: Dots, taken: Sequence[Rectangle]) -> bool:
+def _is_clear(reach: AgentDots, kept: AgentDots, taken: Sequence[Rectangle]) -> bool:
     """Return whether circles touch no others, and nothing that is taken."""
     apart = np.hypot(*np.moveaxis(reach.centers[:, None] - kept.centers, 2, 0))
     if (apart < reach.radii[:, None] + kept.radii + _APART_PX).any():
@@ -487,7 +514,7 @@ def box_of(label: Label) -> Rectangle:
 
 
 def name_ink(background: Rgba) -> Rgb:
-    """Return the colour of names of streets: a little paler than those of agents, and still read upon a street."""
+    """Return the color of street names: a little paler than agent names, but readable on a street."""
     red, green, blue = (round((2 * ink + faint) / 3) for ink, faint in zip(*inks(background), strict=True))
     return red, green, blue
 
@@ -498,13 +525,13 @@ def write_street_names(canvas: "Canvas", names: Sequence[StreetName], ink: Rgb) 
         canvas.turned_text(name.words, name.corner, STREET_PX, (*ink, 255), name.angle)
 
 
-def _named_streets(columns: GraphColumns) -> _Named:
+def _named_streets(columns: GraphColumns) -> _NamedStreets:
     """Return the streets of a map that have names, joined where their edges meet, but no tunnels."""
     names = {row: _first_text(value) for row, value in columns.edge_attributes.get("name", {}).items()}
     rows = one_way_each(columns)
     rows = rows[(levels_of(columns)[rows] >= 0) & np.isin(rows, [row for row, name in names.items() if name])]
     if not len(rows):
-        return _Named([], [], [], np.zeros(0), np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2)))
+        return _NamedStreets([], [], [], np.zeros(0), np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2)))
     texts, group = np.unique([names[row] for row in rows.tolist()], return_inverse=True)
     classes = np.zeros(len(texts), np.int64)
     np.maximum.at(classes, group, classes_of(columns)[rows])
@@ -516,10 +543,10 @@ def _named_streets(columns: GraphColumns) -> _Named:
     words = [str(texts[parts[part][0]]) for part in order]
     widths = np.array([words_width(one, STREET_PX) for one in words])
     along = [along[part] for part in order]
-    return _Named(words, points, along, np.array([way[-1] for way in along]), widths, low, high)
+    return _NamedStreets(words, points, along, np.array([way[-1] for way in along]), widths, low, high)
 
 
 def _first_text(value: object) -> str:
-    """Return a name, or the first of several; "" for what is none, or too long."""
+    """Return a name, or the first of several; "" for invalid or too long names."""
     text = value[0] if isinstance(value, list | tuple) and value else value
     return text.strip() if isinstance(text, str) and len(text) <= _LONGEST_NAME else ""

@@ -31,9 +31,14 @@ from gamms.visual.camera import Camera
 from gamms.visual.drawing import Commands
 from gamms.visual.lettering import MIDDLE, words_width
 
-_FONT_PX, _TITLE_PX = 21.0, 22.0
-_LINE_PX, _GAP_PX, _PAD_PX = 23.0, 16.0, 12.0
-_SWATCH_PX, _BAR_PX, _BAR_HEIGHT_PX = 7.0, 16.0, 150.0
+_FONT_PX = 21.0
+_TITLE_PX = 22.0
+_LINE_PX = 23.0
+_GAP_PX = 16.0
+_PAD_PX = 12.0
+_SWATCH_PX = 7.0
+_BAR_PX = 16.0
+_BAR_HEIGHT_PX = 150.0
 _NAME_PX = 2.0 * _SWATCH_PX + 9.0  # where names begin
 _ASIDE, _MOST_ASIDE = (
     1 / 3,
@@ -59,7 +64,10 @@ _IMPORTANCE = (
     "dot",
 )  # of signs, the most important first
 SIGN: Rgb = (110, 114, 120)  # signs have the colours of teams, and are explained in grey
-_SMALL_PX, _HEADING_PX, _FAINT, _LARGE = 17.0, 17.0, (119, 119, 119), "0000"
+_SMALL_PX = 17.0
+_HEADING_PX = 17.0
+_FAINT = (119, 119, 119)
+_LARGE = "0000"
 _FAINT_BY_NIGHT = (150, 154, 160)
 _MOST_COLORS = 1024
 _RIM = (255, 255, 255)
@@ -76,7 +84,7 @@ class Bar(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A colour or a sign, what it stands for, and a value to the right of that."""
+    """A row of a legend: a color or a sign, its meaning, and a value to the right."""
 
     color: Rgb
     name: str
@@ -85,7 +93,7 @@ class Row(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Colours and signs that are explained one by one; those without a title are shown together."""
+    """A block of legend rows with colors and signs; blocks without a title are shown together."""
 
     title: str
     rows: tuple[Row, ...]
@@ -103,7 +111,8 @@ def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...
     """
     found: list[Block] = []
     for name, artist in sorted(artists.items(), key=lambda item: item[1].get_layer()):
-        data, default = getattr(artist, "data", None), getattr(artist.get_drawer(), "legend", None)
+        data = getattr(artist, "data", None)
+        default = getattr(artist.get_drawer(), "legend", None)
         legend = data.get("legend", default) if isinstance(data, dict) and artist.get_visible() else None
         legend = legend(ctx) if callable(legend) else legend
         for block in legend if isinstance(legend, list) else [legend]:
@@ -119,7 +128,9 @@ def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...
 
 def together(blocks: Iterable[Block]) -> tuple[Block, ...]:
     """Return blocks with all rows that have no title, and no values but scores, in one, each of them once."""
-    found, rows, heading = list[Block | None](), dict[tuple[object, ...], Row](), ""
+    found = list[Block | None]()
+    rows = dict[tuple[object, ...], Row]()
+    heading = ""
     for block in blocks:
         if isinstance(block, Bar) or not _is_open(block):
             found.append(block)
@@ -140,7 +151,7 @@ def grown(before: tuple[Block, ...], now: tuple[Block, ...]) -> tuple[Block, ...
 
 
 def _is_open(block: Block) -> bool:
-    """Return whether rows may stand with others: those without a title, and without values but scores."""
+    """Return whether rows may be shown with others: rows without a title, and without values except scores."""
     return (
         isinstance(block, Rows)
         and not block.title
@@ -194,14 +205,19 @@ class Legend:
     _blocks: tuple[Block, ...]
 
     def __init__(self, blocks: tuple[Block, ...], width: float, height: float) -> None:
-        self._blocks, self._zoom = (), 1.0
+        self._blocks = ()
+        self._zoom = 1.0
         self.width, self.height, self.least = 0.0, 0.0, (0.0, 0.0)
         for tried, zoom, share in _tries(blocks):
             wide = zoom * max(map(_width, tried), default=0.0)
             high = zoom * (sum(map(_height, tried)) + _GAP_PX * (len(tried) - 1))
             least = wide / share + _PAD_PX, high
             if tried and least[0] <= width and least[1] <= height:
-                self._blocks, self._zoom, self.width, self.height, self.least = tried, zoom, wide, high, least
+                self._blocks = tried
+                self._zoom = zoom
+                self.width = wide
+                self.height = high
+                self.least = least
                 break
 
     def draw(self, pen: "Pen", left: float, top: float, ground: Rgba) -> None:
@@ -210,7 +226,8 @@ class Legend:
             pen.rectangle(
                 left - _PAD_PX, top - _PAD_PX, self.width + 2.0 * _PAD_PX, self.height + 2.0 * _PAD_PX, ground
             )
-        pen, top = pen.zoomed(self._zoom, left, top), 0.0
+        pen = pen.zoomed(self._zoom, left, top)
+        top = 0.0
         for block in self._blocks:
             if isinstance(block, Bar):
                 _draw_bar(pen, block, top)
@@ -220,7 +237,7 @@ class Legend:
 
 
 def _tries(blocks: tuple[Block, ...]) -> Iterator[tuple[tuple[Block, ...], float, float]]:
-    """Yield what a legend may show, its size, and its share of the width of a picture, the best first."""
+    """Yield layouts of a legend, with their size, and their share of the width of a picture, the best first."""
     yield blocks, 1.0, _ASIDE
     yield blocks, _SMALLER, _ASIDE
     for kinds in range(len(_IMPORTANCE) - 1, -1, -1):
@@ -238,13 +255,18 @@ class Pen:
     """
 
     def __init__(self, camera: Camera, fine: float, ink: Rgb) -> None:
-        self._camera, self._ink, self.commands = camera, ink, Commands()
-        self._scale, self._zoom, self._begin = camera.scale / fine, 1.0, (0.0, 0.0)
+        self._camera = camera
+        self._ink = ink
+        self.commands = Commands()
+        self._scale = camera.scale / fine
+        self._zoom = 1.0
+        self._begin = (0.0, 0.0)
 
     def zoomed(self, zoom: float, left: float, top: float) -> "Pen":
         """Return a pen that draws into the same commands, in another size, and from a point of this one's."""
         pen = copy(self)
-        pen._begin, pen._zoom = (left, top), zoom
+        pen._begin = (left, top)
+        pen._zoom = zoom
         return pen
 
     @property
@@ -262,7 +284,8 @@ class Pen:
 
     def circle(self, x: float, y: float, radius: float, color: AnyColor, width: float = 0.0) -> None:
         """Draw a circle; a width of 0 fills it."""
-        place, zoom = self._place(x, y), self._zoom
+        place = self._place(x, y)
+        zoom = self._zoom
         self.commands.add_circles([place], zoom * radius, color, zoom * width, DrawSpace.SCREEN)
 
     def line(self, points: Iterable[tuple[float, float]], color: AnyColor, width: float) -> None:
@@ -284,7 +307,7 @@ class Pen:
 
 
 def _with_signs(blocks: tuple[Block, ...], signs: tuple[str, ...]) -> tuple[Block, ...]:
-    """Return what explains colours, and these signs."""
+    """Return a legend of colors, and of these signs."""
     kept = _DISC, *signs
     few = [
         block if isinstance(block, Bar) else block._replace(rows=tuple(row for row in block.rows if row.sign in kept))
@@ -295,7 +318,8 @@ def _with_signs(blocks: tuple[Block, ...], signs: tuple[str, ...]) -> tuple[Bloc
 
 def _draw_bar(pen: Pen, bar: Bar, top: float) -> None:
     top += _draw_title(pen, bar.title, top)
-    step, bottom = _BAR_HEIGHT_PX / len(bar.colors), top + _BAR_HEIGHT_PX
+    step = _BAR_HEIGHT_PX / len(bar.colors)
+    bottom = top + _BAR_HEIGHT_PX
     for number, color in enumerate(reversed(bar.colors)):  # each down to the bottom, so that no seam shows
         begin = top + number * step
         pen.rectangle(0.0, begin, _BAR_PX, bottom - begin, color)
@@ -430,7 +454,7 @@ def _values_end(block: Rows) -> float:
 
 
 def _shown(block: Rows) -> tuple[Row, ...]:
-    """Return the rows, without those that are too many."""
+    """Return the rows that fit, without the rest."""
     if len(block.rows) <= _MOST_ROWS:
         return block.rows
     return (*block.rows[: _MOST_ROWS - 1], Row(PAPER, f"and {len(block.rows) - _MOST_ROWS + 1} more"))
@@ -445,12 +469,13 @@ legend_only.once_a_turn = True  # type: ignore[attr-defined]  # what drawers are
 
 _FEW_COLORS = 8  # so many different ones are explained one by one
 _STEPS = 64  # of a bar
-_HUNDRED, _HUGE = 100.0, 1e7
+_HUNDRED = 100.0
+_HUGE = 1e7
 
 
 @dataclass(frozen=True, eq=False)
 class Values:
-    """Ids with their places among a few colours; those without a value (NaN) are left out.
+    """Ids with the indices of their colors; ids without a value (NaN) are left out.
 
     Attributes:
         of: "nodes" or "edges".
@@ -497,7 +522,8 @@ def checked(
         raise UnknownName(of.removesuffix("s"), strange[0])
     values = _numbers(given.values(), of)
     is_shown = ~np.isnan(values)
-    ids, values = ids[is_shown], values[is_shown]
+    ids = ids[is_shown]
+    values = values[is_shown]
     if callable(cmap):
         colors, places = colorized(cmap, values)
         low, high = _span(values, span)
@@ -523,7 +549,7 @@ def _is_endless(value: object) -> bool:
 
 
 def _span(values: FloatArray, span: tuple[float | None, float | None], *, is_even: bool = False) -> tuple[float, float]:
-    """Return the values at both ends of the map: the given ones, or those of the finite values."""
+    """Return the values at both ends of the color map: as given, or the extremes of the finite values."""
     given = tuple(
         None if end is None else as_float(end, name) for name, end in zip(("vmin", "vmax"), span, strict=True)
     )
@@ -561,5 +587,5 @@ def _bar(title: str, colors: list[Rgb], low: float, high: float) -> Block:
 
 
 def _tick(value: float) -> str:
-    """Return a number in three digits, or in all of those of a large integer."""
+    """Return a number with three digits, or all digits of a large integer."""
     return f"{value:.0f}" if _HUNDRED <= abs(value) < _HUGE else f"{value:.3g}"

@@ -49,7 +49,7 @@ def shortened(words: str, font_px: float, most_px: float, *, is_title: bool = Fa
 
 @lru_cache(maxsize=1024)
 def warn_of_boxes(words: str) -> None:
-    """Warn, once in a process, that letters of these words are written as boxes, because the font lacks them."""
+    """Warn once per process about letters that the font lacks, which are shown as boxes."""
     lacking = [letter for letter in words if ord(letter) not in _widths()[0]]
     if lacking and not _warned:
         _warned.append(words)

@@ -1,4 +1,4 @@
-"""A page: how large it is, where the map stands on it, and what stands around the map.
+"""Page layout: its size, the position of the map, and the parts around the map.
 
 From the top down: the title; the map with the legend at its right; the turn and what happens in it; a line with the
 scale bar, north and the note.
@@ -19,7 +19,7 @@ from gamms.typing import IArtist, IContext
 from gamms.typing.visualization_engine import PictureOptions
 from gamms.visual.appearance import PAPER, Rgb, Rgba, inks, rgba
 from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, Point, fit_box
-from gamms.visual.captions import LINE_PX, CaptionBar, Card, draw_caption_bar, draw_card
+from gamms.visual.captions import LINE_PX, CaptionBar, ResultCard, draw_caption_bar, draw_card
 from gamms.visual.drawers.streets import in_metres
 from gamms.visual.labels import AUTO, Choice, Label, Labels, Rectangle, StreetName, StreetNames, as_choice, box_of
 from gamms.visual.legend import Block, Legend, Pen
@@ -31,10 +31,21 @@ _FITS = "page", "tight"
 _AREA = 560_000.0  # square pixels of the map on a page of no given size
 _SLIMMEST = 0.45  # the shorter side of such a map, as a share of the longer one, at least
 _ENDLESS = 1_000_000  # pixels
-_MARGIN_PX, _MARGIN = 16.0, 0.04  # around the map: at most, and as a share of the longer side of the page
-_HEADER_PX, _TITLE_PX = 44.0, 28.0
-_ROW_PX, _NOTE_PX, _EDGE_PX, _GAP_PX = 20.0, 16.0, 8.0, 6.0  # of the line at the bottom
-_BAR_PX, _BAR, _LABEL_PX, _LEAST_PX = 120.0, 0.25, 60.0, 200.0  # of a scale bar: at most; its words; a page with one
+# around the map: at most, and as a share of the longer side of the page
+_MARGIN_PX = 16.0
+_MARGIN = 0.04
+_HEADER_PX = 44.0
+_TITLE_PX = 28.0
+# of the line at the bottom
+_ROW_PX = 20.0
+_NOTE_PX = 16.0
+_EDGE_PX = 8.0
+_GAP_PX = 6.0
+# of a scale bar: at most; its words; a page with one
+_BAR_PX = 120.0
+_BAR = 0.25
+_LABEL_PX = 60.0
+_LEAST_PX = 200.0
 _NORTH_PX = 32.0
 _LEAST_HEIGHTS_PX = 120.0, 280.0  # of pages that have room for one caption, and for two
 _GROUND = 230  # alpha of what lies below words that may stand upon the map
@@ -42,7 +53,7 @@ _GROUND = 230  # alpha of what lies below words that may stand upon the map
 
 @dataclass(frozen=True)
 class PageStyle:
-    """The words of a page, and what is beside the map; see `PictureOptions`."""
+    """The texts of a page, and the parts around the map; see `PictureOptions`."""
 
     title: str = ""
     note: str = ""
@@ -65,8 +76,10 @@ def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
         BadType, BadValue: an unknown keyword, a value of the wrong type, an unknown `fit`, or no colour.
     """
     refuse_keywords(options, PictureOptions.__annotations__, "A picture")
-    fit, scale_bar = one_of(options.get("fit", _FITS[0]), "fit", _FITS), options.get("scale_bar")
-    columns, theme = ctx.graph.columns(), theme_called(options.get("theme", "light"))
+    fit = one_of(options.get("fit", _FITS[0]), "fit", _FITS)
+    scale_bar = options.get("scale_bar")
+    columns = ctx.graph.columns()
+    theme = theme_called(options.get("theme", "light"))
     has_bar = in_metres(columns) if scale_bar is None else as_bool(scale_bar, "scale_bar")
     return PageStyle(
         title=as_text(options.get("title", ""), "title"),
@@ -110,13 +123,12 @@ class Page:
     """
 
     def __init__(self, width: int, height: int, blocks: tuple[Block, ...], style: PageStyle, fine: float = 1.0) -> None:
-        self._fine, self._size = fine, (width / fine, height / fine)
+        self._fine = fine
+        self._size = (width / fine, height / fine)
         self._margin = min(_MARGIN_PX, _MARGIN * max(self._size))
         room = self._size[0] - 2 * self._margin
-        title, note = (
-            shortened(style.title, _TITLE_PX, room, is_title=True),
-            shortened(style.note, _NOTE_PX, room, is_title=True),
-        )
+        title = shortened(style.title, _TITLE_PX, room, is_title=True)
+        note = shortened(style.note, _NOTE_PX, room, is_title=True)
         self._style = replace(style, title=title, note=note)
         self._bar_px = min(_BAR_PX, _BAR * self._size[0])
         self._feet = self._feet_px()
@@ -140,7 +152,7 @@ class Page:
         return camera, (x, y)
 
     def _around(self) -> Margins:
-        """Return what is free around the map, for what stands there and for signs that reach beyond the map."""
+        """Return the margins around the map, for the parts there and for signs that reach beyond the map."""
         left, top, right, bottom = (
             margin + max(reach - _GAP_PX, 0.0) for margin, reach in zip(self._margins, self.spill, strict=True)
         )
@@ -161,7 +173,7 @@ class Page:
         return max(across + left + right, foot, title, width), max(up, height) + top + bottom
 
     def pen(self, camera: Camera) -> Pen:
-        """Return what draws on this page."""
+        """Return a pen for this page."""
         return Pen(camera, self._fine, inks(self._style.background)[0])
 
     # -- what stands around the map --------------------------------------------------------------------------
@@ -193,7 +205,7 @@ class Page:
     def labels(
         self, labels: Labels, camera: Camera, ctx: IContext, artists: Mapping[str, IArtist], corner: Point | None
     ) -> list[Label]:
-        """Return what stands beside agents, where the map is on this page."""
+        """Return the labels beside agents, for the position of the map on this page."""
         page, taken = self._free(corner)
         return labels.placed(camera, self._fine, ctx, artists, self._style.labels, page, taken)
 
@@ -221,16 +233,17 @@ class Page:
         return page, taken
 
     def captions(self, camera: Camera, bar: CaptionBar, corner: Point | None) -> DrawCommands:
-        """Return the turn and what happened in it, below the map, or upon one without a corner on this page."""
+        """Return the captions of the turn, below the map, or on the map if the page has no corner for them."""
         (width, height), (left, *_, foot), lines = self._size, self._margins, self._lines
-        pen, top = self.pen(camera), height - foot + _GAP_PX
+        pen = self.pen(camera)
+        top = height - foot + _GAP_PX
         if corner is None:
             pen.rectangle(0.0, top, width, lines * LINE_PX, (*self._style.background[:3], _GROUND))
         scores, (_, faint) = not self.legend.width, inks(self._style.background)
         draw_caption_bar(pen, bar, (left, top, width - 2 * left), lines, faint, scores=scores)
         return pen.commands.freeze()
 
-    def card(self, camera: Camera, card: Card) -> DrawCommands:
+    def card(self, camera: Camera, card: ResultCard) -> DrawCommands:
         """Return how the game ended, on a card upon the map."""
         pen, (left, top, right, bottom), (width, height) = self.pen(camera), self._margins, self._size
         center = (left + width - right) / 2, top + 0.4 * (height - top - bottom)
@@ -239,7 +252,7 @@ class Page:
 
     @property
     def _rows(self) -> int:
-        """How many lines are below the map."""
+        """Return the number of lines below the map."""
         is_much = sum(self._feet) + 3 * _EDGE_PX > self._size[0]
         return 2 if all(self._feet) and is_much else int(any(self._feet))
 
@@ -253,7 +266,8 @@ class Page:
     def _draw_foot(self, pen: Pen, ink: Rgb, scale: float) -> None:
         """Draw the scale bar and north at the left, the note at the right, or below where they are too broad."""
         (width, height), (mark_px, note_px), ground = self._size, self._feet, (*self._style.background[:3], _GROUND)
-        middle, x = height - 0.5 * _ROW_PX, self._margin
+        middle = height - 0.5 * _ROW_PX
+        x = self._margin
         if note_px:
             left = width - max(self._margin - _EDGE_PX, 0.0) - note_px
             pen.rectangle(left, middle - 0.4 * _ROW_PX, note_px, 0.8 * _ROW_PX, ground)

@@ -20,7 +20,7 @@ _NOTEBOOK_PX = 900, 600  # at most
 
 
 class Pictures(Guarded):
-    """Saves what the artists of a context draw.
+    """Saves the drawings of a context as pictures, frames and films.
 
     Args:
         ctx: the context.
@@ -40,9 +40,13 @@ class Pictures(Guarded):
 
     def __init__(self, ctx: IContext, drawing: Drawing, artists: Artists, turn_seconds: float) -> None:
         self._phase = phase_of(ctx)
-        self._ctx, self._drawing, self._artists = ctx, drawing, artists
+        self._ctx = ctx
+        self._drawing = drawing
+        self._artists = artists
         self.films = []
-        self.width, self.height, self.turn_seconds = 1280, 720, turn_seconds
+        self.width = 1280
+        self.height = 720
+        self.turn_seconds = turn_seconds
         self._scene: Scene | None = None
 
     def add_turn(self) -> None:
@@ -118,9 +122,10 @@ class Pictures(Guarded):
         from gamms.visual import files
         from gamms.visual.page import style_of
 
-        sheet, style = files.sheet(format, width, height, dpi), style_of(self._ctx, **options)
+        sheet = files.sheet(format, width, height, dpi)
+        style = style_of(self._ctx, **options)
         with self._drawing.themed(style.theme):
-            return files.painted(files.Source(self._ctx, self._drawing, self._artists), sheet, style)
+            return files.painted(files.FrameSource(self._ctx, self._drawing, self._artists), sheet, style)
 
     @outside_of_deciding
     def as_png(self) -> bytes | None:
@@ -133,9 +138,11 @@ class Pictures(Guarded):
     @outside_of_deciding
     def as_html(self) -> str:
         """Return the present state as an element of a page: a PNG, or an SVG where that cannot be made."""
-        kind, content = "png", self.as_png()
+        kind = "png"
+        content = self.as_png()
         if content is None:
-            kind, content = "svg+xml", self.picture(".svg", *_NOTEBOOK_PX, fit="tight")
+            kind = "svg+xml"
+            content = self.picture(".svg", *_NOTEBOOK_PX, fit="tight")
         source = f"data:image/{kind};base64,{b64encode(content).decode()}"
         return f'<img alt="the present state" src="{source}"/>'
 
@@ -161,10 +168,10 @@ class Pictures(Guarded):
             MissingExtra (ImportError): pygame is not installed.
             ContextTerminated: the context has ended.
         """
-        from gamms.visual.files import Frames, Source, size
+        from gamms.visual.files import Frames, FrameSource, size
 
         width, height = size(self.width if width is None else width, self.height if height is None else height)
-        frames = Frames(Source(self._ctx, self._drawing, self._artists), (width, height), options, self._scene)
+        frames = Frames(FrameSource(self._ctx, self._drawing, self._artists), (width, height), options, self._scene)
         self._scene = frames.scene
         return frames.at(1.0).pixels().copy()  # which may be written to
 
@@ -212,10 +219,10 @@ class Pictures(Guarded):
     ) -> "Film":
         """Begin a film; see `film`."""
         from gamms.visual.drawers.marks import MARK_PX
-        from gamms.visual.files import Film, Frames, Source, film_plan
+        from gamms.visual.files import Film, Frames, FrameSource, film_plan
 
         plan = film_plan(path, fps, width, height, frames_per_turn)
-        source = Source(self._ctx, self._drawing, self._artists)
+        source = FrameSource(self._ctx, self._drawing, self._artists)
         options.setdefault("captions", True)
         later_px = 0.0 if self._ctx.current_game is None else MARK_PX
         frames = Frames(source, plan.asked, options, is_even=plan.path.suffix.lower() == ".mp4", later_px=later_px)

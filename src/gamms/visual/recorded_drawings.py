@@ -1,4 +1,4 @@
-"""What artists with drawers of a program's own draw, as plain values that a recording holds and a replay draws."""
+"""Drawings of artists with custom drawers, as plain values for recordings and replays."""
 
 from dataclasses import replace
 from typing import Any
@@ -19,7 +19,7 @@ _POINT_BYTES = 200  # of memory: columns, and what is made of them to be painted
 
 
 class RecordedDrawer:
-    """A drawer that draws what was recorded of the artist of some name.
+    """A drawer that draws the recorded commands of the artist with a name.
 
     Args:
         drawings: of the context that a recording is replayed into.
@@ -27,7 +27,8 @@ class RecordedDrawer:
     """
 
     def __init__(self, drawings: "RecordedDrawings", name: str) -> None:
-        self._drawings, self._name = drawings, name
+        self._drawings = drawings
+        self._name = name
 
     @property
     def once_a_turn(self) -> bool:
@@ -35,9 +36,11 @@ class RecordedDrawer:
         return self._name not in self._drawings.starts
 
     def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:
-        """Draw it; what was drawn elsewhere at the beginning of the turn goes from there in a straight line."""
-        commands, start = self._drawings.commands.get(self._name), self._drawings.starts.get(self._name)
-        target, share = drawing_of(ctx).commands, float(data.get("_alpha", 1.0))
+        """Draw the commands; drawings that were elsewhere at the beginning of the turn move in a straight line."""
+        commands = self._drawings.commands.get(self._name)
+        start = self._drawings.starts.get(self._name)
+        target = drawing_of(ctx).commands
+        share = float(data.get("_alpha", 1.0))
         if commands is None or target is None:
             return
         if start is not None and share < 1.0:
@@ -71,18 +74,20 @@ class RecordedDrawings:
         self._refused: set[str] = set()  # artists whose drawings cannot be recorded
 
     def put(self, recorded: Recorded) -> None:
-        """Draw from now on what was recorded of an artist.
+        """Set the recorded drawing of an artist.
 
         Raises:
             BadType, BadValue, KeyError: this is no recorded drawing; nothing has changed.
             TooLarge (BadValue): all of them would take more memory than is allowed.
         """
-        name, commands = recorded["artist"], recorded.get("commands")
+        name = recorded["artist"]
+        commands = recorded.get("commands")
         if commands is None:
             for known in (self.commands, self.starts, self.legends, self._plain):
                 known.pop(name, None)
             return
-        drawn, legend = DrawCommands.from_plain(commands), recorded.get("legend", [])
+        drawn = DrawCommands.from_plain(commands)
+        legend = recorded.get("legend", [])
         if not isinstance(legend, list):
             raise BadType("The legend of a recorded drawing must be a list.")
         start = None if "start" not in recorded else DrawCommands.from_plain({**commands, "points": recorded["start"]})
@@ -102,7 +107,7 @@ class RecordedDrawings:
             known.clear()
 
     def recorded(self, name: str, artist: IArtist) -> Recorded:
-        """Return what an artist draws at present, as plain values; one that fails is logged, as in pictures."""
+        """Return the present drawing of an artist as plain values; errors are logged, as in pictures."""
         found: Recorded = {"artist": name, "layer": artist.get_layer(), "visible": artist.get_visible()}
         if not found["visible"] or name in self._refused:
             return found
@@ -135,7 +140,7 @@ class RecordedDrawings:
         return drawn | ({"legend": legend} if legend else {})
 
     def _start(self, name: str, artist: IArtist) -> dict[str, Any] | None:
-        """Return what an artist drew at the beginning of the turn; None where that is the same in all of its frames."""
+        """Return an artist's drawing at the beginning of the turn; None if it is the same in all frames."""
         is_still = artist.get_artist_type() is ArtistType.STATIC or getattr(artist.get_drawer(), "once_a_turn", False)
         if is_still:
             return None

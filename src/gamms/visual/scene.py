@@ -1,4 +1,4 @@
-"""A scene: what is drawn, kept as long as it stays the same, and painted in layers and tiles."""
+"""A scene: cached drawings, painted in layers and tiles."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import Enum
@@ -28,13 +28,13 @@ _LARGEST = 4_000_000  # px: 16 MB; larger ones are not kept
 
 
 class SurfacePool:
-    """Surfaces to paint on for a moment, one for each use: fresh memory costs more than what is painted on it."""
+    """Reusable surfaces, one for each use: allocating memory costs more than painting on it."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[str, int], Any] = {}
 
     def surface(self, use: str, width: int, height: int, flags: int = 0) -> Any:
-        """Return a surface of that size, still with what was painted last for the same use."""
+        """Return a surface of this size, with the contents of its last use."""
         kept = self._kept.get((use, flags))
         if kept is None or kept.get_width() < width or kept.get_height() < height:
             across, down = (-(-length // _STEP) * _STEP for length in (width, height))
@@ -46,11 +46,15 @@ class SurfacePool:
 
 SIDE = 128  # px of a tile
 _AHEAD = 1  # tiles around the view that are painted before they are seen
-_MOST_TILES, _MOST_VIEWS = 800, 4  # of all levels, the larger of: 50 MiB, or so many views
+# of all levels, the larger of: 50 MiB, or so many views
+_MOST_TILES = 800
+_MOST_VIEWS = 4
 _SPILL_PX = 64.0  # how far outside the box of a painting something sized in pixels may reach
 _SLOW = 0.0025  # seconds of a row of tiles; then rows become shorter
 _LONGEST_ROW = 16  # tiles
-_COARSEST, _FINEST = 16.0, 4.0  # how many times coarser or finer a level may be that tiles are cut out of
+# how many times coarser or finer a level may be that tiles are cut out of
+_COARSEST = 16.0
+_FINEST = 4.0
 _ROUNDING_PX = 1e-3  # a camera that is nearer to whole pixels is meant to lie on them
 _LOST = (3, 3, 3)  # of each colour, give or take one, when a surface is made smaller
 
@@ -58,7 +62,7 @@ Place = tuple[int, int]  # column, row
 
 
 class FrameBudget:
-    """How much time a frame has for painting.
+    """The time that a frame has for painting.
 
     Attributes:
         is_zooming: the scale changes from frame to frame.
@@ -66,8 +70,10 @@ class FrameBudget:
     """
 
     def __init__(self, seconds: float, *, is_zooming: bool = False, is_leaping: bool = False) -> None:
-        self.is_zooming, self.is_leaping = is_zooming, is_leaping
-        self._end, self._is_first = perf_counter() + seconds, True
+        self.is_zooming = is_zooming
+        self.is_leaping = is_leaping
+        self._end = perf_counter() + seconds
+        self._is_first = True
 
     def has_time(self, seconds: float) -> bool:
         """Return whether there is time for something that takes so long; for the first thing there always is."""
@@ -107,7 +113,9 @@ class _Level:
     """The tiles of one scale."""
 
     def __init__(self, scale: float, phase: tuple[float, float]) -> None:
-        self.scale, self._phase = scale, phase  # by which its pixels lie right of and below whole ones
+        # by which its pixels lie right of and below whole ones
+        self.scale = scale
+        self._phase = phase
         self.tiles: dict[Place, Any] = {}  # surfaces; None is an empty one
         self.rough: set[Place] = set()  # those that were cut out of another level
 
@@ -143,13 +151,18 @@ class Tiles:
     def __init__(
         self, painting: Painting, box: tuple[FloatArray, FloatArray] | None, background: Rgba | None, pool: SurfacePool
     ) -> None:
-        self.painting, self.background, self._pool = painting, background, pool
-        self._box, self._cost, self._at_once = box, 0.0, 1  # seconds that a row of tiles took, and how many it has
+        self.painting = painting
+        self.background = background
+        self._pool = pool
+        # seconds that a row of tiles took, and how many it has
+        self._box = box
+        self._cost = 0.0
+        self._at_once = 1
         self._flags = load().BLEND_PREMULTIPLIED if background is None else 0
         self._levels: dict[_Grid, _Level] = {}  # the one that was used last is the last
 
     def show(self, canvas: Canvas, camera: Camera, budget: FrameBudget) -> None:
-        """Show what the camera sees; None as background leaves what is behind it."""
+        """Show the view of a camera; with the background None, over the present contents."""
         level = self._level_for(camera, budget)
         area = level.view(camera)
         if budget.is_leaping:
@@ -200,11 +213,12 @@ class Tiles:
         return True
 
     def _is_empty(self, level: _Level, place: Place) -> bool:
-        """Return whether nothing is drawn on a tile, which is then kept as empty."""
+        """Return whether a tile has no drawings; it is then stored as empty."""
         camera = level.camera(_Area(*place, place[0] + 1, place[1] + 1))
         if self._box is not None:
             (left, low), (right, high) = (corner.tolist() for corner in self._box)
-            spill, side = _SPILL_PX / level.scale, SIDE / level.scale
+            spill = _SPILL_PX / level.scale
+            side = SIDE / level.scale
             if (
                 camera.left - spill <= right
                 and camera.left + side + spill >= left
@@ -222,7 +236,7 @@ class Tiles:
             level.rough.discard(place)
 
     def _paint_rows(self, level: _Level, wanted: list[Place], budget: FrameBudget) -> None:
-        """Paint tiles in order, each with some of those right of it that are wanted, too, while there is time."""
+        """Paint tiles in order, each with wanted tiles to its right, while there is time."""
         waiting = set(wanted)
         for place in wanted:
             if place in waiting:
@@ -233,7 +247,7 @@ class Tiles:
                 self._paint_timed(level, row)
 
     def _row(self, place: Place, waiting: set[Place]) -> _Area:
-        """Return a tile, and as many of those right of it as take no longer than a frame has for them."""
+        """Return a tile, and as many tiles to its right as one frame has time for."""
         column, row = place
         end = column + 1
         while (end, row) in waiting and end - column < self._at_once:
@@ -279,7 +293,7 @@ class Tiles:
     # -- other levels ----------------------------------------------------------------------------------------
 
     def _cut_out(self, level: _Level, missing: list[Place]) -> list[Place]:
-        """Make tiles from those of other levels, of the nearest scale first; those that none of them has."""
+        """Make tiles from those of other levels, of the nearest scale first; return tiles that cannot be made."""
         others = [other for other in self._levels.values() if other is not level]
         others.sort(key=lambda other: max(other.scale / level.scale, level.scale / other.scale))
         for other in others:
@@ -305,7 +319,7 @@ class Tiles:
             level.rough.add(place)
 
     def _evict(self, level: _Level, tiles: _Area) -> None:
-        """Forget levels that were not used for long, but not the one that sees farthest; then what is far away."""
+        """Drop levels that were not used for long, except the one with the widest view; then distant tiles."""
         most = max(_MOST_TILES, _MOST_VIEWS * len(list(tiles.places())))
         farthest = min(self._levels.values(), key=lambda one: one.scale)
         for grid, old in list(self._levels.items()):
@@ -388,10 +402,10 @@ def _part(surface: "Surface", tiles: _Area, place: Place) -> Any:
 _FEW = 400  # points that are repainted faster than shown from a cache
 
 Draw = Callable[[ArtistGroup], DrawCommands]
-_Groups = list[tuple["_Rate", dict[str, IArtist], ArtistGroup]]
+_Groups = list[tuple["_DrawRate", dict[str, IArtist], ArtistGroup]]
 
 
-class Part:
+class ScenePart:
     """Artists that follow each other, as commands that are ready to be painted.
 
     Attributes:
@@ -402,7 +416,8 @@ class Part:
 
     def __init__(self, group: ArtistGroup, commands: DrawCommands, key: object = None) -> None:
         self.artists = group.artists
-        self.painting, self.key = Painting(commands), key
+        self.painting = Painting(commands)
+        self.key = key
         self.is_static = self.lasts = self.is_old = key is not None
         self.is_much = len(commands.points) > _FEW
         self.tiles: Tiles | None = None
@@ -414,7 +429,7 @@ class Part:
         return bounds(commands) if len(commands) else None
 
     def paint(self, canvas: Canvas, camera: Camera) -> None:
-        """Paint what the camera sees of it."""
+        """Paint the part visible to a camera."""
         self.painting.paint(canvas, camera)
 
     def show(self, canvas: Canvas, camera: Camera, behind: Rgba | None, budget: FrameBudget, pool: SurfacePool) -> None:
@@ -432,7 +447,7 @@ class Part:
         return all(np.array_equal(getattr(mine, name), getattr(commands, name)) for name in columns)
 
 
-_Still = tuple[list[Part], Camera, Rgba, Any]  # parts, camera, background, and the surface
+_Still = tuple[list[ScenePart], Camera, Rgba, Any]  # parts, camera, background, and the surface
 
 
 class Scene:
@@ -445,12 +460,14 @@ class Scene:
     """
 
     def __init__(self, ctx: IContext, world: Callable[[], Any], *, tiles_turns: bool = False) -> None:
-        self._tiles_turns, self._pool = tiles_turns, SurfacePool()
+        self._tiles_turns = tiles_turns
+        self._pool = SurfacePool()
         self._overlays: dict[tuple[IArtist, ...], Any] = {}
-        self._ctx, self._world = ctx, world
+        self._ctx = ctx
+        self._world = world
         self._grouped: tuple[Mapping[str, IArtist], int, _Groups] | None = None  # artists, their edits, and groups
-        self._parts: list[Part] = []
-        self._before: list[Part] = []
+        self._parts: list[ScenePart] = []
+        self._before: list[ScenePart] = []
         self._stages: list[_Still] = []  # what was painted of the parts at the back, the fewest first
 
     def draw(self, artists: Mapping[str, IArtist], draw: Draw, *, is_new_turn: bool = True) -> None:
@@ -458,22 +475,24 @@ class Scene:
 
         Within a turn, static artists, and those whose drawer has a true attribute `once_a_turn`, are not asked again.
         """
-        world, known = self._world(), {part.key: part for part in self._parts if part.is_static}
+        world = self._world()
+        known = {part.key: part for part in self._parts if part.is_static}
         asked = {} if is_new_turn else {part.artists: part for part in self._parts}
-        self._before, self._parts = self._parts, []
+        self._before = self._parts
+        self._parts = []
         for rate, members, group in self._groups(artists, is_new_turn=is_new_turn):
-            if rate is not _Rate.FRAME and group.artists in asked:
+            if rate is not _DrawRate.FRAME and group.artists in asked:
                 part = asked[group.artists]
-            elif rate is _Rate.STATIC:
+            elif rate is _DrawRate.STATIC:
                 key = (world, *(state_of(name, artist) for name, artist in members.items()))
-                part = known.get(key) or Part(group, draw(group), key)
+                part = known.get(key) or ScenePart(group, draw(group), key)
             else:
                 part = self._moving_part(group, draw, is_new_turn=is_new_turn)
-            part.lasts = rate is not _Rate.FRAME
+            part.lasts = rate is not _DrawRate.FRAME
             self._parts.append(part)
 
     def _groups(self, artists: Mapping[str, IArtist], *, is_new_turn: bool) -> _Groups:
-        """Return artists in painting order, those together that make one part; within a turn they are sorted once."""
+        """Return artists in painting order, grouped by parts; sorted once per turn."""
         if self._grouped is not None and not is_new_turn and self._grouped[:2] == (artists, Artist.edits):
             return self._grouped[2]
         by_likeness = groupby(in_painting_order(artists), _group_key)
@@ -483,7 +502,7 @@ class Scene:
         self._grouped = (artists, Artist.edits, groups) if are_counted else None
         return groups
 
-    def _moving_part(self, group: ArtistGroup, draw: Draw, *, is_new_turn: bool) -> Part:
+    def _moving_part(self, group: ArtistGroup, draw: Draw, *, is_new_turn: bool) -> ScenePart:
         """Return a part: that of the frame before, where it would look the same."""
         commands = draw(group)
         for part in self._before:
@@ -492,7 +511,7 @@ class Scene:
                 part.artists = group.artists
                 part.is_old |= is_new_turn
                 return part
-        return Part(group, commands)
+        return ScenePart(group, commands)
 
     def box(self) -> tuple[FloatArray, FloatArray]:
         """Return the lower left and the upper right corner of everything."""
@@ -508,7 +527,7 @@ class Scene:
         return left, top, right, bottom
 
     def note_overlay(self, artists: tuple[IArtist, ...], surface: "Surface | None") -> None:
-        """Show a surface above what these artists drew; None: nothing."""
+        """Show a surface above the drawings of these artists; None: no surface."""
         if surface is None:
             self._overlays.pop(artists, None)
         else:
@@ -548,13 +567,13 @@ class Scene:
         """Return whether everything is painted in the scale in which it is shown."""
         return all(part.tiles is None or part.tiles.is_sharp(camera) for part in self._parts)
 
-    def _is_tiled(self, part: Part, *, is_moving: bool) -> bool:
+    def _is_tiled(self, part: ScenePart, *, is_moving: bool) -> bool:
         """Return whether a part is so much, and stays the same for so long, that it is better kept than repainted."""
         is_kept = part.is_static or (part.lasts if self._tiles_turns else is_moving and part.is_old)
         return part.is_much and is_kept
 
     def _from_stage(self, canvas: Canvas, camera: Camera, background: Rgba, stops: set[int]) -> int:
-        """Show what was painted before of the most of the first parts, and return how many parts that are."""
+        """Show the cached painting of the most leading parts, and return their number."""
         if not stops:
             return 0
         self._stages = [
@@ -570,28 +589,28 @@ class Scene:
 
 
 def _leading(are_so: Iterable[bool]) -> int:
-    """Count those at the beginning that are so."""
+    """Return the number of leading items that are true."""
     return sum(takewhile(bool, are_so))
 
 
-def _are_first(parts: list[Part], others: list[Part]) -> bool:
+def _are_first(parts: list[ScenePart], others: list[ScenePart]) -> bool:
     """Return whether others begin with these very parts."""
     return len(parts) <= len(others) and all(map(is_, parts, others))
 
 
-class _Rate(Enum):
-    """How often artists draw."""
+class _DrawRate(Enum):
+    """The draw frequency of artists: never again, each turn, or each frame."""
 
     STATIC = "when the world changes"
     TURN = "once a turn"
     FRAME = "for every frame"
 
 
-def _group_key(item: tuple[str, IArtist]) -> tuple[_Rate, int, Drawer | None]:
-    """Return the key of the artists that make one part: those that change together."""
+def _group_key(item: tuple[str, IArtist]) -> tuple[_DrawRate, int, Drawer | None]:
+    """Return the key of the artists that form one part: those that change together."""
     artist = item[1]
     if artist.get_artist_type() is ArtistType.STATIC:
-        return _Rate.STATIC, 0, None
+        return _DrawRate.STATIC, 0, None
     if getattr(artist.get_drawer(), "once_a_turn", False):
-        return _Rate.TURN, artist.get_layer(), artist.get_drawer()
-    return _Rate.FRAME, artist.get_layer(), None
+        return _DrawRate.TURN, artist.get_layer(), artist.get_drawer()
+    return _DrawRate.FRAME, artist.get_layer(), None

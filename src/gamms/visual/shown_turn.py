@@ -1,4 +1,4 @@
-"""What drawers ask about the turn that is shown: how agents moved, what happened, and what sensors see."""
+"""The turn that is shown: moves of agents, events, and sensor views, for drawers."""
 
 from bisect import bisect_right
 from collections import deque
@@ -47,7 +47,8 @@ class Paths(NamedTuple):
         first, last = self.offsets[:-1], self.offsets[1:] - 1
         end = first + np.clip(np.add.reduceat(self.shares <= share, first, dtype=np.int64), 1, last - first)
         start = self.points[end - 1]
-        behind, step = share - self.shares[end - 1], self.shares[end] - self.shares[end - 1]
+        behind = share - self.shares[end - 1]
+        step = self.shares[end] - self.shares[end - 1]
         part = np.divide(behind, step, out=np.ones(len(step)), where=step > 0.0)
         found: FloatArray = start + part[:, None] * (self.points[end] - start)
         return found
@@ -101,7 +102,7 @@ def _by_name(turn: _Turn) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 class PastTurns:
-    """How the last turns of a context ended.
+    """The ends of the last turns of a context.
 
     Attributes:
         entries: the turns, or how agents moved in them, the latest last.
@@ -121,12 +122,15 @@ class PastTurns:
     def end_turn(self) -> None:
         """Note how a turn has ended."""
         # NOTE: games without pictures pay for this in every turn (benchmarks: the loop, turns).
-        ctx, last, state = self._ctx, self.latest, self._state
+        ctx = self._ctx
+        last = self.latest
+        state = self._state
         if state is None and ctx.current_game is not None:
             state = self._state = ctx.current_game.internals.state
         number = events = 0
         if state is not None:
-            number, events = state.turn, len(state.events)
+            number = state.turn
+            events = len(state.events)
         names, places = ctx.agent.positions.noted()
         if last is None or number < last[2]:  # or the game was reset
             last = self._begin(names, is_reset=last is not None)
@@ -139,14 +143,16 @@ class PastTurns:
             self.count += 1
 
     def forget(self, past: Iterable[Moves] = (), events: int = 0) -> None:
-        """Forget all turns; those before the next one are these instead, after which there were so many events."""
-        self.latest, self._events = None, events
+        """Forget all turns, and restart with these positions before the next turn, after this number of events."""
+        self.latest = None
+        self._events = events
         self.entries.clear()
         self.entries.extend(past)
 
     def forget_those_of_another_game(self) -> None:
         """Forget all turns if the game was reset since."""
-        game, last = self._ctx.current_game, self.latest
+        game = self._ctx.current_game
+        last = self.latest
         if last is not None and (0 if game is None else game.turn) < last[2]:
             self.forget()
 
@@ -166,7 +172,8 @@ class Motion:
     """
 
     def __init__(self, ctx: IContext, turns: PastTurns) -> None:
-        self._ctx, self._turns = ctx, turns
+        self._ctx = ctx
+        self._turns = turns
         self.moves = _NO_MOVES
         self._steps: dict[str, Step] = {}
         self._now: tuple[float, FloatArray] | None = None  # where all that moved are after a share
@@ -208,7 +215,8 @@ class Motion:
     def begin_turn(self) -> None:
         """Look up how each agent moved; one whose move is that of the turn before has not moved since."""
         positions = self._ctx.agent.positions
-        before, now = positions.previous_places, positions.places
+        before = positions.previous_places
+        now = positions.places
         for row in positions.on_edges:
             now[row] = positions.nodes[row]
         steps: dict[str, Step] = dict(zip(positions.names, zip(before, now, strict=True), strict=True))
@@ -237,7 +245,9 @@ class Motion:
     def show_end(self, steps: dict[str, Step]) -> None:
         """Show agents where they are, after these last moves, which are over."""
         self._shown = self._turns.latest
-        self._steps, self._now, self.moves = steps, None, _NO_MOVES
+        self._steps = steps
+        self._now = None
+        self.moves = _NO_MOVES
 
     def moves_between(self, before: Mapping[str, Step], steps: Mapping[str, Step]) -> Moves:
         """Return how agents moved in a turn, by the last move of each before and after it."""
@@ -264,7 +274,7 @@ class Motion:
         return Moves(rows, Paths.through(lines, [*bends.values(), *travels.values()]))
 
     def _travelled(self, before: Any, now: Any) -> FloatArray | None:
-        """Return the points between two places, of which one at least is on an edge; None where that edge is gone."""
+        """Return the points between two places, at least one of them on an edge; None if the edge was removed."""
         graph = self._ctx.graph.graph
         try:
             if isinstance(before, Progress) and isinstance(now, Progress) and before.edge == now.edge:
@@ -331,8 +341,9 @@ class Motion:
         return known[2]
 
     def on_edges(self) -> dict[str, _Point]:
-        """Return agent -> where it is, of those that are on an edge."""
-        positions, graph = self._ctx.agent.positions, self._ctx.graph.graph
+        """Return agent -> position, for agents on edges."""
+        positions = self._ctx.agent.positions
+        graph = self._ctx.graph.graph
         key = positions, positions.version, graph.revision
         if key != self._on_edges[0] or graph.revision is None:
             found = {row: located(graph, progress) for row, progress in positions.on_edges.items()}
@@ -376,7 +387,8 @@ class TurnEvents:
     """The events of `ctx.game`, or of its replay, in the turn that is shown."""
 
     def __init__(self, ctx: IContext, turns: PastTurns) -> None:
-        self._ctx, self._turns = ctx, turns
+        self._ctx = ctx
+        self._turns = turns
         self._begin = self._end = 0
         self._shown: _Turn | None = None  # the turn of which these are the begin and the end
         self._eliminated: frozenset[str] | None = None  # of the last turn, once they are asked for
@@ -401,8 +413,9 @@ class TurnEvents:
         return list(self._all()[self._begin : self._end])
 
     def _all(self) -> Sequence[dict[str, Any]]:
-        """Return all events, of which the last turn has those from `_begin` to `_end`."""
-        game, latest = self._ctx.current_game, self._turns.latest
+        """Return all events; those of the last turn are from `_begin` to `_end`."""
+        game = self._ctx.current_game
+        latest = self._turns.latest
         events: Sequence[dict[str, Any]] = () if game is None else game.events
         if latest is not None and latest is not self._shown:
             self._shown = latest
@@ -415,7 +428,8 @@ class TurnEvents:
 
     def of_turns(self, kind: str, turns: int) -> list[dict[str, Any]]:
         """Return the events of that kind in the last turns, so many at most, the latest first."""
-        events, game = self._all(), self._ctx.current_game
+        events = self._all()
+        game = self._ctx.current_game
         first = 0 if game is None else game.turn - turns
         latest = (events[place] for place in reversed(range(self._end)))
         return [one for one in takewhile(lambda one: one["turn"] > first, latest) if one.get("kind") == kind]
@@ -451,8 +465,8 @@ class Sight(NamedTuple):
     view: SensorView | None  # None: it has none; drawing it will show the error
 
 
-class Carriers:
-    """The agents that carry each sensor, found again only when agents or what they carry have changed."""
+class SensorCarriers:
+    """The agents that carry each sensor, updated only if agents or their sensors have changed."""
 
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
@@ -463,7 +477,8 @@ class Carriers:
         """Return the agents that carry a sensor, dead ones too, in the order of their creation."""
         version = self._ctx.agent.structure_version
         if version is None or version != self._key:
-            self._key, self._of = version, {}
+            self._key = version
+            self._of = {}
             for agent in self._ctx.agent.create_iter():
                 for one in getattr(agent, "sensors", {}).values():
                     carriers = self._of.setdefault(id(one), [])
@@ -476,7 +491,7 @@ class Carriers:
         return bool(carriers) and not any(agent.alive for agent in carriers)
 
     def sights(self, most: int) -> list[Sight]:
-        """Return what the sensors see that have looked; nothing where there are more than so many."""
+        """Return the views of sensors that have looked; empty if there are more than the limit."""
         found = list(islice(self._looking(), most + 1))
         return [] if len(found) > most else [self.sight(*one) for one in found]
 
@@ -492,7 +507,7 @@ class Carriers:
 
     @staticmethod
     def sight(sensor: ISensor, agent: IAgent | None) -> Sight:
-        """Return what a sensor sees for an agent; None: what it saw last, or would see from there."""
+        """Return the view of a sensor for an agent; None: its last view, or its present view from there."""
         look = getattr(sensor, "view_from", None)  # a class that is no child of ISensor has none
         place, name = (None, None) if agent is None else (agent.current_node_id, agent.name)
         try:
@@ -505,7 +520,7 @@ class Carriers:
 
 
 def view_of(sensor: ISensor) -> SensorView:
-    """Return what a sensor saw last.
+    """Return the last view of a sensor.
 
     Raises:
         NotOffered: it has no `last_view`.

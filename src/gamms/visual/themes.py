@@ -8,7 +8,7 @@ from gamms.visual.appearance import PAPER, TEAM_COLORS, Rgb, Rgba
 
 
 class WallTones(NamedTuple):
-    """How buildings and walls look that have no colour of their own."""
+    """The colors of buildings and walls without their own color."""
 
     low: Rgb  # of the areas of the lowest buildings
     high: Rgb  # of the areas of the highest ones; what is between is mixed
@@ -17,7 +17,7 @@ class WallTones(NamedTuple):
 
 
 class GroundTones(NamedTuple):
-    """How the base map looks, which lies below all else."""
+    """The colors of the base map, which is drawn below everything else."""
 
     green: Rgb  # of parks and woods
     water: Rgb  # of areas of water

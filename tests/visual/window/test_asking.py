@@ -9,7 +9,7 @@ from gamms.errors import UnknownName
 from gamms.ir.draw import DrawKind
 from gamms.visual.appearance import GraphData
 from gamms.visual.drawers import render_input_overlay
-from gamms.visual.window.input import Flight
+from gamms.visual.window.input import FlightChoice
 from gamms.visual.window.panels import BADGE_PX, Hud
 
 
@@ -109,7 +109,7 @@ def test_a_wrong_key_says_which_are_possible(ctx, person):
     )
     assert ask(ctx) == 3
     assert hints == ["X is no choice: there is 0 to 14"] * 2
-    drone = Flight("drone", (0.0, 0.0, 0.0))
+    drone = FlightChoice("drone", (0.0, 0.0, 0.0))
     drone.type_digit(5)
     assert (drone.answer, drone.hint) == (None, "5 is no choice: there are the arrows up and down, and 0")
 

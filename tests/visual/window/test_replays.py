@@ -8,7 +8,7 @@ import gamms
 from gamms.visual import Engine
 from gamms.visual.appearance import TEAM_COLORS
 from gamms.visual.window import engine, panels
-from gamms.visual.window.timeline import HEIGHT_PX, Mark, Timeline
+from gamms.visual.window.timeline import HEIGHT_PX, Timeline, TimelineMark
 
 TURNS = 8
 
@@ -134,10 +134,10 @@ def test_trails_lead_to_a_turn_that_one_jumps_to(ctx, recording):
 def test_marks_are_of_the_teams_that_they_are_about(ctx, recording):
     play(ctx, recording, {})
     assert ctx.visual.overlay.timeline.marks == (
-        Mark(2, "red", "red 1", True),
-        Mark(3, "blue", "bert is out", False),
-        Mark(5, "red", "red 2", True),
-        Mark(8, "red", "red won", True),
+        TimelineMark(2, "red", "red 1", True),
+        TimelineMark(3, "blue", "bert is out", False),
+        TimelineMark(5, "red", "red 2", True),
+        TimelineMark(8, "red", "red won", True),
     )
     assert ctx.visual.overlay.timeline.words_at(place_of(ctx, 3)) == ["turn 3: bert is out"]
     assert ctx.visual.overlay.timeline.words_at(place_of(ctx, 4)) == ["turn 4"]

@@ -1,8 +1,8 @@
-"""Backends: functions that turn draw commands into the bytes of a picture file.
+"""Backends: functions that convert draw commands to the bytes of a picture file.
 
-`backend(commands, camera, *, title, background, dpi) -> bytes`; it paints nothing but the commands, which have the
-words around the map, too. A new format is one file here and one line below; an installed package adds one through the
-entry point group `gamms.backends`. `gamms.testing.check_backend` says whether it keeps the contract.
+`backend(commands, camera, *, title, background, dpi) -> bytes`; it paints only the commands, which include the text
+around the map. To add a format, add one file here and one line below; an installed package adds one through the entry
+point group `gamms.backends`. `gamms.testing.check_backend` checks the contract.
 
 Pixels are painted by `raster.py` on the surfaces of `pygame_backend.py`; optional libraries have one file each.
 """
@@ -41,7 +41,7 @@ class FilmWriter(Protocol):
     """A writer of a film file; made by `(path, width, height, fps)`."""
 
     def add(self, picture: PaintedFrame) -> None:
-        """Add a frame; it is painted over afterwards."""
+        """Add a frame; its buffer is reused afterwards."""
 
     def finish(self) -> None:
         """End the file."""

@@ -1,4 +1,4 @@
-"""MP4 files by PyAV. Between two frames a few agents move, so only the squares that differ are converted."""
+"""MP4 files with PyAV. Between two frames only a few agents move, so only tiles that differ are converted."""
 
 from pathlib import Path
 from queue import Queue
@@ -15,22 +15,24 @@ if TYPE_CHECKING:
     from av.video.reformatter import VideoReformatter
 
 
-TILE, BORDER = 64, 4  # pixels; of a square, and around it, for colours are mixed from neighbours
+# pixels: size of a tile, and of its border, because colors are mixed with neighbors
+TILE = 64
+BORDER = 4
 SIDE = TILE + 2 * BORDER
-STRIP = 8  # squares that are converted at once, side by side: long rows are what converters are fast with
-MOST = 64  # of more of them it is faster to convert everything
+STRIP = 8  # tiles that are converted at once, side by side, because converters are fast for long rows
+MOST = 64  # number of tiles from which the whole frame is converted
 
 
-class Square(NamedTuple):
-    """A tile of a picture: its place, and the upper left corner of the larger square around it."""
+class ChangedTile(NamedTuple):
+    """A changed tile of a picture: its position, and the upper left corner of the tile with its border."""
 
     left: int
     top: int
     corner: tuple[int, int]
 
 
-def squares(before: PixelArray, now: PixelArray) -> list[Square] | None:
-    """Return the tiles in which two frames differ; None where there are too many, or the picture is too small."""
+def squares(before: PixelArray, now: PixelArray) -> list[ChangedTile] | None:
+    """Return the tiles in which two frames differ; None if there are too many, or the picture is too small."""
     height, width = now.shape
     if min(width, height) < SIDE:
         return None
@@ -43,13 +45,13 @@ def squares(before: PixelArray, now: PixelArray) -> list[Square] | None:
     return [_square(left, top, width, height) for left, top in places]
 
 
-def _square(left: int, top: int, width: int, height: int) -> Square:
+def _square(left: int, top: int, width: int, height: int) -> ChangedTile:
     corner = min(max(left - BORDER, 0), width - SIDE), min(max(top - BORDER, 0), height - SIDE)
-    return Square(left, top, corner)
+    return ChangedTile(left, top, corner)
 
 
 def planes_of(frame: "VideoFrame") -> list[ByteArray]:
-    """Return the planes of a frame of PyAV as arrays (rows, columns) that can be written to."""
+    """Return the planes of a PyAV frame as writable arrays (rows, columns)."""
     found = []
     for plane in frame.planes:
         rows = np.frombuffer(memoryview(plane), np.uint8).reshape(plane.height, plane.line_size)
@@ -57,13 +59,13 @@ def planes_of(frame: "VideoFrame") -> list[ByteArray]:
     return found
 
 
-def paste(planes: list[ByteArray], parts: list[ByteArray], tiles: list[Square]) -> None:
-    """Put tiles into the planes of a picture whose second and third plane are half as large.
+def paste(planes: list[ByteArray], parts: list[ByteArray], tiles: list[ChangedTile]) -> None:
+    """Copy tiles into the planes of a picture whose second and third plane have half the size.
 
     Args:
-        planes: of the picture.
-        parts: of the squares around the tiles, side by side.
-        tiles: where they belong.
+        planes: planes of the picture.
+        parts: planes of the tiles with borders, side by side.
+        tiles: positions of the tiles.
     """
     for plane, part, share in zip(planes, parts, (1, 2, 2), strict=True):
         side = SIDE // share
@@ -74,16 +76,16 @@ def paste(planes: list[ByteArray], parts: list[ByteArray], tiles: list[Square]) 
             place[:] = part[down : down + rows, across : across + columns]
 
 
-_AHEAD = 8  # frames that wait for the encoder
-# A fixed number of threads, so that the same frames give the same bytes on every machine. It is one, for that one works
-# beside the painter already; two cost half as much again in waiting for each other. The macroblock tree of x264 reads
-# memory that it has not written, so that the same frames sometimes gave other bytes; 23 without it looks better than 20
-# with it.
+_AHEAD = 8  # frames waiting for the encoder
+# A fixed number of threads, so that equal frames give equal bytes on every machine. One thread, because it runs
+# beside the painter already; two take half as much again for synchronization. The macroblock tree of x264 reads
+# memory that it has not written, so that equal frames sometimes gave different bytes; 23 without it looks better than
+# 20 with it.
 _OPTIONS = {"preset": "veryfast", "crf": "23", "mbtree": "0", "threads": "1"}
 
 
 class Mp4:
-    """Writes H.264 beside the program that paints, so that a film takes little longer than its slower half.
+    """Encodes H.264 in parallel with the painter, so that a film takes little longer than the slower of the two.
 
     Raises:
         MissingExtra: PyAV is not installed.
@@ -98,19 +100,22 @@ class Mp4:
 
         self._frame: Any = av.VideoFrame(width, height, "bgra")
         self._strip: Any = av.VideoFrame(SIDE * STRIP, SIDE, "bgra")
-        # The pixels of the frame before, and of squares that are to be converted.
+        # Pixels of the previous frame, and of tiles to be converted.
         self._pixels, self._squares = (planes_of(one)[0].view(np.uint32) for one in (self._frame, self._strip))
         self._reformatters: tuple[Any, Any] = VideoReformatter(), VideoReformatter()  # each knows one size
         self._few = _one_thread(self._reformatters[1], self._strip)
-        self._converted: Any = None  # the frame before, in the colours of the encoder
-        # The index comes first, so that a browser can begin before it has all.
+        self._converted: Any = None  # the previous frame, in the color format of the encoder
+        # The index comes first, so that browsers can start before the whole file is loaded.
         self._file: Any = av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"})
         rate = Fraction(fps).limit_denominator(1001)
-        self._number, self._time_base = 0, 1 / rate
+        self._number = 0
+        self._time_base = 1 / rate
         self._stream = self._file.add_stream("libx264", rate=rate, options=_OPTIONS)
-        self._stream.width, self._stream.height, self._stream.pix_fmt = width, height, "yuv420p"
+        self._stream.width = width
+        self._stream.height = height
+        self._stream.pix_fmt = "yuv420p"
         self._waiting: Queue[Any] = Queue()
-        self._free: Queue[Any] = Queue()  # fresh memory for every frame would cost more than filling it
+        self._free: Queue[Any] = Queue()  # new memory for every frame would cost more than filling it
         for _ in range(_AHEAD):
             self._free.put(av.VideoFrame(width, height, "yuv420p"))
         self._error: BaseException | None = None
@@ -133,12 +138,14 @@ class Mp4:
         frame = self._free.get()
         for mine, its in zip(planes_of(self._converted), planes_of(frame), strict=True):
             its[:] = mine
-        frame.pts, frame.time_base, self._number = self._number, self._time_base, self._number + 1
+        frame.pts = self._number
+        frame.time_base = self._time_base
+        self._number = self._number + 1
         self._waiting.put(frame)
         self._raise()
 
     def finish(self) -> None:
-        """Write what is left.
+        """Write the remaining frames.
 
         Raises:
             OSError: the file cannot be written.
@@ -171,8 +178,8 @@ class Mp4:
         if self._error is not None:
             raise self._error
 
-    def _change(self, pixels: PixelArray, tiles: list[Square]) -> None:
-        """Put tiles of a picture into the frame before; the encoder has copied that by now."""
+    def _change(self, pixels: PixelArray, tiles: list[ChangedTile]) -> None:
+        """Update tiles of the previous frame, which the encoder has already copied."""
         planes = planes_of(self._converted)
         for begin in range(0, len(tiles), STRIP):
             some = tiles[begin : begin + STRIP]
@@ -189,6 +196,6 @@ def _one_thread(reformatter: "VideoReformatter", frame: "VideoFrame") -> dict[st
     """Return keywords that keep PyAV from dividing a few pixels among all processors, which is slower."""
     try:
         reformatter.reformat(frame, format="yuv420p", threads=1)
-    except TypeError:  # an old version, which does not
+    except TypeError:  # an old version without these keywords
         return {}
     return {"threads": 1}

@@ -1,4 +1,4 @@
-"""How much of each pixel a shape covers: smooth edges at places and widths that are no whole pixels.
+"""Pixel coverage of shapes, for smooth edges at fractional positions and widths.
 
 Pixel (column, row) is the square from (column, row) to (column + 1, row + 1); y is down. Coverage is 0 to 255.
 """
@@ -14,24 +14,24 @@ from gamms.visual.camera import extent
 
 ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
 SingleArray = np.ndarray[Any, np.dtype[np.float32]]
-PixelArray = np.ndarray[Any, np.dtype[np.uint32]]  # (rows, columns)  blue, green, red and a byte without meaning
+PixelArray = np.ndarray[Any, np.dtype[np.uint32]]  # (rows, columns)  blue, green, red and an unused byte
 
-_FINER = 4  # lines per row of pixels on which the sides of a polygon are looked at
-_AT_ONCE = 2_000_000  # pixels that are looked at together, so that memory stays bounded
+_FINER = 4  # sample lines per row of pixels for polygons
+_AT_ONCE = 2_000_000  # pixels processed together, to limit memory
 
 
 class PaintedFrame(Protocol):
     """A frame of a film."""
 
     def pixels(self) -> ByteArray:
-        """Return red, green and blue as an array (height, width, 3) of its own."""
+        """Return red, green and blue as a new array (height, width, 3)."""
 
     def bgrx(self) -> PixelArray:
         """Return blue, green, red and an unused byte as an array (height, width): the fastest way to an encoder."""
 
 
 class Patch(NamedTuple):
-    """Coverage of a part of a picture, and where its upper left pixel lies."""
+    """Coverage of a part of a picture, and the position of its upper left pixel."""
 
     coverage: ByteArray  # (rows, columns)
     left: int
@@ -39,7 +39,7 @@ class Patch(NamedTuple):
 
 
 def disc(x: float, y: float, outer: float, inner: float, width: int, height: int) -> Patch | None:
-    """Return a disc of radius `outer` px with a hole of radius `inner`, cut to a picture; None where it is empty."""
+    """Return a disc of radius `outer` px with a hole of radius `inner`, clipped to a picture; None if it is empty."""
     left, top = max(0, int(np.floor(x - outer - 1))), max(0, int(np.floor(y - outer - 1)))
     right, bottom = min(width, int(np.ceil(x + outer + 1))), min(height, int(np.ceil(y + outer + 1)))
     if left >= right or top >= bottom:
@@ -54,14 +54,14 @@ def disc(x: float, y: float, outer: float, inner: float, width: int, height: int
 
 
 def strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, height: int) -> Patch | None:
-    """Return the coverage of lines with round ends, cut to a picture; where they overlap they count once.
+    """Return the coverage of lines with round ends, clipped to a picture; overlaps count once.
 
     Args:
         starts: (lines, 2), pixels.
         ends: (lines, 2), pixels.
-        width_px: of every line; thinner than a pixel is a pixel of less coverage.
-        width: of the picture.
-        height: of the picture.
+        width_px: width of every line; lines thinner than a pixel become paler.
+        width: width of the picture.
+        height: height of the picture.
     """
     half = max(width_px, 1.0) / 2
     low, high = extent(starts, ends)
@@ -80,7 +80,7 @@ def strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, h
 
 
 def broad_strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, height: int) -> Patch:
-    """Return the same as `strokes` for few lines of any width: its cost does not grow with the width."""
+    """Return the result of `strokes` for few lines of any width, at a cost independent of the width."""
     half = width_px / 2
     covered = np.zeros((height, width), np.uint8)
     for start, end in zip(starts, ends, strict=True):
@@ -95,18 +95,18 @@ def broad_strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: 
 
 
 def polygon(points: FloatArray, width: int, height: int) -> Patch | None:
-    """Return a filled polygon (corners, 2), cut to a picture; what it winds around in either direction is inside."""
+    """Return a filled polygon (corners, 2), clipped to a picture; by nonzero winding number."""
     return polygons(points, np.array([0, len(points)]), width, height)
 
 
 def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> Patch | None:
-    """Return the coverage of filled polygons, cut to a picture; where they overlap they count once.
+    """Return the coverage of filled polygons, clipped to a picture; overlaps count once.
 
     Args:
         points: (points, 2), pixels.
         offsets: (polygons + 1,)  polygon `i` is `points[offsets[i]:offsets[i + 1]]`.
-        width: of the picture.
-        height: of the picture.
+        width: width of the picture.
+        height: height of the picture.
     """
     left, top = np.maximum(np.floor(points.min(axis=0)), 0).astype(np.int64).tolist()
     right, bottom = np.minimum(np.ceil(points.max(axis=0)), (width, height)).astype(np.int64).tolist()
@@ -115,8 +115,10 @@ def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> 
     lines = (bottom - top) * _FINER
     line, x, turn = _crossings(points - (left, top), offsets, lines)
     order = np.lexsort((x, line))
-    line, x, turn = line[order] % lines, np.clip(x[order], 0, right - left), turn[order]
-    after = np.cumsum(turn)  # how often it has wound around what lies right of each crossing; 0 after each line
+    line = line[order] % lines
+    x = np.clip(x[order], 0, right - left)
+    turn = turn[order]
+    after = np.cumsum(turn)  # winding number to the right of each crossing; 0 after each line
     step = ((after != 0).astype(np.float64) - (after - turn != 0)) / _FINER
     column = np.minimum(x.astype(np.int64), right - left - 1)
     beyond = x - column
@@ -128,9 +130,9 @@ def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> 
 
 
 def _crossings(points: FloatArray, offsets: IntArray, lines: int) -> tuple[IntArray, FloatArray, IntArray]:
-    """Find where sides of polygons cross fine lines: which line, at which x, downwards (1) or upwards (-1).
+    """Return the crossings of polygon sides and sample lines: line, x, and direction, downward (1) or upward (-1).
 
-    Each polygon has lines of its own, so many after those of the one before.
+    The sample lines of each polygon have separate numbers, after those of the previous polygon.
     """
     following = np.arange(1, len(points) + 1)
     following[offsets[1:] - 1] = offsets[:-1]
@@ -146,7 +148,7 @@ def _crossings(points: FloatArray, offsets: IntArray, lines: int) -> tuple[IntAr
 
 
 def _parts(lengths: FloatArray, half: float) -> list[slice]:
-    """Return slices of lines with a bounded number of pixels each."""
+    """Return slices of lines with a limited number of pixels each."""
     pixels = np.cumsum((lengths + 2 * half + 3) * (3 * half + 5))
     cuts = np.searchsorted(pixels, np.arange(_AT_ONCE, float(pixels[-1]), _AT_ONCE)).tolist()
     borders = sorted({0, *cuts, len(lengths)})
@@ -154,7 +156,7 @@ def _parts(lengths: FloatArray, half: float) -> list[slice]:
 
 
 def _stroke(patch: ByteArray, starts: SingleArray, ends: SingleArray, half: float) -> None:
-    """Write the larger of what a patch has and what the lines (float32, in its pixels) cover."""
+    """Write the maximum of a patch and of the coverage by lines (float32, in its pixels)."""
     is_steep = np.abs(ends - starts)[:, 1] > np.abs(ends - starts)[:, 0]
     for steep in (False, True):
         rows = is_steep == steep
@@ -164,12 +166,12 @@ def _stroke(patch: ByteArray, starts: SingleArray, ends: SingleArray, half: floa
 
 
 def _flat_strokes(patch: ByteArray, starts: SingleArray, ends: SingleArray, half: float) -> None:
-    """Paint lines that go across more than down: in each column, look at the pixels around their middle."""
+    """Paint lines that are more horizontal than vertical, by columns of pixels around their middle."""
     back = starts[:, 0] > ends[:, 0]
     starts, ends = np.where(back[:, None], ends, starts), np.where(back[:, None], starts, ends)
     ways = ends - starts
     slopes = np.divide(ways[:, 1], ways[:, 0], out=np.zeros_like(ways[:, 0]), where=ways[:, 0] > 0)
-    # The middles of pixels that are covered at all lie less than half a pixel beyond the line.
+    # The centers of covered pixels lie less than half a pixel beyond the line.
     first = np.maximum(np.ceil(starts[:, 0] - half - 1), 0).astype(np.int32)
     last = np.minimum(np.floor(ends[:, 0] + half) + 1, patch.shape[1]).astype(np.int32)
     counts = np.maximum(last - first, 0)
@@ -197,6 +199,6 @@ def _keep_largest(patch: ByteArray, row: IntArray, column: IntArray, covered: Si
     rows = patch.shape[0]
     places = np.nonzero((covered > 0) & (row >= 0) & (row < rows))
     value = np.rint(covered[places] * 255).astype(np.uint8)
-    order = np.argsort(value, kind="stable")  # the last one written stays, so the largest comes last
+    order = np.argsort(value, kind="stable")  # the last value written stays, so the largest comes last
     at = (row[places][order], column[places[0]][order])
     patch[at] = np.maximum(patch[at], value[order])

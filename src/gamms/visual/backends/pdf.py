@@ -1,6 +1,6 @@
-"""PDF: vectors, and words that can be selected, by ReportLab, which no other file imports.
+"""PDF: vectors and selectable text, with ReportLab, which no other file imports.
 
-The same commands give the same bytes: the file has no date.
+Equal commands give equal bytes: the file contains no date.
 """
 
 import io
@@ -19,15 +19,19 @@ if TYPE_CHECKING:
     from reportlab.pdfgen.canvas import Canvas
 
 _INCH = 72.0  # points
-_ROUND, _NON_ZERO = 1, 1  # ends and corners of lines; what a polygon winds around is inside
-_FILL, _STROKE = 0, 1  # how words are painted
+# round line caps and joins; fill by nonzero winding number
+_ROUND = 1
+_NON_ZERO = 1
+# how words are painted
+_FILL = 0
+_STROKE = 1
 _HALO_PX = 3.0
 _FAMILY = "Arimo"
 _UNWRITABLE = re.compile("[\x00-\x1f\x7f\ud800-\udfff\U00010000-\U0010ffff]")
 
 
 def pdf(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba, dpi: float = CSS_DPI) -> bytes:
-    """Return the whole picture as a PDF file of one page, as large on paper as `dpi` says.
+    """Return the picture as a one-page PDF file, with the paper size given by `dpi`.
 
     Raises:
         MissingExtra: ReportLab is not installed.
@@ -37,7 +41,8 @@ def pdf(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba,
         from reportlab.pdfbase import pdfmetrics, ttfonts
         from reportlab.pdfgen.canvas import Canvas
     pdfmetrics.registerFont(ttfonts.TTFont(_FAMILY, str(FONT)))
-    data, unit = io.BytesIO(), _INCH / dpi
+    data = io.BytesIO()
+    unit = _INCH / dpi
     paper = camera.width * unit, camera.height * unit
     page = Canvas(data, paper, initialFontName=_FAMILY, invariant=True, pageCompression=1)
     page.setTitle(title or "GAMMS")
@@ -51,22 +56,27 @@ def pdf(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba,
 
 
 class _Painter:
-    """Paints on a page of PDF, whose y is up: all of it is in pixels."""
+    """Paints on a PDF page, with y up; all units are pixels."""
 
     def __init__(self, page: "Canvas", sheet: Sheet, camera: Camera) -> None:
-        self._page, self._sheet, self._width, self._height = page, sheet, camera.width, camera.height
+        self._page = page
+        self._sheet = sheet
+        self._width = camera.width
+        self._height = camera.height
         self._alpha = 1.0, 1.0
 
     def paint(self, background: Rgba) -> None:
-        """Paint everything, from back to front."""
-        page, sheet = self._page, self._sheet
+        """Paint everything from back to front."""
+        page = self._page
+        sheet = self._sheet
         page.setLineCap(_ROUND)
         page.setLineJoin(_ROUND)
         self._ink(background)
         page.rect(0, 0, self._width, self._height, stroke=0, fill=1)
         singly = {DrawKind.TEXT: self._text, DrawKind.IMAGE: self._image}
         for begin, end in sheet.runs():
-            kind, color = DrawKind(int(sheet.kind[begin])), sheet.color[begin].tolist()
+            kind = DrawKind(int(sheet.kind[begin]))
+            color = sheet.color[begin].tolist()
             self._ink(color)
             page.setLineWidth(int(sheet.width[begin]) / 10)
             if kind is DrawKind.LINE:
@@ -89,12 +99,12 @@ class _Painter:
         return [(x / 10, self._height - y / 10) for x, y in self._sheet.points_of(row)]
 
     def _lines(self, rows: range) -> None:
-        """Draw lines as one path, so that transparent ones are blended once where they cross."""
+        """Draw lines as one path, so that transparent lines are blended once where they cross."""
         path: Any = self._page.beginPath()
         for row in rows:
             points = self._points(row)
             kept = [point for point, before in zip(points, [None, *points], strict=False) if point != before]
-            if len(kept) > 1:  # or else the line shrank to a point
+            if len(kept) > 1:  # otherwise the line shrank to a point
                 path.moveTo(*kept[0])
                 for point in kept[1:]:
                     path.lineTo(*point)
@@ -132,7 +142,8 @@ class _Painter:
             if mode == _STROKE:
                 self._page.setLineWidth(_HALO_PX)
                 self._page.setStrokeColorRGB(*(part / 255 for part in self._sheet.paper))
-            angle, begin = float(self._sheet.angle[row]), (x, y)
+            angle = float(self._sheet.angle[row])
+            begin = (x, y)
             if angle:
                 self._page.translate(x, y)
                 self._page.rotate(angle)

@@ -1,4 +1,4 @@
-"""PNG and GIF files, by Pillow, which no other file imports."""
+"""PNG and GIF files with Pillow, which no other file imports."""
 
 import io
 from pathlib import Path
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 
-_OWN = 192  # colours taken from the first frame; the others are spread evenly, for what comes later
+_OWN = 192  # colors taken from the first frame; the others are spread evenly, for later frames
 _SPREAD = (0, 85, 170, 255)
 
 
@@ -25,7 +25,7 @@ def _image_module() -> Any:
 
 
 def png_file(pixels: ByteArray, dpi: float) -> bytes:
-    """Return a PNG file of RGB pixels (height, width, 3) that says how large it is on paper."""
+    """Return a PNG file of RGB pixels (height, width, 3) with its paper size."""
     data = io.BytesIO()
     _image_module().fromarray(pixels).save(data, "PNG", dpi=(dpi, dpi))
     return data.getvalue()
@@ -37,14 +37,16 @@ def pixels_of(file: bytes) -> ByteArray:
 
 
 def image_size(path: str) -> tuple[int, int]:
-    """Return the width and height of an image file, which is not decoded.
+    """Return the width and height of an image file without decoding it.
 
     Raises:
-        OSError: it is no image.
+        OSError: not an image.
         MissingExtra: Pillow is not installed.
     """
     module = _image_module()
-    most, module.MAX_IMAGE_PIXELS = module.MAX_IMAGE_PIXELS, None  # the caller knows how many pixels are allowed
+    # the caller knows the allowed number of pixels
+    most = module.MAX_IMAGE_PIXELS
+    module.MAX_IMAGE_PIXELS = None
     try:
         with module.open(path) as image:
             width, height = image.size
@@ -56,7 +58,7 @@ def image_size(path: str) -> tuple[int, int]:
 
 
 class Gif:
-    """Writes an animation frame by frame, with one palette; of each frame only what changed.
+    """Writes an animation frame by frame, with one palette and only the changed part of each frame.
 
     Raises:
         MissingExtra: Pillow is not installed.
@@ -68,7 +70,7 @@ class Gif:
         self._size = width, height
         self._file = path.open("wb")
         self._palette: Any = None
-        self._waiting: Any = None  # a part of the picture that is not written yet: (image, corner)
+        self._waiting: Any = None  # a part of the picture to be written: (image, corner)
         self._before: Any = None
         self._begun = self._frames = 0
 
@@ -86,11 +88,12 @@ class Gif:
         if box is not None:
             self._write()
             self._waiting = image.crop(box), box[:2]
-            self._before, self._begun = image, self._frames
+            self._before = image
+            self._begun = self._frames
         self._frames += 1
 
     def finish(self) -> None:
-        """Write what is left.
+        """Write the remaining frames.
 
         Raises:
             OSError: the file cannot be written.
@@ -104,7 +107,7 @@ class Gif:
         self._file.close()
 
     def _write(self) -> None:
-        """Write the frame that waits: now it is known how long it is shown."""
+        """Write the waiting frame, whose duration is now known."""
         from PIL import GifImagePlugin
 
         if self._waiting is None:
@@ -113,14 +116,14 @@ class Gif:
         if self._begun == 0:
             for part in _header(self._image, image, self._palette):
                 self._file.write(part)
-        # Rounded in total, for a frame lasts whole hundredths of a second.
+        # Rounded in total, because frames last whole hundredths of a second.
         hundredths = round(100 * self._frames / self._fps) - round(100 * self._begun / self._fps)
         for part in GifImagePlugin.getdata(image, corner, duration=10 * max(hundredths, 1)):
             self._file.write(part)
 
 
 def _header(module: ModuleType, image: "Image", palette: "Image") -> list[bytes]:
-    """Return the beginning of a file that repeats for ever, up to its first frame."""
+    """Return the beginning of a file that repeats forever, up to its first frame."""
     data = io.BytesIO()
     first = module.new("P", image.size)
     first.putpalette(palette.getpalette())
@@ -138,7 +141,7 @@ def _palette(module: ModuleType, image: "Image") -> Any:
 
 
 def _changed(before: "Image | None", image: "Image") -> tuple[int, int, int, int] | None:
-    """Return the box around what changed; all of it in the first frame."""
+    """Return the bounding box of the changed pixels; for the first frame the whole picture."""
     if before is None:
         return (0, 0, *image.size)
     differs = np.asarray(before) != np.asarray(image)

@@ -1,6 +1,6 @@
-"""The adapter of pygame (pygame-ce or pygame): surfaces to paint on, with smooth edges and true transparency.
+"""The adapter to pygame (pygame-ce or pygame): surfaces to paint on, with smooth edges and transparency.
 
-Nothing here opens a window or touches sound; a surface needs neither.
+Nothing here opens a window or uses sound; a surface needs neither.
 """
 
 import os
@@ -32,29 +32,33 @@ if TYPE_CHECKING:
 
 _PROMPT = "PYGAME_HIDE_SUPPORT_PROMPT"
 _UNWRITABLE = re.compile("[\x00-\x1f\x7f\ud800-\udfff]")
-_BGRX = (0xFF0000, 0xFF00, 0xFF) if sys.byteorder == "little" else ()  # the masks of such a surface
+_BGRX = (0xFF0000, 0xFF00, 0xFF) if sys.byteorder == "little" else ()  # the bit masks of such a surface
 _HALO = [(0, 1), (1, 0), (1, 2), (2, 1), (0, 0), (0, 2), (2, 0), (2, 2)]  # around words
 _MOST_IMAGE_PX = 4096
-_IMAGE_BYTES = 12  # per pixel: decoded, copied with transparency and scaled; 9 measured
+_IMAGE_BYTES = 12  # bytes per pixel: decoded, copied with transparency and scaled; 9 measured
 _SVG_PX = 1024
-_MOST_FONT_PX, _MOST_LETTERS = 2048, 10_000
+_MOST_FONT_PX = 2048
+_MOST_LETTERS = 10_000
 _MOST_NOTED = 256  # surfaces that are painted together
-_LETTERS = 8  # that are as broad as one is high, at most
-_FINER, _FINE_PX = 8, 200  # letters up to so high are painted so many times as large, then made smaller
-_STEPS = 4  # places within a pixel at which a letter can be
-_TURNED = 2  # words that are turned are painted so many times as large, then made smaller
+_LETTERS = 8  # maximum width of a letter, as a multiple of its height
+# letters up to this height are painted this many times larger, then reduced
+_FINER = 8
+_FINE_PX = 200
+_STEPS = 4  # positions of a letter within a pixel
+_TURNED = 2  # rotated text is painted this many times larger, then reduced
 
-BLACK, WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
+BLACK = (0, 0, 0, 255)
+WHITE = (255, 255, 255, 255)
 
-Placed = tuple["Surface", tuple[int, int]]  # a surface, and where its upper left corner lies
+Placed = tuple["Surface", tuple[int, int]]  # a surface, and the position of its upper left corner
 
 
 @lru_cache(maxsize=1)
 def load() -> Any:
-    """Return pygame with fonts ready, without a display, without sound and without its greeting.
+    """Return pygame with fonts initialized, without display, sound and greeting.
 
     Raises:
-        MissingExtra: it is not installed.
+        MissingExtra: pygame is not installed.
     """
     is_ours = _PROMPT not in os.environ
     os.environ.setdefault(_PROMPT, "1")
@@ -72,27 +76,29 @@ def load() -> Any:
 
 
 class Canvas:
-    """A picture in the making: (x, y) in pixels from its upper left corner, y down; colours are RGBA.
+    """A picture to paint on: (x, y) in pixels from its upper left corner, y down; colors are RGBA.
 
     Args:
         width: pixels.
         height: pixels.
-        surface: what to paint on instead of a new one, such as that of a window; 32 bits.
-        paper: the colour behind everything, of which words have an edge.
+        surface: a surface to paint on instead of a new one, for example of a window; 32 bits.
+        paper: the background color, used for outlines of text.
     """
 
     def __init__(self, width: int, height: int, surface: "Surface | None" = None, paper: Rgb = PAPER) -> None:
         self._pygame = load()
-        self.width, self.height, self._paper = width, height, paper
+        self.width = width
+        self.height = height
+        self._paper = paper
         self.surface: Surface = self._pygame.Surface((width, height), 0, 32) if surface is None else surface
-        self._noted: list[Placed] | None = None  # what is painted, while it is noted and nothing but surfaces
+        self._noted: list[Placed] | None = None  # the painted surfaces, while they are recorded
 
     def fill(self, color: Rgba) -> None:
-        """Paint all of it; transparency does not count here."""
+        """Fill everything with an opaque color."""
         self.surface.fill(color[:3])
 
     def noted(self, paint: "Callable[[], None]") -> "list[Placed] | None":
-        """Paint, and return what `stamps` needs to paint the same again; None where that is not known, or much."""
+        """Paint, and return the surfaces for `stamps` to repeat it; None if they are unknown or too many."""
         self._noted = []
         paint()
         noted, self._noted = self._noted, None
@@ -104,12 +110,12 @@ class Canvas:
             self._noted.append((surface, place))
 
     def pixels(self) -> ByteArray:
-        """Return red, green and blue as an array (height, width, 3): a copy, which is read-only."""
+        """Return red, green and blue as a read-only copy (height, width, 3)."""
         data = self._pygame.image.tobytes(self.surface, "RGB")
         return np.frombuffer(data, np.uint8).reshape(self.height, self.width, 3)
 
     def bgrx(self) -> PixelArray:
-        """Return blue, green, red and an unused byte of each pixel as one number; the next frame overwrites them."""
+        """Return blue, green, red and an unused byte of each pixel as one number; overwritten by the next frame."""
         if self.surface.get_masks()[:3] == _BGRX and self.surface.get_pitch() == 4 * self.width:
             data: Any = self.surface.get_buffer()
         else:
@@ -119,17 +125,17 @@ class Canvas:
     # -- shapes ----------------------------------------------------------------------------------------------
 
     def hairlines(self, starts: FloatArray, ends: FloatArray, color: Rgba) -> None:
-        """Draw smooth lines (lines, 2), one pixel wide, which must not lie far outside."""
+        """Draw smooth lines (lines, 2), one pixel wide, which must not extend far outside."""
         low, high = extent(starts, ends)
         with self._painted(np.floor(low - 2), np.ceil(high + 2), color[3]) as (surface, left, top):
-            shift = (left + 0.5, top + 0.5)  # pygame counts from the middle of a pixel
+            shift = (left + 0.5, top + 0.5)  # pygame counts from the center of a pixel
             begin, end = (zip(*(points - shift).T.tolist(), strict=True) for points in (starts, ends))
-            ink = self._pygame.Color(*color[:3])  # which need not be read again for every line
-            # NOTE: a loop in C, which takes half the time (redrawing a map of 100,000 edges).
+            ink = self._pygame.Color(*color[:3])  # created once for all lines
+            # NOTE: a loop in C, in half the time (redrawing a map of 100,000 edges).
             deque(map(self._pygame.draw.aaline, repeat(surface), repeat(ink), begin, end), maxlen=0)
 
     def rectangle(self, x: float, y: float, width: float, height: float, color: Rgba) -> None:
-        """Fill a rectangle, rounded to whole pixels so that its edges are sharp."""
+        """Fill a rectangle, rounded to whole pixels for sharp edges."""
         box = self._pygame.Rect(0, 0, self.width, self.height)
         left, top = (max(-1, min(round(value), limit + 1)) for value, limit in ((x, self.width), (y, self.height)))
         right, bottom = (
@@ -142,15 +148,15 @@ class Canvas:
             self._lay(_paint(box.w, box.h, color), box.topleft)
 
     def cover(self, patch: Patch, color: Rgba) -> None:
-        """Blend a colour in as far as a patch covers the picture."""
+        """Blend a color with the coverage of a patch."""
         self._lay(stamp(patch.coverage, color), (patch.left, patch.top))
 
     def stamps(self, placed: Iterable[Placed], count: int) -> None:
-        """Paint so many surfaces, in order."""
+        """Paint this many surfaces, in order."""
         if self._noted is not None:
             placed = list(placed) if count <= _MOST_NOTED else placed
             self._noted = [*self._noted, *placed] if isinstance(placed, list) else None
-        fast = getattr(self.surface, "fblits", None)  # of pygame-ce
+        fast = getattr(self.surface, "fblits", None)  # only in pygame-ce
         if fast is None:
             self.surface.blits(placed, doreturn=False)
         else:
@@ -158,7 +164,7 @@ class Canvas:
 
     @contextmanager
     def _painted(self, low: FloatArray, high: FloatArray, alpha: int) -> Iterator[tuple["Surface", int, int]]:
-        """Yield a surface to paint opaquely on, and its place; it is then blended in with `alpha`, once."""
+        """Yield a surface for opaque painting, and its position; it is then blended once with `alpha`."""
         left, top = np.maximum(low, 0).astype(int).tolist()
         right, bottom = np.minimum(high, (self.width, self.height)).astype(int).tolist()
         area = self._pygame.Rect(left, top, max(right - left, 0), max(bottom - top, 0))
@@ -183,10 +189,10 @@ class Canvas:
         align_right: bool = False,
         edge: Rgb | None = None,
     ) -> None:
-        """Write with the upper left, or upper right, corner at (x, y); words that paper lets read have its edge."""
+        """Write text with the upper left, or upper right, corner at (x, y), with an outline if it is over a map."""
         edge = self._paper if edge is None and is_dark(color) != is_dark(self._paper) else edge
         font_px = min(max(round(font_px), 1), _MOST_FONT_PX)
-        # What is certainly beyond the edge is cut off: a hostile map may want to be credited in a million letters.
+        # Text beyond the edge is cut off: a malicious map may have an attribution of a million letters.
         most = min(_LETTERS * (self.width + round(max(-x, 0.0))) // font_px + _LETTERS, _MOST_LETTERS)
         words = words[-most:] if align_right else words[:most]
         warn_of_boxes(words := _UNWRITABLE.sub(" ", words))
@@ -196,7 +202,7 @@ class Canvas:
             self._lay(written, (round(left), round(y - 1)))
 
     def turned_text(self, words: str, corner: tuple[float, float], font_px: float, color: Rgba, angle: float) -> None:
-        """Write with the upper left corner at a place, turned around that counter-clockwise by degrees."""
+        """Write text with the upper left corner at a point, rotated counter-clockwise around it by degrees."""
         font_px = min(max(round(font_px), 1), _MOST_FONT_PX // _TURNED)
         words = _UNWRITABLE.sub(" ", words[: _LETTERS * (self.width + self.height) // font_px + _LETTERS])
         warn_of_boxes(words)
@@ -209,13 +215,13 @@ class Canvas:
         self._lay(turned, (round(x), round(y)))
 
     def image(self, path: str, x: float, y: float, side: float, angle: float) -> None:
-        """Draw an image file in a square of `side` px around (x, y), turned counter-clockwise by degrees."""
+        """Draw an image file in a square of `side` px around (x, y), rotated counter-clockwise by degrees."""
         drawn = _image(path, round(min(side, _MOST_IMAGE_PX)), round(angle % 360.0, 1))
         self._lay(drawn, (round(x - drawn.get_width() / 2), round(y - drawn.get_height() / 2)))
 
 
 def stamp(coverage: ByteArray, color: Rgba) -> "Surface":
-    """Return a surface of one colour that is as opaque as `coverage` (rows, columns) says."""
+    """Return a surface of one color with the opacity `coverage` (rows, columns)."""
     rows, columns = coverage.shape
     surface = _paint(columns, rows, (*color[:3], 255))
     opacity = coverage if color[3] == 255 else (coverage.astype(np.uint16) * color[3] // 255).astype(np.uint8)
@@ -224,7 +230,7 @@ def stamp(coverage: ByteArray, color: Rgba) -> "Surface":
 
 
 def ringed_stamp(ring: ByteArray, color: Rgb, disc: ByteArray, ink: Rgb) -> "Surface":
-    """Return a disc on a ring as one surface, which looks as if one was painted after the other."""
+    """Return a disc on a ring as one surface, equal to painting one after the other."""
     pygame = load()
     rows, columns = ring.shape
     both: Surface = pygame.Surface((columns, rows), 0, 32)
@@ -234,25 +240,25 @@ def ringed_stamp(ring: ByteArray, color: Rgb, disc: ByteArray, ink: Rgb) -> "Sur
     share = np.divide(disc, alpha, out=np.zeros(ring.shape), where=alpha > 0.0)[:, :, None]
     mixed = np.rint((1.0 - share) * color + share * ink).astype(np.uint8).swapaxes(0, 1)
     surface: Surface = pygame.Surface((columns, rows), pygame.SRCALPHA, 32)
-    is_covered = (ring == 255).T[:, :, None]  # where no colour behind them counts
+    is_covered = (ring == 255).T[:, :, None]  # where the colors behind do not matter
     pygame.surfarray.pixels3d(surface)[:] = np.where(is_covered, pygame.surfarray.array3d(both), mixed)
     pygame.surfarray.pixels_alpha(surface)[:] = np.rint(alpha).T
     return surface
 
 
 def painted_transparent(paint: "Callable[[Rgba], Surface]") -> "Surface":
-    """Paint alike over two colours, and return what was painted on a transparent surface; see `transparent`."""
+    """Paint over two colors, and return the result on a transparent surface; see `transparent`."""
     return transparent(paint(BLACK), paint(WHITE))
 
 
 def transparent(over_black: "Surface", over_white: "Surface") -> "Surface":
-    """Return what was painted alike over black and over white as a transparent surface.
+    """Return a transparent surface from the same painting over black and over white.
 
-    It is to be blitted with BLEND_PREMULTIPLIED.
+    Blit it with BLEND_PREMULTIPLIED.
     """
     pygame = load()
     black, white = (pygame.surfarray.array3d(surface) for surface in (over_black, over_white))
-    red, green, blue = np.moveaxis(white - black, 2, 0)  # never below black, so nothing wraps around
+    red, green, blue = np.moveaxis(white - black, 2, 0)  # never negative, so nothing wraps around
     seen_through = np.maximum(np.maximum(red, green), blue)  # NOTE: a third of the time of max(axis=2) (zooming)
     surface: Surface = pygame.Surface(over_black.get_size(), pygame.SRCALPHA, 32)
     pygame.surfarray.pixels3d(surface)[:] = black
@@ -268,7 +274,7 @@ def _paint(width: int, height: int, color: Rgba) -> "Surface":
 
 
 def _font(font_px: int) -> "Font":
-    """Return the font, opened; another program may have closed the fonts meanwhile."""
+    """Return the opened font; another program may have closed all fonts."""
     pygame = load()
     if not pygame.font.get_init():
         pygame.font.init()
@@ -284,8 +290,9 @@ def _opened_font(size: int) -> "Font":
 
 @lru_cache(maxsize=4096)
 def _text(words: str, font_px: int, color: Rgba, edge: Rgb | None) -> "Surface":
-    """Return the words on a surface with a free pixel on every side."""
-    ink, pygame = color[:3], load()
+    """Return text on a surface with an empty pixel on every side."""
+    ink = color[:3]
+    pygame = load()
     written = _written(words, font_px, ink)
     surface: Surface = pygame.Surface((written.get_width() + 2, written.get_height() + 2), pygame.SRCALPHA, 32)
     surface.fill((*(edge or ink), 0))
@@ -299,14 +306,16 @@ def _text(words: str, font_px: int, color: Rgba, edge: Rgb | None) -> "Surface":
 
 
 def _height(font_px: int) -> float:
-    """Return how high words are, the first free pixel below them included."""
+    """Return the height of text, including the first empty pixel below it."""
     return float(_letter("x", font_px, BLACK[:3], 0).get_height())
 
 
 @lru_cache(maxsize=512)
 def _turned_text(words: str, font_px: int, color: Rgba, edge: Rgb | None, angle: float) -> "Surface":
-    """Return words that are turned, painted larger and made smaller in one step."""
-    ink, pygame, wide = color[:3], load(), _TURNED
+    """Return rotated text, painted larger and reduced in one step."""
+    ink = color[:3]
+    pygame = load()
+    wide = _TURNED
     width, height = round(words_width(words, font_px)) + 4, round(_height(font_px)) + 4
     surface: Surface = pygame.Surface((width * wide, height * wide), pygame.SRCALPHA, 32)
     surface.fill((*(edge or ink), 0))
@@ -322,11 +331,13 @@ def _turned_text(words: str, font_px: int, color: Rgba, edge: Rgb | None, angle:
 
 
 def _written(words: str, font_px: int, ink: Rgb) -> "Surface":
-    """Return words, each letter exactly where the widths of letters put it.
+    """Return text with each letter exactly at its position.
 
-    pygame puts letters at whole pixels only, which makes the gaps between small ones uneven.
+    pygame itself puts letters at whole pixels, which makes gaps between small letters uneven.
     """
-    pygame, places, x = load(), list[Placed](), 0.0
+    pygame = load()
+    places = list[Placed]()
+    x = 0.0
     for letter in words:
         whole = int(x)
         places.append((_letter(letter, font_px, ink, int((x - whole) * _STEPS)), (whole, 0)))
@@ -340,14 +351,15 @@ def _written(words: str, font_px: int, ink: Rgb) -> "Surface":
 
 @lru_cache(maxsize=8192)
 def _letter(letter: str, font_px: int, ink: Rgb, step: int) -> "Surface":
-    """Return a letter so many steps right of a whole pixel, its baseline where that of other formats is."""
-    pygame, finer = load(), _FINER if font_px <= _FINE_PX else 1
+    """Return a letter at a fraction of a pixel, with the same baseline as in other formats."""
+    pygame = load()
+    finer = _FINER if font_px <= _FINE_PX else 1
     font = _font(max(round(EM * font_px * finer), 1))
-    if not font.size(letter)[0]:  # of a mark of direction, for example, pygame makes no surface
+    if not font.size(letter)[0]:  # for example a direction mark, for which pygame makes no surface
         empty: Surface = pygame.Surface((1, 1), pygame.SRCALPHA, 32)
         return empty
     large = font.render(letter, True, ink)
-    lead = font.get_ascent() - round(ASCENT * EM * font_px) * finer  # above what is the top of a line here
+    lead = font.get_ascent() - round(ASCENT * EM * font_px) * finer  # distance to the top of a line here
     width, height = (-(-length // finer) + 1 for length in (large.get_width(), large.get_height() - min(lead, 0)))
     surface: Surface = pygame.Surface((width * finer, height * finer), pygame.SRCALPHA, 32)
     surface.fill((*ink, 0))
@@ -359,11 +371,11 @@ _held: "WeakValueDictionary[str, Surface]" = WeakValueDictionary()
 
 
 def hold_image(surface: "Surface") -> str:
-    """Return a name under which a loaded image can be drawn as if it were a file, as long as it lives."""
+    """Return a name by which a loaded image can be drawn like a file, while it exists."""
     name = f"surface {id(surface):#x}"
     if _held.get(name) is not surface:
         _held[name] = surface
-        _image.cache_clear()  # another image may have had this name
+        _image.cache_clear()  # an earlier image may have had this name
     return name
 
 
@@ -379,11 +391,11 @@ def _image(path: str, side: int, angle: float) -> "Surface":
 
 @lru_cache(maxsize=64)
 def _opened_image(path: str) -> "Surface":
-    """Return the image with its transparency, in the order of bytes that blits are fast with.
+    """Return the image with transparency, in the byte order of fast blits.
 
     Raises:
-        BadValue: it cannot be read.
-        TooLarge (BadValue): it would take more memory than is allowed.
+        BadValue: the image cannot be read.
+        TooLarge (BadValue): it would exceed the memory limit.
     """
     pygame = load()
     try:

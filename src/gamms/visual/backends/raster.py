@@ -1,7 +1,6 @@
-"""Raster: draw commands as pixels, painted through a camera.
+"""Raster graphics: draw commands as pixels, painted through a camera.
 
-`Painting` prepares commands once; it can then be painted through any camera, and what the camera does not see
-costs little.
+`Painting` prepares commands once; it can then be painted through any camera, at little cost for invisible parts.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,20 +21,20 @@ from gamms.visual.backends.pygame_backend import Canvas, Placed, ringed_stamp, s
 from gamms.visual.camera import CSS_DPI, FAINTEST_PX, Camera, clipped, extent, touching
 
 _SMALLEST_RADIUS_PX = 0.5
-_THINNEST_PX = 1.0  # of lines whose width is in world units
-_BROAD_PX = 200.0  # lines are painted one by one from here on
-_BEYOND_PX = 8.0  # lines are cut so far outside the picture
+_THINNEST_PX = 1.0  # minimum width of lines in world units
+_BROAD_PX = 200.0  # width from which lines are painted one by one
+_BEYOND_PX = 8.0  # lines are clipped this far outside the picture
 _LARGEST_STAMP_PX = 96.0
 _OPAQUE = 255
-_STEPS = 4  # places within a pixel at which a stamp can be
-_BITS = (10, 10, 11, 2, 2, 8, 8, 8)  # of a stamp's radius, width, reach, two steps, red, green and blue
+_STEPS = 4  # positions of a stamp within a pixel
+_BITS = (10, 10, 11, 2, 2, 8, 8, 8)  # bits of a stamp's radius, width, reach, two steps, red, green and blue
 _NEXT = 4  # circles make a disc
-_SAME = 1e-3  # of its radius: how far apart both sizes of a disc are at most
-_EDGES_PX = 1.2  # the smooth edges of two circles, and what their radii are rounded by
+_SAME = 1e-3  # share of the radius: largest difference between the two sizes of a disc
+_EDGES_PX = 1.2  # smooth edges of two circles, plus rounding of their radii
 
 
 class Painting:
-    """Draw commands, cut into runs that are painted together."""
+    """Draw commands in runs that are painted together."""
 
     def __init__(self, commands: DrawCommands) -> None:
         self.commands = commands
@@ -44,7 +43,7 @@ class Painting:
         self._laid: tuple[Camera | None, list[Placed]] = None, []  # as that camera saw it
 
     def paint(self, canvas: Canvas, camera: Camera) -> None:
-        """Paint what the camera sees, from back to front."""
+        """Paint the part visible to a camera, from back to front."""
         if self._laid[0] == camera:
             canvas.stamps(self._laid[1], len(self._laid[1]))
             return
@@ -60,7 +59,7 @@ _Run = Callable[[Canvas, Camera], None]
 
 
 def _runs(commands: DrawCommands, rows: IntArray) -> Iterator[tuple[DrawKind, int, int]]:
-    """Yield kind, first place and last place + 1 of commands of one style that follow each other."""
+    """Yield (kind, first, last + 1) of consecutive commands of one style."""
     if len(rows) == 0:
         return
     kind = commands.kind[rows]
@@ -74,7 +73,7 @@ def _runs(commands: DrawCommands, rows: IntArray) -> Iterator[tuple[DrawKind, in
 
 
 def _view(camera: Camera, margin_px: float) -> tuple[float, float, float, float]:
-    """Return the left, low, right and high end of what a camera sees and so many pixels around it, world units."""
+    """Return the left, low, right and high end of a camera's view plus a margin in pixels, world units."""
     margin = margin_px / camera.scale
     right, low = camera.left + camera.width / camera.scale, camera.top - camera.height / camera.scale
     return camera.left - margin, low - margin, right + margin, camera.top + margin
@@ -89,7 +88,7 @@ def _rgba(commands: DrawCommands, row: int) -> Rgba:
 
 
 class _Lines:
-    """Polylines of one style, as straight pieces with the boxes around them."""
+    """Polylines of one style, as line segments with their bounding boxes."""
 
     def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
         _, first = kernels.expand_ranges(commands.offsets[rows], commands.offsets[rows + 1] - 1)
@@ -101,11 +100,13 @@ class _Lines:
         self.is_in_world = bool(commands.space[row] == DrawSpace.WORLD)
 
     def __call__(self, canvas: Canvas, camera: Camera) -> None:
-        width_px, color = self.width, self.color
-        if self.is_in_world:  # what is thinner than a pixel is a paler one
+        width_px = self.width
+        color = self.color
+        if self.is_in_world:  # lines thinner than a pixel become paler
             red, green, blue, alpha = color
             exact = max(width_px * camera.scale, FAINTEST_PX)
-            width_px, color = max(exact, _THINNEST_PX), (red, green, blue, round(alpha * min(exact, 1.0)))
+            width_px = max(exact, _THINNEST_PX)
+            color = (red, green, blue, round(alpha * min(exact, 1.0)))
         seen = touching(self.low, self.high, _view(camera, width_px + _BEYOND_PX))
         if not seen.any() or width_px == 0.0 or color[3] == 0:
             return
@@ -114,7 +115,7 @@ class _Lines:
 
 
 def draw_lines(canvas: Canvas, starts: FloatArray, ends: FloatArray, width_px: float, color: Rgba) -> None:
-    """Paint straight lines (lines, 2), in pixels."""
+    """Paint line segments (lines, 2), in pixels."""
     margin = width_px + _BEYOND_PX
     low, high = (-margin, -margin), (canvas.width + margin, canvas.height + margin)
     lowest, highest = extent(starts, ends)
@@ -135,17 +136,20 @@ def draw_lines(canvas: Canvas, starts: FloatArray, ends: FloatArray, width_px: f
 
 
 class _Circles:
-    """Circles of any size and colour."""
+    """Circles of any size and color."""
 
     def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
         self.centers = commands.points[commands.offsets[rows]]
         self.shift = np.zeros((len(rows), 2))
         is_moved = commands.offsets[rows + 1] - commands.offsets[rows] == 2
         self.shift[is_moved] = commands.points[commands.offsets[rows[is_moved]] + 1]
-        self.size, self.width, self.color = commands.size[rows], commands.width[rows], commands.color[rows]
+        self.size = commands.size[rows]
+        self.width = commands.width[rows]
+        self.color = commands.color[rows]
         self.is_in_world = commands.space[rows] == DrawSpace.WORLD
         self._discs = self._first_of_discs()
-        self._seen: tuple[float, tuple[np.ndarray[Any, Any], ...]] | None = None  # at the scale that was shown last
+        # the visible circles at the last scale
+        self._seen: tuple[float, tuple[np.ndarray[Any, Any], ...]] | None = None
         self.largest_in_world = float(self.size[self.is_in_world].max(initial=0.0))
         self.largest_px, self.widest_px, self.farthest_px = (
             float(px.max(initial=0.0)) for px in (self.size[~self.is_in_world], self.width, np.abs(self.shift))
@@ -169,16 +173,17 @@ class _Circles:
             paint(canvas, centers[rows], radius[rows], width[rows], color[rows])
 
     def _large_enough(self, scale: float) -> tuple["np.ndarray[Any, Any]", ...]:
-        """Return centres, shifts, radii in pixels, widths and colours of those that can be seen at a scale."""
+        """Return centers, shifts, radii in pixels, widths and colors of circles that are large enough at a scale."""
         radius = self.size * np.where(self.is_in_world, scale, 1.0)
         seen = (radius >= _SMALLEST_RADIUS_PX) & (self.color[:, 3] > 0)
-        # NOTE: a disc is painted in the larger of its sizes: a quarter of the stamps (a window with 10,000 agents).
+        # NOTE: a disc is painted in the larger of its sizes: a quarter of the stamps (a window with 10,000
+        # agents).
         smaller = self._discs + (radius[self._discs] >= radius[self._discs + 1])
         seen[smaller] = seen[smaller + 2] = False
         return tuple(column[seen] for column in (self.centers, self.shift, radius, self.width, self.color))
 
     def _first_of_discs(self) -> IntArray:
-        """Return the first row of each opaque disc as `Commands.add_discs` adds it, in world units and in pixels."""
+        """Return the first row of each opaque disc of `Commands.add_discs`, with sizes in world units and in pixels."""
         i = np.arange(len(self.size) - 3) if len(self.size) > 3 else np.zeros(0, np.int64)
         i = i[self.is_in_world[i] & self.is_in_world[i + 2] & ~self.is_in_world[i + 1] & ~self.is_in_world[i + 3]]
         i = i[(self.width[i] == self.width[i + 1]) & (self.width[i + 2] == 0.0) & (self.width[i + 3] == 0.0)]
@@ -196,7 +201,7 @@ class _Circles:
 
 
 def _stretches(values: "np.ndarray[Any, Any]") -> Iterator[tuple[int, int, int]]:
-    """Yield equal values that follow each other: the value, the first place and the last place + 1."""
+    """Yield (value, first, last + 1) of consecutive equal values."""
     if len(values):
         changes = np.flatnonzero(values[1:] != values[:-1]) + 1
         for begin, end in pairwise([0, *changes.tolist(), len(values)]):
@@ -204,8 +209,9 @@ def _stretches(values: "np.ndarray[Any, Any]") -> Iterator[tuple[int, int, int]]
 
 
 def _are_hidden(centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray) -> BoolArray:
-    """Return which circles are hidden by one of the next few around the same point, as are those of one disc."""
-    hidden, outer = np.zeros(len(centers), bool), radius + width / 2
+    """Return which circles are hidden by one of the next circles with the same center."""
+    hidden = np.zeros(len(centers), bool)
+    outer = radius + width / 2
     covers = (width == 0.0) & (color[:, 3] == _OPAQUE)
     for ahead in range(1, _NEXT):
         is_same = (centers[ahead:, 0] == centers[:-ahead, 0]) & (centers[ahead:, 1] == centers[:-ahead, 1])
@@ -224,30 +230,33 @@ def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: Flo
     corner = centers - reach[:, None]
     whole = np.floor(corner)
     step = np.minimum(((corner - whole) * _STEPS).astype(np.int64), _STEPS - 1)
-    look = np.zeros(len(centers), np.int64)  # all that makes a stamp, in the bits of one number
+    look = np.zeros(len(centers), np.int64)  # all properties of a stamp, in the bits of one number
     sizes = np.rint(np.column_stack([radius, width, reach]) * 10).astype(np.int64)
     for column, bits in zip((*sizes.T, *step.T, *color.T[:3].astype(np.int64)), _BITS, strict=True):
         look = look << bits | column
-    # NOTE: a ring and the disc on it are one stamp, which takes half the time (films of 10,000 agents).
+    # NOTE: a ring and its disc are one stamp, in half the time (films of 10,000 agents).
     is_ringed = (centers[1:] == centers[:-1]).all(axis=1) & (radius[1:] == radius[:-1])
     is_ringed &= (width[1:] == 0.0) & (width[:-1] > 0.0) & (color[1:, 3] == _OPAQUE) & (color[:-1, 3] == _OPAQUE)
     above = np.zeros(len(look), np.int64)
     above[:-1][is_ringed] = look[1:][is_ringed]
     first = np.flatnonzero(np.concatenate([[True], ~is_ringed]))
-    look, above, alphas = look[first], above[first], color[first, 3]
+    look = look[first]
+    above = above[first]
+    alphas = color[first, 3]
     x, y = whole[first].astype(np.int64).T.tolist()
     for alpha, begin, end in _stretches(alphas):
-        looks, discs = look[begin:end].tolist(), above[begin:end].tolist()
+        looks = look[begin:end].tolist()
+        discs = above[begin:end].tolist()
         stamps = {one: _stamp(*one, alpha) for one in set(zip(looks, discs, strict=True))}
         places = zip(x[begin:end], y[begin:end], strict=True)
-        # NOTE: never a list of pairs, whose making wakes the garbage collector (first frame of 100,000 edges).
+        # NOTE: never a list of pairs, which triggers the garbage collector (first frame of 100,000 edges).
         surfaces = map(stamps.__getitem__, zip(looks, discs, strict=True))
         canvas.stamps(zip(surfaces, places, strict=True), end - begin)
 
 
 @lru_cache(maxsize=8192)
 def _stamp(look: int, above: int, alpha: int) -> Any:
-    """Return a circle as a surface, or a ring and the disc of the same middle above it; 0: there is none."""
+    """Return a circle as a surface, or a ring with a concentric disc above it; `above` 0: no disc."""
     coverage, color = _circle(look)
     if above == 0:
         return stamp(coverage, (*color, alpha))
@@ -256,9 +265,9 @@ def _stamp(look: int, above: int, alpha: int) -> Any:
 
 
 def _circle(look: int) -> tuple[ByteArray, Rgb]:
-    """Return what a circle covers, and its colour.
+    """Return the coverage of a circle, and its color.
 
-    `look` has tenths of pixels, the place within the pixel and the colour, see `_BITS`.
+    `look` contains tenths of pixels, the position within the pixel and the color, see `_BITS`.
     """
     parts = []
     for bits in _BITS[::-1]:
@@ -289,11 +298,11 @@ def _large(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: Float
             canvas.cover(patch, (red, green, blue, alpha))
 
 
-# -- what is painted one by one -----------------------------------------------------------------------------
+# -- single commands ------------------------------------------------------------------------------------------
 
 
-class _Singly:
-    """Rectangles, texts and images."""
+class _SingleCommands:
+    """Rectangles, texts and images, painted one by one."""
 
     def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
         self.commands, self.rows = commands, rows.tolist()
@@ -306,13 +315,15 @@ class _Singly:
 
 
 class _Polygons:
-    """Polygons of one style; opaque ones are filled together, others one by one, for they show through each other."""
+    """Polygons of one style; opaque ones are filled together, transparent ones one by one, so that they blend."""
 
     def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
         self.color = _rgba(commands, int(rows[0]))
         self.width = float(commands.width[rows[0]])
         take, self.offsets = kernels.chosen_runs(commands.offsets, rows)
-        self.points, self.shifts = commands.points[take], np.zeros((len(take), 2))  # world units, and pixels
+        # world units, and pixels
+        self.points = commands.points[take]
+        self.shifts = np.zeros((len(take), 2))
         first = self.offsets[:-1]
         if commands.space[rows[0]] == DrawSpace.SCREEN:
             self.shifts = self.points
@@ -350,7 +361,7 @@ class _Command(NamedTuple):
 
     @classmethod
     def of(cls, commands: DrawCommands, row: int, camera: Camera) -> "_Command":
-        """Return row `row` of the columns as the camera sees it."""
+        """Return one command as seen by a camera."""
         points = commands.points[commands.offsets[row] : commands.offsets[row + 1]]
         scale = camera.scale if commands.space[row] == DrawSpace.WORLD else 1.0
         return cls(
@@ -396,7 +407,7 @@ def _text(canvas: Canvas, camera: Camera, command: _Command) -> None:
 
 
 def _reach(command: _Command) -> float:
-    """Return more pixels than the words can be wide."""
+    """Return an upper bound of the width of the text in pixels."""
     return 2.0 * command.size * len(command.text)
 
 
@@ -416,7 +427,7 @@ _RUNS: dict[DrawKind, Callable[[DrawCommands, IntArray], _Run]] = {
     DrawKind.LINE: _Lines,
     DrawKind.CIRCLE: _Circles,
     DrawKind.POLYGON: _Polygons,
-    **dict.fromkeys(_SINGLE, _Singly),
+    **dict.fromkeys(_SINGLE, _SingleCommands),
 }
 
 
@@ -432,7 +443,7 @@ def painted(commands: DrawCommands, camera: Camera, background: Rgba) -> Canvas:
 
 
 def png(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba, dpi: float = CSS_DPI) -> bytes:  # noqa: ARG001 - of every format
-    """Return the whole picture as a PNG file.
+    """Return the picture as a PNG file.
 
     Raises:
         MissingExtra: pygame or Pillow is not installed.

@@ -1,6 +1,6 @@
-"""SVG: commands of one style that follow each other become one element, so that a city stays a small file.
+"""SVG: consecutive commands of one style become one element, so that a city gives a small file.
 
-The same commands give the same bytes.
+Equal commands give equal bytes.
 """
 
 import re
@@ -33,7 +33,7 @@ _IMAGE_TYPES = {
 
 
 def svg(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba, dpi: float = CSS_DPI) -> bytes:
-    """Return the whole picture as an SVG file, as large on paper as `dpi` says."""
+    """Return the picture as an SVG file, with the paper size given by `dpi`."""
     sheet = sheet_of(commands, camera, background)
     lines = [
         _opening(camera, dpi),
@@ -58,7 +58,7 @@ def _opening(camera: Camera, dpi: float) -> str:
 
 
 def _group(sheet: Sheet, begin: int, end: int) -> str:
-    """Return the elements of one run; empty where nothing of it is large enough to be seen."""
+    """Return the elements of one run; empty if all are too small to be seen."""
     kind = DrawKind(int(sheet.kind[begin]))
     if kind is DrawKind.LINE:
         path = _lines(sheet, begin, end)
@@ -82,11 +82,13 @@ def _paint(role: str, color: Rgba) -> str:
 
 
 def _lines(sheet: Sheet, begin: int, end: int) -> str:
-    """Return one path through all lines of a run, chained where they meet, without those that shrank to a point."""
+    """Return one path through all lines of a run, in connected chains, without lines that shrank to a point."""
     offsets = (sheet.offsets[begin : end + 1] - sheet.offsets[begin]).tolist()
     points = list(map(tuple, sheet.points[sheet.offsets[begin] : sheet.offsets[end]].tolist()))
     lines = [points[first:last] for first, last in pairwise(offsets) if len(set(points[first:last])) > 1]
-    steps, x, y = list[str](), 0, 0
+    steps = list[str]()
+    x = 0
+    y = 0
     for chain in _chains([(line[0], line[-1]) for line in lines]):
         steps.append("m")
         for row, is_reversed in chain:
@@ -98,7 +100,7 @@ def _lines(sheet: Sheet, begin: int, end: int) -> str:
 
 
 def _chains(ends: Sequence[tuple[_Point, _Point]]) -> Iterator[list[tuple[int, bool]]]:
-    """Yield lines as (row, whether it is reversed), in chains in which each begins where the one before ended."""
+    """Yield lines as (row, whether it is reversed), in chains where each line begins at the end of the previous one."""
     at = defaultdict[_Point, list[int]](list)
     for row, (first, last) in enumerate(ends):
         at[first].append(row)
@@ -114,7 +116,7 @@ def _chains(ends: Sequence[tuple[_Point, _Point]]) -> Iterator[list[tuple[int, b
                 yield row, first != place
                 rows = at[place := first if first != place else last]
 
-    uneven = {place for place, rows in at.items() if len(rows) % 2}  # where chains have to end
+    uneven = {place for place, rows in at.items() if len(rows) % 2}  # where chains must end
     for place in list(at):
         if place in uneven:
             chain = list(onward(place))
@@ -127,7 +129,7 @@ def _chains(ends: Sequence[tuple[_Point, _Point]]) -> Iterator[list[tuple[int, b
 
 
 def _joined(steps: Iterable[str]) -> str:
-    """Return steps and letters of a path without the spaces and zeros that say nothing."""
+    """Return the steps of a path without redundant spaces and zeros."""
     return _NEEDLESS.sub("", " ".join(steps))
 
 
@@ -160,7 +162,7 @@ def _rectangle(sheet: Sheet, row: int) -> str:
 
 def _polygon(sheet: Sheet, row: int) -> str:
     points = sheet.points_of(row)
-    points = points[1:] if points[0] == points[1] else points  # of a polygon in pixels, see `on_screen`
+    points = points[1:] if points[0] == points[1] else points  # for a polygon in pixels, see `on_screen`
     steps = [_step(x - old_x, y - old_y) for (old_x, old_y), (x, y) in pairwise([(0, 0), *points])]
     return f'<path d="{_joined(["m", *steps, "z"])}"/>'
 
@@ -173,7 +175,7 @@ def _text(sheet: Sheet, row: int) -> str:
 
 
 def _turned(sheet: Sheet, row: int) -> str:
-    """Return the attribute that turns an element around its point."""
+    """Return the attribute that rotates an element around its point."""
     ((x, y),), angle = sheet.points_of(row), float(sheet.angle[row])
     return f' transform="rotate({-angle:.6g} {_number(x)} {_number(y)})"' if angle else ""
 
@@ -184,7 +186,8 @@ def _halo(sheet: Sheet, row: int) -> str:
 
 def _image(sheet: Sheet, row: int) -> str:
     ((x, y),), half = sheet.points_of(row), int(sheet.size[row])
-    turned, side = _turned(sheet, row), _number(2 * half)
+    turned = _turned(sheet, row)
+    side = _number(2 * half)
     return (
         f'<image x="{_number(x - half)}" y="{_number(y - half)}" width="{side}" height="{side}"{turned} '
         f'href="{_embedded(Path(sheet.text[row]))}"/>'
@@ -192,7 +195,7 @@ def _image(sheet: Sheet, row: int) -> str:
 
 
 def _embedded(path: Path) -> str:
-    """Return the image itself, so that the picture is one file."""
+    """Return the image as embedded data, so that the picture is one file."""
     if path.suffix.lower() not in _IMAGE_TYPES:
         raise BadValue(f"Cannot put {path.name!r} into a picture; use one of {', '.join(_IMAGE_TYPES)}.")
     return f"data:image/{_IMAGE_TYPES[path.suffix.lower()]};base64,{b64encode(path.read_bytes()).decode()}"

@@ -1,4 +1,4 @@
-"""What SVG and PDF have in common: draw commands as a camera sees them, in painting order and in runs of one style."""
+"""Common code of SVG and PDF: draw commands as seen by a camera, in painting order and in runs of one style."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -14,11 +14,11 @@ from gamms.visual.camera import FAINTEST_PX, Camera, on_screen, touching
 from gamms.visual.lettering import EM
 
 SMALLEST_RADIUS_PX = 0.5
-_BEYOND_PX = 8.0  # what is drawn so far outside may still reach into the picture
+_BEYOND_PX = 8.0  # drawings this far outside may still reach into the picture
 
 
 class Sheet(NamedTuple):
-    """All commands in painting order and in tenths of pixels, the unit in which everything is rounded."""
+    """All commands in painting order and in tenths of pixels, the unit of rounding."""
 
     kind: IntArray  # (commands,)
     color: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]"  # (commands, 4)
@@ -36,11 +36,11 @@ class Sheet(NamedTuple):
         return points
 
     def has_halo(self, row: int) -> bool:
-        """Return whether words have an edge of paper, so that they can be read over a map: those that it lets read."""
+        """Return whether text has an outline in the background color, to be readable over a map."""
         return is_dark(self.color[row].tolist()) != is_dark(self.paper)
 
     def runs(self) -> Iterator[tuple[int, int]]:
-        """Yield commands that follow each other and are painted together: first row and last row + 1."""
+        """Yield (first row, last row + 1) of consecutive commands that are painted together."""
         if len(self.kind) == 0:
             return
         style = np.column_stack([self.kind, self.width, self.color])
@@ -49,7 +49,7 @@ class Sheet(NamedTuple):
 
 
 def sheet_of(commands: DrawCommands, camera: Camera, background: Rgba) -> Sheet:
-    """Return what a camera sees of draw commands on a background."""
+    """Return the view of a camera on draw commands over a background."""
     rows = _seen(commands, camera)
     take, offsets = kernels.chosen_runs(commands.offsets, rows)
     points = on_screen(commands, camera)
@@ -71,7 +71,7 @@ def sheet_of(commands: DrawCommands, camera: Camera, background: Rgba) -> Sheet:
 
 
 def _seen(commands: DrawCommands, camera: Camera) -> IntArray:
-    """Return the rows in painting order, without those that are outside of the picture."""
+    """Return the rows in painting order, without rows outside the picture."""
     rows = commands.in_painting_order()
     if len(rows) == 0:
         return rows
@@ -90,7 +90,7 @@ def _seen(commands: DrawCommands, camera: Camera) -> IntArray:
 def _widths_px(commands: DrawCommands, scale: FloatArray) -> FloatArray:
     in_world = (commands.kind == DrawKind.LINE) & (commands.space == DrawSpace.WORLD)
     widths = np.where(in_world, np.maximum(commands.width * scale, FAINTEST_PX), commands.width)
-    # An outline must not be rounded to nothing: a width of 0 means filled.
+    # An outline must not be rounded to 0, which means filled.
     return np.where(widths > 0.0, np.maximum(widths, 0.1), 0.0)
 
 

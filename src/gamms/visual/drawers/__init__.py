@@ -1,4 +1,4 @@
-"""Drawers: functions `(ctx, data)` that say what a thing looks like, with the primitives of `ctx.visual`.
+"""Drawers: functions `(ctx, data)` that draw one kind of object, with the primitives of `ctx.visual`.
 
 One file per topic. A new thing to draw is one function here; every backend can show it. Where the same thing
 is drawn many times, use the bulk primitives `render_lines` and `render_circles` (see `drawing.py`).

@@ -12,7 +12,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.typing import ColorType, IAerialAgent, IAgent, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData, AgentLooks, AnyColor, Circle, Rectangle, Rgb, rgba
-from gamms.visual.drawing import EDGE_PX, Disc, Points, Spread, drawing_of
+from gamms.visual.drawing import EDGE_PX, Disc, DiscOffsets, Points, drawing_of
 
 _Shape = TypeVar("_Shape", Circle, Rectangle)
 
@@ -55,9 +55,12 @@ def rings(
 
 
 _BRIGHT = 170.0
-_WHITE, _DARK = (255, 255, 255), (60, 60, 60)
+_WHITE = (255, 255, 255)
+_DARK = (60, 60, 60)
 
-RING, RING_PX = 1.8, 11.0  # of an agent in the air: in radii of its disc, and at least
+# of an agent in the air: in radii of its disc, and at least
+RING = 1.8
+RING_PX = 11.0
 _NOSE = 2.6  # how far it reaches, in radii of the disc
 
 
@@ -99,7 +102,8 @@ def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
     Returns:
         False if one of them has an image: nothing was drawn.
     """
-    visual, agents = drawing_of(ctx), ctx.agent.agents
+    visual = drawing_of(ctx)
+    agents = ctx.agent.agents
     hidden = visual.hidden_agents(share)
     if hidden:
         for look in looks:
@@ -113,18 +117,21 @@ def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
     shown = [agents[look.name] for look in looks]
     columns = ([agent.current_node_id for agent in shown], [agent.prev_node_id for agent in shown], rows)
     discs = [Disc(size, least_px, color, outline_of(color)) for color, size, least_px in styles]
-    standing = _Standing([agent.name for agent in shown], *(np.array(column, np.int64) for column in columns))
+    standing = _GroundAgents([agent.name for agent in shown], *(np.array(column, np.int64) for column in columns))
     positions, shifts = _discs(ctx, standing, discs, share)
     for look, (x, y), (right, down) in zip(looks, positions.tolist(), shifts.tolist(), strict=True):
-        look.current_position, look.shift = (x, y), (right, down)
+        look.current_position = (x, y)
+        look.shift = (right, down)
     return True
 
 
 def render_looks(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the agents that `data['looks']`, an AgentLooks, describes, as `render_agent` draws each."""
     looks: AgentLooks = data["looks"]
-    share, positions = data.get("_alpha", 1.0), ctx.agent.positions
-    rows, is_shown = looks.rows, np.ones(len(looks.names), bool)
+    share = data.get("_alpha", 1.0)
+    positions = ctx.agent.positions
+    rows = looks.rows
+    is_shown = np.ones(len(looks.names), bool)
     if looks.structure is None or looks.structure != ctx.agent.structure_version:  # since the turn began
         numbers = {name: number for number, name in enumerate(positions.names)}
         rows = np.array([numbers.get(name, -1) for name in looks.names], np.int64)
@@ -132,17 +139,21 @@ def render_looks(ctx: IContext, data: dict[str, Any]) -> None:
     hidden = drawing_of(ctx).hidden_agents(share)
     if hidden:
         is_shown &= ~np.isin(rows, [row for row in positions.inactive if positions.names[row] in hidden])
-    names, colors = looks.names, looks.color_rows
+    names = looks.names
+    colors = looks.color_rows
     if not is_shown.all():
-        rows, colors = rows[is_shown], colors[is_shown]
+        rows = rows[is_shown]
+        colors = colors[is_shown]
         names = [names[row] for row in np.flatnonzero(is_shown).tolist()]
     edge_px = min(EDGE_PX, looks.least_px)  # a small disc would be nothing but its edge
     discs = [Disc(looks.size, looks.least_px, color, outline_of(color), edge_px) for color in looks.colors]
-    standing = _Standing(names, positions.node_ids[rows], np.array(positions.previous_nodes, np.int64)[rows], colors)
+    standing = _GroundAgents(
+        names, positions.node_ids[rows], np.array(positions.previous_nodes, np.int64)[rows], colors
+    )
     looks.note(is_shown, *_discs(ctx, standing, discs, share))
 
 
-class _Standing(NamedTuple):
+class _GroundAgents(NamedTuple):
     """Agents on the ground, in columns."""
 
     names: Sequence[str]
@@ -151,7 +162,7 @@ class _Standing(NamedTuple):
     rows: IntArray  # (agents,) the disc of each
 
 
-def _discs(ctx: IContext, agents: _Standing, discs: list[Disc], share: float) -> tuple[FloatArray, FloatArray]:
+def _discs(ctx: IContext, agents: _GroundAgents, discs: list[Disc], share: float) -> tuple[FloatArray, FloatArray]:
     """Draw agents as discs, and return where, and by how many radii they are moved right and down, (agents, 2)."""
     visual = drawing_of(ctx)
     positions = visual.motion.positions_of(agents.names, agents.nodes, share)
@@ -164,8 +175,8 @@ _SPREAD = np.array([0.0, 0.0, 0.7, 0.85, 0.95, 1.0])  # how far so many discs on
 _MOST_SPREAD = 6  # of more on one node, those of one look are drawn as one
 
 
-def _shifts(ctx: IContext, agents: _Standing, share: float) -> FloatArray:
-    """Return by how many radii discs (agents, 2) are moved right and down, so that those on one node can be told apart.
+def _shifts(ctx: IContext, agents: _GroundAgents, share: float) -> FloatArray:
+    """Return offsets in radii (agents, 2), to the right and down, that separate discs on the same node.
 
     Those of agents that leave or come glide from where they stood to where they will.
     """
@@ -173,7 +184,10 @@ def _shifts(ctx: IContext, agents: _Standing, share: float) -> FloatArray:
     if not visual.has_default_look:
         visual.has_stacks = False
         return np.zeros((len(agents.names), 2))
-    moves, between, on, previous = visual.motion.moves, visual.motion.on_edges(), agents.nodes, agents.previous
+    moves = visual.motion.moves
+    between = visual.motion.on_edges()
+    on = agents.nodes
+    previous = agents.previous
     if between:  # each of them stands alone
         on, previous = np.split(np.unique(np.concatenate([on, previous]), return_inverse=True)[1], 2)
         alone = np.array([name in between for name in agents.names], bool)
@@ -182,7 +196,7 @@ def _shifts(ctx: IContext, agents: _Standing, share: float) -> FloatArray:
     if known is None or known.moves is not moves or not known.is_of(on, agents.rows):  # else it is the same turn
         before = np.where(visual.motion.paths_of(agents.names) >= 0, previous, on)
         starts, ends = _spread(before, agents.rows), _spread(on, agents.rows)
-        known = visual.spread = Spread(on, agents.rows, moves, starts, ends)
+        known = visual.spread = DiscOffsets(on, agents.rows, moves, starts, ends)
         visual.has_stacks = int(np.unique(on, return_counts=True)[1].max(initial=0)) > _MOST_SPREAD
     return known.ends if share >= 1.0 else (1.0 - share) * known.starts + share * known.ends
 
@@ -192,9 +206,11 @@ def _spread(nodes: IntArray, rows: IntArray) -> FloatArray:
     order = np.argsort(nodes, kind="stable")
     is_first = np.ones(len(nodes), bool)
     is_first[1:] = nodes[order[1:]] != nodes[order[:-1]]
-    starts, group = np.flatnonzero(is_first), np.cumsum(is_first) - 1
+    starts = np.flatnonzero(is_first)
+    group = np.cumsum(is_first) - 1
     slots = np.diff(starts, append=len(nodes))
-    slot, is_many = np.arange(len(nodes)) - starts[group], slots[group] > _MOST_SPREAD
+    slot = np.arange(len(nodes)) - starts[group]
+    is_many = slots[group] > _MOST_SPREAD
     if is_many.any():  # one slot for each look, in the order of the first agents that have it
         looks = int(rows.max()) + 1
         kinds, first, kind = np.unique(
@@ -206,9 +222,11 @@ def _spread(nodes: IntArray, rows: IntArray) -> FloatArray:
         place[by_first] = np.arange(len(kinds)) - np.searchsorted(groups, groups)
         slot[is_many] = place[kind]
         slots[np.unique(groups)] = np.unique(groups, return_counts=True)[1]
-    count, moves = slots[group], np.zeros((len(nodes), 2))
+    count = slots[group]
+    moves = np.zeros((len(nodes), 2))
     is_moved = count > 1
-    slot, count = slot[is_moved], count[is_moved]
+    slot = slot[is_moved]
+    count = count[is_moved]
     angles = np.pi * (1.0 + 2.0 * (slot / count)) - np.where(count % 2, np.pi / 2, 0.0)
     far = _SPREAD[np.minimum(count, len(_SPREAD) - 1)]
     moves[order[is_moved]] = far[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])

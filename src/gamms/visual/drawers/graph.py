@@ -1,4 +1,4 @@
-"""Drawers of what is on the map: values of nodes and edges, choices of a person, obstacles and the base map."""
+"""Drawers of the map: values of nodes and edges, choices of a person, obstacles and the base map."""
 
 from typing import Any, NamedTuple
 
@@ -16,17 +16,23 @@ from gamms.visual.drawing import Drawing, drawing_of
 from gamms.visual.legend import Values
 from gamms.visual.themes import WallTones
 
-_NODE, _EDGE = 0.5, 0.35  # radius of a disc and width of a line, in lengths of a typical edge
-_NODE_PX, _EDGE_PX = 2.0, 3.0  # but never less
+# radius of a disc and width of a line, in lengths of a typical edge
+_NODE = 0.5
+_EDGE = 0.35
+# but never less
+_NODE_PX = 2.0
+_EDGE_PX = 3.0
 
 
 def render_values(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw `data['values']`, a Values, the highest on top; what is no longer on the map is left out."""
+    """Draw `data['values']`, the highest on top; values of removed nodes and edges are left out."""
     values: Values = data["values"]
-    columns, order = ctx.graph.columns(), np.argsort(values.places, kind="stable")
+    columns = ctx.graph.columns()
+    order = np.argsort(values.places, kind="stable")
     known = columns.node_ids if values.of == "nodes" else columns.edge_ids
     rows = kernels.rows_of(known, values.ids[order], np.argsort(known, kind="stable"))
-    places, rows = values.places[order][rows >= 0], rows[rows >= 0]
+    places = values.places[order][rows >= 0]
+    rows = rows[rows >= 0]
     cuts = np.flatnonzero(np.diff(places)) + 1
     draw = _draw_nodes if values.of == "nodes" else _draw_edges
     unit = typical_edge_length(columns)
@@ -48,7 +54,8 @@ def typical_edge_length(columns: GraphColumns) -> float:
 
 
 def _draw_nodes(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: float, color: AnyColor) -> None:
-    visual, centers = drawing_of(ctx), columns.xy[rows]
+    visual = drawing_of(ctx)
+    centers = columns.xy[rows]
     visual.render_circles(centers, _NODE * unit, color)
     visual.render_circles(centers, _NODE_PX, color, in_pixels=True)
 
@@ -63,7 +70,8 @@ def _draw_edges(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: floa
 render_values.once_a_turn = True  # type: ignore[attr-defined] # values do not glide
 
 
-_CHOICE_PX, _RING_PX = 3.0, 11.0
+_CHOICE_PX = 3.0
+_RING_PX = 11.0
 
 
 def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
@@ -76,7 +84,8 @@ def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
     if not options or not data.get("_waiting_user_input"):
         return
     look: GraphData = data["graph_data"]
-    columns, graph = ctx.graph.columns(), ctx.graph.graph
+    columns = ctx.graph.columns()
+    graph = ctx.graph.graph
     places = graph.positions(list(options.values()))
     shown = ctx.visual.get_viewport()
     least = 0.0 if shown is None else _RING_PX / shown[-1]
@@ -160,7 +169,8 @@ def footprints(faces: ObstacleColumns) -> Footprints:
 
 def _above_ground(corners: FloatArray) -> FloatArray:
     """Return how high walls (walls, 4, 3) are: above their bases if none begins at 0, where the map is not flat."""
-    tops, bases = corners[:, 0, 2], corners[:, 2, 2]
+    tops = corners[:, 0, 2]
+    bases = corners[:, 2, 2]
     return tops - bases if bases.all() else tops
 
 
@@ -179,7 +189,7 @@ def _rings(rights: FloatArray, lefts: FloatArray) -> tuple[IntArray, list[bool]]
 
 
 def _bundles(outlines: list[_Outline], looks: list[list[float]]) -> list[list[int]]:
-    """Yield the rings that make one footprint: the outer one, then those of its courtyards."""
+    """Yield the rings of each footprint: the outer ring, then those of its courtyards."""
     bundles: list[list[int]] = []
     for ring, outline in enumerate(outlines):
         outer, *holes = bundles[-1] if bundles else [ring]
@@ -202,9 +212,10 @@ def _is_within(outline: _Outline, other: _Outline) -> bool:
 
 
 def _with_holes(outlines: list[_Outline]) -> _Outline:
-    """Return one polygon: a seam leads from the first outline to each other one, which is reversed, and back."""
+    """Return one polygon, with seams from the first outline to the other, reversed outlines and back."""
     outer, *holes = outlines
-    seam, polygon = outer[0], list(outer)
+    seam = outer[0]
+    polygon = list(outer)
     for hole in holes:
         back = hole[::-1] if (_area(hole) > 0.0) == (_area(outer) > 0.0) else hole
         polygon += [seam, *back, back[0]]
@@ -218,7 +229,9 @@ def _area(outline: _Outline) -> float:
 
 
 _STEPS = 6  # distinct tones
-_LOWEST, _TALLEST = 5.0, 95.0  # percentiles of heights: between them the tones change
+# percentiles of heights: between them the tones change
+_LOWEST = 5.0
+_TALLEST = 95.0
 _SHADE = 0.75  # of the colour of an area: its outline
 
 
@@ -231,7 +244,8 @@ def render_obstacles(ctx: IContext, data: dict[str, Any]) -> None:
     Faces of one type are drawn at once, the types in the order of their first face.
     """
     columns = obstacles_to_draw(ctx)
-    visual, thickness = drawing_of(ctx), data.get("boundary_thickness", 1.0)
+    visual = drawing_of(ctx)
+    thickness = data.get("boundary_thickness", 1.0)
     if data.get("fill"):
         _draw_buildings(ctx, columns, data.get("color_map", {}), thickness, visual.theme.map.walls)
         return
@@ -252,7 +266,8 @@ _LINES_M = {SceneryKind.WATERWAY: 2.0, SceneryKind.TRAM: 0.5, SceneryKind.RAIL: 
 
 def render_base_map(ctx: IContext, data: dict[str, Any]) -> None:  # noqa: ARG001 - of every drawer
     """Draw the areas and lines of the scenery: parks, water, then rails."""
-    scenery, visual = ctx.graph.scenery_columns(), drawing_of(ctx)
+    scenery = ctx.graph.scenery_columns()
+    visual = drawing_of(ctx)
     tones = visual.theme.map.ground
     colors = {
         SceneryKind.GREEN: tones.green,
@@ -282,10 +297,12 @@ def _draw_tops(visual: Drawing, columns: ObstacleColumns, chosen: BoolArray, col
 def _draw_buildings(
     ctx: IContext, columns: ObstacleColumns, colors: dict[int, Any], thickness: float, tones: WallTones
 ) -> None:
-    """Fill what closes, the highest last; then draw all top edges."""
-    visual, built = drawing_of(ctx), footprints(columns)
+    """Fill closed outlines, the highest last; then draw all top edges."""
+    visual = drawing_of(ctx)
+    built = footprints(columns)
     is_filled = ~_is_fence(ctx, built)
-    own, step = np.isin(built.types, list(colors)), _steps(built.heights)
+    own = np.isin(built.types, list(colors))
+    step = _steps(built.heights)
     for number in range(_STEPS):
         tone = _between(tones.low, tones.high, number / (_STEPS - 1))
         _fill(visual, built, is_filled & ~own & (step == number), tone)

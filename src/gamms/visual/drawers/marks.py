@@ -19,9 +19,14 @@ from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import SIGN, Row, Rows
 
 TAG_TURNS = 5  # for which a tag is shown
-_ARM_PX, _RING_PX = 7.0, 8.5  # half of a cross or a tick, and the ring around the cross of a tag
-_LINE_PX, _EDGE_PX = 3.0, 3.0
-_DISC_PX, _GAP_PX = 6.0, 2.0  # a disc that has no size on the map, and what is free around it
+# half of a cross or a tick, and the ring around the cross of a tag
+_ARM_PX = 7.0
+_RING_PX = 8.5
+_LINE_PX = 3.0
+_EDGE_PX = 3.0
+# a disc that has no size on the map, and what is free around it
+_DISC_PX = 6.0
+_GAP_PX = 2.0
 _STEP_PX = 20.0  # from a mark to the next one in a row
 _LABEL_PX = _STEP_PX / 2 + 0.5  # radius of what is kept clear for a mark; those of a row touch
 _ROW_PX = 40.0  # at most from the first mark of a row to the last one at each side
@@ -35,7 +40,7 @@ _AROUND = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
 _RING = np.column_stack([np.cos(_AROUND), np.sin(_AROUND)]) * _RING_PX
 
 
-class _Mark(NamedTuple):
+class _AgentMark(NamedTuple):
     """A sign for an agent at a place."""
 
     name: str
@@ -52,25 +57,32 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
     `data` may have `colors` by team; the `size` of agents; names of agents as `of`, so that tags without any of these
     are left out; and the agents that `render_eliminated` marks as `out`, for which no tag is marked.
     """
-    visual, marks, out = drawing_of(ctx), list[_Mark](), data.get("out", {})
-    colors, new = visual.group_colors() | data.get("colors", {}), visual.events.of_turns("tag", 1)
+    visual = drawing_of(ctx)
+    marks = list[_AgentMark]()
+    out = data.get("out", {})
+    colors = visual.group_colors() | data.get("colors", {})
+    new = visual.events.of_turns("tag", 1)
     taken = Counter(visual.position_of(name) for name in out)
     for node, tags in _tags(ctx, data.get("of"), out).items():
         at = ctx.graph.graph.get_node(node)
         for number, (name, tag) in enumerate(sorted(tags.items()), taken[at.x, at.y]):
-            agents, side = ctx.agent.agents, color_group(ctx.agent.agents[name])
+            agents = ctx.agent.agents
+            side = color_group(ctx.agent.agents[name])
             color = _aged(colors.get(side, colors[str(side)]), is_new=tag in new)
             witnesses = {str(color_group(agents[one])) for one in (name, tag.get("agent")) if one in agents}
             owner = Owner(sides=tuple(sorted(witnesses)))
-            marks.append(_Mark(name, color, (at.x, at.y), number, (_RING, 0.6 * _CROSS), owner))
+            marks.append(_AgentMark(name, color, (at.x, at.y), number, (_RING, 0.6 * _CROSS), owner))
     _draw(ctx, marks, data)
 
 
 def _tags(ctx: IContext, of: Collection[str] | None, out: Collection[str]) -> dict[int, dict[str, dict[str, Any]]]:
-    """Return node -> agent -> its latest tag there, of those that are marked."""
-    graph, agents, found = ctx.graph.graph, ctx.agent.agents, dict[int, dict[str, dict[str, Any]]]()
+    """Return node -> agent -> its latest tag there, for marked tags."""
+    graph = ctx.graph.graph
+    agents = ctx.agent.agents
+    found = dict[int, dict[str, dict[str, Any]]]()
     for tag in drawing_of(ctx).events.of_turns("tag", TAG_TURNS):
-        node, name = tag.get("node", -1), tag.get("other", "")
+        node = tag.get("node", -1)
+        name = tag.get("other", "")
         is_open = of is None or tag.get("agent") in of or name in of
         if is_open and name in agents and name not in out and graph.has_node(node):
             found.setdefault(node, {}).setdefault(name, tag)
@@ -83,11 +95,14 @@ def render_eliminated(ctx: IContext, data: dict[str, Any]) -> None:
     `data["out"]` says which agents are out, and for each whether it arrived; `data["colors"]` has their colors, and
     `data["size"]` is the radius of agents.
     """
-    visual, marks, taken = drawing_of(ctx), list[_Mark](), Counter[tuple[float, float]]()
+    visual = drawing_of(ctx)
+    marks = list[_AgentMark]()
+    taken = Counter[tuple[float, float]]()
     for name, has_arrived in data["out"].items():
-        color, place = data["colors"][name], visual.position_of(name)
+        color = data["colors"][name]
+        place = visual.position_of(name)
         color = _aged(color, is_new=name in visual.events.eliminated())
-        marks.append(_Mark(name, color, place, taken[place], (_TICK if has_arrived else _CROSS,), Owner(name)))
+        marks.append(_AgentMark(name, color, place, taken[place], (_TICK if has_arrived else _CROSS,), Owner(name)))
         taken[place] += 1
     _draw(ctx, marks, data)
 
@@ -103,10 +118,12 @@ def _aged(color: AnyColor, *, is_new: bool) -> Rgba:
     return red, green, blue, alpha if is_new else min(alpha, _PALE)
 
 
-def _draw(ctx: IContext, marks: Sequence[_Mark], data: dict[str, Any]) -> None:
+def _draw(ctx: IContext, marks: Sequence[_AgentMark], data: dict[str, Any]) -> None:
     """Draw marks below their places, first the edges of all, and note in `data` where they are."""
-    visual, last = drawing_of(ctx), {mark.place: mark.number for mark in marks}
-    places, shifts = [], []
+    visual = drawing_of(ctx)
+    last = {mark.place: mark.number for mark in marks}
+    places = []
+    shifts = []
     for mark in marks:
         x, y = mark.place
         step = min(_STEP_PX, _ROW_PX / max((last[mark.place] + 1) // 2, 1))

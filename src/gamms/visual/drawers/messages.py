@@ -15,8 +15,11 @@ from gamms.visual.legend import SIGN, Row, Rows
 
 _MOST = 2000  # arcs
 _OLDEST = 200  # turns that a message may have been under way
-_LINE_PX, _RING_PX = 2.0, 11.0
-_INK, _FAINT = 200, 90  # alpha: of what is heard, and overheard
+_LINE_PX = 2.0
+_RING_PX = 11.0
+# alpha: of what is heard, and overheard
+_INK = 200
+_FAINT = 90
 _BEND = np.linspace(0.0, 1.0, 13)  # where the points of an arc are
 _HEIGHT = 0.12  # of an arc, in lengths of the way
 
@@ -28,13 +31,16 @@ def has_messages(ctx: IContext) -> bool:
 
 
 def render_messages(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw what agents hear next, after the moves of this turn, in the colours of the senders.
+    """Draw the messages that arrive after the moves of this turn, in the colors of the senders.
 
     `data` may have names of agents as `of`, whose messages alone are shown: what they send, hear and overhear; and as
     `hidden`: what comes from one of them is a ring around the agent that hears it.
     """
-    visual, agents, alpha = drawing_of(ctx), ctx.agent.agents, data.get("_alpha", 1.0)
-    colors, hidden = visual.group_colors(), data.get("hidden", ())
+    visual = drawing_of(ctx)
+    agents = ctx.agent.agents
+    alpha = data.get("_alpha", 1.0)
+    colors = visual.group_colors()
+    hidden = data.get("hidden", ())
     for sender, receiver, is_overheard in islice(_arriving(ctx, data.get("of")), _MOST):
         if sender not in agents or receiver not in agents or receiver in hidden:
             continue
@@ -48,14 +54,15 @@ def render_messages(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def _arriving(ctx: IContext, of: Collection[str] | None) -> Iterator[tuple[str, str, bool]]:
-    """Yield the sender and the receiver of what arrives before the next turn, and whether it is overheard."""
+    """Yield sender, receiver and whether it is overheard, for messages that arrive before the next turn."""
     game = ctx.current_game
     turn = 0 if game is None else game.turn
     for entry in reversed(() if game is None else game.messages):
         if entry["turn"] < turn - _OLDEST:
             return
         for key in ARRIVALS:
-            is_overheard, is_own = key == "overheard", of is None or entry["sender"] in of
+            is_overheard = key == "overheard"
+            is_own = of is None or entry["sender"] in of
             for name, arrival in entry[key].items():
                 if arrival == turn + 1 and (of is None or name in of or (is_own and not is_overheard)):
                     yield entry["sender"], name, is_overheard
@@ -63,13 +70,14 @@ def _arriving(ctx: IContext, of: Collection[str] | None) -> Iterator[tuple[str, 
 
 def _arc(start: tuple[float, float], end: tuple[float, float]) -> FloatArray:
     """Return points (points, 2) from start to end that bend to the left, so that there and back are two arcs."""
-    first, way = np.array(start), np.subtract(end, start)
+    first = np.array(start)
+    way = np.subtract(end, start)
     aside = np.array([-way[1], way[0]]) * _HEIGHT
     return first + _BEND[:, None] * way + (4.0 * _BEND * (1.0 - _BEND))[:, None] * aside
 
 
 def legend_of_messages(ctx: IContext, of: Collection[str] | None = None) -> Rows | None:
-    """Return what an arc means, where there is one; `of` is as for `render_messages`."""
+    """Return the legend rows of message arcs, if there are any; `of` is as for `render_messages`."""
     is_any = next(_arriving(ctx, of), None) is not None
     return Rows("", (Row(SIGN, "message", sign="curve"),)) if is_any else None
 

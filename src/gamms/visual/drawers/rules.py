@@ -1,4 +1,4 @@
-"""Drawers of what rules keep: flags, territories and goals.
+"""Drawers of rule data: flags, territories and goals.
 
 They read `ctx.game.data`, of a game or of its replay, which has no rules. Flags are `{"bases": team -> node,
 "carriers": team -> name or None}`; territories are in `data["territories"]`, as `as_text` made them.
@@ -27,7 +27,9 @@ GOALS = "goals of reach"  # likewise: team -> ids of its nodes, as text
 _FLAGS = Rows("", (Row(SIGN, "flag", sign="flag"), Row(SIGN, "home of a flag", sign="ring")))
 _GOALS = Rows("", (Row(SIGN, "goal", sign="goal"),))
 _MOST = 100  # flags, territories, and teams that have them
-_TINT, _DOT_PX, _BASE_PX = 70, 5.0, 8.0
+_TINT = 70
+_DOT_PX = 5.0
+_BASE_PX = 8.0
 _GOAL_PX = (11.0, 2.5), (5.5, 2.5)  # radii and widths of the rings around a goal
 _FEW_GOALS = 12  # of more of them a team has, each is a dot
 _BAND = 0.75  # the breadth of a territory's streets, in lengths of a typical edge
@@ -38,13 +40,13 @@ _CLOTH = np.array([(0.0, -1.0), (0.7, -0.75), (0.0, -0.5)]) * FLAG_PX
 
 
 def game_data(ctx: IContext) -> Mapping[Any, Any]:
-    """Return what the rules of a context remember; nothing where no game has begun."""
+    """Return the data of rules in a context; empty before a game has begun."""
     game = ctx.current_game
     return {} if game is None else game.data
 
 
 def flags_in(ctx: IContext) -> dict[str, dict[str, Any]]:
-    """Return all that looks like flags in what rules remember, by its key."""
+    """Return all data of rules that describe flags, by key."""
     return _first(
         (key, kept | {"bases": _first(kept["bases"].items())})
         for key, kept in game_data(ctx).items()
@@ -53,7 +55,7 @@ def flags_in(ctx: IContext) -> dict[str, dict[str, Any]]:
 
 
 def territories_in(ctx: IContext) -> dict[str, dict[Any, str]]:
-    """Return all territories in what rules remember, by name: team -> ids of its nodes, as text."""
+    """Return all territories in the data of rules, by name: team -> node ids as text."""
     kept = game_data(ctx).get(TERRITORIES)
     if not isinstance(kept, dict):
         return {}
@@ -61,7 +63,7 @@ def territories_in(ctx: IContext) -> dict[str, dict[Any, str]]:
 
 
 def goals_in(ctx: IContext) -> dict[Any, str]:
-    """Return all goals in what rules remember: team -> ids of its nodes, as text."""
+    """Return all goals in the data of rules: team -> node ids as text."""
     kept = game_data(ctx).get(GOALS)
     return _first(kept.items()) if isinstance(kept, dict) and _is_owned(kept) else {}
 
@@ -90,9 +92,12 @@ def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
     `data` may have `colors` by team, and names of agents as `hidden`: a flag that one of them carries is not shown.
     """
     kept = flags_in(ctx).get(data["key"], {"bases": {}, "carriers": {}})
-    visual, graph, carriers = drawing_of(ctx), ctx.graph.graph, kept["carriers"]
+    visual = drawing_of(ctx)
+    graph = ctx.graph.graph
+    carriers = kept["carriers"]
     for team, color in team_colors_of(ctx, kept["bases"], data.get("colors")).items():
-        carrier, base = carriers.get(team), kept["bases"][team]
+        carrier = carriers.get(team)
+        base = kept["bases"][team]
         if carrier in data.get("hidden", ()):
             continue
         home = graph.get_node(base) if graph.has_node(base) else None
@@ -107,7 +112,7 @@ def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 class KeyedDrawer:
-    """Draws what rules keep under a key; drawers of equal arguments are equal.
+    """Draws the data of rules under a key; drawers with equal arguments are equal.
 
     Args:
         key: under which it is kept.
@@ -118,7 +123,7 @@ class KeyedDrawer:
         self.artist, self.keywords = key, {"key": key, "colors": _checked_colors(colors)}
 
     def __eq__(self, other: object) -> bool:
-        """Whether the other draws the same."""
+        """Return whether the other drawer draws the same."""
         return type(other) is type(self) and other.keywords == self.keywords
 
     def __hash__(self) -> int:
@@ -155,7 +160,7 @@ def _pennant(ctx: IContext, x: float, y: float, color: AnyColor) -> None:
 
 
 def as_text(ids: IntArray) -> str:
-    """Return ascending ids as text such as "0..41 57": it is short and immutable."""
+    """Return ascending ids as a short, immutable text, for example "0..41 57"."""
     if len(ids) == 0:
         return ""
     cuts = np.flatnonzero(np.diff(ids) != 1)
@@ -165,14 +170,15 @@ def as_text(ids: IntArray) -> str:
 
 
 def in_text(text: str, ids: IntArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
-    """Return which ids (ids,) are among those in a text of `as_text`; a hostile text may name any number.
+    """Return a mask of the ids (ids,) in a text of `as_text`; a malicious text may have any number.
 
     Raises:
         ValueError, OverflowError: the text was not made so.
     """
     runs = [(int(begin), int(end or begin)) for begin, _, end in (part.partition("..") for part in text.split())]
     begins, ends = np.array(sorted(runs), np.int64).reshape(-1, 2).T
-    ends, place = np.maximum.accumulate(ends), np.searchsorted(begins, ids, side="right") - 1
+    ends = np.maximum.accumulate(ends)
+    place = np.searchsorted(begins, ids, side="right") - 1
     is_in = np.zeros(len(ids), bool)
     is_in[place >= 0] = ends[place[place >= 0]] >= ids[place >= 0]
     return is_in
@@ -191,25 +197,28 @@ class TerritoryDrawer(KeyedDrawer):
 
     def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
         super().__init__(key, colors)
-        self._name, self._given = key, colors
+        self._name = key
+        self._given = colors
         self._seen: Any = None  # the map and the territory for which the discs were worked out
-        self._places: dict[Any, _Ground] = {}
+        self._places: dict[Any, _TeamStreets] = {}
         self._breadth = 0.0
 
     def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:  # noqa: ARG002 - the arguments of every drawer
         """Draw it."""
-        owned, columns = territories_in(ctx).get(self._name, {}), ctx.graph.columns()
+        owned = territories_in(ctx).get(self._name, {})
+        columns = ctx.graph.columns()
         if self._seen is None or self._seen[0] is not columns or self._seen[1] != owned:
             self._seen, self._breadth = (columns, owned), _BAND * typical_edge_length(columns)
             self._places = _places(columns, owned)
         visual = drawing_of(ctx)
         for team, color in team_colors_of(ctx, self._places, self._given).items():
-            tint, ground = (*rgba(color)[:3], _TINT), self._places[team]
+            tint = (*rgba(color)[:3], _TINT)
+            ground = self._places[team]
             visual.render_lines(ground.points, ground.offsets, tint, self._breadth, in_world=True)
             visual.render_circles(ground.alone, self._breadth / 2, tint)
 
 
-class _Ground(NamedTuple):
+class _TeamStreets(NamedTuple):
     """Polylines of the streets of a team, and its nodes without any."""
 
     points: FloatArray  # (points, 2)
@@ -217,28 +226,31 @@ class _Ground(NamedTuple):
     alone: FloatArray  # (nodes, 2)
 
 
-def _places(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _Ground]:
+def _places(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _TeamStreets]:
     """Return the ground of each team, without nodes that are gone."""
-    streets, found = one_way_each(columns), {}
+    streets = one_way_each(columns)
+    found = {}
     for team, nodes in owned.items():
         is_own = in_text(nodes, columns.node_ids)
         rows = streets[is_own[columns.sources[streets]] & is_own[columns.targets[streets]]]
         is_alone = is_own.copy()
         is_alone[columns.sources[rows]] = is_alone[columns.targets[rows]] = False
         if is_own.any():
-            found[team] = _Ground(*polylines(columns, rows), columns.xy[is_alone])
+            found[team] = _TeamStreets(*polylines(columns, rows), columns.xy[is_alone])
     return found
 
 
 def team_colors_of(ctx: IContext, teams: Mapping[Any, Any], given: Mapping[Any, Any] | None) -> dict[Any, Any]:
-    """Return a colour for each team: the given one, or what its agents have where nothing is declared."""
+    """Return a color for each team: the given color, or that of its agents if none is declared."""
     colors = drawing_of(ctx).group_colors(sorted(teams, key=str))
     return {team: (given or {}).get(team, colors[text_of(team)]) for team in sorted(teams, key=text_of)}
 
 
 def render_goals(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the nodes that agents are to reach, by the rule `reach`; `data` may have `colors` by team."""
-    goals, columns, visual = goals_in(ctx), ctx.graph.columns(), drawing_of(ctx)
+    goals = goals_in(ctx)
+    columns = ctx.graph.columns()
+    visual = drawing_of(ctx)
     for team, color in team_colors_of(ctx, goals, data.get("colors")).items():
         places = columns.xy[in_text(goals[team], columns.node_ids)]
         if len(places) > _FEW_GOALS:

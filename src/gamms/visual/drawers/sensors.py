@@ -1,4 +1,4 @@
-"""Drawer of sensors: what each saw last, whatever its kind, drawn so that what lies below stays visible."""
+"""Drawers of sensor views, transparent so that the map stays visible."""
 
 from dataclasses import replace
 from typing import Any
@@ -17,10 +17,17 @@ from gamms.visual.drawing import Points, drawing_of
 from gamms.visual.shown_turn import view_of
 
 _ALPHA = 150
-_NODE_PX, _RING_PX, _EDGE_PX = 3.0, 10.0, 4.0
-_MANY_ALPHA, _MANY_PX = 110, 2.5  # of what is drawn of many sensors together
+_NODE_PX = 3.0
+_RING_PX = 10.0
+_EDGE_PX = 4.0
+# of what is drawn of many sensors together
+_MANY_ALPHA = 110
+_MANY_PX = 2.5
 _MOST_OPAQUE = 0.4  # fields of view of all colours, one upon the other
-_NODE_RADIUS, _JUNCTION_RADIUS, _AGENT_RADIUS = 2.0, 1.0, 8.0  # world units
+# world units
+_NODE_RADIUS = 2.0
+_JUNCTION_RADIUS = 1.0
+_AGENT_RADIUS = 8.0
 
 
 def render_sensor(ctx: IContext, data: dict[str, Any]) -> None:
@@ -40,7 +47,7 @@ def render_sensor(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def render_sight(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw what a sensor sees now: `data["sights"]` are views, each with the colour of the agent that carries it.
+    """Draw present sensor views: `data["sights"]` are views, each with the color of its agent.
 
     The rings around agents that are known by name are left to `render_rings`.
     """
@@ -49,7 +56,7 @@ def render_sight(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def render_sights(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw what many sensors see as one for each colour: what several see is drawn once, so that the map stays visible.
+    """Draw many sensor views, merged by color, so that overlaps are drawn once and the map stays visible.
 
     `data["sights"]` is as for `render_sight`.
     """
@@ -83,8 +90,10 @@ def sparse(view: SensorView) -> SensorView:
 
 
 def render_rings(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the rings of such views around the agents where they are shown."""
-    position_of, share, agents = drawing_of(ctx).position_of, data.get("_alpha", 1.0), ctx.agent.agents
+    """Draw the rings of sensor views around agents at their shown positions."""
+    position_of = drawing_of(ctx).position_of
+    share = data.get("_alpha", 1.0)
+    agents = ctx.agent.agents
     for color, view in data["sights"]:
         places = [position_of(name, share) for name in view.names if name in agents]
         rings(ctx, places, data["size"], color, _RING_PX)
@@ -127,16 +136,18 @@ render_map_sensor = render_agent_sensor = render_neighbor_sensor = render_aerial
 
 
 _SPILL = 1 / 3  # of the map's longer side: how far a field may reach beyond it, or else it would shrink the picture
-_FILL_ALPHA, _RIM_ALPHA = 30, 130
+_FILL_ALPHA = 30
+_RIM_ALPHA = 130
 
 
 def field_of_view(ctx: IContext, outline: Points, color: AnyColor) -> None:
-    """Fill `outline` (corners, 2) so that what lies below stays visible; a field that holds the whole map is none.
+    """Fill `outline` (corners, 2) transparently, unless it contains the whole map.
 
     Raises:
         BadValue: a corner that is no pair of finite numbers.
     """
-    corners, box = np.asarray(outline, np.float64), drawing_of(ctx).of_map(_around_the_map)
+    corners = np.asarray(outline, np.float64)
+    box = drawing_of(ctx).of_map(_around_the_map)
     if corners.ndim != 2 or corners.shape[1] != 2 or not np.isfinite(corners).all():
         raise BadValue(f"The outline of a field of view is (x, y) pairs of finite numbers, not {shown(outline)}.")
     if box is not None:
@@ -146,7 +157,8 @@ def field_of_view(ctx: IContext, outline: Points, color: AnyColor) -> None:
     goes_on = np.zeros(len(corners), bool) if box is None else _is_on_a_side(corners, *box)
     if goes_on.all():
         return
-    visual, rim = drawing_of(ctx), _faint(color, _RIM_ALPHA)
+    visual = drawing_of(ctx)
+    rim = _faint(color, _RIM_ALPHA)
     visual.render_polygon(corners.tolist(), _faint(color, _FILL_ALPHA))
     if goes_on.any():
         visual.render_lines(*_without(corners, goes_on), rim)
@@ -155,8 +167,9 @@ def field_of_view(ctx: IContext, outline: Points, color: AnyColor) -> None:
 
 
 def _fields_of_view(ctx: IContext, outlines: list[FloatArray], color: AnyColor, alpha: int) -> None:
-    """Fill what lies in some of many fields of view, and draw its rim."""
-    box, visual = drawing_of(ctx).of_map(_around_the_map), drawing_of(ctx)
+    """Fill the union of fields of view, and draw its border."""
+    box = drawing_of(ctx).of_map(_around_the_map)
+    visual = drawing_of(ctx)
     corners = [outline if box is None else cut(outline, *box) for outline in outlines]
     polygons = union_of([one for one in corners if len(one) > 2])
     if not polygons:
@@ -189,7 +202,8 @@ def cut(corners: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
 
 def _cut_off(corners: FloatArray, axis: int, limit: float, side: float) -> FloatArray:
     """Return the part of a polygon that is not beyond a limit; `side` is 1.0 where larger is beyond, else -1.0."""
-    beyond, following = side * (corners[:, axis] - limit), np.roll(corners, -1, axis=0)
+    beyond = side * (corners[:, axis] - limit)
+    following = np.roll(corners, -1, axis=0)
     next_beyond = side * (following[:, axis] - limit)
     crosses = (beyond > 0.0) != (next_beyond > 0.0)
     share = np.divide(beyond, beyond - next_beyond, out=np.zeros(len(corners)), where=crosses)
@@ -221,7 +235,8 @@ def _is_on_a_side(corners: FloatArray, low: FloatArray, high: FloatArray) -> "np
 def _without(corners: FloatArray, is_left_out: "np.ndarray[Any, np.dtype[np.bool_]]") -> tuple[FloatArray, IntArray]:
     """Return the points and offsets of a rim without some pieces, each named by the corner it begins at."""
     first = int(np.argmax(is_left_out)) + 1
-    corners, is_left_out = np.roll(corners, -first, axis=0), np.roll(is_left_out, -first)
+    corners = np.roll(corners, -first, axis=0)
+    is_left_out = np.roll(is_left_out, -first)
     counts = np.diff(np.flatnonzero(is_left_out) + 1, prepend=0)  # of corners from one gap to the next
     return corners[np.repeat(counts > 1, counts)], np.cumsum([0, *counts[counts > 1]])
 

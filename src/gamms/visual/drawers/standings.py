@@ -1,4 +1,4 @@
-"""Drawers of what rules count: places held or discovered, resources left, and deeds that agents cannot do again yet.
+"""Drawers of rule counts: places held or discovered, resources left, and deeds with a cooldown.
 
 They read `ctx.game.data`, of a game or of its replay: `data["held"]` is key -> {"nodes", "team", "turns", "of"},
 `data["discovered"]` key -> {"nodes", "by": team -> ids}, `data["resources"]` name -> {"full", "amounts": agent ->
@@ -22,7 +22,11 @@ from gamms.visual.drawers.rules import game_data, in_text, team_colors_of
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import SIGN, Row, Rows
 
-HELD, DISCOVERED, RESOURCES, COOLDOWNS = "held", "discovered", "resources", "cooldowns"  # in `ctx.game.data`
+# in `ctx.game.data`
+HELD = "held"
+DISCOVERED = "discovered"
+RESOURCES = "resources"
+COOLDOWNS = "cooldowns"
 _FIELDS: dict[str, dict[str, Any]] = {  # of what is there by key
     HELD: {"nodes": str, "turns": int, "of": int},
     DISCOVERED: {"nodes": str, "by": dict},
@@ -30,18 +34,30 @@ _FIELDS: dict[str, dict[str, Any]] = {  # of what is there by key
     COOLDOWNS: {"of": int, "left": dict},
 }
 _MOST = 100  # places, resources and agents: no game shows so many, but a hostile recording may
-_PLACE_PX, _THIN_PX, _ARC_PX = 20.0, 2.0, 5.0  # radius of rings and squares, and the widths of their lines
+# radius of rings and squares, and the widths of their lines
+_PLACE_PX = 20.0
+_THIN_PX = 2.0
+_ARC_PX = 5.0
 _FINE = 48  # parts of a circle
-_AROUND_PX, _NEXT_PX, _LINE_PX = 18.0, 4.0, 3.0  # radii of arcs around agents, and the width of their lines
+# radii of arcs around agents, and the width of their lines
+_AROUND_PX = 18.0
+_NEXT_PX = 4.0
+_LINE_PX = 3.0
 _SQUARE = np.array([(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)])
-_WIDER_PX, _FOUND_PX = 4.0, 3.0  # how much larger the square of each next team is, and the width of its lines
-_BAR_PX, _BELOW_PX, _APART_PX, _THICK_PX = 26.0, 20.0, 7.0, 5.0  # length, places and thickness of bars
+# how much larger the square of each next team is, and the width of its lines
+_WIDER_PX = 4.0
+_FOUND_PX = 3.0
+# length, places and thickness of bars
+_BAR_PX = 26.0
+_BELOW_PX = 20.0
+_APART_PX = 7.0
+_THICK_PX = 5.0
 
 _XY = tuple[float, float]
 
 
 def counted_in(ctx: IContext, group: str) -> dict[str, dict[str, Any]]:
-    """Return what rules count in one of the four groups, by key, as far as it can be drawn."""
+    """Return the drawable counts of rules in one of the four groups, by key."""
     kept: Any = game_data(ctx).get(group)
     fields = _FIELDS[group]
     fit = (
@@ -57,7 +73,9 @@ def render_held(ctx: IContext, data: dict[str, Any]) -> None:
 
     `data` may have `colors` by team.
     """
-    visual, columns, held = drawing_of(ctx), ctx.graph.columns(), counted_in(ctx, HELD)
+    visual = drawing_of(ctx)
+    columns = ctx.graph.columns()
+    held = counted_in(ctx, HELD)
     colors = team_colors_of(ctx, {state.get("team"): None for state in held.values()}, data.get("colors"))
     for state in held.values():
         places = columns.xy[in_text(state["nodes"], columns.node_ids)]
@@ -79,7 +97,8 @@ def render_discovered(ctx: IContext, data: dict[str, Any]) -> None:
 
     `data` may have `colors` by team.
     """
-    visual, columns = drawing_of(ctx), ctx.graph.columns()
+    visual = drawing_of(ctx)
+    columns = ctx.graph.columns()
     for state in counted_in(ctx, DISCOVERED).values():
         by = dict(islice(state["by"].items(), _MOST))
         nodes = columns.xy[in_text(state["nodes"], columns.node_ids)]
@@ -92,11 +111,13 @@ def render_discovered(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def render_amounts(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw below each agent what it has left, by the rule `resource`: a bar for each, as long as it is full."""
-    visual, colors = drawing_of(ctx), drawing_of(ctx).group_colors()
+    """Draw a bar below each agent for its amounts of the rule `resource`, with a length relative to a full amount."""
+    visual = drawing_of(ctx)
+    colors = drawing_of(ctx).group_colors()
     for number, state in enumerate(counted_in(ctx, RESOURCES).values()):
         for agent, place, amount in _marked(ctx, state["amounts"], data):
-            left, down = -_BAR_PX / 2, _BELOW_PX + number * _APART_PX
+            left = -_BAR_PX / 2
+            down = _BELOW_PX + number * _APART_PX
             part = min(1.0, max(0.0, amount / (state["full"] or 1.0)))
             ends = ((1.0, visual.theme.background, 3.0), (1.0, SIGN, 0.0), (part, colors[str(color_group(agent))], 0.0))
             for length, color, more_px in ends:
@@ -121,7 +142,7 @@ def _owner_of(agent: IAgent) -> Owner:
 
 
 def _facts_of_amounts(ctx: IContext) -> dict[str, list[tuple[str, Any]]]:
-    """Return agent -> what it has left, in words, with the amount."""
+    """Return agent -> text of the amount it has left."""
     found: dict[str, list[tuple[str, Any]]] = {}
     for resource, state in counted_in(ctx, RESOURCES).items():
         for name, amount in islice(state["amounts"].items(), _MOST):
@@ -140,7 +161,8 @@ def _facts_of_cooldowns(ctx: IContext) -> dict[str, list[tuple[str, Any]]]:
 
 def _marked(ctx: IContext, numbers: dict[Any, Any], data: dict[str, Any]) -> Iterator[tuple[IAgent, _XY, float]]:
     """Yield the agents that are shown, where, and the number of each; none where there are too many to read."""
-    visual, share = drawing_of(ctx), data.get("_alpha", 1.0)
+    visual = drawing_of(ctx)
+    share = data.get("_alpha", 1.0)
     for name, number in sorted(numbers.items()) if len(numbers) <= _MOST else ():
         agent = ctx.agent.agents.get(name)
         if agent is not None and visual.is_shown(agent, share) and isinstance(number, int | float):

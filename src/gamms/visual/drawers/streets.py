@@ -18,7 +18,7 @@ _STREET = 2.0  # metres: how broad a street of a real map is drawn
 _SLIM = 0.2  # at most so broad, in lengths of a typical edge
 
 
-class _Class(NamedTuple):
+class _RoadClass(NamedTuple):
     """The look of roads of one class."""
 
     width: float  # in widths of a street
@@ -26,16 +26,26 @@ class _Class(NamedTuple):
 
 
 _PATH, _SERVICE, _ORDINARY, _MAIN, _MAJOR = range(5)
-_CLASSES = (_Class(0.4, 0.0), _Class(0.7, 0.0), _Class(1.0, 0.0), _Class(1.6, -0.1), _Class(2.6, -0.2))
+_CLASSES = (
+    _RoadClass(0.4, 0.0),
+    _RoadClass(0.7, 0.0),
+    _RoadClass(1.0, 0.0),
+    _RoadClass(1.6, -0.1),
+    _RoadClass(2.6, -0.2),
+)
 _CLASS_OF = {
     **dict.fromkeys(("footway", "path", "steps", "cycleway", "pedestrian", "corridor", "bridleway", "track"), _PATH),
     "service": _SERVICE,
     **dict.fromkeys(("primary", "secondary", "motorway_link", "trunk_link"), _MAIN),
     **dict.fromkeys(("motorway", "trunk"), _MAJOR),
 }
-_BELOW, _ABOVE = -1, 1  # of tunnels and bridges; 0: on the ground
+# of tunnels and bridges; 0: on the ground
+_BELOW = -1
+_ABOVE = 1
 _TUNNEL_SHADE = 0.4
-_DASH, _DASHED = 12.0, 0.6  # of a tunnel: metres from dash to dash, and how much of it is drawn
+# of a tunnel: metres from dash to dash, and how much of it is drawn
+_DASH = 12.0
+_DASHED = 0.6
 
 
 class _Strokes(NamedTuple):
@@ -49,7 +59,7 @@ class _Strokes(NamedTuple):
 
 
 class _Streets(NamedTuple):
-    """What is drawn of a graph, from back to front."""
+    """The drawing of a graph, from back to front."""
 
     strokes: list[_Strokes]
     is_below: BoolArray  # (nodes,)  whether only tunnels lead there
@@ -63,7 +73,9 @@ def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
     """
     look: GraphData = data["graph_data"]
     columns = ctx.graph.columns()
-    visual, streets, is_apart = drawing_of(ctx), _streets(columns, look), data.get("tunnels") == "below"
+    visual = drawing_of(ctx)
+    streets = _streets(columns, look)
+    is_apart = data.get("tunnels") == "below"
     if columns.crs is None:
         for points, offsets, *_ in streets.strokes:
             visual.render_lines(points, offsets, look.edge_color, 1.5 if len(offsets) <= _FEW else 1.0)
@@ -80,7 +92,8 @@ def render_tunnels(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the tunnels that `render_graph` leaves out, and the nodes in them."""
     look: GraphData = data["graph_data"]
     columns = ctx.graph.columns()
-    visual, streets = drawing_of(ctx), _streets(columns, look)
+    visual = drawing_of(ctx)
+    streets = _streets(columns, look)
     _draw(visual, [one for one in streets.strokes if one.level == _BELOW], look, tinted=True)
     if streets.is_below.any():
         color = shaded(look.node_color, _TUNNEL_SHADE, visual)
@@ -111,7 +124,7 @@ def shaded(color: AnyColor, shade: float, visual: Drawing) -> AnyColor:
 
 
 def _streets(columns: GraphColumns, look: GraphData) -> _Streets:
-    """Return what is drawn of a graph, made once per revision: tunnels first, then lesser roads, bridges last."""
+    """Return the drawing of a graph, cached per revision: tunnels first, then by road class, bridges last."""
     if columns.revision not in look.edge_line_points:
         look.edge_line_points.clear()
         look.edge_line_points[columns.revision] = _made(columns)
@@ -120,11 +133,15 @@ def _streets(columns: GraphColumns, look: GraphData) -> _Streets:
 
 
 def _made(columns: GraphColumns) -> _Streets:
-    rows, is_below = one_way_each(columns), np.zeros(len(columns.xy), bool)
+    rows = one_way_each(columns)
+    is_below = np.zeros(len(columns.xy), bool)
     if columns.crs is None:
         return _Streets([_Strokes(*polylines(columns, rows), 0.0, 0.0, 0)] if len(rows) else [], is_below)
-    breadth, classes, levels = min(_STREET, _SLIM * median(columns.lengths)), classes_of(columns), levels_of(columns)
-    is_main, strokes = classes > _ORDINARY, list[_Strokes]()
+    breadth = min(_STREET, _SLIM * median(columns.lengths))
+    classes = classes_of(columns)
+    levels = levels_of(columns)
+    is_main = classes > _ORDINARY
+    strokes = list[_Strokes]()
     # Each look is a pass over the picture: great tunnels look like others, great roads are above the others anyway.
     classes[is_main & (levels == _BELOW)] = _ORDINARY
     levels[is_main & (levels == _ABOVE)] = 0
@@ -132,11 +149,13 @@ def _made(columns: GraphColumns) -> _Streets:
         for number, (width, shade) in enumerate(_CLASSES):
             part = rows[(classes[rows] == number) & (levels[rows] == level)]
             if len(part):
-                lines, is_tunnel = polylines(columns, part), level == _BELOW
+                lines = polylines(columns, part)
+                is_tunnel = level == _BELOW
                 lines = dashes(*lines, _DASH) if is_tunnel else lines
                 strokes.append(_Strokes(*lines, width * breadth, _TUNNEL_SHADE if is_tunnel else shade, level))
     if (levels == _BELOW).any():
-        ends, leads_below = np.concatenate([columns.sources, columns.targets]), np.tile(levels == _BELOW, 2)
+        ends = np.concatenate([columns.sources, columns.targets])
+        leads_below = np.tile(levels == _BELOW, 2)
         is_below[ends[leads_below]] = True
         is_below[ends[~leads_below]] = False
     return _Streets(strokes, is_below)
@@ -144,7 +163,8 @@ def _made(columns: GraphColumns) -> _Streets:
 
 def classes_of(columns: GraphColumns) -> IntArray:
     """Return the class of each edge, (edges,); streets where it is not known."""
-    classes, kinds = np.full(len(columns.edge_ids), _ORDINARY), columns.edge_attributes.get("highway", {})
+    classes = np.full(len(columns.edge_ids), _ORDINARY)
+    kinds = columns.edge_attributes.get("highway", {})
     # NOTE: the usual kind costs no call (first frame of 100,000 edges).
     found = [_CLASS_OF.get(one, _ORDINARY) if type(one) is str else _class_of(one) for one in kinds.values()]
     classes[list(kinds)] = found
@@ -159,7 +179,8 @@ def _class_of(kinds: object) -> int:
 
 def levels_of(columns: GraphColumns) -> IntArray:
     """Return which edges, (edges,), are tunnels, bridges or on the ground."""
-    levels, attributes = np.zeros(len(columns.edge_ids), np.int64), columns.edge_attributes
+    levels = np.zeros(len(columns.edge_ids), np.int64)
+    attributes = columns.edge_attributes
     layers = {row: _layer(value) for row, value in attributes.get("layer", {}).items()}
     levels[list(layers)] = list(layers.values())
     for key, level in (("tunnel", _BELOW), ("bridge", _ABOVE)):
@@ -188,7 +209,8 @@ def dashes(points: FloatArray, offsets: IntArray, period: float) -> tuple[FloatA
     steps = np.hypot(*np.diff(points, axis=0, prepend=points[:1]).T)
     steps[offsets[:-1]] = 0.0
     along = np.cumsum(steps)  # all lines, one after the other
-    first, lengths = along[offsets[:-1]], along[offsets[1:] - 1] - along[offsets[:-1]]
+    first = along[offsets[:-1]]
+    lengths = along[offsets[1:] - 1] - along[offsets[:-1]]
     counts = np.maximum(np.rint(lengths / period), 1).astype(np.int64)  # of gaps
     line = np.repeat(np.arange(len(lengths)), 2 * counts)  # that each cut is of
     number = np.arange(len(line)) - np.repeat(2 * (np.cumsum(counts) - counts), 2 * counts)
@@ -224,13 +246,14 @@ def polylines(columns: GraphColumns, rows: IntArray) -> tuple[FloatArray, IntArr
     ends = np.column_stack((columns.sources[rows], columns.targets[rows]))[~is_bent].ravel()
     if not bends:
         return columns.xy[ends], offsets
-    points, is_of_bend = np.empty((offsets[-1], 2)), np.repeat(is_bent, counts)
+    points = np.empty((offsets[-1], 2))
+    is_of_bend = np.repeat(is_bent, counts)
     points[is_of_bend], points[~is_of_bend] = np.concatenate(bends), columns.xy[ends]
     return points, offsets
 
 
 def one_way_each(columns: GraphColumns) -> IntArray:
-    """Return edge rows without those that repeat an earlier one, in the same or the opposite direction."""
+    """Return edge rows without duplicates of earlier edges in the same or the opposite direction."""
     straight = np.flatnonzero(_is_straight(columns))
     low = np.minimum(columns.sources[straight], columns.targets[straight])
     high = np.maximum(columns.sources[straight], columns.targets[straight])

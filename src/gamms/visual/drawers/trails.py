@@ -14,7 +14,10 @@ from gamms.visual.drawing import drawing_of
 from gamms.visual.shown_turn import Moves
 
 _ALPHA = 150
-_FEW, _WIDTH_PX, _THIN_PX = 200, 3.0, 1.0  # so many are drawn broad; more of them fast
+# so many are drawn broad; more of them fast
+_FEW = 200
+_WIDTH_PX = 3.0
+_THIN_PX = 1.0
 
 
 def render_past_trails(ctx: IContext, data: dict[str, Any]) -> None:
@@ -29,7 +32,8 @@ render_past_trails.once_a_turn = True  # type: ignore[attr-defined] # then it is
 
 def render_trails(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the ways of the last turn as far as it is shown."""
-    motion, share = drawing_of(ctx).motion, float(data.get("_alpha", 1.0))
+    motion = drawing_of(ctx).motion
+    share = float(data.get("_alpha", 1.0))
     for moves in [motion.moves] if share < 1.0 else motion.past(1):
         _draw(ctx, moves, share, data["colors"], _ALPHA)
 
@@ -47,11 +51,13 @@ def artists_of_trails(ctx: IContext, artists: Mapping[str, IArtist], turns: int)
 
 def _draw(ctx: IContext, moves: Moves, share: float, colors: Mapping[str, Any], alpha: int) -> None:
     by_color: dict[Any, list[list[tuple[float, float]]]] = {}
-    paths, ends = moves.paths, [(x, y) for x, y in moves.paths.at(share).tolist()]
+    paths = moves.paths
+    ends = [(x, y) for x, y in moves.paths.at(share).tolist()]
     for name, row in moves.rows.items():
         if name in colors:
             by_color.setdefault(rgba(colors[name]), []).append(paths.until(row, share, ends[row]))
     width = _WIDTH_PX if len(moves.rows) <= _FEW else _THIN_PX
     for color, lines in by_color.items():
-        points, offsets = list(chain.from_iterable(lines)), np.cumsum([0, *map(len, lines)])
+        points = list(chain.from_iterable(lines))
+        offsets = np.cumsum([0, *map(len, lines)])
         drawing_of(ctx).render_lines(points, offsets, (*color[:3], alpha), width)

@@ -18,7 +18,8 @@ from gamms.visual.backends.pygame_backend import load
 
 _NO_HANDLERS = "SDL_NO_SIGNAL_HANDLERS"  # or else SIGTERM would become one more event, and the process live on
 _RESIZED = "Requested window was forcibly resized"  # as a window manager that tiles does; the caller asks for its size
-_FALLBACK, _DRIVER_CHOSEN = "offscreen", ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
+_FALLBACK = "offscreen"
+_DRIVER_CHOSEN = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
 _UNSEEN = ("dummy", "offscreen")
 
 
@@ -60,7 +61,8 @@ def open_window(owner: Owner, width: int, height: int, title: str) -> Any:
     return surface
 
 
-_ICON_PX, _ICON_FINER = 64, 4
+_ICON_PX = 64
+_ICON_FINER = 4
 _ICON_NODES = ((14, 44), (32, 16), (50, 42))  # of a small graph, each in the colour of a team
 
 
@@ -93,7 +95,7 @@ def is_watched() -> bool:
 
 
 def _stay_open_at_exit() -> None:
-    """Let the window that is seen stay open, unless an exception has ended the program."""
+    """Keep the visible window open at exit, unless an exception has ended the program."""
     if _owners and not hasattr(sys, "last_value"):
         _owners[-1].stay_open_at_exit()
 
@@ -107,7 +109,7 @@ def close_window(owner: Owner) -> None:
 
 
 def window_surface() -> Any:
-    """Return the surface of the window as large as it is now; None while there is no window."""
+    """Return the surface of the window in its present size; None without a window."""
     display = load().display
     return display.get_surface() if display.get_init() else None
 
@@ -149,7 +151,8 @@ class Pace:
         self.max_fps = max_fps
         self.clock: Any = load().time.Clock()
         self.is_capped = self.is_paused = self.is_held = self.is_stepping = False
-        self.is_showing, self.shown_seconds = False, 0.0
+        self.is_showing = False
+        self.shown_seconds = 0.0
         self.frames, self._due = 0, monotonic()
         self._is_whole = False  # all of the turn is shown
         self._ends_step = True  # a step ends with the turn that is shown
@@ -157,12 +160,12 @@ class Pace:
 
     @property
     def speed(self) -> float:
-        """How many times as fast as usual turns are shown."""
+        """The factor of the playback speed of turns."""
         return _SPEEDS[self._speed]
 
     @property
     def is_halted(self) -> bool:
-        """Whether no time passes for the turn that is shown."""
+        """Whether the playback is paused."""
         return self.is_held or (self.is_paused and not self.is_stepping)
 
     def faster(self, steps: int) -> None:
@@ -171,7 +174,8 @@ class Pace:
 
     def pause(self) -> None:
         """Pause, or go on."""
-        self.is_paused, self.is_stepping = not self.is_paused, False
+        self.is_paused = not self.is_paused
+        self.is_stepping = False
 
     def step(self) -> None:
         """Show the turn to its end, or the next one if it is there, and stand still."""
@@ -180,18 +184,23 @@ class Pace:
 
     def begin_turn(self) -> None:
         """Begin to show a turn."""
-        self.is_showing, self.shown_seconds = True, 0.0
-        self._is_whole, self._ends_step = False, True
+        self.is_showing = True
+        self.shown_seconds = 0.0
+        self._is_whole = False
+        self._ends_step = True
         self.clock.tick()
 
     def show_end(self) -> None:
         """Show the end of a turn, as long as time stands still."""
-        self.is_showing, self.shown_seconds = True, inf
-        self._is_whole, self.is_stepping = True, False
+        self.is_showing = True
+        self.shown_seconds = inf
+        self._is_whole = True
+        self.is_stepping = False
 
     def end_turn(self) -> None:
         """End the turn that is shown."""
-        self.is_showing, self.shown_seconds = False, 0.0
+        self.is_showing = False
+        self.shown_seconds = 0.0
         self.clock.tick()
 
     def share(self, turn_seconds: float) -> float:

@@ -36,7 +36,7 @@ from gamms.visual.shown_turn import as_turns
 from gamms.visual.themes import theme_called
 from gamms.visual.window.display import Pace, close_window, is_watched, open_window, window_surface
 from gamms.visual.window.framing import Framing
-from gamms.visual.window.input import Handlers, Input, Question, Walk, question
+from gamms.visual.window.input import Handlers, Input, NodeChoice, Question, question
 from gamms.visual.window.overlay import Overlay
 from gamms.visual.window.panels import HudLines
 
@@ -106,12 +106,14 @@ class WindowEngine(WindowNames, PictureEngine):
         street_names: bool = True,
         **kwargs: object,
     ) -> None:
-        theme_, self._theme = theme_called(theme), theme
+        theme_ = theme_called(theme)
+        self._theme = theme
         drawing = Drawing(ctx, theme_, _held)
         super().__init__(ctx, simulation_time_constant=simulation_time_constant, drawing=drawing)
         width, height = size(width, height)
         self.camera = RenderManager(ctx, screen_width=width, screen_height=height)
-        self.pace, self._background = Pace(max_fps), theme_.background
+        self.pace = Pace(max_fps)
+        self._background = theme_.background
         self.overlay = Overlay(ctx, self.drawing, self.artists, self.camera, self.pace, theme_)
         self.overlay.keep_trails(as_turns(trails))
         self.overlay.labels = as_choice(ctx, labels)
@@ -120,7 +122,8 @@ class WindowEngine(WindowNames, PictureEngine):
         self.playback: IPlayback | None = None
         self._fog, self._fogs, self._is_fog_known = fog, dict[str, Fog](), False
         self._wanted: int | None = None  # the turn that the person has chosen in this frame
-        self._stays_open, self._was_closed = as_bool(stay_open, "stay_open"), False
+        self._stays_open = as_bool(stay_open, "stay_open")
+        self._was_closed = False
         self.hud: HudLines | None = self.overlay.turn_lines
         self.question: Question | None = None
         self.input = Input(self.camera, self._handlers())
@@ -133,7 +136,8 @@ class WindowEngine(WindowNames, PictureEngine):
         for sentence in (*misspelt(kwargs, _OPTIONS), *misspelt(given, look)):
             ctx.logger.warning("vis_kwargs: %s", sentence)
         self._declare_options({**look, **given})
-        self._scene, self.drawer_surface = Scene(ctx, self._world, tiles_turns=True), None
+        self._scene = Scene(ctx, self._world, tiles_turns=True)
+        self.drawer_surface = None
         self._has_painters = self._will_quit = False
         self._is_fresh = True
         self._last_camera: Camera | None = None
@@ -142,7 +146,8 @@ class WindowEngine(WindowNames, PictureEngine):
         self.resized(*self.screen.get_size())
 
     def _handlers(self) -> Handlers:
-        pace, overlay = self.pace, self.overlay
+        pace = self.pace
+        overlay = self.overlay
         keys = {
             "SPACE": pace.pause,
             **dict.fromkeys(("PERIOD", "KP_PERIOD"), pace.step),
@@ -182,10 +187,12 @@ class WindowEngine(WindowNames, PictureEngine):
             BadValue: there is no such theme.
         """
         theme, self._theme = theme_called(name), name
-        self._background, self.drawing.theme = theme.background, theme
+        self._background = theme.background
+        self.drawing.theme = theme
         self.overlay.set_theme(theme)
         self.artists.edits += 1
-        self._scene, self._is_fresh = Scene(self.ctx, self._world, tiles_turns=True), True
+        self._scene = Scene(self.ctx, self._world, tiles_turns=True)
+        self._is_fresh = True
         self._show_options(self.question)
         self._caption(after_jump=True)
 
@@ -203,7 +210,7 @@ class WindowEngine(WindowNames, PictureEngine):
 
     @property
     def is_closing(self) -> bool:
-        """Whether the window was closed, and the context ends after the turn."""
+        """Return whether the window was closed, and the context ends after the turn."""
         return self._will_quit
 
     def terminate(self) -> None:
@@ -216,7 +223,7 @@ class WindowEngine(WindowNames, PictureEngine):
 
     @outside_of_deciding
     def update(self) -> None:
-        """Do what keys and mouse say, and draw one frame, without waiting."""
+        """Handle keys and mouse, and draw one frame, without waiting."""
         self._is_fresh = True
         self._frame()
 
@@ -236,8 +243,10 @@ class WindowEngine(WindowNames, PictureEngine):
         self._frames_while(lambda: self.pace.is_showing)
 
     def _count_turn(self) -> None:
-        """Take over how far the game, or the replay, is, and what has happened."""
-        overlay, playback, game = self.overlay, self.playback, self.ctx.current_game
+        """Update the number of turns of the game, or of the replay, and the new events."""
+        overlay = self.overlay
+        playback = self.playback
+        game = self.ctx.current_game
         if playback is not None and getattr(self.ctx.record, "is_replaying", False):
             overlay.turns = playback.turn
             overlay.is_over = playback.turn >= playback.turns
@@ -256,7 +265,7 @@ class WindowEngine(WindowNames, PictureEngine):
 
     @outside_of_deciding
     def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:
-        """Ask a person what an agent does: the node it goes to, or the way (dx, dy, dz) it flies.
+        """Ask a person for the action of an agent: a node, or a flight (dx, dy, dz).
 
         Where the window is closed meanwhile, the context ends, and the agent stays.
 
@@ -269,7 +278,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self._show_options(asked)
         if self._fog is True:
             self._see_as(str(color_group(self.ctx.agent.get_agent(agent_name))))
-        if isinstance(asked, Walk):
+        if isinstance(asked, NodeChoice):
             self._framing.see_choices(asked.places)
         self._is_fresh = True
         try:
@@ -325,7 +334,7 @@ class WindowEngine(WindowNames, PictureEngine):
             fog.look()
 
     def _renew_fog(self) -> None:
-        """Show what is known now; everything at the end of a game in which a person was asked."""
+        """Update the fog; show everything at the end of a game in which a person was asked."""
         if isinstance(self._fog, str):
             self._see_as(self._fog)
             teams = {str(color_group(agent)) for agent in self.ctx.agent.create_iter()}
@@ -344,11 +353,14 @@ class WindowEngine(WindowNames, PictureEngine):
     # -- turns of a recording --------------------------------------------------------------------------------
 
     def show_playback(self, playback: IPlayback) -> None:
-        """Let a person choose which turn of this recording is shown; called by the recorder that replays it."""
+        """Show the turns of a recording at the choice of a person; called by the recorder that replays it."""
         self._end_playback()
         overlay = self.overlay
-        self.playback, overlay.is_replay, overlay.turns = playback, True, playback.turn
-        overlay.timeline.turns, overlay.timeline.can_seek = playback.turns, playback.can_seek
+        self.playback = playback
+        overlay.is_replay = True
+        overlay.turns = playback.turn
+        overlay.timeline.turns = playback.turns
+        overlay.timeline.can_seek = playback.can_seek
         for turn, highlight in playback.highlights():
             overlay.timeline.add(turn, highlight)
         self._land(playback)
@@ -356,7 +368,8 @@ class WindowEngine(WindowNames, PictureEngine):
     def _end_playback(self) -> None:
         if self.playback is not None:
             self.playback.close()
-            self.playback, self.overlay.is_replay = None, False
+            self.playback = None
+            self.overlay.is_replay = False
             self.overlay.new_timeline()
 
     @refused_while_deciding
@@ -375,7 +388,9 @@ class WindowEngine(WindowNames, PictureEngine):
 
     def _land(self, playback: IPlayback) -> None:
         """Show the turn that a recording is at, with the trails that lead there."""
-        overlay, motion, turn = self.overlay, self.drawing.motion, playback.turn
+        overlay = self.overlay
+        motion = self.drawing.motion
+        turn = playback.turn
         game = self.ctx.current_game
         first = max(turn - overlay.most_trails, 0)
         steps = [playback.steps(one) for one in range(first, turn + 1)] if turn else [{}]
@@ -383,7 +398,9 @@ class WindowEngine(WindowNames, PictureEngine):
         self.drawing.turns.forget(moves, 0 if game is None else len(game.events))
         motion.show_end(steps[-1])
         self.drawing.events.go_to_turn()
-        overlay.turns, overlay.is_over, self._is_fresh = turn, turn >= playback.turns, True
+        overlay.turns = turn
+        overlay.is_over = turn >= playback.turns
+        self._is_fresh = True
         self._renew_fog()
         self._caption(after_jump=True)
 
@@ -391,7 +408,8 @@ class WindowEngine(WindowNames, PictureEngine):
     def step_back(self) -> None:
         """Show how things were a turn before, and stand still."""
         if self.playback is not None and self.playback.can_seek:
-            self.pace.is_paused, self._wanted = True, max(self.overlay.turns - 1, 0)
+            self.pace.is_paused = True
+            self._wanted = max(self.overlay.turns - 1, 0)
 
     def _take_timeline(self, at: tuple[float, float]) -> bool:
         """Take a press on the line of turns; the turn that is chosen stands still as long as it is held."""
@@ -432,7 +450,7 @@ class WindowEngine(WindowNames, PictureEngine):
             self.handle_tick()
 
     def handle_input(self) -> None:
-        """Do what happened to keys, mouse and window since the last frame."""
+        """Handle the events of keys, mouse and window since the last frame."""
         if self.ctx.is_terminated():
             return
         self.input.handle(load().event.get())
@@ -481,46 +499,51 @@ class WindowEngine(WindowNames, PictureEngine):
         return commands
 
     def _world(self) -> Any:
-        """Return what STATIC artists' drawings depend on; what they paint themselves depends on the camera, too."""
+        """Return a key of the inputs of STATIC artists; custom painting also depends on the camera."""
         graph = self.ctx.graph
         seen = self.camera.camera() if self._has_painters else None
         return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None), seen
 
     def _budget(self) -> FrameBudget:
-        now, camera, last = monotonic(), self.camera.camera(), self._last_camera
+        now = monotonic()
+        camera = self.camera.camera()
+        last = self._last_camera
         is_leaping = last is None or not is_near(camera, last)
         if last is not None and camera.scale != last.scale:
             is_leaping = is_leaping or now - self._last_frame > 2 * _ZOOM_RESTS
             self._zoomed = -math.inf if is_leaping else now
-        self._last_camera, self._last_frame = camera, now
+        self._last_camera = camera
+        self._last_frame = now
         is_zooming = now - self._zoomed < _ZOOM_RESTS
         return FrameBudget(_FOR_TILES / 2 if is_zooming else _FOR_TILES, is_zooming=is_zooming, is_leaping=is_leaping)
 
     # -- where it looks --------------------------------------------------------------------------------------
 
     def look_at(self, x: float, y: float, width: float) -> None:
-        """Let the window, frames and films show `width` world units around (x, y).
+        """Show `width` world units around (x, y) in the window, in frames and films.
 
         Raises:
             BadType, BadValue: not finite numbers, or a width that is not positive.
         """
         super().look_at(x, y, width)
         view = self.camera
-        view.camera_x, view.camera_y, view.camera_size = float(x), float(y), float(width) / 2
+        view.camera_x = float(x)
+        view.camera_y = float(y)
+        view.camera_size = float(width) / 2
 
     def look_at_all(self) -> None:
-        """Let the window, frames and films show everything."""
+        """Show everything in the window, in frames and films."""
         super().look_at_all()
         self.see_everything()
 
     @refused_while_deciding
     def see_everything(self) -> None:
-        """Let the window show the whole graph, and go on doing so when it is resized."""
+        """Show the whole graph in the window, also after it is resized."""
         if not self.ctx.is_terminated():
             self._framing.see_everything()
 
     def get_viewport(self) -> tuple[float, float, float, float, float]:
-        """Return `(left, right, low end, high end, pixels per unit)` of what is seen."""
+        """Return `(left, right, low end, high end, pixels per unit)` of the view."""
         view = self.camera
         return view.bound_left, view.bound_right, view.bound_top, view.bound_bottom, view.scale
 
@@ -570,10 +593,11 @@ class WindowEngine(WindowNames, PictureEngine):
 
     def _show_options(self, asked: Question | None) -> None:
         artist = self.artists.declared["input_overlay"]
-        theme, standard = self.overlay.hud.theme, GraphData(Color.Green, 4.0, Color.Green)
+        theme = self.overlay.hud.theme
+        standard = GraphData(Color.Green, 4.0, Color.Green)
         artist.data |= {
             "_ink": theme.ink if artist.data["graph_data"] == standard else None,
-            "_input_options": dict(asked.options) if isinstance(asked, Walk) else {},
+            "_input_options": dict(asked.options) if isinstance(asked, NodeChoice) else {},
             "_waiting_user_input": asked is not None,
             "_waiting_agent_name": None if asked is None else asked.name,
         }

@@ -11,13 +11,16 @@ from gamms.visual.drawers.marks import MARK_PX
 from gamms.visual.window.input import Input
 from gamms.visual.window.overlay import Overlay
 
-_CHOICES_PX, _APART_PX, _NEAREST_PX = 80, 36, 90  # of choices: from the edge, and from the one who is asked
+# of choices: from the edge, and from the one who is asked
+_CHOICES_PX = 80
+_APART_PX = 36
+_NEAREST_PX = 90
 _FOOT_PX = 16 + MARK_PX  # below a whole graph, from a mark to what stands there
 _MARGINS = (40, 0.06), (40, 0.06), (84, 0.12)  # at the sides, above, below a whole graph: pixels, share of the height
 
 
 class Framing:
-    """Moves the camera to what has to be seen.
+    """Moves the camera so that important objects are visible.
 
     Args:
         ctx: the context.
@@ -27,7 +30,10 @@ class Framing:
     """
 
     def __init__(self, ctx: IContext, camera: WindowCamera, overlay: Overlay, input: Input) -> None:
-        self._ctx, self._camera, self._overlay, self._input = ctx, camera, overlay, input
+        self._ctx = ctx
+        self._camera = camera
+        self._overlay = overlay
+        self._input = input
         self._fitted: Any = None
 
     @property
@@ -40,9 +46,11 @@ class Framing:
         """Show the whole graph, as long as the camera was not moved."""
         if self._camera.is_pointed:
             return
-        revision, camera = getattr(self._ctx.graph.graph, "revision", None), self._camera
+        revision = getattr(self._ctx.graph.graph, "revision", None)
+        camera = self._camera
         # Not the width of the legend: with it, the map would jump whenever a score has one more digit.
-        blocks, size = self._overlay.hud.legend.blocks, (camera.screen_width, camera.screen_height)
+        blocks = self._overlay.hud.legend.blocks
+        size = (camera.screen_width, camera.screen_height)
         now = revision, size, len(blocks), self._overlay.foot
         if revision is None or now != self._fitted:
             self._fitted = now
@@ -66,9 +74,12 @@ class Framing:
         A person who has moved or zoomed keeps the scale, and is only taken to where the agent is.
         """
         self.fit()
-        view, has_moved = self._camera, self._input.has_moved_camera
-        here, ways = places[0], places[1:] - places[0]
-        on_screen, size = view.camera().to_screen(places), (view.screen_width, view.screen_height)
+        view = self._camera
+        has_moved = self._input.has_moved_camera
+        here = places[0]
+        ways = places[1:] - places[0]
+        on_screen = view.camera().to_screen(places)
+        size = (view.screen_width, view.screen_height)
         is_seen = bool(((on_screen >= _CHOICES_PX) & (on_screen <= np.subtract(size, _CHOICES_PX))).all())
         lengths = np.hypot(ways[:, 0], ways[:, 1])
         if is_seen and (has_moved or (lengths * view.scale >= _APART_PX).all()):

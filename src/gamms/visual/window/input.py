@@ -16,11 +16,12 @@ if TYPE_CHECKING:
     from pygame.event import Event
 
 Answer = int | tuple[float, float, float]
-_UP, _DOWN = (0, 0, 1), (0, 0, -1)
+_UP = (0, 0, 1)
+_DOWN = (0, 0, -1)
 
 
-class Walk:
-    """Which node an agent on the ground goes to: 0 stays, 1 and up are its out-neighbours, in order.
+class NodeChoice:
+    """A choice of a node for an agent on the ground: 0 stays, 1 and up are its out-neighbors, in order.
 
     A number is typed digit by digit; it counts as soon as no longer one could be meant, or with Enter.
 
@@ -32,7 +33,10 @@ class Walk:
 
     def __init__(self, ctx: IContext, name: str, here: int) -> None:
         graph = ctx.graph.graph
-        self.name, self.answer, self.typed, self.hint = name, None, "", ""
+        self.name = name
+        self.answer = None
+        self.typed = ""
+        self.hint = ""
         others = [node for node in graph.get_neighbors(here) if node != here]
         self.options = dict(enumerate([here, *others]))
         self.places: FloatArray = np.asarray(graph.positions(list(self.options.values())), np.float64)
@@ -47,7 +51,7 @@ class Walk:
         return f"{self.name}: click a node, or type its number (0 stays{f', 1 to {last}' if last else ''}){typed}"
 
     def type_digit(self, digit: int) -> None:
-        """Take one more digit; one that leads to no option is forgotten, with what was typed before it."""
+        """Add a digit; if no option begins with the number, clear it."""
         self.hint = ""
         for typed in (f"{self.typed}{digit}", str(digit)):
             meant = [number for number in self.options if str(number).startswith(typed)]
@@ -60,7 +64,7 @@ class Walk:
         self.refuse(str(digit))
 
     def refuse(self, key: str) -> None:
-        """Say which keys are possible, because this one is not."""
+        """Show the possible keys, after an invalid one."""
         last = len(self.options) - 1
         self.hint = f"{key} is no choice: there is 0{f' to {last}' if last else ', to stay'}"
 
@@ -69,20 +73,23 @@ class Walk:
         self.typed = self.typed[:-1]
 
     def confirm(self) -> None:
-        """Choose what was typed."""
+        """Choose the typed number."""
         if self.typed:
-            self.answer, self.typed = self.options.get(int(self.typed)), ""
+            self.answer = self.options.get(int(self.typed))
+            self.typed = ""
 
     def choose(self, number: int) -> None:
         """Choose the option of that number."""
         self.answer = self.options[number]
 
 
-class Flight:
-    """Which way an agent in the air goes: towards a point, up, down, or nowhere."""
+class FlightChoice:
+    """A choice of a direction for a flying agent: toward a point, up, down, or none."""
 
     def __init__(self, name: str, here: tuple[float, float, float]) -> None:
-        self.name, self.here, self.hint = name, here, ""
+        self.name = name
+        self.here = here
+        self.hint = ""
         self.answer: Answer | None = None
 
     @property
@@ -106,26 +113,28 @@ class Flight:
             self.refuse(str(digit))
 
     def refuse(self, key: str) -> None:
-        """Say which keys are possible, because this one is not."""
+        """Show the possible keys, after an invalid one."""
         self.hint = f"{key} is no choice: there are the arrows up and down, and 0"
 
 
-Question = Walk | Flight
+Question = NodeChoice | FlightChoice
 
 
 def question(ctx: IContext, name: str, state: dict[str, Any]) -> Question:
-    """Return what to ask about an agent.
+    """Return the question about an agent.
 
     Raises:
         UnknownName (KeyError): there is no such agent, or it is on no node.
     """
     agent = ctx.agent.get_agent(name)
     if agent.type == AgentType.AERIAL:
-        return Flight(name, state["curr_pos"])
-    return Walk(ctx, name, state["curr_pos"])
+        return FlightChoice(name, state["curr_pos"])
+    return NodeChoice(ctx, name, state["curr_pos"])
 
 
-_ZOOM, _TAP = 1.25, 1.05  # of a notch of the wheel, and a tap on a key, which is mostly held
+# of a notch of the wheel, and a tap on a key, which is mostly held
+_ZOOM = 1.25
+_TAP = 1.05
 _KEY_ZOOM = 4.0  # per second
 _CLICK_PX = 4.0  # a press that moves less is a click
 _CLOSEST = 2.0  # world units: half the width of the closest look that the wheel gives, where the map is not smaller
@@ -161,7 +170,7 @@ class Handlers(NamedTuple):
 
 
 class Input:
-    """Turns events into what the window does.
+    """Converts input events to actions of the window.
 
     Attributes:
         pointer: where the mouse is, in pixels; None while it is elsewhere.
@@ -169,7 +178,8 @@ class Input:
     """
 
     def __init__(self, camera: WindowCamera, handlers: Handlers) -> None:
-        self._camera, self._do = camera, handlers
+        self._camera = camera
+        self._do = handlers
         self.pointer: Point | None = None
         self._held: set[int] = set()
         self._drag: Point | None = None
@@ -202,7 +212,7 @@ class Input:
         }
 
     def handle(self, events: list[Any]) -> None:
-        """Do what the events say, in order; after the window was closed, nothing more."""
+        """Handle events in order; stop after the window was closed."""
         for event in events:
             if self._do.is_over():
                 return
@@ -259,16 +269,17 @@ class Input:
         self._held.discard(event.key)
 
     def _answer_by_key(self, key: int) -> bool:
-        pygame, asked = load(), self._do.question()
+        pygame = load()
+        asked = self._do.question()
         if asked is None:
             return False
         if key in self._digits:
             asked.type_digit(self._digits[key])
-        elif isinstance(asked, Flight) and key in (pygame.K_UP, pygame.K_DOWN):
+        elif isinstance(asked, FlightChoice) and key in (pygame.K_UP, pygame.K_DOWN):
             asked.climb(1 if key == pygame.K_UP else -1)
-        elif isinstance(asked, Walk) and key in (pygame.K_RETURN, pygame.K_KP_ENTER):
+        elif isinstance(asked, NodeChoice) and key in (pygame.K_RETURN, pygame.K_KP_ENTER):
             asked.confirm()
-        elif isinstance(asked, Walk) and key == pygame.K_BACKSPACE:
+        elif isinstance(asked, NodeChoice) and key == pygame.K_BACKSPACE:
             asked.erase()
         else:
             return False
@@ -282,14 +293,16 @@ class Input:
             self._has_taken = event.button == 1 and self._do.take(event.pos)
             if self._has_taken or (event.button == 1 and self._answer_by_click(*event.pos)):
                 return
-            self._drag, self._dragged_px = event.pos, 0.0
+            self._drag = event.pos
+            self._dragged_px = 0.0
 
     def _answer_by_click(self, x: float, y: float) -> bool:
-        asked, view = self._do.question(), self._camera
-        if isinstance(asked, Flight):
+        asked = self._do.question()
+        view = self._camera
+        if isinstance(asked, FlightChoice):
             asked.point_at(*view.screen_to_world(x, y))
             return True
-        if isinstance(asked, Walk):
+        if isinstance(asked, NodeChoice):
             option = nearest_point(view.camera().to_screen(asked.places), x, y)
             if option is not None:
                 asked.choose(option)
@@ -302,7 +315,8 @@ class Input:
             self._do.drag(event.pos)
         if self._drag is None:
             return
-        right, down = event.pos[0] - self._drag[0], event.pos[1] - self._drag[1]
+        right = event.pos[0] - self._drag[0]
+        down = event.pos[1] - self._drag[1]
         self._dragged_px += abs(right) + abs(down)
         if self._dragged_px >= _CLICK_PX:
             self.has_moved_camera = True

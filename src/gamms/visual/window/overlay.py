@@ -1,4 +1,4 @@
-"""What a window shows beside the artists: trails, hints, names and facts; `panels.py` paints the words."""
+"""The overlay of a window: trails, hints, names and facts; `panels.py` paints the text."""
 
 from collections.abc import Callable, Collection
 from math import floor, log
@@ -16,7 +16,16 @@ from gamms.visual.artist import drawn_looks, looks_of
 from gamms.visual.artists import Artists
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.camera import Point, WindowCamera, nearest_point
-from gamms.visual.captions import ALL_PLAYED, CAPTION_SECONDS, Captions, Card, Line, end_card, score_line, scores_of
+from gamms.visual.captions import (
+    ALL_PLAYED,
+    CAPTION_SECONDS,
+    CaptionLine,
+    Captions,
+    ResultCard,
+    end_card,
+    score_line,
+    scores_of,
+)
 from gamms.visual.default_scene import DefaultScene, artists_of_sights
 from gamms.visual.drawing import Drawing
 from gamms.visual.labels import (
@@ -33,13 +42,15 @@ from gamms.visual.labels import (
 from gamms.visual.page import noted
 from gamms.visual.themes import Theme
 from gamms.visual.window.display import Pace
-from gamms.visual.window.input import Question, Walk
+from gamms.visual.window.input import NodeChoice, Question
 from gamms.visual.window.panels import BADGE_PX, EDGE_PX, Hud, HudLines
 from gamms.visual.window.timeline import FOOT_PX, Timeline
 
 _DEFAULT_TRAILS = 8  # turns, where they are switched on by key
 _FPS_SECONDS = 0.5
-_LARGEST_PX, _SIZE_STEP = 12.0, 1.25  # radius of agents: so large, or larger by less than a step of the zoom
+# radius of agents: so large, or larger by less than a step of the zoom
+_LARGEST_PX = 12.0
+_SIZE_STEP = 1.25
 _BESIDE_PX = 10.0  # between an agent and its panel
 
 
@@ -76,17 +87,25 @@ class Overlay(Guarded):
         self, ctx: IContext, drawing: Drawing, artists: Artists, camera: WindowCamera, pace: Pace, theme: Theme
     ) -> None:
         self._phase = phase_of(ctx)
-        self._ctx, self._drawing, self._artists, self._camera, self._pace = ctx, drawing, artists, camera, pace
+        self._ctx = ctx
+        self._drawing = drawing
+        self._artists = artists
+        self._camera = camera
+        self._pace = pace
         self._scene = DefaultScene(ctx, theme)
-        self.hud, self.timeline = Hud(theme), Timeline(self._team_of)
+        self.hud = Hud(theme)
+        self.timeline = Timeline(self._team_of)
         self.shown: dict[str, IArtist] = {}
         self.trails, self.most_trails = 0, _DEFAULT_TRAILS
         self.labels: Choice = AUTO
-        self._names, self.turns = Labels(), 0
-        self._street_names, self.has_street_names = StreetNames(), True
+        self._names = Labels()
+        self.turns = 0
+        self._street_names = StreetNames()
+        self.has_street_names = True
         self.is_over = self.is_replay = False
-        self.has_captions, self._captions = True, Captions(ctx, drawing)
-        self.captions: tuple[Line, ...] = ()
+        self.has_captions = True
+        self._captions = Captions(ctx, drawing)
+        self.captions: tuple[CaptionLine, ...] = ()
         self.pointer: Callable[[], Point | None] = lambda: None
         self._share = 1.0
         self._pinned: str | None = None
@@ -102,7 +121,7 @@ class Overlay(Guarded):
         self.shown = {}
 
     def new_timeline(self) -> None:
-        """Forget what has happened: what follows is another game."""
+        """Clear all events, because another game follows."""
         self.timeline = Timeline(self._team_of)
 
     def _team_of(self, name: str) -> str | None:
@@ -110,7 +129,7 @@ class Overlay(Guarded):
         return None if agent is None else str(color_group(agent))
 
     def caption(self, hidden: Collection[str], turn_seconds: float, *, after_jump: bool = False) -> None:
-        """Say what happened in the turn that is shown, and for some seconds what happened before it.
+        """Show captions of the present turn, and for some seconds of earlier turns.
 
         Args:
             hidden: agents that are not shown.
@@ -130,7 +149,7 @@ class Overlay(Guarded):
     # -- artists ---------------------------------------------------------------------------------------------
 
     def begin_turn(self) -> None:
-        """Look up which artists draw: those of pictures, in the colours of the theme, and the trails."""
+        """Update the artists: those of pictures, in the colors of the theme, and the trails."""
         self.shown = self._artists.shown(self.trails, self._scene)
         self._hinted = None, {}
 
@@ -146,7 +165,7 @@ class Overlay(Guarded):
         return self.shown | self.hints()
 
     def hints(self) -> dict[str, IArtist]:
-        """Return artists of what the agent under the pointer sees, as far as it is not shown already."""
+        """Return artists of the view of the agent under the pointer, unless it is already shown."""
         name = self._pointed_name()
         if name != self._hinted[0]:
             self._hinted = name, {} if name is None else self._hints_of(name)
@@ -169,7 +188,7 @@ class Overlay(Guarded):
         self._pinned = None if at is None else self._agent_at(at)
 
     def pointed_at(self) -> tuple[list[str], tuple[float, float], float] | None:
-        """Return what is known about the agent under the pointer, else about the one that was clicked.
+        """Return text about the agent under the pointer, else about the clicked one.
 
         Also where it is on the screen, and how many pixels beside it words begin.
         """
@@ -204,7 +223,7 @@ class Overlay(Guarded):
     # -- words -----------------------------------------------------------------------------------------------
 
     def turn_lines(self, ctx: IContext) -> list[str]:
-        """Return what `hud` says unless it is replaced: turn, scores, frames per second."""
+        """Return the default lines of `hud`: turn, scores, frames per second."""
         game = ctx.current_game
         turn = self.turns if game is None or not game.turn else game.turn
         speed = "" if self._pace.speed == 1.0 else f" · {self._pace.speed:g}x"
@@ -219,7 +238,8 @@ class Overlay(Guarded):
     def _left(self) -> list[str]:
         """Return how many of each team are left, once an agent is out."""
         positions = self._ctx.agent.positions
-        teams, living = positions.teams, positions.living.tolist()
+        teams = positions.teams
+        living = positions.living.tolist()
         if len(living) == len(teams):
             return []
         left = dict.fromkeys((as_text(team) for team in teams if team is not None), 0)
@@ -230,13 +250,14 @@ class Overlay(Guarded):
 
     def _frames_per_second(self) -> str:
         since, before, _ = self._fps
-        now, frames = self._pace.now(), self._pace.frames
+        now = self._pace.now()
+        frames = self._pace.frames
         if now - since >= _FPS_SECONDS:
             self._fps = now, frames, f"{(frames - before) / (now - since):.0f} fps" if since else "0 fps"
         return self._fps[2]
 
     def lines(self, write: HudLines | None) -> list[str]:
-        """Return what a function of the context writes; one that fails is logged once."""
+        """Return the lines of a function of the context; an error is logged once."""
         if write is None:
             return []
         try:
@@ -258,8 +279,10 @@ class Overlay(Guarded):
         lines = self.lines(write) if self.hud.is_shown else []
         if self._ctx.is_terminated():  # by the function that writes them
             return
-        has_line, foot = self.foot > 0, self.foot
-        credit, has_hint = noted(self._ctx, ""), write == self.turn_lines
+        has_line = self.foot > 0
+        foot = self.foot
+        credit = noted(self._ctx, "")
+        has_hint = write == self.turn_lines
         prompt = self._prompt(question)
         self.hud.paint(canvas, lines, prompt, credit, foot, has_hint=has_hint)
         card = self.card() if self.hud.is_shown else None
@@ -267,9 +290,10 @@ class Overlay(Guarded):
             self.hud.paint_captions(canvas, self.captions, foot, has_prompt=bool(prompt))
         if has_line:
             done = self.turns - (1.0 - self._share)
-            is_running, colors = not self._pace.is_halted, self._drawing.group_colors()
+            is_running = not self._pace.is_halted
+            colors = self._drawing.group_colors()
             self.timeline.paint(canvas, self.hud.theme, colors, self.turns, done, is_running=is_running)
-        if isinstance(question, Walk):
+        if isinstance(question, NodeChoice):
             self._paint_choices(canvas, question)
         if card is not None:
             self.hud.paint_card(canvas, *card)
@@ -286,7 +310,7 @@ class Overlay(Guarded):
         is_said = self._pace.is_paused and not self.timeline.can_seek
         return ["paused: space goes on, . shows one turn"] if is_said else []
 
-    def card(self) -> Card | None:
+    def card(self) -> ResultCard | None:
         """Return how the game ended; None while it goes on, or was dismissed."""
         if not self.is_over or self._share < 1.0 or self._dismissed == self.turns:
             return None
@@ -301,7 +325,7 @@ class Overlay(Guarded):
             self._dismissed = self.turns
         return is_shown
 
-    def _paint_choices(self, canvas: Canvas, question: Walk) -> None:
+    def _paint_choices(self, canvas: Canvas, question: NodeChoice) -> None:
         """Paint the number of each choice beyond it, seen from the one who is asked, where no other number is."""
         places = self._camera.camera().to_screen(question.places)
         taken: list[FloatArray] = []
@@ -314,8 +338,10 @@ class Overlay(Guarded):
             self.hud.badge(canvas, str(number), *at.tolist())
 
     def _paint_names(self, canvas: Canvas) -> None:
-        """Paint what stands beside agents, but not below the panels of the frame before."""
-        view, theme, page = self._camera.camera(), self.hud.theme, (0.0, 0.0, canvas.width, canvas.height)
+        """Paint the labels beside agents, but not below the panels of the previous frame."""
+        view = self._camera.camera()
+        theme = self.hud.theme
+        page = (0.0, 0.0, canvas.width, canvas.height)
         labels = self._names.placed(view, 1.0, self._ctx, self.shown, self.labels, page, self.hud.taken)
         paper = Canvas(canvas.width, canvas.height, canvas.surface, paper=theme.background[:3])
         if self.has_street_names:
@@ -339,7 +365,7 @@ class Overlay(Guarded):
 
 
 def facts_about(ctx: IContext, name: str) -> list[str]:
-    """Return an agent in a few lines: name, team, where it is, and what its sensors last sensed."""
+    """Return a few lines about an agent: name, team, position, and the last data of its sensors."""
     agent: Any = ctx.agent.get_agent(name)
     team = getattr(agent, "team", None)
     lines = [name if team is None else f"{name} · team {team}"]
@@ -357,7 +383,7 @@ def facts_about(ctx: IContext, name: str) -> list[str]:
 
 
 def _summary(data: object) -> str:
-    """Return what a sensor sensed, in a few words."""
+    """Return a short text about the data of a sensor."""
     if isinstance(data, dict):
         counts = [f"{len(part)} {name}" for name, part in data.items() if isinstance(part, dict | list | tuple | set)]
         if counts and len(counts) == len(data):

@@ -1,4 +1,4 @@
-"""What a window paints over the world: panels of text, the legend and small print, in the colours of a theme."""
+"""The panels of a window: text, the legend and small print, in the colors of a theme."""
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
@@ -9,7 +9,7 @@ from gamms.visual.appearance import Rgb, Rgba
 from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, Point
-from gamms.visual.captions import Line
+from gamms.visual.captions import CaptionLine
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.lettering import shortened, words_width
 from gamms.visual.themes import Theme
@@ -18,9 +18,15 @@ from gamms.visual.window.input import HELP
 HudLines = Callable[[IContext], Iterable[Any]]
 
 EDGE_PX = 12  # between a panel and the edge of the window
-FONT_PX, _LINE_PX, _PAD_PX = 21, 20, 10
-_SMALL_PX, _PROMPT_PX, _ABOVE_NOTE_PX = 17, 56, 14
-_TITLE_PX, _SPOT_PX, BADGE_PX = 32, 18, 24
+FONT_PX = 21
+_LINE_PX = 20
+_PAD_PX = 10
+_SMALL_PX = 17
+_PROMPT_PX = 56
+_ABOVE_NOTE_PX = 14
+_TITLE_PX = 32
+_SPOT_PX = 18
+BADGE_PX = 24
 _FOOT_PX = 64  # of the window, where it asks and names the source of the map
 _HINT = "F1: keys"
 _LONGEST = 90  # letters of a line
@@ -38,7 +44,8 @@ class Hud:
 
     def __init__(self, theme: Theme) -> None:
         self.theme = theme
-        self.is_shown, self.has_help = True, False
+        self.is_shown = True
+        self.has_help = False
         self.taken: list[_Box] = []
         self.legend = WindowLegend(theme)
 
@@ -74,8 +81,10 @@ class Hud:
         self._foot(canvas, credit, is_right=True)
         self._panel(canvas, prompt, canvas.width / 2, low, align=(0.5, 1.0))
 
-    def paint_captions(self, canvas: Canvas, captions: Sequence[Line], foot_px: int, *, has_prompt: bool) -> None:
-        """Paint what happened in the lower left corner, above foot and prompt; earlier turns are faint."""
+    def paint_captions(
+        self, canvas: Canvas, captions: Sequence[CaptionLine], foot_px: int, *, has_prompt: bool
+    ) -> None:
+        """Paint the captions in the lower left corner, above foot and prompt; earlier turns are faint."""
         widest = canvas.width - 2 * (EDGE_PX + _PAD_PX) - _SPOT_PX
         lines = [shortened(line.words, FONT_PX, widest) for line in captions]
         width, height = _size(tuple(lines))
@@ -85,7 +94,8 @@ class Hud:
         panel = plain_panel(width + _SPOT_PX, height, self.theme.card, self.theme.border)
         canvas.surface.blit(panel, (left, top))
         for row, (words, line) in enumerate(zip(lines, captions, strict=True)):
-            y, spot = top + _PAD_PX + row * _LINE_PX, _SPOT_PX * 2 // 3
+            y = top + _PAD_PX + row * _LINE_PX
+            spot = _SPOT_PX * 2 // 3
             if line.color is not None:
                 dot = plain_panel(spot, spot, (*line.color, 255), radius=spot // 2)
                 canvas.surface.blit(dot, (left + _PAD_PX, y + 2))
@@ -95,7 +105,9 @@ class Hud:
 
     def _foot(self, canvas: Canvas, words: str, *, is_right: bool = False) -> None:
         """Write small print in a lower corner."""
-        x, y, edge = canvas.width - EDGE_PX if is_right else EDGE_PX, canvas.height - 20, self.theme.background[:3]
+        x = canvas.width - EDGE_PX if is_right else EDGE_PX
+        y = canvas.height - 20
+        edge = self.theme.background[:3]
         if words:
             canvas.text(words, x, y, _SMALL_PX, self.theme.faint, align_right=is_right, edge=edge)
 
@@ -190,7 +202,8 @@ def _short(line: str) -> str:
 @lru_cache(maxsize=256)
 def _wrapped(lines: tuple[str, ...], width_px: int) -> tuple[str, ...]:
     """Return the lines of a panel as narrow as the window."""
-    most_px, narrow = width_px - 2 * (EDGE_PX + _PAD_PX), list[str]()
+    most_px = width_px - 2 * (EDGE_PX + _PAD_PX)
+    narrow = list[str]()
     for line in lines:
         narrow.append("")
         for word in line.split(" "):
@@ -219,12 +232,12 @@ class WindowLegend:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """What it explains."""
+        """The blocks of the legend."""
         return self._explained[0]
 
     @property
     def width(self) -> int:
-        """Pixels from the right edge of the window; 0 where there is no legend, or it does not fit."""
+        """The width in pixels from the right edge of the window; 0 without a legend, or if it does not fit."""
         return round(self._legend.width) + 3 * EDGE_PX if self._legend.width else 0
 
     @property
@@ -233,9 +246,10 @@ class WindowLegend:
         return round(self._legend.height) + 3 * EDGE_PX if self._legend.height else 0
 
     def explain(self, blocks: tuple[Block, ...], width: int, height: int) -> None:
-        """Say this from now on, in a window of so many pixels."""
+        """Set the blocks of the legend, in a window of this size in pixels."""
         if (blocks, width, height) != self._explained:
-            self._explained, self._panel_surface = (blocks, width, height), None
+            self._explained = (blocks, width, height)
+            self._panel_surface = None
             self._legend = Legend(blocks, width, height - _FOOT_PX)
 
     def paint(self, canvas: Canvas, top: int) -> None:

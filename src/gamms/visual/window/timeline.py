@@ -1,4 +1,4 @@
-"""The line along the lower edge of a window: how far a game or a replay is, and what happened in which turn."""
+"""The timeline at the lower edge of a window: the progress of a game or a replay, and its events."""
 
 from bisect import bisect_left
 from collections.abc import Callable, Mapping
@@ -18,14 +18,17 @@ _ABOVE_EDGE_PX = 28  # of the window, for the small print below
 FOOT_PX = HEIGHT_PX + _ABOVE_EDGE_PX - EDGE_PX + 6  # free below other panels, above their distance from the edge
 _PAD_PX = 12
 _BUTTON_PX = 30
-_TRACK_PX, _HANDLE_PX = 4, 14
-_MAJOR_PX, _MINOR_PX = (4, 18), (2, 10)  # width and height of marks
+_TRACK_PX = 4
+_HANDLE_PX = 14
+# width and height of marks
+_MAJOR_PX = (4, 18)
+_MINOR_PX = (2, 10)
 _NEAR_PX = 5  # from the pointer to a mark that it is on
 _MOST_WORDS = 4  # marks that are explained at once
 _UNMARKED = "tag", "respawned"  # kinds of events that are too many
 
 
-class Mark(NamedTuple):
+class TimelineMark(NamedTuple):
     """Something that happened in a turn, and the team that it is about, by its text."""
 
     turn: int
@@ -35,7 +38,7 @@ class Mark(NamedTuple):
 
 
 class Timeline:
-    """What happened in which turn, and how far the turns are.
+    """The events by turn, and the progress of the turns.
 
     Args:
         team_of: the team of an agent, by its name; None: there is no such agent any more.
@@ -48,42 +51,46 @@ class Timeline:
 
     def __init__(self, team_of: Callable[[str], str | None]) -> None:
         self._team_of = team_of
-        self.turns, self.can_seek = 0, False
+        self.turns = 0
+        self.can_seek = False
         self.scores: dict[str, float] = {}
-        self._marks: list[Mark] = []
+        self._marks: list[TimelineMark] = []
         self._bar = 0, 0, 1  # its left end, top and width, pixels
 
     @property
-    def marks(self) -> tuple[Mark, ...]:
-        """What happened, in order."""
+    def marks(self) -> tuple[TimelineMark, ...]:
+        """The marks, in order."""
         return tuple(self._marks)
 
     def add(self, turn: int, highlight: Mapping[str, Any]) -> None:
-        """Add what a rule emitted, `scores`, or the end, which is `over`."""
+        """Add an event of a rule, `scores`, or the end, which is `over`."""
         if "scores" in highlight:
             self._add_scores(turn, highlight["scores"])
         elif "over" in highlight:
             over = highlight["over"]
             winner = over.get("winner") if over else None
             if over:
-                self._marks.append(Mark(turn, None if winner is None else as_text(winner), ending(over)[0], True))
+                self._marks.append(
+                    TimelineMark(turn, None if winner is None else as_text(winner), ending(over)[0], True)
+                )
         elif highlight.get("kind") not in _UNMARKED:
             for words, agent in captions_of([highlight]):
-                self._marks.append(Mark(turn, None if agent is None else self._team_of(agent), words, False))
+                self._marks.append(TimelineMark(turn, None if agent is None else self._team_of(agent), words, False))
 
     def _add_scores(self, turn: int, scores: Any) -> None:
         for of, score in dict(scores).items():
-            name, before = str(of), self.scores.get(str(of), 0)
+            name = str(of)
+            before = self.scores.get(str(of), 0)
             if isinstance(score, int | float):
                 self.scores[name] = score
                 if score > before:
-                    self._marks.append(Mark(turn, self._team_of(name) or name, f"{name} {score:g}", True))
+                    self._marks.append(TimelineMark(turn, self._team_of(name) or name, f"{name} {score:g}", True))
 
     # -- on the screen -----------------------------------------------------------------------------------------
 
     @property
     def is_shown(self) -> bool:
-        """Whether there is a line to paint."""
+        """Whether the line is painted."""
         return self.turns > 0
 
     def place_at(self, at: Point) -> float | None:
@@ -104,11 +111,12 @@ class Timeline:
         return self.is_shown and self.can_seek and is_left and top <= at[1] <= top + HEIGHT_PX
 
     def words_at(self, at: Point | None) -> list[str]:
-        """Return what happened in the turns that a point of the screen is on."""
+        """Return the text of the events in the turns at a point of the screen."""
         share = None if at is None else self.place_at(at)
         if share is None:
             return []
-        turn, near = round(share * self.turns), _NEAR_PX * self.turns / self._bar[2]
+        turn = round(share * self.turns)
+        near = _NEAR_PX * self.turns / self._bar[2]
         begin = bisect_left(self._marks, turn - near, key=lambda mark: mark.turn)
         end = bisect_left(self._marks, turn + near, key=lambda mark: mark.turn)
         found = [f"turn {mark.turn}: {mark.words}" for mark in self._marks[begin:end]]
@@ -125,9 +133,11 @@ class Timeline:
             return
         canvas.surface.blit(plain_panel(width, HEIGHT_PX, theme.card, theme.border), (left, top))
         longest = text_px(f"{self.turns} / {self.turns}", FONT_PX)  # so that the line keeps its length
-        button, words = _BUTTON_PX if self.can_seek else 0, longest + _PAD_PX
+        button = _BUTTON_PX if self.can_seek else 0
+        words = longest + _PAD_PX
         words = words if width > 3 * words + button else 0
-        begin, long = left + _PAD_PX + button, max(width - 2 * _PAD_PX - button - words, 1)
+        begin = left + _PAD_PX + button
+        long = max(width - 2 * _PAD_PX - button - words, 1)
         self._bar = begin, top, long
         middle = top + HEIGHT_PX // 2
         if button:
@@ -153,7 +163,7 @@ class Timeline:
 
 
 def _paint_button(canvas: Canvas, theme: Theme, x: int, middle: int, *, is_running: bool) -> None:
-    """Paint what a click on the button does: stand still, or go on."""
+    """Paint the effect of a click on the button: pause, or continue."""
     if is_running:
         for bar in (0, 7):
             canvas.surface.blit(plain_panel(4, 14, theme.ink, radius=1), (x + bar, middle - 7))
