@@ -3,6 +3,7 @@
 import numpy as np
 
 import gamms
+from gamms.game.batch import why_not
 from gamms.rules import resource
 from gamms.scenario import Scenario
 
@@ -22,14 +23,23 @@ def as_it_is(scenario):
 
 
 def beyond_core(scenario):
-    """Return a scenario with the same games, played one after the other because of a check; see `CHECK`."""
+    """Return a scenario with the same games, played one after the other because of a rule like `UNUSED`."""
     rules = scenario.to_dict().get("rules", [])
     return scenario.replace(rules=[*rules, {"rule": "resource", "with": {"name": "unused", "start": 1}}])
 
 
-CHECK = "the check of the rule 'resource'"
-"""The first part of the games of `beyond_core`, and of those with `UNUSED`, that the core does not have."""
 UNUSED = resource("unused", 1)
+"""A rule that tests take for one that the core does not have: see `why_not_in_core`."""
+BEYOND = "the rule 'resource'"
+"""Why games with this rule are not played in the core."""
+
+
+def why_not_in_core(game, roster):
+    """Return what keeps games from being played in the core."""
+    is_beyond = any("unused" in repr(one.rule) for one in game.rules)
+    return BEYOND if is_beyond else why_not.why_not_in_core(game, roster)
+
+
 WAYS = [as_it_is, beyond_core]
 
 

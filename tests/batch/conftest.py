@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gamms.game import turn
-from gamms.game.batch import travelers
+from gamms.game.batch import games, travelers
 
 sys.path.insert(0, str(Path(__file__).parent))  # for the scenarios beside
 
@@ -20,15 +20,25 @@ def agents_arrive_few_times_in_a_turn():
         yield
 
 
+@pytest.fixture(autouse=True, scope="session")
+def some_games_are_beyond_the_core():
+    """Let games with the rule `UNUSED` be played one after the other."""
+    from batch_scenes import why_not_in_core
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(games, "why_not_in_core", why_not_in_core)
+        yield
+
+
 @pytest.fixture
 def same_as_one_by_one():
     """Check that all games of a batch equal those that `play` plays."""
     from batch_scenes import plain
 
     def check(scenario, seeds, strategies=None):
-        with scenario.batch(seeds=seeds, strategies=strategies) as games:
-            games.run()
+        with scenario.batch(seeds=seeds, strategies=strategies) as played:
+            played.run()
             for number, seed in enumerate(seeds):
-                assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies=strategies))
+                assert plain(played.result(number)) == plain(scenario.play(seed=seed, strategies=strategies))
 
     return check

@@ -4,7 +4,7 @@ import functools
 
 import numpy as np
 import pytest
-from batch_scenes import CHECK, beyond_core, plain, scene
+from batch_scenes import BEYOND, beyond_core, plain, scene
 
 import gamms
 from gamms.errors import BadType, BadValue
@@ -117,7 +117,7 @@ def test_agents_with_speeds_play_it_alone_as_in_batches(same_as_one_by_one, sett
 def test_it_plays_in_games_that_have_no_array_form():
     scenario = beyond_core(scene(**SEEING))
     with scenario.batch(2, seed=3, strategies={"red": hunt}) as games:
-        assert games.slow == CHECK
+        assert games.slow == BEYOND
         games.run()
         assert plain(games.result(1)) == plain(scenario.play(seed=4, strategies={"red": hunt}))
 

@@ -10,24 +10,16 @@ from math import inf
 
 import numpy as np
 import pytest
-from batch_scenes import CHECK, WAYS, as_it_is, assert_as_shown, beyond_core, plain, scene
+from batch_scenes import BEYOND, UNUSED, WAYS, as_it_is, assert_as_shown, beyond_core, plain, scene
 
 import gamms
 from gamms import recorder
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
 from gamms.readonly import ReadOnly
+from gamms.rules import time_limit
 from gamms.scenario import Scenario
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
-
-
-def leave(ctx):
-    """A rule whose check has no array form."""
-    if ctx.game.turn == 3:
-        ctx.game.end("left")
-
-
-leave.check = lambda _: None
 
 
 @pytest.mark.parametrize("rules", [[TAG], [TAG, {"rule": "last_team"}], []])
@@ -159,28 +151,21 @@ def test_run_says_once_why_many_games_are_played_one_by_one(caplog):
             games.run()
             games.reset()
     assert [record.message for record in caplog.records if "one game after the other" in record.message] == [
-        f"A batch is played one game after the other, because of {CHECK}."
+        f"A batch is played one game after the other, because of {BEYOND}."
     ]
 
 
-def linger(ctx):
-    """Do nothing, and refuse no move."""
-
-
-linger.check = linger
-
-
 @pytest.mark.parametrize(("number", "is_warned"), [(16, True), (15, False)])
-def test_run_warns_once_of_a_rule_without_an_array_form_in_many_games(number, is_warned, caplog):
+def test_run_warns_once_of_a_rule_beyond_the_core_in_many_games(number, is_warned, caplog):
     with scene([TAG], max_turns=1).build() as ctx:
-        ctx.game.add(linger)
+        ctx.game.add(UNUSED)
         with ctx.game.batch(number) as games, ctx.game.batch(number) as others:
             others.run(warn=False)
             assert not caplog.records
             for _ in range(2):
                 games.run()
                 games.reset()
-    said = "A batch is played one game after the other, because of the check of the rule 'linger'."
+    said = f"A batch is played one game after the other, because of {BEYOND}."
     assert [one.message for one in caplog.records if one.levelname == "WARNING"] == [said] * is_warned
 
 
@@ -192,23 +177,24 @@ def test_a_batch_of_one_is_the_same_as_that_game_in_a_large_batch():
         assert plain(many.result(13)) == plain(one.result(0))
 
 
-def test_games_without_an_array_form_are_played_one_by_one_with_the_same_results():
+def test_games_beyond_the_core_are_played_one_by_one_with_the_same_results():
     scenario = scene([TAG])
     with scenario.batch(4, seed=1) as fast, scenario.build(seed=1) as ctx:
         fast.run()
-        ctx.game.add(leave)
+        ctx.game.add(UNUSED)
+        ctx.game.add(time_limit(3))
         with ctx.game.batch(seeds=[1, 2]) as slow:
-            assert slow.slow == "the check of the rule 'leave'"
+            assert slow.slow == BEYOND
             assert "one by one" in repr(slow)
             slow.run()
-            assert [slow.result(number).reason for number in (0, 1)] == ["left", "left"]
+            assert [slow.result(number).reason for number in (0, 1)] == ["time limit", "time limit"]
             assert slow.turn.tolist() == [3, 3]
 
 
 def test_steps_can_be_given_actions_and_teams_without_play_their_own():
     scenario = scene([TAG])
     with scenario.batch(5, seed=1) as games, scenario.build(seed=1) as ctx:
-        ctx.game.add(lambda _: None, phase="deeds", name="nothing")
+        ctx.game.add(UNUSED)
         with ctx.game.batch(seeds=[1]) as slow:
             for turn in range(10):
                 view = games.observe("red")
@@ -606,7 +592,7 @@ def test_seeds_of_a_reset_are_as_many_as_its_games():
 
 
 def test_games_that_are_played_one_by_one_have_no_columns():
-    with beyond_core(scene()).batch(2) as games, pytest.raises(BadValue, match="because of the check of the rule"):
+    with beyond_core(scene()).batch(2) as games, pytest.raises(BadValue, match="because of the rule"):
         games.columns()
 
 

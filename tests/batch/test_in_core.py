@@ -306,9 +306,6 @@ EVERY_RULE = [
     "last_team",
     {"rule": "time_limit", "with": {"turns": 9}},
 ]
-OTHERWISE = {
-    "before": {"rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}, "phase": "before"}]},
-}
 
 
 @pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
@@ -317,13 +314,6 @@ def test_games_of_all_rules_in_the_docs_are_in_the_core(scenario):
         assert is_in_core(games)
         games.run()
         assert games.detached == {}
-
-
-@pytest.mark.parametrize("change", OTHERWISE.values(), ids=OTHERWISE)
-def test_games_with_anything_else_are_played_one_by_one(change):
-    with GRID.replace(**change).batch(2) as games:
-        assert games.slow
-        assert not is_in_core(games)
 
 
 def test_agents_of_no_team_score_for_nobody_and_are_no_mates():

@@ -145,14 +145,13 @@ def games_with_plain_parts(draw, how=("one edge", "anywhere", "edges", "metres")
     drawn = draw(games(how))
     kinds = st.lists(st.integers(0, len(KINDS) - 1), min_size=1, max_size=3, unique=True)
     called = st.tuples(
-        st.sampled_from(["look", "push", "purge", "toll", "dig", "dig"]), st.sampled_from(["before", "after"])
+        st.sampled_from(["look", "push", "purge", "toll", "dig", "dig", "refuses"]),
+        st.sampled_from(["before", "deeds", "after"]),
     )
     return replace(
         drawn,
-        deeds=draw(st.one_of(st.none(), st.lists(st.sampled_from(["before", "after"]), max_size=2))),
-        has_checks=False,
         reserved={},
-        conflicts=None if isinstance(drawn.conflicts, FirstOnly) else drawn.conflicts,
+        conflicts=draw(st.sampled_from([drawn.conflicts, FirstOnly()])),
         eyes=draw(st.lists(kinds, min_size=1, max_size=3)),
         asked=draw(st.sampled_from(["a", "bc", "abc", "p", "bcw", "abcw"])),
         called=draw(st.lists(called, max_size=3)),

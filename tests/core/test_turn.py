@@ -69,6 +69,8 @@ class Ring:
             blocks=flat(self.blocks),
             blocked=flat(self.blocked),
             wanted=flat(np.zeros_like(self.node)),
+            went=flat(np.zeros_like(self.node)),
+            held=flat(np.zeros_like(self.takes_part)),
             part_of=flat(np.zeros(agents, np.int64) if part_of is None else np.array(part_of)),
             part=flat(np.zeros(shape[0], np.int64)),
             parts=self.parts,

@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport by_metres, rules, travel
+from gamms.core cimport by_metres, moves, rules, travel
 from gamms.core.by_metres cimport Travelers
 from gamms.core.conflicts cimport resolve
 from gamms.core.rules cimport Games
@@ -37,6 +37,8 @@ cdef class Arrivals:
 
 @cython.locals(now=double, count=i64)
 cpdef int play(Games games, Arrivals a, i64 game) except -1 nogil
+@cython.locals(i=i64, row=i64)
+cdef int put_back(Games games, Travelers t, i64 game) except -1 nogil
 @cython.locals(i=i64, row=i64)
 cdef int set_out(Games games, Arrivals a, Travelers t, i64 game) except -1 nogil
 @cython.locals(row=i64, edge=i64)

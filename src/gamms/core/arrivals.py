@@ -10,7 +10,7 @@ from __future__ import annotations
 from array import array
 from typing import Any
 
-from gamms.core import by_metres, rules, travel
+from gamms.core import by_metres, moves, rules, travel
 from gamms.core.by_metres import Travelers
 from gamms.core.conflicts import resolve
 from gamms.core.rules import Games
@@ -115,6 +115,16 @@ def play(games: Games, a: Arrivals, game: int) -> int:
             a.here[count] = a.queue.pop()
             count += 1
         arrive(games, a, a.travelers, game, now, count)
+    return put_back(games, a.travelers, game)
+
+
+def put_back(games: Games, t: Travelers, game: int) -> int:
+    """Put the agents of this part of the turn back to where they set out; `move` writes where they arrive."""
+    for i in range(games.agents):
+        row = game * games.agents + i
+        t.movers.ends[row] = t.trips.node[i]
+        if t.movers.part_of[i] == t.movers.part[game]:
+            games.node[row] = games.start[row]
     return 0
 
 
@@ -169,9 +179,7 @@ def give_way(games: Games, a: Arrivals, t: Travelers, game: int) -> int:
         a.loses[i] = 0
         if has_losers and t.movers.contests.stays[i] and t.starts[row] != t.ends[row]:  # type: ignore[union-attr]
             a.loses[i] = 1
-            t.movers.wanted[row] = t.ends[row]
-            t.movers.blocked[row] = 1
-            t.movers.blocks[row] += 1
+            moves.block(t.movers, row, t.ends[row])
             t.ends[row] = t.starts[row]
         t.starts[row] = t.ends[row]
     return 0

@@ -32,6 +32,8 @@ cdef class EdgePaths(Steps):
 cdef class Walkers:
     cdef Movers movers
     cdef EdgePaths walks
+    cdef i64[::1] ahead
+    cdef double[::1] covered
 
 
 cpdef int begin(EdgePaths walks, i64 i, i64 node, i64 ahead, double covered) except -1 nogil
@@ -58,6 +60,13 @@ cdef int choose(Games games, Walkers w, i64 game, i64 i) except -1 nogil
 cdef Py_ssize_t target_of(Games games, Walkers w, i64 game, i64 i) except -2 nogil
 @cython.locals(i=i64, row=i64, goes=bint)
 cpdef int give_way(Games games, Walkers w, i64 game) except -1 nogil
+cdef int stay(Games games, Walkers w, i64 row, i64 i) except -1 nogil
+@cython.locals(i=i64)
+cpdef int keep(Games games, Walkers w, i64 game) except -1 nogil
+@cython.locals(i=i64)
+cpdef int recall(Games games, Walkers w, i64 game) except -1 nogil
+@cython.locals(i=i64, row=i64)
+cpdef int settle(Games games, Walkers w, i64 game) except -1 nogil
 @cython.locals(i=i64, row=i64, part=i64)
 cpdef int move(Games games, Walkers w, i64 game) except -1 nogil
 @cython.locals(first=i64, place=i64)

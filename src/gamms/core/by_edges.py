@@ -79,11 +79,14 @@ class Walkers:
     Attributes:
         movers: the columns that are common to all kinds of movement.
         walks: the paths of one game.
+        ahead, covered: (rows,) the values of `Games.edge` and `Games.share` after the moves.
     """
 
-    def __init__(self, movers: Movers, walks: EdgePaths) -> None:
+    def __init__(self, movers: Movers, walks: EdgePaths, ahead: memoryview[int], covered: memoryview[float]) -> None:
         self.movers = movers
         self.walks = walks
+        self.ahead = ahead
+        self.covered = covered
 
 
 # -- one agent -------------------------------------------------------------------------------------------------------
@@ -232,8 +235,7 @@ def decide(games: Games, w: Walkers, game: int) -> int:
     for i in range(games.agents):
         row = game * games.agents + i
         if part == 0:
-            games.start[row] = games.node[row]
-            w.movers.takes_part[row] = games.alive[row]
+            moves.set_out(games, w.movers, row)
         if w.movers.part_of[i] == part:
             choose(games, w, game, i)
         elif w.movers.part_of[i] > part:
@@ -267,8 +269,8 @@ def choose(games: Games, w: Walkers, game: int, i: int) -> int:
             go_towards(w.walks, i, w.movers.by_steps.long_ways, row, target)  # type: ignore[union-attr,arg-type]
     else:
         begin(w.walks, i, node, -1, 0.0)
-    games.edge[row] = w.walks.ahead[i]
-    games.share[row] = w.walks.covered[i]
+    w.ahead[row] = w.walks.ahead[i]
+    w.covered[row] = w.walks.covered[i]
     w.movers.ends[row] = w.walks.nodes[i * w.walks.most + w.walks.lengths[i] - 1]
     return 0
 
@@ -298,15 +300,46 @@ def give_way(games: Games, w: Walkers, game: int) -> int:
         return 0
     for i in range(games.agents):
         row = game * games.agents + i
-        goes = w.walks.lengths[i] > 1 or games.edge[row] >= 0
+        goes = w.walks.lengths[i] > 1 or w.ahead[row] >= 0
         if goes and w.movers.part_of[i] == w.movers.part[game] and w.movers.contests.stays[i]:  # type: ignore[union-attr] # there are conflicts
-            w.movers.wanted[row] = w.movers.ends[row]
-            w.movers.ends[row] = games.start[row]
-            w.walks.lengths[i] = 1
-            games.edge[row] = -1
-            games.share[row] = 0.0
-            w.movers.blocked[row] = 1
-            w.movers.blocks[row] += 1
+            moves.block(w.movers, row, w.movers.ends[row])
+            stay(games, w, row, i)
+    return 0
+
+
+def stay(games: Games, w: Walkers, row: int, i: int) -> int:
+    """Undo the move of an agent: it stays at its node for the whole turn."""
+    w.movers.ends[row] = games.start[row]
+    begin(w.walks, i, games.start[row], -1, 0.0)
+    w.ahead[row] = -1
+    w.covered[row] = 0.0
+    return 0
+
+
+def keep(games: Games, w: Walkers, game: int) -> int:
+    """Store the paths of a game until its next phase."""
+    for i in range(games.agents):
+        copy_walk(w.walks, i, w.walks.kept, game * games.agents + i, w.walks.most)  # type: ignore[arg-type]
+    return 0
+
+
+def recall(games: Games, w: Walkers, game: int) -> int:
+    """Read the stored paths of a game."""
+    for i in range(games.agents):
+        copy_walk(w.walks.kept, game * games.agents + i, w.walks, i, w.walks.most)  # type: ignore[arg-type]
+    return 0
+
+
+def settle(games: Games, w: Walkers, game: int) -> int:
+    """Undo the moves of agents that are held, and of those that rules have placed elsewhere since they decided."""
+    for i in range(games.agents):
+        row = game * games.agents + i
+        if moves.is_put(games, w.movers, row, i):
+            moves.put(games, w.movers, row)
+            stay(games, w, row, i)
+        if w.movers.held[row] or not games.alive[row]:
+            stay(games, w, row, i)
+        moves.leave_or_join(games, w.movers, row)
     return 0
 
 
@@ -315,11 +348,13 @@ def move(games: Games, w: Walkers, game: int) -> int:
     part = w.movers.part[game]
     moves.move(games, w.movers, game)
     for i in range(games.agents):
+        row = game * games.agents + i
         if w.movers.part_of[i] == part:
+            games.edge[row] = w.ahead[row]
+            games.share[row] = w.covered[row]
             if w.movers.parts > 1 and w.walks.lengths[i] > 1:
                 go_in_part(w.walks, i, part, w.movers.parts)
             if w.walks.keeps:
-                row = game * games.agents + i
                 copy_walk(w.walks, i, w.walks.kept, row, w.walks.most)  # type: ignore[arg-type] # there is one
     return 0
 

@@ -49,6 +49,12 @@ cdef Py_ssize_t by_steps(Travelers t, i64 game, i64 i) except -2 nogil
 cdef int stay(Games games, Travelers t, i64 row, i64 i) except -1 nogil
 @cython.locals(i=i64, row=i64, leg=i64, goes=bint)
 cpdef int give_way(Games games, Travelers t, i64 game) except -1 nogil
+@cython.locals(i=i64)
+cpdef int keep(Games games, Travelers t, i64 game) except -1 nogil
+@cython.locals(i=i64)
+cpdef int recall(Games games, Travelers t, i64 game) except -1 nogil
+@cython.locals(i=i64, row=i64, share=double, has_left_edge=bint, is_put=bint)
+cpdef int settle(Games games, Travelers t, i64 game) except -1 nogil
 @cython.locals(i=i64, row=i64, part=i64)
 cpdef int move(Games games, Travelers t, i64 game) except -1 nogil
 cdef int go(Games games, Travelers t, i64 row, i64 i) except -1 nogil

@@ -80,6 +80,7 @@ def decide(games: Games, t: Travelers, game: int) -> int:
                 choose(games, t, game, i)
             rest(t, i)
         t.ends[row] = place_of(t, i)
+        t.movers.ends[row] = t.trips.node[i]
     return 0
 
 
@@ -97,8 +98,7 @@ def is_there(games: Games, t: Travelers, game: int, i: int) -> bool:
 
 def set_out(games: Games, t: Travelers, row: int, i: int) -> int:
     """Start the turn of an agent at its position."""
-    games.start[row] = games.node[row]
-    t.movers.takes_part[row] = games.alive[row]
+    moves.set_out(games, t.movers, row)
     t.drawn[i] = 0
     begin(games, t, row, i)
     t.starts[row] = place_of(t, i)
@@ -218,10 +218,40 @@ def give_way(games: Games, t: Travelers, game: int) -> int:
         leg = i * t.trips.most
         goes = t.trips.legs[i] > 0 and t.trips.begins[leg] != t.trips.ends[leg]
         if goes and t.movers.part_of[i] == t.movers.part[game] and t.movers.contests.stays[i]:  # type: ignore[union-attr] # there are conflicts
-            t.movers.wanted[row] = t.ends[row]
+            moves.block(t.movers, row, t.ends[row])
             stay(games, t, row, i)
-            t.movers.blocked[row] = 1
-            t.movers.blocks[row] += 1
+    return 0
+
+
+def keep(games: Games, t: Travelers, game: int) -> int:
+    """Store the paths of a game until its next phase."""
+    for i in range(games.agents):
+        travel.copy_trip(t.trips, i, t.kept, game * games.agents + i)  # type: ignore[arg-type] # there are some
+    return 0
+
+
+def recall(games: Games, t: Travelers, game: int) -> int:
+    """Read the stored paths of a game."""
+    for i in range(games.agents):
+        travel.copy_trip(t.kept, game * games.agents + i, t.trips, i)  # type: ignore[arg-type] # there are some
+    return 0
+
+
+def settle(games: Games, t: Travelers, game: int) -> int:
+    """Undo the moves of agents that are held, and of those that rules have placed elsewhere since they decided."""
+    for i in range(games.agents):
+        row = game * games.agents + i
+        share = t.trips.begins[i * t.trips.most]
+        has_left_edge = t.trips.legs[i] > 0 and 0.0 < share < 1.0 and games.edge[row] < 0
+        is_put = moves.is_put(games, t.movers, row, i) or has_left_edge
+        if is_put:
+            moves.put(games, t.movers, row)
+        if is_put or t.movers.held[row] or not games.alive[row]:
+            stay(games, t, row, i)
+            t.starts[row] = place_of(t, i)
+            t.ends[row] = place_of(t, i)
+            t.movers.ends[row] = t.trips.node[i]
+        moves.leave_or_join(games, t.movers, row)
     return 0
 
 
@@ -230,23 +260,19 @@ def move(games: Games, t: Travelers, game: int) -> int:
     part = t.movers.part[game]
     for i in range(games.agents):
         row = game * games.agents + i
-        games.placed[row] = 0
-        t.movers.ends[row] = t.trips.node[i]
         if t.movers.part_of[i] == part:
             go(games, t, row, i)
             if t.movers.parts > 1 and t.trips.legs[i] > 0:
                 travel.go_in_part(t.trips, i, part, t.movers.parts)
             if t.keeps:
                 travel.copy_trip(t.trips, i, t.kept, row)  # type: ignore[arg-type] # there are some
-    moves.end_part(games, t.movers, game)
-    return 0
+    return moves.end_part(games, t.movers, game)
 
 
 def go(games: Games, t: Travelers, row: int, i: int) -> int:
     """Write the end of an agent's path to the columns of the games."""
-    games.node[row] = t.trips.node[i]
-    if t.trips.node[i] != games.start[row]:
-        t.movers.moves[row] += 1
+    t.movers.ends[row] = t.trips.node[i]
+    moves.go(games, t.movers, row)
     games.edge[row] = t.trips.edge[i]
     games.share[row] = t.trips.share[i]
     t.motion[row] = t.trips.motion[i]

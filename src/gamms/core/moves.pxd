@@ -38,8 +38,8 @@ cdef class Movers:
     cdef Contests contests
     cdef Requests requests
     cdef bint some_walk, has_conflicts
-    cdef i64[::1] ends, counts, moves, blocks, wanted
-    cdef u8[::1] takes_part, blocked
+    cdef i64[::1] ends, went, counts, moves, blocks, wanted
+    cdef u8[::1] takes_part, blocked, held
     cdef const i64[::1] part_of
     cdef i64[::1] part
     cdef i64 parts
@@ -51,12 +51,20 @@ cdef i64 count_legal(Streets s, i64 place) except? -2 nogil
 cdef i64 legal_node(Streets s, i64 first, i64 node, i64 number) except? -2 nogil
 @cython.locals(at=i64, i=i64, row=i64, node=i64, action=i64, first=i64, part=i64)
 cpdef int decide(Games games, Movers m, i64 game) except -1 nogil
+cdef int set_out(Games games, Movers m, i64 row) except -1 nogil
 @cython.locals(row=i64, first=i64, number=i64, node=i64)
 cdef Py_ssize_t node_by_steps(Games games, Movers m, i64 game, i64 i) except -1 nogil
 @cython.locals(at=i64, i=i64, row=i64)
 cpdef int give_way(Games games, Movers m, i64 game) except -1 nogil
-@cython.locals(at=i64, row=i64)
+cdef int block(Movers m, i64 row, i64 wanted) except -1 nogil
+@cython.locals(i=i64, row=i64)
+cpdef int settle(Games games, Movers m, i64 game) except -1 nogil
+cdef bint is_put(Games games, Movers m, i64 row, i64 i) except -1 nogil
+cdef int put(Games games, Movers m, i64 row) except -1 nogil
+cdef int leave_or_join(Games games, Movers m, i64 row) except -1 nogil
+@cython.locals(i=i64, row=i64)
 cpdef int move(Games games, Movers m, i64 game) except -1 nogil
+cdef int go(Games games, Movers m, i64 row) except -1 nogil
 cdef int end_part(Games games, Movers m, i64 game) except -1 nogil
 
 

@@ -78,12 +78,14 @@ class Movers:
         part_of: (agents,) the part of the turn in which each agent moves, in the order of play.
         parts: the number of parts of a turn.
         part: (games,) the number of parts played in the current turn.
-        ends: (rows,) the nodes that agents move to in this turn.
+        ends: (rows,) the nodes that agents move to in this part of the turn.
+        went: (rows,) the nodes that agents have moved to in this turn; where they are if they have not moved yet.
         takes_part: (rows,) 1: the agent was alive at the start of the turn.
         counts: (rows,) the number of legal nodes at that time.
         moves, blocks: (rows,) the total numbers of moves to another node, and of moves stopped by conflicts.
         blocked: (rows,) 1: a conflict stopped the agent's last move.
         wanted: (rows,) the place where this move would have ended, as in `conflicts`.
+        held: (rows,) 1: a function keeps the agent from what it has decided; `settle` puts that into effect.
     """
 
     def __init__(
@@ -97,12 +99,14 @@ class Movers:
         requests: Requests | None,
         *,
         ends: memoryview[int],
+        went: memoryview[int],
         takes_part: memoryview[int],
         counts: memoryview[int],
         moves: memoryview[int],
         blocks: memoryview[int],
         blocked: memoryview[int],
         wanted: memoryview[int],
+        held: memoryview[int],
         part_of: memoryview[int],
         part: memoryview[int],
         parts: int,
@@ -120,12 +124,14 @@ class Movers:
         self.requests = requests
         self.has_conflicts = contests is not None
         self.ends = ends
+        self.went = went
         self.takes_part = takes_part
         self.counts = counts
         self.moves = moves
         self.blocks = blocks
         self.blocked = blocked
         self.wanted = wanted
+        self.held = held
         self.part_of = part_of
         self.part = part
         self.parts = parts
@@ -157,8 +163,7 @@ def decide(games: Games, m: Movers, game: int) -> int:
     for row in range(at, at + games.agents):
         node = games.node[row]
         if part == 0:
-            games.start[row] = node
-            m.takes_part[row] = games.alive[row]
+            set_out(games, m, row)
         m.counts[row] = count_legal(m.streets, first + node)
     if m.some_walk:  # until the loop below, `ends` holds numbers of legal nodes
         draws.choose(m.walks, at, games.agents, games.turn[game])
@@ -166,6 +171,7 @@ def decide(games: Games, m: Movers, game: int) -> int:
         row = at + i
         action = 0
         if m.takes_part[row] and m.part_of[i] == part:
+            games.start[row] = games.node[row]
             m.blocked[row] = 0
             if m.decides_by[i] == WALKS:
                 action = m.ends[row]
@@ -175,6 +181,15 @@ def decide(games: Games, m: Movers, game: int) -> int:
                 m.ends[row] = node_by_steps(games, m, game, i)
                 continue
         m.ends[row] = legal_node(m.streets, first, games.node[row], action)
+    return 0
+
+
+def set_out(games: Games, m: Movers, row: int) -> int:
+    """Start the turn of an agent at its node."""
+    games.start[row] = games.node[row]
+    m.went[row] = games.node[row]
+    m.takes_part[row] = games.alive[row]
+    games.placed[row] = 0
     return 0
 
 
@@ -198,29 +213,79 @@ def give_way(games: Games, m: Movers, game: int) -> int:
     for i in range(games.agents):
         row = at + i
         if m.contests.stays[i] and m.ends[row] != games.node[row]:  # type: ignore[union-attr] # there are conflicts
-            m.wanted[row] = m.ends[row]
+            block(m, row, m.ends[row])
             m.ends[row] = games.node[row]
-            m.blocked[row] = 1
-            m.blocks[row] += 1
+    return 0
+
+
+def block(m: Movers, row: int, wanted: int) -> int:
+    """Note that a conflict has stopped an agent on the way to a place."""
+    m.wanted[row] = wanted
+    m.blocked[row] = 1
+    m.blocks[row] += 1
+    return 0
+
+
+def settle(games: Games, m: Movers, game: int) -> int:
+    """Let agents stay that are held, and those that rules have put elsewhere since they decided."""
+    for i in range(games.agents):
+        row = game * games.agents + i
+        if is_put(games, m, row, i):
+            put(games, m, row)
+        if m.held[row]:
+            m.ends[row] = games.node[row]
+        leave_or_join(games, m, row)
+    return 0
+
+
+def is_put(games: Games, m: Movers, row: int, i: int) -> bool:
+    """Return whether rules have put an agent elsewhere that was about to move, or brought it back."""
+    if not m.takes_part[row]:
+        return True
+    return m.part_of[i] >= m.part[row // games.agents] and games.node[row] != games.start[row]
+
+
+def put(games: Games, m: Movers, row: int) -> int:
+    """Let an agent have begun the turn where it is, and stay there."""
+    games.start[row] = games.node[row]
+    m.went[row] = games.node[row]
+    m.ends[row] = games.node[row]
+    return 0
+
+
+def leave_or_join(games: Games, m: Movers, row: int) -> int:
+    """Let an agent take part in the turn if it lives now."""
+    m.held[row] = 0
+    m.takes_part[row] = games.alive[row]
+    if not games.alive[row]:
+        m.ends[row] = games.node[row]
     return 0
 
 
 def move(games: Games, m: Movers, game: int) -> int:
-    """Move all agents of a game, count the moves, and advance the turn after its last part."""
-    at = game * games.agents
-    for row in range(at, at + games.agents):
-        games.placed[row] = 0
-        if m.ends[row] != games.node[row]:
-            games.node[row] = m.ends[row]
-            m.moves[row] += 1
-    end_part(games, m, game)
+    """Move the agents of this part of the turn, count the moves, and advance the turn after its last part."""
+    for i in range(games.agents):
+        row = game * games.agents + i
+        if m.part_of[i] == m.part[game]:
+            go(games, m, row)
+    return end_part(games, m, game)
+
+
+def go(games: Games, m: Movers, row: int) -> int:
+    """Move an agent to the end of its move."""
+    games.placed[row] = 0
+    m.went[row] = m.ends[row]
+    if m.ends[row] != games.start[row]:
+        games.previous[row] = games.start[row]
+        m.moves[row] += 1
+    games.node[row] = m.ends[row]
     return 0
 
 
 def end_part(games: Games, m: Movers, game: int) -> int:
-    """Count a finished part of a turn, and advance the turn after its last part."""
+    """Count a finished part of a turn, and advance the turn after its last part, or if the game is over."""
     m.part[game] += 1
-    if m.part[game] == m.parts:
+    if m.part[game] == m.parts or games.over[game]:
         m.part[game] = 0
         games.turn[game] += 1
     return 0

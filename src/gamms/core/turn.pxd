@@ -17,7 +17,15 @@ cdef class Player:
     cdef const i64[::1] until
 
 
-cpdef int play_part(Player p, i64 game) except -1 nogil
+cdef i64 DECIDE, SETTLE, MOVE
+
+cdef int decide(Player p, i64 game) except -1 nogil
+cdef int move(Player p, i64 game) except -1 nogil
+cdef int settle(Player p, i64 game) except -1 nogil
+cdef int play_phase(Player p, i64 phase, i64 game) except -1 nogil
 @cython.locals(game=i64, parts=i64)
 cpdef int play(Player p, i64 begin, i64 end) except -1 nogil
+@cython.locals(game=i64, parts=i64)
+cpdef int play_phases(Player p, i64 phase, i64 begin, i64 end) except -1 nogil
+cpdef int play_phases_aside(Player p, i64 phase, i64 begin, i64 end) except -1
 cpdef int play_aside(Player p, i64 begin, i64 end) except -1

@@ -1,6 +1,6 @@
 """The moves of one turn: as arrays for the turn engine, and by name for rules and resolvers."""
 
-from collections.abc import Callable, Iterable, Mapping, MutableSequence, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableSequence, Sequence
 from copy import copy
 from functools import lru_cache
 from itertools import compress, count, repeat
@@ -46,6 +46,21 @@ class Refusals:
             self.moves.setdefault(agent, set()).add(why)
         elif any(one.agent == agent and one.kind == deed for one in self._turn.deeds):
             self.deeds.setdefault(agent, {}).setdefault(deed, set()).add(why)
+
+    def take_back(self, members: Iterable[int]) -> Iterator[tuple[int, str | None, str]]:
+        """Take back what is refused of the agents of some slots.
+
+        Yield the slot of each, the kind of the deed, None for its move, and why.
+        """
+        turn = self._turn
+        for i in members:
+            name = turn.slots[i].name
+            why = self.moves.get(name)
+            if why and turn.stop(i):
+                yield i, None, "; ".join(sorted(why))
+            for kind, reasons in sorted(self.deeds.get(name, {}).items()):
+                turn.refuse_deed(i, kind)
+                yield i, kind, f"{kind}: {'; '.join(sorted(reasons))}"
 
 
 Nodes = MutableSequence[int] | memoryview

@@ -406,8 +406,11 @@ class NamedRule(NamedTuple):
 
     @property
     def spec(self) -> RuleSpec:
-        """The declaration of the rule."""
-        return rule_spec_of(self.rule)
+        """The declaration of the rule; the core only has forms of rules of the phase "after"."""
+        spec = rule_spec_of(self.rule)
+        if self.phase == "after" or spec.core_form is None:
+            return spec
+        return replace(spec, core_form=None, prepare_arrays=None, begin_arrays=None)
 
     def __repr__(self) -> str:
         """Return the name, the rule as source code, and the phase."""

@@ -36,6 +36,8 @@ from gamms.typing.game import AerialState, IConflicts, Move, State
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
+CLOSED = "its way was closed"
+"""Why an agent stays whose way a rule has closed."""
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
 
 
@@ -334,12 +336,11 @@ class TurnEngine:
         Return the moves of the current agents. An agent that a rule has placed elsewhere stays there, and an agent
         whose path was closed stays on its node.
         """
-        self.refusals = Refusals(turn)
-        try:
-            if rules.check(self._state):
-                self._refuse(turn, part)
-        finally:
-            self.refusals = None
+        for i, kind, why in self.refused(turn, part.members, rules):
+            if kind is None:
+                self._block(turn.slots[i], why)
+            else:
+                self._note_illegal(turn.slots[i], why)
         deeds = turn.deeds
         number, revision = self._state.turn + 1, self._ctx.graph.graph.revision
         self._state.deeds += [
@@ -350,29 +351,25 @@ class TurnEngine:
         turn = self._state.moves = turn.on(self.order())
         turn.give_up(self._ctx.agent.block)
         if self._ctx.graph.graph.revision != revision:
-            closed = [i for i in range(len(turn.slots)) if not self._legality.is_open(turn.track(i))]
-            self._stop(turn, closed, "its way was closed")
+            for i in self.cut_off(turn):
+                self._block(turn.slots[i], CLOSED)
         return turn
 
-    def _refuse(self, turn: TurnMoves, part: Part) -> None:
-        """Cancel the moves and deeds that rules have refused."""
-        refusals = self.refusals
-        assert refusals is not None  # noqa: S101 - set by the only caller
-        slots = turn.slots
-        for i in part.members:
-            name = slots[i].name
-            if why := refusals.moves.get(name):
-                self._stop(turn, [i], "; ".join(sorted(why)))
-            for kind, reasons in sorted(refusals.deeds.get(name, {}).items()):
-                message = f"{kind}: {'; '.join(sorted(reasons))}"
-                self._note_illegal(slots[i], message)
-                turn.refuse_deed(i, kind)
+    def refused(self, turn: TurnMoves, members: Iterable[int], rules: RuleSet) -> Iterable[tuple[int, str | None, str]]:
+        """Let rules refuse moves and deeds of the agents of some slots; see `Refusals.take_back`."""
+        if not rules.now.checks:
+            return ()
+        self.refusals = refusals = Refusals(turn)
+        try:
+            rules.check(self._state)
+        finally:
+            self.refusals = None
+        return refusals.take_back(members)
 
-    def _stop(self, turn: TurnMoves, indices: Iterable[int], why: str) -> None:
-        """Keep agents at their places, with the reason `why`."""
-        for i in indices:
-            if turn.stop(i):
-                self._block(turn.slots[i], why)
+    def cut_off(self, turn: TurnMoves) -> list[int]:
+        """Keep the agents where they are whose way was closed; return their slots."""
+        closed = [i for i in range(len(turn.slots)) if not self._legality.is_open(turn.track(i))]
+        return [i for i in closed if turn.stop(i)]
 
     def _block(self, slot: AgentSlot, why: str) -> None:
         slot.set_blocked(self._state.blocked.add(slot.name, why))
@@ -555,13 +552,15 @@ class TurnEngine:
             for slot in cast("LazySlots", turn.slots).made_of(are_stopped):
                 slot.show_blocked()
             return
+        for i, end in self.lost(turn):
+            self._block(turn.slots[i], in_conflict(end))
+
+    def lost(self, turn: TurnMoves) -> list[tuple[int, Any]]:
+        """Keep the agents where they are that lose conflicts; return their slots, and where they wanted to go."""
         places = turn.places()
         moves = None if turn.order.whole.paced else turn.in_core()
-        losers = self._losers(turn, places, moves, turn.named)
-        ends = [places[1][i] for i in losers]
-        for i, end in zip(losers, ends, strict=True):
-            if turn.stop(i):
-                self._block(turn.slots[i], in_conflict(end))
+        losers = [(i, places[1][i]) for i in self._losers(turn, places, moves, turn.named)]
+        return [(i, end) for i, end in losers if turn.stop(i)]
 
     def _stopped_in_arrays(self, turn: TurnMoves) -> BoolArray | None:
         """Return which agents stay, by slot, if columns of agents are arrays.

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.core.turn import PHASES as PHASES_OF_CORE
 from gamms.game.batch.begun import Beginning
 from gamms.game.batch.channels import Radio, radio_of
 from gamms.game.batch.columns import (
@@ -19,7 +20,13 @@ from gamms.game.batch.columns import (
     kept_in,
     some_rows,
 )
-from gamms.game.batch.cursor import Cursor, asked_of, is_plain_rule
+from gamms.game.batch.cursor import (
+    Cursor,
+    acts_before_moves,
+    asked_of,
+    has_function_of_conflicts,
+    is_plain_rule,
+)
 from gamms.game.batch.deeds import DeclaredDeeds, DeedLog, deed_log_of
 from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.given import Given
@@ -42,6 +49,8 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
 from gamms.typing.game import strategy_name
+
+_DECIDE, _SETTLE, _MOVE = PHASES_OF_CORE
 
 
 class Group(NamedTuple):
@@ -76,7 +85,8 @@ class GamesOnMap:
 
     Attributes:
         game, state: see above.
-        before: the rules of the phase "before".
+        before, deeds: the rules of the phases "before" and "deeds".
+        acts: whether functions are called between decisions and moves.
         unlisted: (agents,) which are of teams that the order of play leaves out.
         core: plays them.
         cursor: calls plain functions; None: there are none.
@@ -96,11 +106,15 @@ class GamesOnMap:
         state.deeds = DeclaredDeeds(settings["deeds"], check, roster, state.streets, state.roads.are_open)
         self._block = block
         self.unlisted = roster.unlisted(settings["order"])
-        self.before = [one for one in as_called(game.rules) if one.phase == "before"]
-        self._groups = _groups(roster, settings["plans"])
         rules, asked = as_called(game.rules), asked_of(game, roster)
+        self.before = [one for one in rules if one.phase == "before"]
+        self.deeds = [one for one in rules if one.phase == "deeds"]
+        self._has_checks = len(game.internals.parts.rules.now.checks) > 0
+        self._has_conflicts = has_function_of_conflicts(game)
+        self.acts = acts_before_moves(game)
+        self._groups = _groups(roster, settings["plans"])
         collects = len(game.internals.parts.collectors.by_name) > 0
-        calls_each = collects or len(asked) > 0 or any(map(is_plain_rule, rules))
+        calls_each = self.acts or collects or len(asked) > 0 or any(map(is_plain_rule, rules))
         self._beginning = Beginning(game, state, block, games)
         carried = [sensor for agent in roster.agents for sensor in carried_by(agent).values()]
         note_sensors(state, range(len(roster.names)), with_nodes=any(map(turns_with_agent, carried)))
@@ -154,7 +168,7 @@ class GamesOnMap:
             error.add_note(f"In game {number} of a batch, with the seed {self.state.seeds[number]}.")
             raise error
 
-    def check(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
+    def check_given(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
         """Refuse what is not legal before a rule is called."""
         self._take(games, given)
         for team, wanted in given.items():
@@ -274,31 +288,59 @@ class GamesOnMap:
             for some in self._by_roads(games):
                 radio.send(some, _scene_of(self.game, self.state, radio, some))
 
-    def call(self, named: NamedRule, games: IntArray) -> None:
-        """Call a rule that is a function for some games."""
+    def check(self, games: IntArray, part: int) -> None:
+        """Let rules refuse moves and deeds of a part of the turn."""
+        self.core.note_places()
+        if self._has_checks and self.cursor is not None and len(games):
+            self.cursor.check(games, part)
+
+    def do_deeds(self, games: IntArray, part: int) -> IntArray:
+        """Call the rules of the phase "deeds"; return the games in which roads were closed or opened."""
+        roads = self.state.roads
+        before = [roads.of(game) for game in games.tolist()]
+        for named in self.deeds:
+            self.call(named, games, part)
+        are_other = [roads.of(game) is not one for game, one in zip(games.tolist(), before, strict=True)]
+        return games[np.array(are_other, np.bool_)]
+
+    def stop(self, games: IntArray, changed: IntArray, part: int) -> None:
+        """Let agents stay whose way was closed, in games whose roads have changed, or that lose by a function."""
+        self.core.note_places()
+        if self.cursor is not None and len(changed):
+            self.cursor.cut_off(changed, part)
+        if self.cursor is not None and self._has_conflicts and len(games):
+            self.cursor.give_way(games, part)
+
+    def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
+        """Call a rule that is a function for some games; see `Cursor.call`."""
         if not len(games):
             return
         if named.spec.array_form is None:
             if self.cursor is not None:
-                self.cursor.call(named, games)
+                self.cursor.call(named, games, part)
             return
         for some in self._by_roads(games):
             for few in self._by_beginning(some):
-                self._apply(named, few)
+                self._apply(named, few, part)
 
-    def _apply(self, named: NamedRule, games: IntArray) -> None:
+    def _apply(self, named: NamedRule, games: IntArray, part: int | None) -> None:
         """Call an array rule for some games."""
         form: Any = named.spec.array_form
         turn = ArrayTurn(self.state, games)
         if self.state.deed_log is not None:
             turn._deeds = self.state.deed_log.done_in(games)
-        last = self._beginning.last_turn
+        turn._is_moving = part is not None
+        last = None if turn._is_moving else self._beginning.last_turn
         if last is not None and self.state.turn[games[0]] == self._beginning.turn:
             turn.starts, turn.ends, turn.took_part, turn.paths = some_rows(last, np.zeros_like(games))
             turn._deeds = self._beginning.last_deeds(len(games))
         else:
-            turn.starts, turn.ends, turn.took_part = self.core.last_moves(games)
-            turn.paths = self.core.paths(games)
+            moves = self.core.last_moves(games) if part is None else self.core.next_moves(games, part)
+            turn.starts, turn.ends, turn.took_part = moves
+            if part is None:
+                turn.paths = self.core.paths(games)
+            elif self.core.courses is not None:
+                turn.paths = self.core.courses.paths(games, turn.starts, turn.took_part)
         turn._lock()
         try:
             form(turn)
@@ -361,6 +403,7 @@ class ArrayEngine:
             for game, state, of_map in zip(games, states, self._on, strict=True)
         ]
         self._num_parts = self._maps[0].core.num_parts
+        self._acts = self._maps[0].acts
 
     def _find_games(self) -> None:
         """Find the games that are on each map."""
@@ -477,6 +520,7 @@ class ArrayEngine:
             self._play_parts(playing, first, are_given, threads)
         except BaseException:
             self._block.part[:] = first
+            self._block.held[:] = 0
             raise
         self._finish(playing)
 
@@ -486,15 +530,38 @@ class ArrayEngine:
         """Let agents decide and move, part by part; of each game those from the first part on that was not played."""
         begun = self._state.turn * self._num_parts
         for part in range(self._num_parts):
-            for one, games, is_given in zip(self._maps, playing, are_given, strict=True):
-                if is_given is not None:
-                    one.decide(games[first[games] <= part], part, is_given)
-            flaws, turns = self._admit(part), self._state.turn.copy()
+            now = [games[(first[games] <= part) & self._state.is_going[games]] for games in playing]
+            for one, games, is_given in zip(self._maps, now, are_given, strict=True):
+                if is_given is not None and len(games):
+                    one.decide(games, part, is_given)
+            flaws, turns, until = self._admit(part), self._state.turn.copy(), begun + part + 1
             if self._deed_log is not None:
                 self._deed_log.do(part)
-            self._play(playing, begun + part + 1, are_given, threads)
+            self._play(now, until, are_given, threads, _DECIDE if self._acts else None)
             for flaw in flaws:
                 self._maps[self._map_of[flaw.game]].note_unsent(flaw, int(turns[flaw.game]))
+            self._act(now, part, partial(self._play, now, until, are_given, threads))
+
+    def _act(self, playing: list[IntArray], part: int, play: Callable[[int], None]) -> None:
+        """Call the functions between the decisions of agents and their moves, and let agents move then.
+
+        Args:
+            playing: the games of each map that are played.
+            part: of the turn.
+            play: plays a phase in the core.
+        """
+        for one, games in zip(self._maps if self._acts else (), playing, strict=False):
+            one.check(games, part)
+        if self._deed_log is not None:
+            self._deed_log.note()
+        if not self._acts:
+            return
+        play(_SETTLE)
+        changed = [one.do_deeds(games, part) for one, games in zip(self._maps, playing, strict=True)]
+        play(_SETTLE)
+        for one, games, of_map in zip(self._maps, playing, changed, strict=True):
+            one.stop(games, of_map, part)
+        play(_MOVE)
 
     def _finish(self, playing: list[IntArray]) -> None:
         """Send messages, and call rules and collectors, in games that have moved."""
@@ -525,13 +592,18 @@ class ArrayEngine:
     def _call_before(self, playing: list[IntArray], given: Mapping[Hashable, Given]) -> list[IntArray]:
         """Call the rules before the turn; return the games of each map that go on."""
         for one, games in zip(self._maps, playing, strict=True):
-            one.check(games, given)
+            one.check_given(games, given)
         for one, games in zip(self._maps, playing, strict=True):
             one.call_before(games)
         return self._playing()
 
     def _play(
-        self, playing: list[IntArray], until: IntArray, are_given: Sequence[BoolArray | None], threads: int
+        self,
+        playing: list[IntArray],
+        until: IntArray,
+        are_given: Sequence[BoolArray | None],
+        threads: int,
+        phase: int | None = None,
     ) -> None:
         """Play games of each map in the core.
 
@@ -540,6 +612,7 @@ class ArrayEngine:
             until: (games,) until so many parts of the turns of each game are played.
             are_given: (agents,) of each map which agents take the actions in the block; None: none do.
             threads: how many play.
+            phase: of a part of the turn, see `gamms.core.turn`; None: all of them.
         """
         cores = [one.core for one in self._maps]
         for core, games, is_given in zip(cores, playing, are_given, strict=True):
@@ -547,7 +620,7 @@ class ArrayEngine:
 
         def play_part(thread: int, begin: int, end: int) -> None:
             for core in cores:
-                core.play_part(thread, begin, end)
+                core.play_part(thread, begin, end, phase)
 
         self._block.give()
         in_threads(play_part, len(until), threads)

@@ -99,7 +99,7 @@ class EdgeCourses:
 
     Args:
         by: how agents go.
-        shape: how many games and agents there are.
+        ahead, covered: (games, agents) the nodes to which they cover part of an edge in their turn, and how much of it.
         most: how many nodes an agent passes in a turn at most.
         part_of: (agents,) the part of the turn in which each goes.
 
@@ -108,12 +108,16 @@ class EdgeCourses:
         routes: how they go.
     """
 
-    def __init__(self, by: ByEdges, shape: tuple[int, int], most: int, part_of: IntArray) -> None:
+    def __init__(self, by: ByEdges, ahead: IntArray, covered: FloatArray, most: int, part_of: IntArray) -> None:
+        shape = len(ahead), ahead.shape[1]
         self._by = by
+        self._ahead = ahead
+        self._covered = covered
         self._are_at_once = not part_of.any()
         self._nodes = np.zeros((*shape, most), np.int64)
         self._times = np.zeros((*shape, most))
         self._lengths = np.ones(shape, np.int64)
+        self._ahead[:] = -1
         views: list[Any] = [one.reshape(-1).data for one in (self._nodes, self._times, self._lengths)]
         self.core = rules.Steps(*views)
         self.routes = Routes(by, shape, most)
@@ -126,14 +130,18 @@ class EdgeCourses:
     def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
         """Return what agents did that did more than to go along one edge, by their places among these."""
         nodes, lengths = self._nodes[game, agents], self._lengths[game, agents]
+        ahead, covered, ids = self._ahead[game, agents], self._covered[game, agents], self._by.streets.ids
         has_gone_far = (lengths > 2) | ((lengths == 2) & (nodes[:, 0] == nodes[:, 1]))  # or along a loop
         if not self._are_at_once:
             has_gone_far = lengths > 1
         found = {}
-        for place in np.flatnonzero(has_gone_far).tolist():
-            path = self._by.streets.ids(nodes[place, : lengths[place]]).tolist()
+        for place in np.flatnonzero(has_gone_far | (ahead >= 0)).tolist():
+            path = ids(nodes[place, : lengths[place]]).tolist()
             times = () if self._are_at_once else tuple(self._times[game, agents[place], : lengths[place]].tolist())
-            found[place] = ResolvedAction(path[-1], tuple(path), times=times)
+            progress = None
+            if ahead[place] >= 0:
+                progress = Progress(path[-1], int(ids(ahead[place])), float(covered[place]))
+            found[place] = ResolvedAction(path[-1], tuple(path), times=times, progress=progress)
         return found
 
     def paths(self, games: IntArray, starts: IntArray, took_part: BoolArray) -> Paths:

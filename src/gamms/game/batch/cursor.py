@@ -19,6 +19,7 @@ from gamms.game.batch.in_core import CoreGames, core_form_of
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.state import STOPPED, GameArrays, NotTakenUp
 from gamms.game.batch.view import ArrayView
+from gamms.game.conflicts import ranked
 from gamms.game.decisions import Decisions
 from gamms.game.messages import Inboxes
 from gamms.game.moves import TurnMoves
@@ -27,10 +28,12 @@ from gamms.game.random_streams import DrawTable
 from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule, as_called
 from gamms.game.slots import COUNTED
+from gamms.game.turn import CLOSED
 from gamms.ir.events import AGENT_ATTRIBUTE
 from gamms.ir.game_state import BlockedAgents, GameState, Scores, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import PLAIN, Journal
+from gamms.ir.obstacles import BoolArray
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
 from gamms.plain import is_plain, is_same
 from gamms.typing.sensor_engine import owner_of
@@ -252,8 +255,8 @@ class Cursor:
         deciders = [decider_of(state.roster.agents[number], plans) for number in asked]
         collectors = parts.collectors.by_name.values()
         self._periods = {one.every for one in collectors}
-        rules = (one.rule for one in as_called(game.rules) if is_plain_rule(one))
-        self.functions = [*rules, *deciders, *(one.fn for one in collectors)]
+        self.functions = [*_functions_of_rules(game), *deciders, *(one.fn for one in collectors)]
+        self._part: int | None = None  # of the turn in which agents are about to move
         # of each game, as Python objects
         games = range(len(state))
         self._data: list[dict[Any, Any] | None] = [None for _ in games]  # None: as at the start
@@ -561,12 +564,21 @@ class Cursor:
         self._leave("reads ctx.game.memories")
 
     def _make_moves(self) -> TurnMoves | None:
-        """Return how agents have moved in the last turn of the game; None: there was none."""
+        """Return how agents have moved in the last turn of the game, or are about to move; None: there was none."""
+        part, games = self._part, np.array([self._number])
+        if part is not None:
+            return self._moves_between(*(column[0] for column in self._core.next_moves(games, part)))
         if self._state.turn[self._number] == self._first.turn and not self._core.num_played_parts(self._number):
             return self._first.moves
-        starts, ends, took_part = (column[0] for column in self._core.last_moves(np.array([self._number])))
+        starts, ends, took_part = (column[0] for column in self._core.last_moves(games))
         if not took_part.any():
             return None
+        moves = self._moves_between(starts, ends, took_part)
+        parts = self._parts.settings.order
+        return moves if parts is None or self._core.courses is not None else moves.in_parts(parts)
+
+    def _moves_between(self, starts: IntArray, ends: IntArray, took_part: BoolArray) -> TurnMoves:
+        """Return the moves of the agents that took part."""
         order = self._order_of(np.ascontiguousarray(took_part[self._pointed.numbers]).tobytes())
         ids, courses = self._state.streets.ids, self._core.courses
         numbers = np.flatnonzero(took_part)
@@ -574,15 +586,70 @@ class Cursor:
         moves = TurnMoves(order, ids(starts[took_part]).tolist(), ids(ends[took_part]).tolist(), actions)
         if self._state.deed_log is not None:
             for number, deeds in self._state.deed_log.plain_of(self._number).items():
-                moves.do(int(np.searchsorted(numbers, number)), deeds)
-        parts = self._parts.settings.order
-        return moves if parts is None or courses is not None else moves.in_parts(parts)
+                if took_part[number] and self._part in (None, self._core.part_of[number]):
+                    moves.do(int(np.searchsorted(numbers, number)), deeds)
+        return moves
+
+    # -- before agents move ---------------------------------------------------------------------------------------
+
+    def check(self, games: IntArray, part: int) -> None:
+        """Let rules refuse moves and deeds of a part of the turn in each of these games."""
+        self._call_each(self._check, games, part=part)
+
+    def _check(self) -> None:
+        number, moves, deeds = self._number, self._read_field("moves"), self._state.deed_log
+        part_of, numbers = self._core.part_of, self._number_of
+        members = [i for i, name in enumerate(moves.order.names) if part_of[numbers[name]] == self._part]
+        for i, kind, why in self._turns.refused(moves, members, self._parts.rules):
+            agent = numbers[moves.slots[i].name]
+            if kind is None:
+                self._hold(agent)
+                self._note_undone(number, agent, why)
+            else:
+                flaw = Failure.illegal(number, agent, why)
+                self._state.note_failure(flaw)
+                self._note_undone(number, agent, why)
+                deeds.refuse(number, agent, kind)
+        self._refuse_other_agents("the check of a rule")
+
+    def cut_off(self, games: IntArray, part: int) -> None:
+        """Let agents stay whose way was closed in these games."""
+        self._call_each(self._cut_off, games, part=part)
+
+    def _cut_off(self) -> None:
+        moves = self._read_field("moves")
+        for i in self._turns.cut_off(moves):
+            agent = self._number_of[moves.slots[i].name]
+            self._hold(agent)
+            self._note_undone(self._number, agent, CLOSED)
+
+    def give_way(self, games: IntArray, part: int) -> None:
+        """Let agents stay that lose conflicts, by a function, in these games."""
+        self._call_each(self._give_way, games, part=part)
+
+    def _give_way(self) -> None:
+        moves = self._read_field("moves")
+        for i, end in self._turns.lost(moves):
+            agent = self._number_of[moves.slots[i].name]
+            self._hold(agent)
+            self._core.note_conflict(self._number, agent, end)
+        self._refuse_other_agents("the function of conflicts")
+
+    def _hold(self, agent: int) -> None:
+        """Let an agent of the game that the context is pointed at stay."""
+        self._state.counts["blocked"][self._number, agent] += 1
+        self._core.hold(self._number, agent)
+
+    def _refuse_other_agents(self, what: str) -> None:
+        if any(type(one) is not tuple or one[0] != AGENT_ATTRIBUTE for one in self._journal.log):
+            self._leave(f"that is {what} changes agents")
 
     # -- rules --------------------------------------------------------------------------------------------------
 
-    def call(self, named: NamedRule, games: IntArray) -> None:
-        """Call a rule in each of these games."""
-        self._call_each(lambda: named.rule(self._ctx), games, f"the rule {named.name!r} (phase {named.phase!r})")
+    def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
+        """Call a rule in each of these games, before agents of a part of the turn move; None: before or after all."""
+        what = f"the rule {named.name!r} (phase {named.phase!r})"
+        self._call_each(lambda: named.rule(self._ctx), games, what, part=part)
 
     def collect(self, games: IntArray) -> None:
         """Call the collectors in those of these games in which they are due."""
@@ -600,18 +667,22 @@ class Cursor:
         """Return what was collected in a game, by the names of collectors."""
         return self._collectors[game].tables()
 
-    def _call_each(self, function: Callable[[], object], games: IntArray, what: str) -> None:
+    def _call_each(
+        self, function: Callable[[], object], games: IntArray, what: str = "", *, part: int | None = None
+    ) -> None:
         """Call a function while the context is pointed at each of these games in turn.
 
         Args:
             function: that is called.
             games: their numbers.
-            what: the function, in words.
+            what: the function, in words; "": its errors say that.
+            part: of the turn in which agents are about to move; None: they are not.
         """
         turns = self._turns
         self._begin()
         turns.is_playing = True
-        turns.is_moving = False
+        self._part = part
+        turns.is_moving = part is not None
         try:
             for _ in self._each(games):
                 begun = self._living.table.begun
@@ -624,11 +695,13 @@ class Cursor:
         except Exception as error:
             if not isinstance(error, NotTakenUp):
                 self._refuse_changes()
-                error.add_note(f"In {what}, in turn {self._values.turn}.")
+                if what:
+                    error.add_note(f"In {what}, in turn {self._values.turn}.")
                 error.add_note(self._named())
             raise
         finally:
-            turns.is_playing = False
+            turns.is_playing = turns.is_moving = False
+            self._part = None
         self._refuse_changes()
         if any(last[0] is not self._looks for last in self._lasts):
             self._leave("asks sensors")
@@ -846,9 +919,12 @@ class Cursor:
 
     def note_undone(self, failure: Failure) -> None:
         """Let an agent that is asked know in its next turn what it did wrong in this one."""
-        if failure.agent in self._asked_agents:
-            undone, name = self._undone.setdefault(failure.game, {}), self._state.roster.names[failure.agent]
-            undone[name] = f"{undone[name]}; {failure.message}" if name in undone else failure.message
+        self._note_undone(failure.game, failure.agent, failure.message)
+
+    def _note_undone(self, game: int, agent: int, why: str) -> None:
+        if agent in self._asked_agents:
+            undone, name = self._undone.setdefault(game, {}), self._state.roster.names[agent]
+            undone[name] = f"{undone[name]}; {why}" if name in undone else why
 
     def _asked(self, which: bytes, agents: IntArray) -> _Asked:
         """Return what asking some agents needs, of those that live now."""
@@ -910,6 +986,28 @@ class Cursor:
                 self._data[number] = before
 
         return take_back
+
+
+def _functions_of_rules(game: PlayedGame) -> Iterator[Callable[..., object]]:
+    """Yield the plain functions of rules and conflicts that are called."""
+    for one in as_called(game.rules):
+        if is_plain_rule(one):
+            yield one.rule
+    for _, check in game.internals.parts.rules.now.checks:
+        yield check
+    if has_function_of_conflicts(game):
+        yield game.settings()["conflicts"].resolve
+
+
+def has_function_of_conflicts(game: PlayedGame) -> bool:
+    """Whether a function decides conflicts, and not ranks."""
+    conflicts = game.settings()["conflicts"]
+    return conflicts is not None and ranked(conflicts) is None
+
+
+def acts_before_moves(game: PlayedGame) -> bool:
+    """Whether functions are called between the decisions of agents and their moves."""
+    return game.internals.parts.rules.now.act_before_moves or has_function_of_conflicts(game)
 
 
 def is_plain_rule(rule: NamedRule) -> bool:

@@ -225,7 +225,8 @@ class _Done(NamedTuple):
 class DeedLog(GameLog[list[_Done]]):
     """The deeds of all games of a batch.
 
-    In each part of a turn, agents want to do deeds with `want`, and `do` notes them.
+    In each part of a turn, agents want to do deeds with `want`, `do` begins them, and `note` writes them down, but for
+    those that were refused.
 
     Args:
         part_of: (agents,) the part of the turn in which each decides.
@@ -236,6 +237,8 @@ class DeedLog(GameLog[list[_Done]]):
         super().__init__(num_games)
         self._part_of = part_of
         self._last: list[_Done] = []  # of the last turn that was played, or is under way
+        self._now: list[_Done] = []  # of its last part
+        self._refused: set[tuple[int, int, str]] = set()  # game, agent, kind
         self._plain: dict[int, dict[int, dict[str, dict[str, Any]]]] | None = None  # the same by game and agent
         self.begin_turn()
 
@@ -254,12 +257,29 @@ class DeedLog(GameLog[list[_Done]]):
         self._wanted += [_Done(declared, one, turn[one.at] + 1) for one in deeds if len(one.at)]
 
     def do(self, part: int) -> None:
-        """Note what the agents of a part of the turn do."""
-        now = [one for one in self._wanted if self._part_of[one.deeds.agents[0]] == part]
-        self._last = [*self._last, *now] if part else now
+        """Let the agents of a part of the turn do what they want to."""
+        self._now = [one for one in self._wanted if self._part_of[one.deeds.agents[0]] == part]
+        self._last = [*self._last, *self._now] if part else self._now
         self._plain = None
-        if now:
-            self._pending.append(now)
+        self._refused.clear()
+
+    def refuse(self, game: int, agent: int, kind: str) -> None:
+        """Refuse a deed that an agent wants to do."""
+        self._refused.add((game, agent, kind))
+
+    def note(self) -> None:
+        """Note what the agents of the last part of the turn do, but for what was refused."""
+        if self._refused:
+            before = self._last[: len(self._last) - len(self._now)]
+            self._now = [one.those(self._are_done(one.deeds)) for one in self._now]
+            self._last = [*before, *self._now]
+            self._plain = None
+        if self._now:
+            self._pending.append(self._now)
+
+    def _are_done(self, deeds: ArrayDeeds) -> BoolArray:
+        each = zip(deeds.at.tolist(), deeds.agents.tolist(), strict=True)
+        return np.array([(*one, deeds.kind) not in self._refused for one in each], np.bool_)
 
     def done_in(self, games: IntArray) -> list[ArrayDeeds]:
         """Return the deeds of some games in this turn; in it, a game is numbered by its place among these."""

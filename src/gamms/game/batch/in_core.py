@@ -23,7 +23,7 @@ from gamms.game.batch.state import CoreEvents, GameArrays
 from gamms.game.batch.strategy_steps import LOOKING, MOST_LOOKING, StrategySteps, always_act, has_plain_looks
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, in_parts
-from gamms.game.conflicts import ConflictTable, flat
+from gamms.game.conflicts import ConflictTable, flat, ranked
 from gamms.game.settings import NamedRule, as_called
 from gamms.game.travel import no_way
 from gamms.ir.game_state import joined_end
@@ -151,8 +151,10 @@ class Block:
     Attributes:
         given: (games, agents) the numbers of the legal nodes that agents go to that are given them; -1: they go along
             routes.
-        start, ends, takes_part: (games, agents) where agents were before they moved, where they went, and who did.
+        start, went, takes_part: (games, agents) where agents were before they moved, where they went, and who did.
+        ends: (games, agents) where agents go in the part of a turn that is under way.
         wanted: (games, agents) where agents wanted to go that conflicts have stopped, as these compare places.
+        held: (games, agents) which agents may not do what they have decided.
         part: (games,) how many parts of the turn that is under way were played.
         over: (games,) which games have ended.
         score: (games, teams)
@@ -165,8 +167,8 @@ class Block:
         self._states = states
         self._map_of = map_of
         shape = state.node.shape
-        self.given, self.start, self.ends, self.wanted = np.zeros((4, *shape), np.int64)
-        self.takes_part = np.zeros(shape, np.uint8)
+        self.given, self.start, self.ends, self.went, self.wanted = np.zeros((5, *shape), np.int64)
+        self.takes_part, self.held = np.zeros((2, *shape), np.uint8)
         self.part = np.zeros(shape[0], np.int64)
         self.over = np.zeros(shape[0], np.uint8)
         self.score = np.zeros((shape[0], len(state.roster.teams)))
@@ -179,8 +181,9 @@ class Block:
     def begin(self, games: IntArray) -> None:
         """Begin games, whose agents have not moved."""
         self.start[games] = self._state.node[games]
-        self.ends[games] = self._state.node[games]
+        self.went[games] = self._state.node[games]
         self.takes_part[games] = 0
+        self.held[games] = 0
         self.part[games] = 0
 
     def events_of(self, thread: int) -> rules.Events:
@@ -356,7 +359,7 @@ class CoreGames:
         self._rules = [one for one in as_called(game.rules) if one.phase == "after"]
         self.has_functions = is_apart or any(map(is_function, self._rules))
         self._keeps_courses = is_apart or any(map(is_function, as_called(game.rules)))
-        self._conflicts = settings["conflicts"]
+        self._conflicts = ranked(settings["conflicts"])
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
         found = [core_form_of(settings, state.roster, number) for number in range(len(deciders))]
         forms = [moves.STAY if one is None else one for one in found]
@@ -372,6 +375,7 @@ class CoreGames:
         self._first_node = np.zeros(len(state), np.int64)  # see `rules.Games`
         self._tables: RoadTables | None = None  # of the games, once a rule has closed roads
         self._until = np.zeros(len(state), np.int64)
+        self._here = state.node  # see `note_places`
         self._games = np.zeros(0, np.int64)  # that are played
         self.part_of = state.roster.part_of(settings["order"])
         self.num_parts = len(settings["order"] or [()])
@@ -385,7 +389,31 @@ class CoreGames:
     def last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
         """Return where agents of some games were before they moved, where they went, and which took part."""
         block = self._block
-        return block.start[games], block.ends[games], block.takes_part[games] > 0
+        return block.start[games], block.went[games], block.takes_part[games] > 0
+
+    def note_places(self) -> None:
+        """Note where agents are that are about to move."""
+        self._here = self._state.node.copy()
+
+    def next_moves(self, games: IntArray, part: int) -> tuple[IntArray, IntArray, BoolArray]:
+        """Return the same of agents that are about to move in a part of the turn."""
+        block, here = self._block, self._here[games]
+        goes = (self.part_of == part) & (block.held[games] == 0)
+        return here, np.where(goes, block.ends[games], here), block.takes_part[games] > 0
+
+    def hold(self, game: int, agent: int) -> None:
+        """Keep an agent from what it has decided."""
+        self._block.held[game, agent] = 1
+
+    def note_conflict(self, game: int, agent: int, place: int | EdgePlace) -> None:
+        """Note that a conflict has stopped an agent on the way to a node or an edge."""
+        columns, streets = self._state.movement.columns, self._state.streets
+        if isinstance(place, EdgePlace):
+            row = len(columns.node_ids) + int(np.flatnonzero(columns.edge_ids == place.edge)[0])
+        else:
+            row = int(streets.rows(place))
+        self._block.wanted[game, agent] = row
+        self._state.blocked[game, agent] = True
 
     def num_played_parts(self, game: int) -> int:
         """Return how many parts of the turn that is under way were played in a game."""
@@ -396,7 +424,7 @@ class CoreGames:
         """The columns of the last moves, how many parts of a turn were played, and where agents wanted to go."""
         block = self._block
         courses = () if self.courses is None else self.courses.columns()
-        return block.start, block.ends, block.takes_part, block.part, block.wanted, *courses
+        return block.start, block.went, block.takes_part, block.part, block.wanted, *courses
 
     @property
     def courses(self) -> EdgeCourses | MetreCourses | None:
@@ -452,9 +480,13 @@ class CoreGames:
             if self._by_steps is not None:
                 self._by_steps.take_roads(tables)
 
-    def play_part(self, thread: int, begin: int, end: int) -> None:
-        """Play those of the games from `begin` to `end - 1` that are on this map."""
-        turn.play_aside(self._made[thread][0], begin, end)
+    def play_part(self, thread: int, begin: int, end: int, phase: int | None) -> None:
+        """Play those of the games from `begin` to `end - 1` that are on this map, or a phase; None: all phases."""
+        player = self._made[thread][0]
+        if phase is None:
+            turn.play_aside(player, begin, end)
+        else:
+            turn.play_phases_aside(player, phase, begin, end)
 
     def finish(self) -> None:
         """Let the state of the batch have what agents remember of the games that were played."""
@@ -466,9 +498,6 @@ class CoreGames:
         if not self.has_functions:
             return
         numbers = flat(games, np.int64)
-        state = self._state
-        starts, ends, took_part = self.last_moves(games)
-        state.previous[games] = np.where(took_part & (ends != starts), starts, state.previous[games])
         for part in self._parts:
             if isinstance(part, NamedRule):
                 yield part
@@ -501,12 +530,14 @@ class CoreGames:
         )
         shared = {
             "ends": memory_of(block.ends),
+            "went": memory_of(block.went),
             "takes_part": memory_of(block.takes_part),
             "counts": self._counts,
             "moves": memory_of(state.counts["moves"]),
             "blocks": memory_of(state.counts["blocked"]),
             "blocked": memory_of(state.blocked),
             "wanted": memory_of(block.wanted),
+            "held": memory_of(block.held),
             "part_of": flat(self.part_of, np.int64),
             "part": block.part.data,
             "parts": self.num_parts,

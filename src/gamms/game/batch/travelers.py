@@ -115,7 +115,10 @@ class EdgeColumns:
         self.ends: tuple[IntArray, IntArray] | None = None
         shape, self._most = state.node.shape, most_nodes(by) + int(part_of.any())
         _refuse_too_long(self._agents * self._most, state.node.size * self._most * keeps_courses)
-        self.courses = EdgeCourses(by, shape, self._most, part_of) if keeps_courses else None
+        self._ahead = np.full(shape, -1)
+        self._covered = np.zeros(shape)
+        courses = EdgeCourses(by, self._ahead, self._covered, self._most, part_of) if keeps_courses else None
+        self.courses = courses
         rows, lengths = state.node.size, np.asarray(by.streets.weights("length"), np.float64)
         self._hops = StoredPaths(by.columns, np.ones(len(lengths)), rows, 8)
         self._ways = StoredPaths(by.columns, lengths, rows if go_by_steps else 0, _remembered(rows))
@@ -145,9 +148,9 @@ class EdgeColumns:
         )
         if by_steps is not None:
             by_steps.go_far(self._ways.plain_ways(reach))
-        return ThreadTravel(
-            by_edges.Walkers(movers, walks), None, None, walks, (nodes, times, lengths), NO_LEGS, most, 0
-        )
+        after: tuple[Any, Any] = (self._ahead.reshape(-1).data, self._covered.reshape(-1).data)
+        walkers = by_edges.Walkers(movers, walks, *after)
+        return ThreadTravel(walkers, None, None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
 
 
 class MetreColumns:

@@ -5,13 +5,12 @@ from itertools import chain
 
 from gamms.game.batch.begun import goes_along_one_edge, may_forget, movement_of, why_not_begun
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, preparing
-from gamms.game.batch.cursor import asked_of, is_plain_rule
+from gamms.game.batch.cursor import acts_before_moves, asked_of, has_function_of_conflicts, is_plain_rule
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import core_form_of
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sensing import why_not_asked_in_core
-from gamms.game.conflicts import ranked
-from gamms.game.settings import NamedRule, as_called
+from gamms.game.settings import as_called
 from gamms.text import as_code, shown
 from gamms.typing import AgentType
 
@@ -19,14 +18,17 @@ from gamms.typing import AgentType
 def why_not_in_core(game: PlayedGame, roster: Roster) -> str | None:
     """Return what keeps games from being played in the core, in words; None: nothing but perhaps their map."""
     decided = why_not_decided(game, roster).values()
-    ruled = _why_not_ruled(game)
     called = _why_not_called(game, roster)
-    return next(chain(_why_not_played(game), _why_not_agents(game, roster), ruled, decided, called), None)
+    return next(chain(_why_not_played(game), _why_not_agents(game, roster), decided, called), None)
 
 
 def first_called(game: PlayedGame, roster: Roster) -> str | None:
     """Return the first plain function that is called game by game, in words; None: there is none."""
-    rules = [f"the rule {one.name!r}" for one in as_called(game.rules) if is_plain_rule(one)]
+    called = as_called(game.rules)
+    rules = [f"the rule {one.name!r}" for one in called if is_plain_rule(one)]
+    rules += [f"the check of the rule {one.name!r}" for one in called if one.spec.check is not None]
+    if has_function_of_conflicts(game):
+        rules.append(f"the conflicts {as_code(game.settings()['conflicts'])}")
     plans = game.settings()["plans"]
     deciders = (f"the strategy {as_code(decider_of(roster.agents[i], plans))}" for i in asked_of(game, roster))
     collectors = (f"the collector {name!r}" for name in game.internals.parts.collectors.by_name)
@@ -44,9 +46,13 @@ def _why_not_called(game: PlayedGame, roster: Roster) -> Iterator[str]:
     first = first_called(game, roster)
     if first is None:
         return
-    asked = asked_of(game, roster)
+    asked, order = asked_of(game, roster), game.settings()["order"]
+    if order is not None and not goes_along_one_edge(game, roster) and acts_before_moves(game):
+        yield f"{first}, before agents with speeds move in an order of play"
     if asked and _decides_at_arrivals(game):
         yield f"{first}, with agents that decide at arrivals"
+    if has_function_of_conflicts(game) and _decides_at_arrivals(game):
+        yield f"{first}, with conflicts at arrivals"
 
 
 def _decides_at_arrivals(game: PlayedGame) -> bool:
@@ -72,22 +78,6 @@ def _why_not_agents(game: PlayedGame, roster: Roster) -> Iterator[str]:
             yield f"agent {shown(agent.name)}, which flies"
         for name, why in why_not_asked_in_core(agent, is_called=number in asked):
             yield f"the sensor {shown(name)} of agent {shown(agent.name)}, which {why}"
-
-
-def _why_not_ruled(game: PlayedGame) -> Iterator[str]:
-    """Yield the rules, checks and conflicts that the core does not have."""
-    conflicts = game.settings()["conflicts"]
-    for one in as_called(game.rules):
-        if one.spec.check is not None:
-            yield f"the check of the rule {one.name!r}"
-        if not _is_played(one):
-            yield f"the rule {one.name!r}"
-    if conflicts is not None and ranked(conflicts) is None:
-        yield f"the conflicts {as_code(conflicts)}"
-
-
-def _is_played(rule: NamedRule) -> bool:
-    return rule.phase == "after" or (rule.phase == "before" and rule.spec.core_form is None)
 
 
 def why_not_decided(game: PlayedGame, roster: Roster) -> dict[Hashable, str]:
