@@ -12,9 +12,9 @@ import numpy as np
 from gamms.arguments import as_context, as_items, as_range
 from gamms.belief.evidence import (
     HORIZON,
-    Coverage,
     ExactPosition,
     Observation,
+    ObservedNodes,
     Sighting,
     TurnObservations,
     agent_on_ground,
@@ -285,14 +285,14 @@ def _observed(
     return evidence, np.array([0, len(looks)])
 
 
-def _missed_by(ground: BeliefMap, look: Coverage) -> tuple[IntArray, FloatArray]:
+def _missed_by(ground: BeliefMap, look: ObservedNodes) -> tuple[IntArray, FloatArray]:
     """Return the rows of the nodes that a look covers, and the probability that it misses an agent there."""
     rows = np.arange(ground.size) if look.node_ids is None else ground.rows(look.node_ids)
     is_there = rows >= 0
     return rows[is_there], (1.0 - np.broadcast_to(look.detection, rows.shape))[is_there]
 
 
-def _kind_of(look: Coverage) -> int:
+def _kind_of(look: ObservedNodes) -> int:
     if not look.is_convex:
         return core.LOOKS_AT_NODES
     return core.LOOKS_ALONG_EDGES if look.node_ids is None else core.LOOKS_ALONG_STRAIGHT_EDGES

@@ -54,7 +54,7 @@ _grounds: WeakKeyDictionary[Context, dict[str, BeliefMap]] = WeakKeyDictionary()
 _MOST_MAPS = 4
 
 
-class Coverage(NamedTuple):
+class ObservedNodes(NamedTuple):
     """Nodes on which agents would have been noticed, with a detection probability."""
 
     node_ids: IntArray | None  # (nodes,) ascending; None: all nodes
@@ -78,7 +78,7 @@ class Observation(NamedTuple):
     """The observations of one agent in one turn."""
 
     found: Mapping[str, int]  # agent -> its node, or the last node that it passed
-    looks: tuple[Coverage, ...]
+    looks: tuple[ObservedNodes, ...]
     closed: tuple[Arc, ...] | None  # edges that were open until this turn; None: unknown
     places: Mapping[str, ExactPosition]  # agent -> exact position, if known
 
@@ -482,10 +482,10 @@ def _as_text(entry: Mapping[str, Any] | Sequence[Any]) -> str:
 
 def _read_look(
     steps: list[int] | None, detection: float | list[float], not_shown: Iterable[str] = (), is_convex: int = 0
-) -> Coverage:
+) -> ObservedNodes:
     ids = None if steps is None else np.cumsum(np.array(steps, np.int64))
     chances = np.array(detection) if isinstance(detection, list) else float(detection)
-    return Coverage(ids, chances, frozenset(not_shown), bool(is_convex))
+    return ObservedNodes(ids, chances, frozenset(not_shown), bool(is_convex))
 
 
 # -- updates of memories

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.belief.evidence import Coverage, ExactPosition, Observation
+from gamms.belief.evidence import ExactPosition, Observation, ObservedNodes
 from gamms.belief.ground import Arc, BeliefMap
 from gamms.core import belief as core
 from gamms.ir.graph import FloatArray, IntArray
@@ -127,7 +127,7 @@ def _edges_of(ground: BeliefMap, more: tuple[Arc, ...], in_metres: bool) -> _Ope
     return _OpenEdges(ways, most, 1.0 + float(costs.sum()))
 
 
-def _certain_rows(ground: BeliefMap, look: Coverage) -> IntArray:
+def _certain_rows(ground: BeliefMap, look: ObservedNodes) -> IntArray:
     """Return the rows of the nodes on which a target would have been seen for certain."""
     if look.node_ids is None:
         return np.arange(ground.size if look.detection == 1.0 else 0)
