@@ -35,7 +35,7 @@ cpdef int decide(Games games, Travelers t, i64 game) except -1 nogil
 cdef bint is_there(Games games, Travelers t, i64 game, i64 i) except -1 nogil
 cdef int set_out(Games games, Travelers t, i64 row, i64 i) except -1 nogil
 cdef int rest(Travelers t, i64 i) except -1 nogil
-@cython.locals(row=i64, target=i64, can_go=bint, slot=i64)
+@cython.locals(row=i64, target=i64, can_go=bint, slot=i64, where=i64)
 cdef int choose(Games games, Travelers t, i64 game, i64 i) except -1 nogil
 @cython.locals(count=i64)
 cdef int go_along(Travelers t, i64 row, i64 i) except -1 nogil

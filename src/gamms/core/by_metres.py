@@ -129,7 +129,8 @@ def choose(games: Games, t: Travelers, game: int, i: int) -> int:
         slot = (t.trips.node[i] * 31 + target) & (t.slots - 1)
         can_go = travel.go_towards(t.roads, t.trips, t.near, slot, i, target)
     if not can_go:
-        t.events.put(game, games.turn[game], rules.NOBODY, rules.ILLEGAL, i, t.trips.edge[i], target)
+        where = t.trips.edge[i] if t.trips.edge[i] >= 0 else -2 - t.trips.node[i]
+        t.events.put(game, games.turn[game], rules.NOBODY, rules.ILLEGAL, i, where, target)
     return 0
 
 

@@ -597,19 +597,17 @@ class Cursor:
         self._call_each(self._check, games, part=part)
 
     def _check(self) -> None:
-        number, moves, deeds = self._number, self._read_field("moves"), self._state.deed_log
+        number, moves, log = self._number, self._read_field("moves"), self._state.deed_log
         part_of, numbers = self._core.part_of, self._number_of
         members = [i for i, name in enumerate(moves.order.names) if part_of[numbers[name]] == self._part]
         for i, kind, why in self._turns.refused(moves, members, self._parts.rules):
             agent = numbers[moves.slots[i].name]
+            self._note_undone(number, agent, why)
             if kind is None:
                 self._hold(agent)
-                self._note_undone(number, agent, why)
-            else:
-                flaw = Failure.illegal(number, agent, why)
-                self._state.note_failure(flaw)
-                self._note_undone(number, agent, why)
-                deeds.refuse(number, agent, kind)
+            elif log is not None:
+                self._state.note_failure(Failure.illegal(number, agent, why))
+                log.refuse(number, agent, kind)
         self._refuse_other_agents("the check of a rule")
 
     def cut_off(self, games: IntArray, part: int) -> None:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.core import conflicts, contacts, draws, moves, rules, turn
-from gamms.errors import BadValue
+from gamms.errors import BadValue, NoPath
 from gamms.game.arrivals import WAITS
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of
@@ -269,10 +269,14 @@ class Block:
         edge, target, game, agent = (
             int(column[row]) for column in (noted.others, noted.nodes, noted.games, noted.agents)
         )
-        if edge < 0:
+        if edge == -1:
             self._state.note_failure(Failure.illegal(game, agent, WAITS), int(noted.turns[row]))
             return
         by = self._states[self._map_of[game]].movement
+        if edge < -1:  # it is on a node
+            why = f"BadValue: {NoPath(int(by.columns.node_ids[-2 - edge]), target)}"
+            self._state.note_failure(Failure.illegal(game, agent, why), int(noted.turns[row]))
+            return
         node, end = by.columns.node_ids[[by.columns.sources[edge], by.columns.targets[edge]]].tolist()
         may_turn = isinstance(by, ByMetres) and by.backs(noted.others[[row]])[0] >= 0
         error = no_way(node, end, target, is_paced=True, may_turn=bool(may_turn))
