@@ -1,4 +1,4 @@
-"""Messages of many games at once: those that agents send, and those that are under way."""
+"""Messages of many games at once: checks, outcomes and inboxes."""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from operator import attrgetter
@@ -22,16 +22,16 @@ _UNKNOWN = -1  # size of a body
 
 
 class Outbox(NamedTuple):
-    """Messages that agents send together by one channel; arrays (messages,).
+    """Messages that agents send together by one channel; arrays are (messages,).
 
     Attributes:
-        channel: its name.
-        at: the games, by their numbers in the batch.
-        senders: numbers in the roster.
-        to: of each an agent, a team, or None.
-        bodies: of each.
-        sizes: of the bodies, bytes; -1 where that is unknown.
-        order: of several messages of one agent, that with the smaller number comes first.
+        channel: the name of the channel.
+        at: the game of each message, as a number in the batch.
+        senders: the number of the sender in the roster.
+        to: the recipient: an agent, a team, or None.
+        bodies: the bodies.
+        sizes: the sizes of the bodies, bytes; -1: unknown.
+        order: orders the messages of one agent.
     """
 
     channel: str
@@ -44,15 +44,15 @@ class Outbox(NamedTuple):
 
 
 class Heard(NamedTuple):
-    """The messages that agents of a view have in their inboxes, by game, then by agent, then as they were sent.
+    """The messages in the inboxes of the agents of a view, by game, then by agent, then in the order of sending.
 
     Attributes:
-        at: (messages,) the game in the view.
-        hearers: (messages,) the agent of the view.
-        senders: (messages,) numbers in the roster.
-        bodies: (messages,) as they were sent; they must not be changed.
-        turns: (messages,) how many turns were played when they were sent.
-        overheard: (messages,) whether they were for others.
+        at: (messages,) the game, as an index in the view.
+        hearers: (messages,) the agent, as an index in the view.
+        senders: (messages,) the number of the sender in the roster.
+        bodies: (messages,) the bodies; read-only.
+        turns: (messages,) the number of turns played when the message was sent.
+        overheard: (messages,) whether the message was for other agents.
     """
 
     at: IntArray
@@ -104,7 +104,7 @@ class Radio(GameLog[list[_Sent]]):
     # -- sending ------------------------------------------------------------------------------------------------
 
     def begin_turn(self) -> None:
-        """Drop what agents have posted and not sent."""
+        """Drop posted messages that were not sent."""
         self._posted: list[Outbox] = []
         self._admitted: list[Outbox] = []
         self._checked: dict[str, list[tuple[int, Outgoing, int]]] = {}  # by channel: the game, and the order
@@ -152,24 +152,24 @@ class Radio(GameLog[list[_Sent]]):
         return np.broadcast_to(names[to], shape)
 
     def post(self, boxes: Iterable[Outbox]) -> None:
-        """Take messages of this turn, of which `admit` finds out whether the channels take them.
+        """Add messages of this turn; `admit` checks later whether the channels accept them.
 
-        The senders of each box decide in one part of the turn.
+        The senders of one outbox decide in the same part of the turn.
         """
         self._posted += [box for box in boxes if len(box.at)]
 
     def post_checked(self, game: int, messages: Sequence[Outgoing], flaws: Iterable[Failure]) -> None:
-        """Take messages of a game that the channels take, and the flaws of others."""
+        """Add messages of a game that the channels accept, and the errors of other messages."""
         for order, one in enumerate(messages):
             self._checked.setdefault(one.channel, []).append((game, one, order))
         self._flaws += flaws
 
     def admit(self, part: int, is_there: BoolArray) -> list[Failure]:
-        """Admit the messages of agents of a part of the turn; return the flaws of the others, by game and agent.
+        """Check the posted messages of a part of the turn; return the errors of refused messages, by game and agent.
 
         Args:
-            part: of the turn.
-            is_there: (games of the batch, agents) which agents are in the game, dead or alive.
+            part: the part of the turn.
+            is_there: (games of the batch, agents) whether the agent is in the game, dead or alive.
         """
         here = [box for box in self._posted if self._part_of[box.senders[0]] == part]
         flaws, self._flaws = self._flaws + self._take_posted(here, is_there), []
@@ -204,11 +204,11 @@ class Radio(GameLog[list[_Sent]]):
 
     @property
     def is_sending(self) -> bool:
-        """Whether agents send something in this turn."""
+        """Return whether there are messages to send in this turn."""
         return len(self._admitted) > 0
 
     def send(self, games: IntArray, scene: Scene) -> None:
-        """Find out who hears the messages of these games, those of the scene; those of dead agents are dropped."""
+        """Find the outcomes of the messages of these games; messages of dead agents are dropped."""
         number, sent = places_of(games, len(self._of_game)), list[_Sent]()
         for name in self.channels:
             boxes = [box for box in self._admitted if box.channel == name]
@@ -229,13 +229,13 @@ class Radio(GameLog[list[_Sent]]):
             self._under_way.append((int((one.fates.arrivals - one.turns[one.fates.messages]).max(initial=0)), one))
 
     def end_turn(self) -> None:
-        """Forget what has arrived everywhere."""
+        """Drop messages that have arrived in all games."""
         self._under_way = [(left - 1, sent) for left, sent in self._under_way if left > 0]
 
     # -- hearing ------------------------------------------------------------------------------------------------
 
     def heard(self, channel: str, games: IntArray, turns: IntArray, agents: IntArray, asked: BoolArray) -> Heard:
-        """Return what agents hear by a channel in the turn that comes; see `Heard`."""
+        """Return the messages that agents hear by a channel in the next turn; see `Heard`."""
         if as_key(channel, "The name of a channel") not in self.channels:
             raise UnknownName("channel", channel, self.channels)
         number = places_of(games, len(self._of_game) + 1)  # at last the place of games that were forgotten
@@ -282,19 +282,19 @@ class Radio(GameLog[list[_Sent]]):
                 self._under_way.append((last - turn - 1, _Sent(box, turns, places, fates)))
 
     def forget(self, games: IntArray) -> None:
-        """Forget the messages of some games."""
+        """Drop the messages of some games."""
         super().forget(games)
         for row, (left, sent) in enumerate(self._under_way):
             at = np.where(np.isin(sent.box.at, games), -1, sent.box.at)
             self._under_way[row] = left, sent._replace(box=sent.box._replace(at=at))
 
     def clear(self) -> None:
-        """Forget the messages of all games."""
+        """Drop the messages of all games."""
         super().clear()
         self._under_way.clear()
 
     def checkpoint(self) -> Callable[[], None]:
-        """Return a function that takes back all that is noted from now on."""
+        """Return a function that undoes all later changes."""
         undo_log = super().checkpoint()
         under_way = [*self._under_way]
 
@@ -321,7 +321,7 @@ class Radio(GameLog[list[_Sent]]):
 
 
 def radio_of(settings: Mapping[str, Any], roster: Roster, num_games: int) -> Radio | None:
-    """Return the channels of a game with these settings; None: there are none."""
+    """Return the channels of a game with these settings; None: it has none."""
     part_of, channels = roster.part_of(settings["order"]), settings["channels"]
     return Radio(channels, roster, part_of, num_games) if channels else None
 

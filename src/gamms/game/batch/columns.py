@@ -1,4 +1,4 @@
-"""What a batch consists of: the game that it is made from, seeds and agents of its games, their logs, and threads."""
+"""Basic data of a batch: its source game, seeds, agents and logs; and helpers for columns and threads."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
@@ -31,7 +31,7 @@ Table = TypeVar("Table", bound=NamedTuple)
 
 
 def some_rows(table: Table, which: BoolArray | IntArray) -> Table:
-    """Return some rows, a mask or their numbers, of a named tuple of columns: arrays, lists, mappings of columns."""
+    """Return rows of a named tuple of columns, selected by a mask or by indices."""
     return type(table)(*(_chosen(column, which) for column in table))
 
 
@@ -47,14 +47,14 @@ def _chosen(column: Any, which: BoolArray | IntArray) -> Any:
 
 
 def lock(arrays: Iterable[Column]) -> None:
-    """Let arrays be read alone, but for `put_locked`."""
+    """Make arrays read-only, except for `put_locked`."""
     for array in arrays:
         if array.flags.writeable:
             array.setflags(write=False)
 
 
 def put_locked(array: Column, where: IntArray | BoolArray | tuple[Any, ...], values: object) -> None:
-    """Write into an array that may be locked."""
+    """Write to an array that may be read-only."""
     is_writeable = array.flags.writeable
     array.setflags(write=True)
     array[where] = values
@@ -62,7 +62,7 @@ def put_locked(array: Column, where: IntArray | BoolArray | tuple[Any, ...], val
 
 
 def kept_in(known: dict[Any, Any], key: Hashable, make: Callable[[], T]) -> T:
-    """Return what is known by a key: what `make()` gives at the first call."""
+    """Return the value of a key; the first call stores `make()`."""
     if key not in known:
         known[key] = make()
     found: T = known[key]
@@ -70,7 +70,7 @@ def kept_in(known: dict[Any, Any], key: Hashable, make: Callable[[], T]) -> T:
 
 
 def once(at: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
-    """Return each agent once, in the order of the first time."""
+    """Return each pair of game and agent once, in the order of first occurrence."""
     if len(at) < 2:
         return at, agents
     _, first = np.unique(np.column_stack((at, agents)), axis=0, return_index=True)
@@ -79,7 +79,7 @@ def once(at: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def joined_rows(tables: Sequence[Table]) -> Table:
-    """Return the rows of several such tables as one, one table after the other; there is at least one."""
+    """Return the concatenated rows of several tables; there is at least one."""
     return type(tables[0])(*map(_joined, zip(*tables, strict=True))) if len(tables) > 1 else tables[0]
 
 
@@ -93,14 +93,14 @@ def _joined(columns: Sequence[Any]) -> Any:
 
 
 def places_of(numbers: IntArray, most: int) -> IntArray:
-    """Return where each number below a limit is in an array, (most,); -1: it is not."""
+    """Return the index of each number below a limit in an array, (most,); -1: the number is not in it."""
     found = np.full(most, -1)
     found[numbers] = np.arange(len(numbers))
     return found
 
 
 class Failure(NamedTuple):
-    """What an agent of a game of the batch did wrong when it was asked."""
+    """An error of an agent in a game of the batch."""
 
     game: int
     agent: int
@@ -109,7 +109,7 @@ class Failure(NamedTuple):
 
     @classmethod
     def illegal(cls, game: int, agent: int, why: str) -> "Failure":
-        """Return an action that is not legal, or a message that cannot be sent."""
+        """Return the failure for an illegal action, or for a message that cannot be sent."""
         return cls(game, agent, "illegal", why)
 
 
@@ -125,7 +125,7 @@ class GameLog(ABC, Generic[P]):
         self._of_game: list[list[dict[str, Any]]] = [[] for _ in range(num_games)]
 
     def of(self, game: int) -> list[dict[str, Any]]:
-        """Return the entries of a game, in their order."""
+        """Return the log entries of a game, in order."""
         for noted in self._pending:
             for number, entry in self._entries(noted):
                 self._of_game[number].append(entry)
@@ -133,7 +133,7 @@ class GameLog(ABC, Generic[P]):
         return self._of_game[game]
 
     def forget(self, games: IntArray) -> None:
-        """Forget the entries of some games."""
+        """Remove the entries of some games."""
         if len(games) == len(self._of_game):  # not to write out what nobody has read
             self._pending.clear()
         self.of(0)
@@ -141,13 +141,13 @@ class GameLog(ABC, Generic[P]):
             self._of_game[game] = []
 
     def clear(self) -> None:
-        """Forget the entries of all games."""
+        """Remove the entries of all games."""
         self._pending.clear()
         for entries in filter(None, self._of_game):
             entries.clear()
 
     def checkpoint(self) -> Callable[[], None]:
-        """Return a function that takes back all that is noted from now on."""
+        """Return a function that undoes all later changes."""
         pending = [*self._pending]
         lengths = [len(entries) for entries in self._of_game]
 
@@ -159,7 +159,7 @@ class GameLog(ABC, Generic[P]):
         return undo
 
     def begin(self, games: IntArray, entries: Sequence[dict[str, Any]]) -> None:
-        """Let some games, whose logs are empty, begin with entries of earlier turns."""
+        """Start the empty logs of some games with entries of earlier turns."""
         for game in games.tolist():
             self._of_game[game] += entries
 
@@ -169,7 +169,7 @@ class GameLog(ABC, Generic[P]):
 
 
 class PlayedGame(Protocol):
-    """The game of a context, as a batch plays it: what `gamms.game.Game` has and says of it."""
+    """The interface of `gamms.game.Game` that a batch needs."""
 
     ctx: Any  # its own class, which knows this one
     turn: int
@@ -223,7 +223,7 @@ class Roster(NamedTuple):
 
     @classmethod
     def of(cls, agents: Iterable[IAgent], reserved: Mapping[Hashable, Sequence[str]] | None = None) -> "Roster":
-        """Return the roster of some agents, and of names that are reserved for others, by team."""
+        """Return the roster of agents, with names reserved for further agents, by team."""
         first = sorted(agents, key=lambda agent: agent.name)
         named = {agent.name: agent for agent in first}
         for team, names in (reserved or {}).items():
@@ -239,7 +239,7 @@ class Roster(NamedTuple):
 
     @property
     def reserved(self) -> dict[Hashable, list[str]]:
-        """The names of agents that may come, by team."""
+        """The names reserved for agents that may enter later, by team."""
         found: dict[Hashable, list[str]] = {}
         for number in np.flatnonzero(~self.is_first).tolist():
             found.setdefault(self.teams[self.team_of[number]], []).append(self.names[number])
@@ -265,17 +265,17 @@ class Roster(NamedTuple):
         return np.array([[known.get(name, default) for name in self.names]])
 
     def plays_for(self, teams: Collection[Hashable] | None) -> BoolArray:
-        """Return which agents are of one of these teams, which need not have agents, (agents,); None: all."""
+        """Return whether each agent is in one of these teams, (agents,); None: all are."""
         is_in = np.array([teams is None or team in teams for team in self.teams], np.bool_)
         return is_in[self.team_of]
 
     def part_of(self, order: Sequence[Sequence[Hashable]] | None) -> IntArray:
-        """Return the part of a turn in which each agent decides and moves, in an order of play, (agents,)."""
+        """Return the part of the turn in which each agent moves, for an order of play, (agents,)."""
         parts = [next((i for i, part in enumerate(order or ()) if team in part), 0) for team in self.teams]
         return np.array(parts, np.int64)[self.team_of]
 
     def unlisted(self, order: Sequence[Sequence[Hashable]] | None) -> BoolArray:
-        """Return which agents are of teams that an order of play leaves out, (agents,)."""
+        """Return whether the team of each agent is missing in an order of play, (agents,)."""
         return ~self.plays_for(None if order is None else [team for part in order for team in part])
 
     def are_teams(self) -> BoolArray:
@@ -289,17 +289,17 @@ class Roster(NamedTuple):
         return found
 
     def name(self, number: int) -> str:
-        """Return the name of an agent; for messages."""
+        """Return the name of an agent, for messages."""
         return shown(self.names[number])
 
 
 def agents_of(game: PlayedGame) -> list[IAgent]:
-    """Return the agents of a game in the order of their names, those that are out of it too."""
+    """Return all agents of a game in the order of names, dead or alive."""
     return [agent for _, agent in sorted(game.ctx.agent.agents.items())]
 
 
 def decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
-    """Return the plan of the team of an agent, or its strategy; None: neither."""
+    """Return the plan of an agent's team, or the agent's strategy, or None."""
     return plans[agent.team].function if agent.team in plans else agent.strategy
 
 
@@ -310,7 +310,7 @@ def preparing(agent: IAgent, plans: Mapping[Hashable, Plan]) -> list[object]:
 
 
 def reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:
-    """Return the names of agents that may come, by team."""
+    """Return the names reserved for agents that may enter later, by team."""
     found: dict[Hashable, list[str]] = {}
     given = most_agents if isinstance(most_agents, Mapping) else dict.fromkeys(roster.teams, most_agents)
     for team, most in given.items():
@@ -345,7 +345,7 @@ class ScoresOfGames(dict[Any, Any]):
 
 
 def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
-    """Return the seeds of a batch: those that were given, or so many that follow each other."""
+    """Return the seeds of a batch: the given ones, or consecutive numbers."""
     if seeds is None:
         if num_games is None:
             raise BadValue("batch needs the number of games, or seeds=.")
@@ -362,14 +362,14 @@ def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
 
 
 def in_threads(play: Callable[[int, int, int], object], games: int, threads: int) -> None:
-    """Call `play(thread, begin, end)` for equal parts of the games, each part in a thread of its own.
+    """Call `play(thread, begin, end)` for equal parts of the games, each part in its own thread.
 
-    What several raise is raised of the first one, when all have ended.
+    If several threads raise errors, the first one is raised after all have ended.
 
     Args:
-        play: is called with the number of the thread and of the first game, and that behind the last one.
-        games: how many there are.
-        threads: how many play; the last part is played by this thread.
+        play: called with the number of the thread, the first game, and the end of the range.
+        games: the number of games.
+        threads: the number of threads; the calling thread plays the last part.
     """
     bounds = [games * part // threads for part in range(threads + 1)]
     errors: dict[int, BaseException] = {}

@@ -1,4 +1,4 @@
-"""Deeds of many games at once: what strategies declare through their views, rules find in turns, and results list."""
+"""Deeds of many games at once: declarations of views, queries of rules, and logs."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
@@ -21,15 +21,15 @@ _NUMERIC = {"integer": ("iu", np.int64), "number": ("iuf", np.float64), "boolean
 
 
 class ArrayDeeds(NamedTuple):
-    """Deeds of one kind, of several games, by game and in each by the name of the agent; arrays (deeds,).
+    """Deeds of one kind in several games, by game, then by the agent's name; arrays are (deeds,).
 
     Attributes:
-        kind: as declared.
-        at: the games, numbered as in the view or the turn; in logs, as in the batch.
-        agents: numbers in the roster.
-        nodes: the rows of the nodes where the agents were.
-        order: of several deeds of one agent in a turn, that with the smaller number comes first.
-        values: field -> its values: agents by their numbers, nodes by their rows; -1 or None where one is left out.
+        kind: the name of the deed.
+        at: the game, as an index in the view or turn; in logs, as a number in the batch.
+        agents: the number of the agent in the roster.
+        nodes: the row of the agent's node.
+        order: orders the deeds of one agent in a turn.
+        values: field -> values: agents as numbers, nodes as rows; -1 or None if the field is omitted.
     """
 
     kind: str
@@ -40,12 +40,12 @@ class ArrayDeeds(NamedTuple):
     values: Mapping[str, Column]
 
     def those(self, which: Any) -> "ArrayDeeds":
-        """Return some of the deeds: a mask, or their numbers."""
+        """Return deeds selected by a mask or by indices."""
         return some_rows(self, which)
 
 
 def joined(parts: Sequence[ArrayDeeds]) -> ArrayDeeds:
-    """Return deeds of one kind as one; there is at least one part."""
+    """Return the concatenated deeds of one kind; there is at least one part."""
     whole = joined_rows(parts)
     return whole.those(np.lexsort((whole.agents, whole.at)))
 
@@ -105,14 +105,14 @@ class DeclaredDeeds:
         return ArrayDeeds(deed, at, who[1][which], nodes[at, which], np.full(len(at), order), values)
 
     def fields_of(self, deed: str) -> Mapping[str, DeclaredField]:
-        """Return the fields of a deed."""
+        """Return the declared fields of a deed."""
         known = self.declared
         if as_key(deed, "The name of a deed") not in known:
             raise UnknownName("deed" if known else "deed, as ctx.game.deeds declares none:", deed, known)
         return known[deed]
 
     def nothing(self, deed: str) -> ArrayDeeds:
-        """Return no deeds of a kind."""
+        """Return an empty table of deeds of a kind."""
         return self._from_plain(deed, [], np.zeros((1, 1), np.int64))
 
     def from_plain(
@@ -189,7 +189,7 @@ class DeclaredDeeds:
         return rows
 
     def plain(self, deeds: ArrayDeeds, key: str) -> list[Any]:
-        """Return the values of a field as scalar forms have them, None where one is left out."""
+        """Return the values of a field as plain values; None if it is omitted."""
         kind, column = self.declared[deeds.kind][key].kind, deeds.values[key]
         if kind not in ("agent", "node"):
             return list(column.tolist())
@@ -197,14 +197,14 @@ class DeclaredDeeds:
         return [known[number] if number >= 0 else None for number in column.tolist()]
 
     def fields(self, deeds: ArrayDeeds) -> list[dict[str, Any]]:
-        """Return the fields of each deed as scalar forms have them, without those that are left out."""
+        """Return the fields of each deed as plain values, without omitted ones."""
         columns = {key: self.plain(deeds, key) for key in deeds.values}
         return [
             {key: column[i] for key, column in columns.items() if column[i] is not None} for i in range(len(deeds.at))
         ]
 
     def entries(self, deeds: ArrayDeeds) -> Iterator[dict[str, Any]]:
-        """Yield what the log says of each deed beside the turn."""
+        """Yield the log entry of each deed, without the turn."""
         columns = deeds.agents.tolist(), self._streets.ids(deeds.nodes).tolist(), self.fields(deeds)
         for agent, node, fields in zip(*columns, strict=True):
             yield {"agent": self._roster.names[agent], "deed": deeds.kind, "at": node, **fields}
@@ -243,7 +243,7 @@ class DeedLog(GameLog[list[_Done]]):
         self.begin_turn()
 
     def begin_turn(self) -> None:
-        """Drop what agents have wanted to do and not done."""
+        """Drop requested deeds that were not executed."""
         self._wanted: list[_Done] = []
 
     def want(self, declared: DeclaredDeeds, deeds: Iterable[ArrayDeeds], turn: IntArray) -> None:

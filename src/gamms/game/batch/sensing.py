@@ -33,14 +33,14 @@ _MOST_MARKS = 1 << 24  # pairs of agents that the core compares at once
 
 
 class Seen(NamedTuple):
-    """The agents that agents see, as pairs: by game, then by the agent that sees, then by the name of the other.
+    """The agents that agents see, as pairs: by game, then by observer, then by the name of the other agent.
 
     Attributes:
-        shape: games and agents of the view, agents of the roster.
-        at: (pairs,) the game in the view.
-        viewers: (pairs,) the agent of the view that sees.
-        others: (pairs,) the number in the roster of the agent that is seen.
-        nodes: (pairs,) the row of the node where it is seen.
+        shape: the numbers of games and agents in the view, and of agents in the roster.
+        at: (pairs,) the game, as an index in the view.
+        viewers: (pairs,) the observer, as an index in the view.
+        others: (pairs,) the number of the visible agent in the roster.
+        nodes: (pairs,) the row of its node.
     """
 
     shape: tuple[int, int, int]
@@ -51,24 +51,24 @@ class Seen(NamedTuple):
 
     @property
     def mask(self) -> BoolArray:
-        """Who sees whom, (games, agents of the view, agents of the roster).
+        """Whether each agent sees each other agent, (games, agents of the view, agents of the roster).
 
         Raises:
-            TooLarge: it would take more than 256 MB; the pairs do not.
+            TooLarge: the mask would take more than 256 MB; use the pairs.
         """
         use = "at, viewers, others and nodes of view.seen()"
         return _mask_of_pairs(self.shape, (self.at, self.viewers, self.others), use)
 
     def in_games(self, games: IntArray) -> "Seen":
-        """Return the pairs of some games, which ascend, as a view of these has them."""
+        """Return the pairs of some games, ascending, renumbered for a view of these games."""
         at = places_of(games, self.shape[0])[self.at]
         return self._replace(shape=(len(games), *self.shape[1:]), at=at).of(at >= 0)
 
     def of(self, chosen: BoolArray | IntArray) -> "Seen":
-        """Return some of the pairs: which, (pairs,), or their places.
+        """Return pairs selected by a mask, (pairs,), or by indices.
 
         Raises:
-            BadType, BadValue: there are no such pairs.
+            BadType, BadValue: a pair does not exist.
         """
         if getattr(chosen, "dtype", None) == np.bool_:
             return some_rows(self, as_array(chosen, "chosen", "booleans", self.at.shape))
@@ -76,14 +76,14 @@ class Seen(NamedTuple):
 
 
 class SeenNodes(NamedTuple):
-    """The nodes that agents see, as pairs: by game, then by the agent that sees.
+    """The nodes that agents see, as pairs: by game, then by observer.
 
-    Those of one agent are in the order of the nodes on the map; of one sensor alone, as it shows them.
+    The nodes of one observer are in the order of the map; for a single sensor, in the order of the sensor.
 
     Attributes:
-        shape: games and agents of the view, nodes of the map.
-        at: (pairs,) the game in the view.
-        viewers: (pairs,) the agent of the view that sees.
+        shape: the numbers of games and agents in the view, and of nodes on the map.
+        at: (pairs,) the game, as an index in the view.
+        viewers: (pairs,) the observer, as an index in the view.
         nodes: (pairs,) the row of the node.
     """
 
@@ -94,10 +94,10 @@ class SeenNodes(NamedTuple):
 
     @property
     def mask(self) -> BoolArray:
-        """Which nodes are seen, (games, agents, nodes).
+        """Whether each node is visible, (games, agents, nodes).
 
         Raises:
-            TooLarge: it would take more than 256 MB; the pairs may not.
+            TooLarge: the mask would take more than 256 MB; use the pairs.
         """
         return _mask_of_pairs(self.shape, (self.at, self.viewers, self.nodes), "at, viewers and nodes")
 
