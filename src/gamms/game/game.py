@@ -1,9 +1,11 @@
 """The public interface of the game engine: `ctx.game`, which plays turns of simultaneous moves."""
 
+import os
 from collections.abc import Callable, Hashable, Iterable
+from contextlib import ExitStack
 from time import perf_counter
 from types import EllipsisType
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, overload
 
 from gamms import kernels
 from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name
@@ -256,7 +258,13 @@ class Game(RuleVerbs):
             state.timings["draw"] += perf_counter() - began
 
     @refused_while_deciding
-    def run(self, max_turns: int | None = None, progress: bool = False) -> Result:
+    def run(
+        self,
+        max_turns: int | None = None,
+        progress: bool = False,
+        *,
+        record: str | os.PathLike[str] | BinaryIO | None = None,
+    ) -> Result:
         """Play until a rule ends the game, or for a number of turns; log errors of strategies and suspicious names.
 
         If the context or `reset` was given a seed, the global generators `random` and `numpy.random` are seeded during
@@ -265,6 +273,7 @@ class Game(RuleVerbs):
         Args:
             max_turns: the number of turns to play; None: until the total of the settings is reached.
             progress: show the progress on stderr, if it is a terminal.
+            record: the file of a recording of these turns; an existing file is replaced. None: nothing is recorded.
 
         Raises:
             BadValue: nothing can ever end this game.
@@ -278,7 +287,12 @@ class Game(RuleVerbs):
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
         known, scored = len(self.errors), set(self._state.scores)
         of = "" if last is None else f" of {last}"
-        with seeded_for_run(self.ctx, self._state.turn), progress_line() as show:
+        with ExitStack() as stack:
+            if record is not None:
+                self.ctx.record.start(record, overwrite=True)
+                stack.callback(self.ctx.record.stop)
+            stack.enter_context(seeded_for_run(self.ctx, self._state.turn))
+            show = stack.enter_context(progress_line())
             while (last is None or self._state.turn < last) and self._take_turn():
                 if progress:
                     show(f"turn {self._state.turn}{of}")

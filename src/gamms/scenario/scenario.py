@@ -292,9 +292,7 @@ class Scenario(Fixed):
             record: the file of a recording of the game, which replaces one that is there; None: it is not recorded.
         """
         with self.build(seed, strategies) as ctx:
-            if record is not None:
-                ctx.record.start(record, overwrite=True)
-            return ctx.game.run()
+            return ctx.game.run(record=record)
 
     def batch(  # noqa: PLR0913 - which games, who decides in them, and how they are played
         self,

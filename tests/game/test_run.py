@@ -1,0 +1,35 @@
+"""`ctx.game.run(record=…)` records the turns that it plays."""
+
+import pytest
+
+import gamms
+
+
+@pytest.fixture
+def town():
+    with gamms.create_context(seed=4) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        ctx.agent.create_agent("anna", start_node_id=0, strategy=gamms.strategies.random_walk)
+        yield ctx
+
+
+def test_a_run_is_recorded_and_replaces_an_existing_file(town, tmp_path):
+    file = tmp_path / "game.ggr"
+    file.write_text("old")
+    town.game.run(max_turns=5, record=file)
+    town.game.step()  # is not recorded
+    with gamms.recorder.open(file) as recording:
+        assert recording.turns == 5
+
+
+def test_a_run_that_fails_leaves_a_whole_recording(town, tmp_path):
+    def err(ctx):
+        if ctx.game.turn == 3:
+            raise RuntimeError("a rule of a user's own")
+
+    town.game.add(err)
+    with pytest.raises(RuntimeError, match="a rule of a user's own"):
+        town.game.run(max_turns=5, record=tmp_path / "game.ggr")
+    with gamms.recorder.open(tmp_path / "game.ggr") as recording:
+        assert recording.turns in (2, 3)
+        assert recording.is_complete
