@@ -184,7 +184,10 @@ class _Renderer:
 
         options = self._options
         files.sheet(as_target(out), options.width, options.height, 96.0)  # fail early
-        self._play(records, options.last)
+        if options.last == 0:
+            self._play_start(records)
+        else:
+            self._play(records, options.last)
         self._begin()
         self._ctx.visual.save(out, options.width, options.height, **self._page)
         return self._turn
@@ -196,6 +199,8 @@ class _Renderer:
         options = self._options
         film_plan(out, options.fps, options.width, options.height, options.frames_per_turn)
         self._play(records, max((options.first or 1) - 1, 0))
+        if self._turn == 0:
+            next(records, None)  # the map and the agents come with the first record
         begun = self._turn
         size = options.width, options.height, options.frames_per_turn
         with self._ctx.visual.film(out, options.fps, *size, **self._page):
@@ -227,8 +232,6 @@ class _Renderer:
             while last is None or self._turn < last:
                 if next(records, None) is None:
                     return
-            if last == 0:
-                self._play_start(records)
 
     def _play_start(self, records: Iterator[Any]) -> None:
         """Show how a recording begins: the map and the agents come with its first record, which may be a move."""
