@@ -206,8 +206,16 @@ def _docstring_of_function(found: Found) -> str:
                 return _docstring_of_function(Found(contract.module, declared))
             case "with_options" if isinstance(keywords.annotation, ast.Subscript):
                 options = find(found.module, ast.unparse(keywords.annotation.slice))
-                text = with_attributes(text, keywords.arg, docstring_of(options))
+                text = with_attributes(text, keywords.arg, _docstrings_of(options))
     return text
+
+
+def _docstrings_of(options: Found) -> Iterator[str]:
+    """Yield the docstrings of a TypedDict, after those of the ones that it inherits from."""
+    for base in options.node.bases:
+        if ast.unparse(base) != "TypedDict":
+            yield from _docstrings_of(find(options.module, ast.unparse(base)))
+    yield docstring_of(options)
 
 
 def _text_at(found: Found, body: list[ast.stmt]) -> str:

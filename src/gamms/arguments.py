@@ -4,7 +4,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from enum import Enum
 from functools import lru_cache
 from itertools import islice
@@ -460,18 +460,30 @@ def with_options(**defaults: object) -> Callable[[Documented], Documented]:
         for name, kind in annotations_of(options).items():
             others.append(Parameter(name, Parameter.KEYWORD_ONLY, default=defaults.get(name, _DOTS), annotation=kind))
         function.__signature__ = signature.replace(parameters=others)  # type: ignore[attr-defined] # inspect reads it
-        if function.__doc__ and options is not None and options.__doc__:  # Python may run without docstrings
-            function.__doc__ = with_attributes(cleandoc(function.__doc__), rest.name, cleandoc(options.__doc__))
+        if function.__doc__ and options is not None:  # Python may run without docstrings
+            described = _docstrings_of(options)
+            function.__doc__ = with_attributes(cleandoc(function.__doc__), rest.name, described)
         return function
 
     return shown_in
 
 
-def with_attributes(text: str, entry: str, described: str) -> str:
-    """Return a docstring in which the attributes of another docstring take the place of an entry; both are dedented."""
-    attributes = described.partition("\nAttributes:\n")[2].rstrip()
+def with_attributes(text: str, entry: str, described: Iterable[str]) -> str:
+    """Return a docstring in which the attributes of other docstrings take the place of an entry; all are dedented."""
+    parts = [one.partition("\nAttributes:\n")[2].rstrip() for one in described]
+    attributes = "\n".join(filter(None, parts))
     place = re.compile(rf"^    {entry}: .*(?:\n {{5,}}.*)*", re.MULTILINE)
     return place.sub(lambda found: attributes or found[0], text)
+
+
+def _docstrings_of(options: type) -> Iterator[str]:
+    """Yield the docstrings of a TypedDict, after those of the ones that it inherits from."""
+    from inspect import cleandoc
+
+    for inherited in getattr(options, "__orig_bases__", ()):
+        if isinstance(inherited, type):
+            yield from _docstrings_of(inherited)
+    yield cleandoc(options.__doc__ or "")
 
 
 def as_declared(contract: Callable[..., Any]) -> Callable[[Documented], Documented]:

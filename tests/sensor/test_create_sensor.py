@@ -66,10 +66,10 @@ def test_a_misspelt_keyword_is_warned_about(ctx, heard):
 @pytest.mark.parametrize(
     ("kind", "name", "way_out"),
     [
-        (SensorType.AGENT_RANGE, "range", "Did you mean 'sensor_range'?"),
-        (SensorType.RANGE, "radius", "Did you mean 'sensor_range'?"),
+        (SensorType.AGENT_RANGE, "range", "Did you mean 'range_m'?"),
+        (SensorType.RANGE, "radius", "Did you mean 'range_m'?"),
         (SensorType.ARC, "angle", "Did you mean 'fov'?"),
-        (SensorType.RANGE, "color", "It takes: at, sensor_range."),
+        (SensorType.RANGE, "color", "It takes: at, range_m, sensor_range."),
         (SensorType.MAP, "team", "These kinds take it: AGENT, AGENT_RANGE"),
         (SensorType.NEIGHBOR, "range", "It takes none."),
     ],

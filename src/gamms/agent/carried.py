@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-from gamms.arguments import as_name
+from gamms.arguments import as_member, as_name
 from gamms.errors import BadType
 from gamms.text import shown
 from gamms.typing import IContext
@@ -62,19 +62,29 @@ def listed(sensors: Any) -> Any:
     return dict(sensors) if isinstance(sensors, Mapping) else list(sensors)
 
 
-def found_sensors(ctx: IContext, name: str, given: Any, *, skips_unknown: bool = True) -> dict[str, ISensor]:
-    """Return the sensors for a new agent, by their names in its state; 1.0.0 skips unknown ids."""
+def found_sensors(ctx: IContext, name: str, given: Any, *, skips_unknown: bool = True) -> dict[str, Any]:
+    """Return the sensors for a new agent, or their declarations, by their names in its state.
+
+    Unknown ids are skipped, as in 1.0.0.
+    """
     is_dict = type(given) is not list and isinstance(given, Mapping)
     if isinstance(given, str) or not isinstance(given, Iterable):
         raise BadType(f"sensors= of {shown(name)} must be a list of sensor ids or a dict, not {shown(given)}.")
+    if isinstance(given, Mapping) and as_member(SensorType, given.get("type")) is not None:
+        hint = f'Give it a name, sensors={{"eyes": {shown(given)}}}.'
+        raise BadType(f"sensors= of {shown(name)} is one sensor without a name. {hint}")
     pairs = given.items() if isinstance(given, Mapping) else ((one, one) for one in given)
     found = {}
     for key, sensor in pairs:
         is_id = isinstance(sensor, str)
-        if not is_id and not is_sensor(sensor):
-            raise BadType(f"Agent {name!r} cannot carry {shown(sensor)}: sensors= takes sensors and their ids.")
         if is_dict:
             as_name(key, "a sensor")
+        elif isinstance(sensor, Mapping):
+            hint = f'Give it a name, sensors={{"eyes": {shown(sensor)}}}.'
+            raise BadType(f"Agent {name!r} cannot carry {shown(sensor)} without a name. {hint}")
+        if not is_id and not isinstance(sensor, Mapping) and not is_sensor(sensor):
+            factories = "sensors, their ids, and what gamms.sensor.agent_range() and its like return"
+            raise BadType(f"Agent {name!r} cannot carry {shown(sensor)}: sensors= takes {factories}.")
         try:
             found[key if is_id or is_dict else sensor.sensor_id] = ctx.sensor.get_sensor(sensor) if is_id else sensor
         except KeyError as error:

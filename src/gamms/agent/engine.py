@@ -191,7 +191,8 @@ class AgentEngine(ContextPart, IAgentEngine):
         try:
             agent = self._added(_CLASSES[kind], name, kwargs, strategy)
             if sensors:
-                self._equip(agent, sensors)
+                created = self._equip(agent, sensors)
+                given["sensors"] = created if created != sensors else given["sensors"]
         finally:
             block.journal = journal
         journal.entered(agent._row, name)
@@ -245,13 +246,15 @@ class AgentEngine(ContextPart, IAgentEngine):
             members = self._added_together(names, nodes, team, strategy, values)
             note_created(self._block, names, given)
             return Team(self._ctx, team, members, lambda: self._block)
-        members = Members(names, strategy, {})
+        members, known = Members(names, strategy, {}), set(self._ctx.sensor.sensors)
         try:
             for one, keywords in zip(names, given, strict=True):
                 members.made[one] = self.create_agent(one, **keywords)
         except BaseException:
             for agent in members.made.values():
                 self._delete(agent)
+            for sensor_id in self._ctx.sensor.sensors.keys() - known:
+                self._ctx.sensor.delete_sensor(sensor_id)
             raise
         return Team(self._ctx, team, members, lambda: self._block)
 
@@ -349,18 +352,24 @@ class AgentEngine(ContextPart, IAgentEngine):
         self._agents[name] = agent
         return agent
 
-    def _equip(self, agent: BaseAgent, sensors: dict[str, ISensor]) -> None:
-        """Give a new agent its sensors; on an error remove the agent."""
+    def _equip(self, agent: BaseAgent, sensors: Mapping[str, Any]) -> dict[str, ISensor]:
+        """Give a new agent its sensors and return them; create declared ones; on an error remove the agent."""
+        engine, carried = self._ctx.sensor, {}
         owners = [(sensor, owner_of(sensor)) for sensor in sensors.values()]
         try:
             for key, sensor in sensors.items():
-                agent._add_sensor(key, sensor)
+                is_declared = isinstance(sensor, Mapping)
+                carried[key] = engine.from_declaration(f"{agent.name}/{key}", sensor) if is_declared else sensor
+                agent._add_sensor(key, carried[key])
         except BaseException:
             self._take_out(agent)
-            for sensor, owner in owners:
-                if owner_of(sensor) != owner:
+            for key, (sensor, owner) in zip(carried, owners, strict=False):
+                if carried[key] is not sensor:
+                    engine.delete_sensor(carried[key].sensor_id)
+                elif owner_of(sensor) != owner:
                     sensor.set_owner(owner)
             raise
+        return carried
 
     def _more_of(self, row: int) -> dict[str, Any]:
         """Return the data that does not follow from the keywords of a new agent: rotation and position in the air."""

@@ -252,10 +252,11 @@ class Builder:
         if speed is not None:
             keywords["speed"] = speed
         with at(member.path):
-            sensors = {name: self._sensor(name, member) for name in self._of(member, "sensors") or ()}
+            declared = self._sensors(member)
+            sensors = {name: self._sensor(f"{member.name}/{name}", *one) for name, one in declared.items()}
             agent = self.ctx.agent.create_agent(member.name, start_node_id=node, sensors=sensors, **keywords)
-        own = ((name, sensor) for name, sensor in sensors.items() if self.spec.sensors[name].function is not None)
-        functions = {name: (sensor, sensor.function) for name, sensor in own}
+        own = (name for name, (sensor, _) in declared.items() if sensor.function is not None)
+        functions = {name: (sensors[name], sensors[name].function) for name in own}
         return _BuiltAgent(agent, node, start, deepcopy(meta), functions)
 
     def _draw_agent(self, member: TeamMember, node: int) -> _BuiltAgent:
@@ -267,9 +268,10 @@ class Builder:
         meta, functions = self._config(member)["meta"], {}
         if is_same(getattr(agent, "meta", None), built.meta):
             agent.meta = meta
+        declared = self._sensors(member)
         for name, (sensor, before) in built.functions.items():
-            with at(f"sensors.{name}"):
-                function = self._function(name)
+            with at(declared[name][1]):
+                function = self._function(*declared[name])
                 if sensor.function is before:
                     sensor.function = function
             functions[name] = sensor, function
@@ -296,18 +298,27 @@ class Builder:
             "meta": {"team": member.team, **self._parameters(meta, joined(member.path, "meta"))},
         }
 
-    def _sensor(self, name: str, member: TeamMember) -> Any:
-        sensor, id = self.spec.sensors[name], f"{member.name}/{name}"
-        with at(f"sensors.{name}"):
-            if sensor.function is not None:
-                return self.ctx.sensor.from_function(id, self._function(name))
-            keywords = given_values(sensor)
-            kind = sensor_type(keywords.pop("type"))
-            return self.ctx.sensor.create_sensor(id, kind, **keywords)
+    def _sensors(self, member: TeamMember) -> dict[str, tuple[schema.Sensor, str]]:
+        """Return the sensors that an agent carries, each with its place in the scenario, by name."""
+        given = self._of(member, "sensors") or ()
+        if not isinstance(given, dict):
+            return {name: (self.spec.sensors[name], f"sensors.{name}") for name in given}
+        where = self._place_of(member, "sensors")
+        return {name: (sensor, joined(where, name)) for name, sensor in given.items()}
 
-    def _function(self, name: str) -> Function:
+    def _place_of(self, member: TeamMember, key: str) -> str:
+        """Return the place of a key that an agent has for itself, or from its team."""
+        is_own = getattr(member.listed, key, None) is not None
+        return joined(member.path if is_own else f"teams.{member.team}", key)
+
+    def _sensor(self, sensor_id: str, sensor: schema.Sensor, path: str) -> Any:
+        with at(path):
+            if sensor.function is not None:
+                return self.ctx.sensor.from_function(sensor_id, self._function(sensor, path))
+            return self.ctx.sensor.from_declaration(sensor_id, given_values(sensor))
+
+    def _function(self, sensor: schema.Sensor, path: str) -> Function:
         """Return the function of a sensor; with parameters, the function that it makes."""
-        sensor, path = self.spec.sensors[name], f"sensors.{name}"
         function = self.library.get(sensor.function or "", path)
         given = self._given(function, sensor.with_ or {}, path)
         if given or first_of(function) == "ctx":
@@ -332,14 +343,14 @@ class Builder:
             where = f"strategies[{shown(member.team)}]"
             own: Function = self._noted(given, where, partial(made, given, {}, self.ctx, where, "strategy"))
             return own
-        is_own = member.listed is not None and member.listed.strategy is not None
-        path = f"{member.path if is_own else f'teams.{member.team}'}.strategy"
+        path = self._place_of(member, "strategy")
         strategy = self._of(member, "strategy")
         if strategy is None:
             return None
         code = in_full(Code, strategy)
         if ":" not in code.function:
             if path not in mapped:
+                is_own = path != f"teams.{member.team}.strategy"
                 mapped[path] = self._map_strategy(code, path, [member] if is_own else self.by_team[member.team])
             found = mapped[path].get(member.name)
             return None if found is None else strategy_in(self.ctx, found)
@@ -513,7 +524,9 @@ def written_out(spec: Spec, library: CodeLibrary) -> Values:
     Nothing is imported, so a replaced part, such as a strategy, stays as it is written.
     """
     plain: Values = copied(to_plain(spec))
-    for sensor in plain["sensors"].values():
+    for sensor in _sensors_in(plain):
+        range_m = sensor.pop("range_m")
+        sensor["sensor_range"] = sensor["sensor_range"] if range_m is None else range_m
         kind = None if sensor["type"] is None else sensor_type(sensor["type"])
         defaults = {} if kind is None else copied(KINDS[kind].keywords)
         sensor |= {name: value for name, value in defaults.items() if sensor[name] is None}
@@ -521,6 +534,13 @@ def written_out(spec: Spec, library: CodeLibrary) -> Values:
         if one.what != "resolver":
             _write_defaults(plain, one, library.known(one.reference, one.short))
     return plain
+
+
+def _sensors_in(plain: Values) -> Iterator[Values]:
+    """Yield the sensors of a scenario, of its teams and of their agents."""
+    teams = plain["teams"].values()
+    for part in chain([plain], teams, *(team["agents"] for team in teams)):
+        yield from part["sensors"].values() if isinstance(part["sensors"], dict) else ()
 
 
 def digests(spec: Spec, library: CodeLibrary, map: MapSnapshot) -> dict[str, str]:

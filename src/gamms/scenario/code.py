@@ -550,7 +550,8 @@ def check_parameters(function: Function, given: Iterable[str], first: int, path:
     left = {one.name: one for one in known[first:] if one.kind in _NAMED}
     for key in given:
         if key not in left and not takes_all:
-            hint = nearest(key, left) or (f" It takes: {', '.join(left)}." if left else " It takes none.")
+            others = [other for other in left if other not in given]
+            hint = nearest(key, others) or (f" It takes: {', '.join(left)}." if left else " It takes none.")
             raise ScenarioError(joined(path, f"with.{key}"), f"{name} takes no such parameter.{hint}")
     for key, one in left.items():
         if one.default is Parameter.empty and key not in given:

@@ -136,7 +136,8 @@ class Sensor(_Mapping, frozen=True, kw_only=True):
     type: str | None = None
     function: Reference | None = None
     with_: Values | None = None
-    sensor_range: Metres | None = None
+    range_m: Metres | None = None
+    sensor_range: Metres | None = None  # the old name of range_m
     fov: float | None = None
     orientation: tuple[float, float] | None = None
     observer_height: float | None = None
@@ -163,7 +164,7 @@ class Equipment(_Mapping, frozen=True, kw_only=True):
     type: str | None = None
     speed: Annotated[float, Meta(gt=0.0)] | None = None
     altitude: float | None = None
-    sensors: list[Name] | None = None
+    sensors: dict[Name, Sensor] | list[Name] | None = None
     strategy: Reference | Code | None = None
     meta: Values = {}
 
@@ -264,7 +265,7 @@ class Spec(_Mapping, frozen=True, kw_only=True):
     description: str = ""
     seed: int | None = None  # all that is drawn follows from it; None: every game is another
     max_turns: Count | None = None  # it ends after so many at the latest; None: when a rule says so
-    sensors: dict[Name, Sensor] = {}  # type and keywords; each agent that names one gets one of its own
+    sensors: dict[Name, Sensor] = {}  # those that teams name; each agent that names one gets one of its own
     rules: list[Reference | Rule] = []  # in the order in which they are applied
     conflicts: Conflicts | None = None  # what decides where moves conflict; None: all moves are made
     channels: dict[Name, Channel] = {}  # by what agents send messages

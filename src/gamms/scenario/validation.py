@@ -122,6 +122,8 @@ def _check_sensor(path: str, sensor: schema.Sensor, spec: Spec) -> None:
             what = f"a {sensor.type} sensor" if sensor.type else "a function"
             hint = nearest(key, known) or f" It has: {', '.join(known)}."
             raise ScenarioError(joined(path, key), f"{what} has none.{hint}")
+    if sensor.range_m is not None and sensor.sensor_range is not None:
+        raise ScenarioError(joined(path, "sensor_range"), "is the old name of range_m, which is given, too.")
     if sensor.at is not None:
         _check_place(f"{path}.at", sensor.at, f"{sensor.type} sensors are", flies="quat" in known)
     for key in ("team", "exclude"):
@@ -172,10 +174,15 @@ def _check_team(path: str, team: schema.Team, earlier: set[str], spec: Spec) -> 
 
 def _check_equipment(where: str, one: schema.Equipment, team: schema.Team, spec: Spec) -> None:
     """Check settings that a team makes for all its agents, or one agent for itself."""
-    for number, sensor in enumerate(one.sensors or []):
-        if sensor not in spec.sensors:
-            hint = nearest(sensor, spec.sensors)
-            raise ScenarioError(f"{where}.sensors.{number}", f"there is no sensor {sensor!r} in sensors.{hint}")
+    if isinstance(one.sensors, dict):
+        for name, sensor in one.sensors.items():
+            _check_sensor(f"{where}.sensors.{name}", sensor, spec)
+    else:
+        for number, named in enumerate(one.sensors or []):
+            if named not in spec.sensors:
+                way_out = " Declare it there, or here: sensors: {eyes: {type: agent_range}}."
+                hint = nearest(named, spec.sensors) or way_out
+                raise ScenarioError(f"{where}.sensors.{number}", f"there is no sensor {named!r} in sensors.{hint}")
     if team.plan is not None and one.strategy is not None:
         raise ScenarioError(f"{where}.strategy", "is never asked, because the team has a plan. Give one of them.")
     if one.type is not None and as_member(AgentType, one.type) is None:
@@ -217,9 +224,7 @@ def code_in(spec: Spec) -> Iterator[NamedCode]:
     """Yield all code that a scenario names, in the order of the file."""
     if spec.map.generator is not None:
         yield from _code("value", ("map", "generator"), spec.map.generator)
-    for name, sensor in spec.sensors.items():
-        if sensor.function is not None:
-            yield from _code("sensor", ("sensors", name), Code(function=sensor.function, with_=sensor.with_ or {}))
+    yield from _code_of_sensors((), spec)
     for name, team in spec.teams.items():
         if team.plan is not None:
             yield from _code("plan", ("teams", name, "plan"), team.plan)
@@ -227,6 +232,7 @@ def code_in(spec: Spec) -> Iterator[NamedCode]:
         for keys, one in [(("teams", name), team), *own]:
             if one.strategy is not None:
                 yield from _code("strategy", (*keys, "strategy"), one.strategy)
+            yield from _code_of_sensors(keys, one)
             yield from _code_among((*keys, "meta"), one.meta)
     for number, rule in enumerate(spec.rules):
         yield from _code("rule", ("rules", number), rule)
@@ -235,6 +241,13 @@ def code_in(spec: Spec) -> Iterator[NamedCode]:
         yield from _code("resolver", ("conflicts", "resolve"), resolve)
     yield from _code_among(("facts",), spec.facts)
     yield from _code_among(("data",), spec.data)
+
+
+def _code_of_sensors(keys: tuple[str | int, ...], part: Spec | schema.Equipment) -> Iterator[NamedCode]:
+    for name, sensor in part.sensors.items() if isinstance(part.sensors, dict) else ():
+        if sensor.function is not None:
+            code = Code(function=sensor.function, with_=sensor.with_ or {})
+            yield from _code("sensor", (*keys, "sensors", name), code)
 
 
 def _code(what: str, keys: tuple[str | int, ...], given: str | Code | schema.Rule) -> Iterator[NamedCode]:

@@ -1,11 +1,16 @@
-"""Which kinds of sensor there are, and how each is made from the caller's keywords: a table, not a ladder."""
+"""Which kinds of sensor there are, how each is made from the caller's keywords, and the factories that declare them.
+
+Every agent that is given a declaration gets a sensor of its own.
+"""
 
 from collections.abc import Callable, Mapping
 from math import inf, pi
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Unpack
 
+from gamms.arguments import with_options
+from gamms.errors import BadType, BadValue, nearest
 from gamms.plain import is_same, plain_subset
-from gamms.sensor.aerial import (
+from gamms.sensor.air import (
     AHEAD,
     DOWN,
     AerialAgentSensor,
@@ -23,7 +28,14 @@ from gamms.sensor.ground import (
 )
 from gamms.sensor.sensor import ATTRIBUTES_OF, Sensor
 from gamms.typing import IContext
-from gamms.typing.sensor_engine import ISensor, SensorType, kind_called
+from gamms.typing.sensor_engine import (
+    DetectionOptions,
+    ISensor,
+    PlaceOptions,
+    SensorDeclaration,
+    SensorType,
+    kind_called,
+)
 
 FORWARD = (1.0, 0.0)
 
@@ -37,7 +49,15 @@ class SensorKind(NamedTuple):
     takes_type: bool = True  # whether its constructor takes the type
 
     def create(self, ctx: IContext, sensor_id: str, type: SensorType, given: dict[str, Any]) -> Sensor:
-        """Create a sensor with the keywords that this kind takes; the others are ignored."""
+        """Create a sensor with the keywords that this kind takes; the others are ignored.
+
+        Raises:
+            BadValue: both `range_m` and `sensor_range` are given.
+        """
+        if "range_m" in given:
+            if "sensor_range" in given:
+                raise BadValue("range_m= and its old name sensor_range= are both given. Give range_m= only.")
+            given = {**given, "sensor_range": given["range_m"]}
         keywords = {**self.keywords, **{key: value for key, value in given.items() if key in self.keywords}}
         sensor = self.make(ctx, sensor_id, *((type,) if self.takes_type else ()), **keywords)
         for setting in self.settings if given else ():
@@ -89,7 +109,8 @@ class SensorKind(NamedTuple):
 
     def names(self) -> set[str]:
         """Return all keywords that this kind takes."""
-        return {*self.keywords, *(setting.rpartition(".")[2] for setting in self.settings)}
+        range_m = ["range_m"] if "sensor_range" in self.keywords else []
+        return {*self.keywords, *range_m, *(setting.rpartition(".")[2] for setting in self.settings)}
 
 
 _PLACE = ("at",)
@@ -149,7 +170,7 @@ KINDS: dict[SensorType, SensorKind] = {kind_called(name): kind for name, kind in
 # Programs for 1.0.0 pass these to every kind; those that do not know them ignore them.
 SHARED_KEYWORDS = {"type", "sensor_range", "fov", "quat", "orientation", "observer_height"}
 SYNONYMS = {  # what callers write for a keyword, where the spelling does not tell
-    **dict.fromkeys(("range", "radius", "distance", "range_m", "max_range"), "sensor_range"),
+    **dict.fromkeys(("range", "radius", "distance", "max_range", "sensing_range"), "range_m"),
     **dict.fromkeys(("angle", "field_of_view", "opening_angle"), "fov"),
     **dict.fromkeys(("heading", "direction"), "orientation"),
     **dict.fromkeys(("height", "eye_height"), "observer_height"),
@@ -159,3 +180,213 @@ SYNONYMS = {  # what callers write for a keyword, where the spelling does not te
     **dict.fromkeys(("false_alarms", "clutter", "clutter_rate", "false_positive_rate"), "false_alarm_rate"),
     **dict.fromkeys(("delay", "latency"), "delay_turns"),
 }
+
+
+# -- factories ----------------------------------------------------------------------------------------------------
+
+Direction = tuple[float, float]
+Quaternion = tuple[float, float, float, float]
+
+
+def _declared(kind: str, options: dict[str, Any], **settings: object) -> SensorDeclaration:
+    """Return the declaration of a sensor without its defaults; its options are checked against its kind."""
+    row = KINDS[kind_called(kind)]
+    known = row.names() - {"sensor_range"}
+    for name in options:
+        if name not in known:
+            hint = nearest(SYNONYMS.get(name, name), known) or f" It takes: {', '.join(sorted(known))}."
+            raise BadType(f"gamms.sensor.{kind.lower()}() takes no {name}=.{hint}")
+    defaults = {"range_m": row.keywords.get("sensor_range"), **row.keywords}
+    own = {name: value for name, value in settings.items() if value != defaults[name]}
+    return {"type": kind, **own, **options}
+
+
+def from_function(fn: Callable[..., Any]) -> SensorDeclaration:
+    """Declare a sensor whose data is the result of a function: `fn()`, `fn(node_id)` or `fn(node_id, agent)`."""
+    return {"function": fn}
+
+
+def neighbor() -> SensorDeclaration:
+    """Declare a sensor for the node of the agent and its neighbors: `[node, neighbor, …]`."""
+    return _declared("NEIGHBOR", {})
+
+
+@with_options()
+def map(**options: Unpack[PlaceOptions]) -> SensorDeclaration:
+    """Declare a sensor for the whole graph: `{"nodes": {id: Node}, "edges": [OSMEdge, …]}`.
+
+    Args:
+        options: see `PlaceOptions`.
+    """
+    return _declared("MAP", {**options})
+
+
+@with_options()
+def range(range_m: float = 30.0, **options: Unpack[PlaceOptions]) -> SensorDeclaration:
+    """Declare a sensor for the graph within a distance, like `map`.
+
+    Args:
+        range_m: how far it senses, in map units in a straight line.
+        options: see `PlaceOptions`.
+    """
+    return _declared("RANGE", {**options}, range_m=range_m)
+
+
+@with_options()
+def arc(
+    range_m: float = 30.0, fov: float = 2.0 * pi, orientation: Direction = (1.0, 0.0), **options: Unpack[PlaceOptions]
+) -> SensorDeclaration:
+    """Declare a sensor for the graph within a distance and a field of view, like `map`.
+
+    Args:
+        range_m: how far it senses, in map units in a straight line.
+        fov: the full opening angle in radians.
+        orientation: the direction `(cos, sin)`, relative to the heading of the agent.
+        options: see `PlaceOptions`.
+    """
+    return _declared("ARC", {**options}, range_m=range_m, fov=fov, orientation=orientation)
+
+
+@with_options()
+def agent(
+    fov: float = 2.0 * pi, orientation: Direction = (1.0, 0.0), **options: Unpack[DetectionOptions]
+) -> SensorDeclaration:
+    """Declare a sensor for other agents at any distance: `{name: node}`.
+
+    Args:
+        fov: the full opening angle in radians.
+        orientation: the direction `(cos, sin)`, relative to the heading of the agent.
+        options: see `DetectionOptions`.
+    """
+    return _declared("AGENT", {**options}, fov=fov, orientation=orientation)
+
+
+@with_options()
+def agent_range(range_m: float = 30.0, **options: Unpack[DetectionOptions]) -> SensorDeclaration:
+    """Declare a sensor for other agents within a distance: `{name: node}`.
+
+    Args:
+        range_m: how far it senses, in map units in a straight line.
+        options: see `DetectionOptions`.
+    """
+    return _declared("AGENT_RANGE", {**options}, range_m=range_m)
+
+
+@with_options()
+def agent_arc(
+    range_m: float = 30.0,
+    fov: float = 2.0 * pi,
+    orientation: Direction = (1.0, 0.0),
+    **options: Unpack[DetectionOptions],
+) -> SensorDeclaration:
+    """Declare a sensor for other agents within a distance and a field of view: `{name: node}`.
+
+    Args:
+        range_m: how far it senses, in map units in a straight line.
+        fov: the full opening angle in radians.
+        orientation: the direction `(cos, sin)`, relative to the heading of the agent.
+        options: see `DetectionOptions`.
+    """
+    return _declared("AGENT_ARC", {**options}, range_m=range_m, fov=fov, orientation=orientation)
+
+
+@with_options()
+def occluded_map(
+    range_m: float = inf,
+    fov: float = 2.0 * pi,
+    orientation: Direction = (1.0, 0.0),
+    observer_height: float = 1.6,
+    **options: Unpack[PlaceOptions],
+) -> SensorDeclaration:
+    """Declare a sensor for the graph that obstacles do not hide, like `map`.
+
+    Args:
+        range_m: how far it senses, in map units in a straight line.
+        fov: the full opening angle in radians.
+        orientation: the direction `(cos, sin)`, relative to the heading of the agent.
+        observer_height: the height of the eye above the ground, in map units.
+        options: see `PlaceOptions`.
+    """
+    settings = {"range_m": range_m, "fov": fov, "orientation": orientation, "observer_height": observer_height}
+    return _declared("OCCLUDED_MAP", {**options}, **settings)
+
+
+@with_options()
+def occluded_agent(
+    range_m: float = inf,
+    fov: float = 2.0 * pi,
+    orientation: Direction = (1.0, 0.0),
+    observer_height: float = 1.6,
+    **options: Unpack[DetectionOptions],
+) -> SensorDeclaration:
+    """Declare a sensor for other agents that obstacles do not hide: `{name: node}`.
+
+    Args:
+        range_m: how far it senses, in map units in a straight line.
+        fov: the full opening angle in radians.
+        orientation: the direction `(cos, sin)`, relative to the heading of the agent.
+        observer_height: the height of the eye above the ground, in map units.
+        options: see `DetectionOptions`.
+    """
+    settings = {"range_m": range_m, "fov": fov, "orientation": orientation, "observer_height": observer_height}
+    return _declared("OCCLUDED_AGENT", {**options}, **settings)
+
+
+@with_options()
+def aerial(
+    range_m: float = 100.0, fov: float = pi / 3.0, quat: Quaternion = DOWN, **options: Unpack[PlaceOptions]
+) -> SensorDeclaration:
+    """Declare a sensor of a flying agent for the ground, like `map`.
+
+    Args:
+        range_m: how far it senses, in map units in a straight line.
+        fov: the full opening angle in radians.
+        quat: the direction `(w, x, y, z)`, relative to how the agent is turned; straight down by default.
+        options: see `PlaceOptions`.
+    """
+    return _declared("AERIAL", {**options}, range_m=range_m, fov=fov, quat=quat)
+
+
+@with_options()
+def aerial_agent(
+    range_m: float = 100.0, fov: float = 2.0 * pi, quat: Quaternion = AHEAD, **options: Unpack[DetectionOptions]
+) -> SensorDeclaration:
+    """Declare a sensor of a flying agent for other agents: `{name: (AgentType, (x, y, z))}`.
+
+    Args:
+        range_m: how far it senses, in map units in a straight line.
+        fov: the full opening angle in radians.
+        quat: the direction `(w, x, y, z)`, relative to how the agent is turned; straight ahead by default.
+        options: see `DetectionOptions`.
+    """
+    return _declared("AERIAL_AGENT", {**options}, range_m=range_m, fov=fov, quat=quat)
+
+
+@with_options()
+def occluded_aerial(
+    range_m: float = 100.0, fov: float = pi / 3.0, quat: Quaternion = DOWN, **options: Unpack[PlaceOptions]
+) -> SensorDeclaration:
+    """Declare a sensor of a flying agent for the ground that obstacles do not hide, like `map`.
+
+    Args:
+        range_m: how far it senses, in map units in a straight line.
+        fov: the full opening angle in radians.
+        quat: the direction `(w, x, y, z)`, relative to how the agent is turned; straight down by default.
+        options: see `PlaceOptions`.
+    """
+    return _declared("OCCLUDED_AERIAL", {**options}, range_m=range_m, fov=fov, quat=quat)
+
+
+@with_options()
+def occluded_aerial_agent(
+    range_m: float = 100.0, fov: float = 2.0 * pi, quat: Quaternion = AHEAD, **options: Unpack[DetectionOptions]
+) -> SensorDeclaration:
+    """Declare a sensor of a flying agent for other agents that obstacles do not hide: `{name: (AgentType, (x, y, z))}`.
+
+    Args:
+        range_m: how far it senses, in map units in a straight line.
+        fov: the full opening angle in radians.
+        quat: the direction `(w, x, y, z)`, relative to how the agent is turned; straight ahead by default.
+        options: see `DetectionOptions`.
+    """
+    return _declared("OCCLUDED_AERIAL_AGENT", {**options}, range_m=range_m, fov=fov, quat=quat)

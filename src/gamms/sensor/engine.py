@@ -11,7 +11,7 @@ from gamms.arguments import as_declared, as_member, as_name
 from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated, Duplicate, UnknownName, UnknownType, nearest
 from gamms.readonly import ReadOnlyMapping
-from gamms.sensor.aerial import AerialAgentSensor, AerialSensor
+from gamms.sensor.air import AerialAgentSensor, AerialSensor
 from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
 from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.function import FunctionSensor
@@ -24,6 +24,7 @@ from gamms.typing import IContext
 from gamms.typing.sensor_engine import (
     ISensor,
     ISensorEngine,
+    SensorDeclaration,
     SensorOptions,
     SensorType,
     kind_called,
@@ -144,6 +145,19 @@ class SensorEngine(ContextPart, ISensorEngine):
         sensor = FunctionSensor(self.ctx, sensor_id, fn)
         self._keep(sensor)
         return sensor
+
+    @refused_while_deciding
+    def from_declaration(self, sensor_id: str, declaration: SensorDeclaration) -> Sensor:
+        """Create the sensor that a factory such as `gamms.sensor.agent_range` declares, and keep it."""
+        known = self._sensors.get(sensor_id)
+        if known is not None and owner_of(known) is None:
+            self.delete_sensor(sensor_id)
+        if "function" in declaration:
+            function: Any = declaration["function"]
+            return self.from_function(sensor_id, function)
+        options: Any = {"sensor_type": None, **declaration}
+        created: Sensor = self.create_sensor(sensor_id, **options)
+        return created
 
     @refused_while_deciding
     def add_sensor(self, sensor: ISensor) -> None:

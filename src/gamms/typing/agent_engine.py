@@ -9,9 +9,9 @@ from gamms.ir.agents import AgentBlock, Position, Quat
 from gamms.ir.graph import FloatArray
 from gamms.ir.positions import Positions
 from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, State, Strategy
-from gamms.typing.sensor_engine import Carried, ISensor
+from gamms.typing.sensor_engine import Carried, ISensor, SensorDeclaration
 
-SensorsOfAgent = Iterable[str | ISensor] | Mapping[str, str | ISensor]
+SensorsOfAgent = Iterable[str | ISensor] | Mapping[str, str | ISensor | SensorDeclaration]
 MaybeNone = Any  # a value that may be None, but is used without a check
 
 
@@ -188,8 +188,9 @@ class IAgentEngine(ABC):
         Args:
             name: a name that no other agent has.
             start_node_id: id of the first node of the agent; required.
-            sensors: ids of sensors, or a dict from names in the agent's state to sensors or ids. Unknown ids are left
-            out with a warning.
+            sensors: a dict from names in the agent's state to sensors, such as
+                `{"eyes": gamms.sensor.agent_range(range_m=60)}`; also ids of existing sensors. Unknown ids are left
+                out with a warning.
             team: any value that can be a dict key; None: no team.
             strategy: the function that decides for the agent in `ctx.game`; None: none yet.
             orientation: a fixed heading `(cos, sin)`; None: the heading follows from the moves.

@@ -1,7 +1,7 @@
 """Contract of the sensor engine."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from enum import Enum
 from typing import Any, TypedDict, Unpack
 
@@ -61,6 +61,10 @@ IN_AIR = frozenset((SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT))
 
 FROM_AIR = frozenset((SensorType.AERIAL, SensorType.OCCLUDED_AERIAL))
 """The built-in types that show the ground from the air."""
+
+
+SensorDeclaration = Mapping[str, object]
+"""The kind of a sensor and its settings, `{"type": "AGENT_RANGE", "range_m": 60}`; see `gamms.sensor.agent_range`."""
 
 
 class ISensor(ABC):
@@ -211,23 +215,21 @@ def _missing(value: object) -> list[str]:
     return [name for name in _INTERFACE if isinstance(value, type) or not hasattr(value, name)]
 
 
-class SensorOptions(TypedDict, total=False):
-    """The keywords of `create_sensor`; `docs/sensors.md` has the default of each for each kind.
+class PlaceOptions(TypedDict, total=False):
+    """The keywords of all kinds of sensor but NEIGHBOR.
 
     Attributes:
-        type: a synonym of `sensor_type`.
-        sensor_range: how far it senses, in map units in a straight line; may be infinite. Default: 30.0 for RANGE, ARC,
-            AGENT_RANGE and AGENT_ARC, 100.0 for the AERIAL kinds, infinite for OCCLUDED_MAP and OCCLUDED_AGENT.
-        fov: the full opening angle in radians; exactly 2 pi: all around. ARC, AGENT, AGENT_ARC, the OCCLUDED and AERIAL
-            kinds. Default: 2 pi, but pi / 3 for AERIAL and OCCLUDED_AERIAL.
-        orientation: the direction `(cos, sin)`, relative to the heading of the agent that carries the sensor. ARC,
-            AGENT, AGENT_ARC, OCCLUDED_MAP, OCCLUDED_AGENT. Default: (1.0, 0.0), straight ahead.
-        observer_height: the height of the eye above the ground, in map units. OCCLUDED_MAP, OCCLUDED_AGENT. Default:
-            1.6.
-        quat: the direction `(w, x, y, z)`, relative to how the agent is turned. The AERIAL kinds. Default: straight
-            down, but straight ahead for the kinds that look for agents.
         at: a fixed place to look from: a node id or `(x, y)`, for the AERIAL kinds `(x, y, z)`. All kinds but NEIGHBOR.
             Default: None, from the agent.
+    """
+
+    at: int | np.integer[Any] | Sequence[float] | None
+
+
+class DetectionOptions(PlaceOptions, total=False):
+    """The keywords of the kinds that look for agents.
+
+    Attributes:
         team: a team, or a list, tuple or set of teams: only their agents are sensed. The AGENT kinds. Default: None,
             agents of all teams.
         exclude: a team, or a list, tuple or set of teams, whose agents are not sensed. The AGENT kinds. Default: None.
@@ -240,19 +242,39 @@ class SensorOptions(TypedDict, total=False):
         delay_turns: how many turns of `ctx.game` old a report is. The AGENT kinds. Default: None, not old.
     """
 
-    type: SensorType
-    sensor_range: float
-    fov: float
-    orientation: tuple[float, float]
-    observer_height: float
-    quat: Sequence[float]
-    at: int | np.integer[Any] | Sequence[float] | None
     team: object
     exclude: object
     detection: float | Sequence[tuple[float, float]] | Callable[[FloatArray], FloatArray] | None
     position_noise_m: float | None
     false_alarm_rate: float | None
     delay_turns: int | None
+
+
+class SensorOptions(DetectionOptions, total=False):
+    """The keywords of `create_sensor`; `docs/sensors.md` has the default of each for each kind.
+
+    Attributes:
+        type: a synonym of `sensor_type`.
+        range_m: how far it senses, in map units in a straight line; may be infinite. Default: 30.0 for RANGE, ARC,
+            AGENT_RANGE and AGENT_ARC, 100.0 for the AERIAL kinds, infinite for OCCLUDED_MAP and OCCLUDED_AGENT.
+        sensor_range: the name of `range_m` in 1.0.0.
+        fov: the full opening angle in radians; exactly 2 pi: all around. ARC, AGENT, AGENT_ARC, the OCCLUDED and AERIAL
+            kinds. Default: 2 pi, but pi / 3 for AERIAL and OCCLUDED_AERIAL.
+        orientation: the direction `(cos, sin)`, relative to the heading of the agent that carries the sensor. ARC,
+            AGENT, AGENT_ARC, OCCLUDED_MAP, OCCLUDED_AGENT. Default: (1.0, 0.0), straight ahead.
+        observer_height: the height of the eye above the ground, in map units. OCCLUDED_MAP, OCCLUDED_AGENT. Default:
+            1.6.
+        quat: the direction `(w, x, y, z)`, relative to how the agent is turned. The AERIAL kinds. Default: straight
+            down, but straight ahead for the kinds that look for agents.
+    """
+
+    type: SensorType
+    range_m: float
+    sensor_range: float
+    fov: float
+    orientation: tuple[float, float]
+    observer_height: float
+    quat: Sequence[float]
 
 
 class ISensorEngine(ABC):
@@ -292,6 +314,19 @@ class ISensorEngine(ABC):
             Duplicate (ValueError): the name is taken.
             ContextTerminated: the context has ended.
         """
+
+    def from_declaration(self, sensor_id: str, declaration: SensorDeclaration) -> ISensor:  # noqa: ARG002 - not every engine can
+        """Create the sensor that a factory such as `gamms.sensor.agent_range` declares, and keep it.
+
+        A sensor of that name that no agent carries any longer is replaced.
+
+        Raises:
+            UnknownType (ValueError): not a built-in kind.
+            BadType (TypeError): it has no kind.
+            Duplicate (ValueError): an agent carries a sensor of that name.
+            NotOffered: this engine creates none.
+        """
+        raise NotOffered(self, "from_declaration")
 
     @abstractmethod
     def add_sensor(self, sensor: ISensor) -> None:
