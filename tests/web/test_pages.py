@@ -78,6 +78,19 @@ def test_gamms_render_writes_a_page(game, tmp_path):
         rendering.render(game, tmp_path / "game.html", rendering.RenderOptions(last=5))
 
 
+def test_a_page_is_called_as_its_game(tmp_path):
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.agent.create_team("police", [0], strategy=gamms.strategies.chase(ctx))
+        ctx.agent.create_team("walkers", [8], strategy=gamms.strategies.random_walk)
+        ctx.game.run(max_turns=2, record=tmp_path / "game.ggr")
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        assert b"<title>police and walkers</title>" in web.page(recording)
+    gamms.scenario.from_gallery("pursuit").replace(max_turns=2).play(record=tmp_path / "game.ggr")
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        assert b"<title>Pursuit</title>" in web.page(recording)
+
+
 def test_a_page_asks_for_nothing_from_anywhere(game):
     with recorder.open(game) as recording:
         text = web.page(recording).decode()

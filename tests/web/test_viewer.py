@@ -37,6 +37,16 @@ def test_it_shows_the_game_and_the_console_stays_empty(page):
     assert page.messages == []
 
 
+def test_a_link_names_the_moment_that_is_shown(page):
+    page.value("gamms.seek(12)")
+    page.value("gamms.select('blue_2')")
+    page.wait("location.hash === '#turn=12&agent=blue_2'")
+    page.value("location.hash = '#turn=30&agent=red_1'")
+    page.wait("gamms.turn === 30 && gamms.look.selected === 'red_1'")
+    page.value("location.hash = '#turn=9999&agent=nobody&fog=nobody'")
+    page.wait("gamms.turn === 80 && gamms.look.selected === null && gamms.look.fog === null")
+
+
 def test_keys_step_play_and_zoom(page, game):
     for key in ("ArrowRight", "ArrowRight", "ArrowLeft", "End"):
         page.key(key)

@@ -354,7 +354,10 @@ class AgentFacts:
         columns, game = self._state.agents.columns, self._state.game
         name, team = columns["names"][row], columns["teams"][row]
         facts: Facts = {}
-        for key, value in (("team", team), ("speed", columns["speed"][row]), ("strategy", columns["strategies"][row])):
+        strategy = columns["strategies"][row]
+        if strategy is not None:
+            strategy = strategy.partition(".<locals>")[0]  # what was called to make it
+        for key, value in (("team", team), ("speed", columns["speed"][row]), ("strategy", strategy)):
             if value is not None:
                 facts[_OPEN, key] = words_of(value)
         for sensor, sensor_id in columns["sensors"][row].items():

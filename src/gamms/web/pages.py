@@ -29,6 +29,7 @@ from gamms.web.painter import Painter, map_for_viewer
 __all__ = ["page", "page_of_two"]
 
 _OPTIONS = PageOptions.__annotations__.keys()
+_FEW_SIDES = 4  # that are the title of a page
 _MOST_TRAILS = 200
 _LEVEL = 7  # of zlib: 9 takes seven times as long for a tenth less
 _PART_MOVES = 1 << 14  # in a part, which the viewer reads in some milliseconds
@@ -151,9 +152,14 @@ def as_json(value: object) -> str:
 
 
 def _title_of(recording: Recording) -> str:
+    """Return the name of a recorded game: that of its scenario, else its sides."""
     scenario = recording.header.get("scenario")
     name = scenario.get("name") if isinstance(scenario, dict) else None
-    return name if isinstance(name, str) and name else "A recorded game"
+    if isinstance(name, str) and name:
+        return name
+    sides = recording.header.get("sides") or sides_of(recording.header, recording.detached(0).keyframe(0))
+    named = [side for side in sides if side is not None]
+    return " and ".join(named) if 0 < len(named) <= _FEW_SIDES else "A recorded game"
 
 
 # -- the recording ------------------------------------------------------------------------------------------------

@@ -36,6 +36,8 @@ export class App {
     this.isFollowing = false;
     this.movedAt = -Infinity; // when the camera was moved
     /** @type {import("./player.js").Player | null} */ this.player = null; // of who plays in a live game
+    this.whenRead = () => {}; // called when all turns have been read
+    this.whenShown = () => {}; // called when another moment is shown, or in another way
     this.needsPaint = true;
     this.paintMs = 0; // that the last frame took
     this.stage = element("div", { class: "stage" });
@@ -104,6 +106,7 @@ export class App {
     this.settings.renew();
     this.panel.renew(true);
     this.needsPaint = true;
+    this.whenRead();
     this.root.dataset.isRead = "true";
   }
 
@@ -154,6 +157,7 @@ export class App {
     this.needsPaint = true;
     this.controls.renewTurn();
     this.panel.renew();
+    this.whenShown();
   }
 
   /** Go some whole turns on or back, and stop there. @param {number} turns */
@@ -174,6 +178,7 @@ export class App {
     this.isPlaying = this.isLive = false;
     this.controls.renewTurn();
     this.panel.renew(true);
+    this.whenShown();
   }
 
   /** Select an agent, or none. @param {string | null} name @param {boolean} [isFollowed] */
@@ -184,6 +189,7 @@ export class App {
     if (this.look.selected !== null && this.isWide) this.panel.open();
     this.needsPaint = true;
     this.panel.renew(true);
+    this.whenShown();
   }
 
   /** A pointer goes down on the map. */
@@ -228,6 +234,7 @@ export class App {
     this.controls.renew();
     this.settings.renew();
     this.panel.renew(true);
+    this.whenShown();
   }
 
   /** Move all cameras. @param {(camera: import("./camera.js").Camera) => void} move */

@@ -3,6 +3,7 @@ import { App } from "./app.js";
 import { bytesIn } from "./bytes.js";
 import { element } from "./dom.js";
 import { Live } from "./live.js";
+import { followAddress } from "./moment.js";
 import { Recording } from "./recording.js";
 import { Replay } from "./replay.js";
 
@@ -20,7 +21,9 @@ async function begin() {
     recording.feed(bytes);
     return new Replay(recording);
   });
-  Object.defineProperty(window, "gamms", { value: new App(root, replays, options) }); // for consoles and tests
+  const app = new App(root, replays, options);
+  Object.defineProperty(window, "gamms", { value: app }); // for consoles and tests
+  app.whenRead = () => followAddress(app);
 }
 
 begin().catch((error) => {
