@@ -33,3 +33,11 @@ def test_a_run_that_fails_leaves_a_whole_recording(town, tmp_path):
     with gamms.recorder.open(tmp_path / "game.ggr") as recording:
         assert recording.turns in (2, 3)
         assert recording.is_complete
+
+
+def test_a_strategy_that_reads_a_misspelt_sensor_is_told_the_names_of_its_sensors(town):
+    eyes = {"eyes": gamms.sensor.agent_range(range_m=20)}
+    town.agent.create_agent("ben", start_node_id=3, sensors=eyes, strategy=lambda state: state["sensor"]["eye"])
+    with pytest.raises(KeyError) as caught:
+        town.game.step()
+    assert "Its sensors are: 'eyes'." in caught.value.__notes__[-1]

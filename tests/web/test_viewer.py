@@ -47,6 +47,14 @@ def test_a_link_names_the_moment_that_is_shown(page):
     page.wait("gamms.turn === 80 && gamms.look.selected === null && gamms.look.fog === null")
 
 
+def test_what_is_shown_stands_beside_the_panel_of_an_agent(page):
+    page.value("gamms.select('blue_2')")
+    page.click(*centre(page, "[aria-label='What is shown']"))
+    page.settle()
+    box = "document.querySelector({}).getBoundingClientRect()"
+    assert page.value(f"{box.format(repr('#look'))}.right") <= page.value(f"{box.format(repr('.panel'))}.left")
+
+
 def test_keys_step_play_and_zoom(page, game):
     for key in ("ArrowRight", "ArrowRight", "ArrowLeft", "End"):
         page.key(key)

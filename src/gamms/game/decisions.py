@@ -13,7 +13,7 @@ from gamms.core.agents import Moves
 from gamms.core.ask import ask_each
 from gamms.core.copies import copied
 from gamms.deciding import DecidePhase
-from gamms.errors import BadType, BadValue, GammsError
+from gamms.errors import BadType, BadValue, GammsError, nearest
 from gamms.game.facts import KnownFacts
 from gamms.game.legality import IllegalAction, Legality
 from gamms.game.order import Part, PlannedAgents
@@ -181,6 +181,14 @@ class _Question(NamedTuple):
         if isinstance(self.given, TeamArrays):
             return [None] * len(self.indices)
         return list(self.given.values()) if self.is_plan else [self.given]
+
+
+def _meant_sensor(question: _Question, error: BaseException) -> str:
+    """Return a hint for a strategy that reads a sensor under a misspelt name."""
+    sensors = None if question.is_plan else question.given.get("sensor")
+    if not sensors or not isinstance(error, KeyError) or not error.args:
+        return ""
+    return nearest(error.args[0], sensors) and f" Its sensors are: {', '.join(map(repr, sensors))}."
 
 
 class Decisions:
@@ -496,7 +504,7 @@ class Decisions:
 
     def _fail(self, question: _Question, error: BaseException) -> None:
         if self._settings.on_error == "raise":
-            error.add_note(f"In the {question.name}, in turn {self.state.turn}.")
+            error.add_note(f"In the {question.name}, in turn {self.state.turn}.{_meant_sensor(question, error)}")
             raise error
         self._miss(question, "error", f"{type(error).__name__}: {error}")
 
