@@ -18,7 +18,7 @@ from syntax import nodes_of
 ROOT = Path(__file__).parent.parent
 SRC = ROOT / "src" / "gamms"
 PACKAGES = ("game", "recorder")
-FRONT_DOOR = {"", "_legacy", "__main__"}  # they name everything, so that completion works
+FRONT_DOOR = {"", "compat", "__main__"}  # they name everything, so that completion works
 
 CHAR, BOX_HEIGHT, GAP, ROW = 7.3, 30, 14, 74  # pixels
 STYLE = "font:12px ui-monospace,SFMono-Regular,Menlo,Consolas,monospace"

@@ -50,7 +50,7 @@ HEAVY = [
 # The layers from the top, as pyproject.toml gives them to import-linter.
 LAYERS = draw_architecture.layers()
 UNINSTALLED = {"rl.sb3", "rl.tensor_env"}  # modules for libraries that the tests do without
-OUTSIDE = {"", "_legacy", "__main__"}  # the package root, and the table of old paths, which names every package
+OUTSIDE = {"", "compat", "__main__"}  # the package root, and the table of old paths, which names every package
 CLIENTS = {name for row in LAYERS[: LAYERS.index(["context"])] for name in row}  # they use a context as users do
 LEVEL = {package: -row for row, packages in enumerate(LAYERS) for package in packages}
 
@@ -199,7 +199,7 @@ def test_a_command_loads_what_it_needs_when_it_runs():
     code = "import sys, gamms.cli.commands; print(*sys.modules)"
     loaded = subprocess.check_output([sys.executable, "-W", "error", "-c", code], text=True).split()
     packages = {name.split(".")[1] for name in loaded if name.startswith("gamms.")}
-    assert packages - {"Recorder"} == {"_legacy", "cli", "errors", "folders", "limits", "progress", "text"}
+    assert packages - {"Recorder"} == {"compat", "cli", "errors", "folders", "limits", "progress", "text"}
     assert "numpy" not in loaded
 
 

@@ -15,7 +15,7 @@ import sys as _sys
 import typing as _typing
 from importlib import import_module as _import_module
 
-from gamms import _legacy
+from gamms import compat
 
 if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names come on first use
     # ruff: isort: off
@@ -89,7 +89,7 @@ _HOMES = {
     "__version__": "gamms.versions",
 }
 
-_legacy.install()
+compat.install()
 
 
 if not _typing.TYPE_CHECKING:  # which would take every misspelt name for one that is there
@@ -98,7 +98,7 @@ if not _typing.TYPE_CHECKING:  # which would take every misspelt name for one th
         if name in _HOMES:
             found = globals()[name] = getattr(_import_module(_HOMES[name]), name)
             return found
-        found = _import_module(f"gamms.{name}") if name in _MODULES else _legacy.resolve(name)
+        found = _import_module(f"gamms.{name}") if name in _MODULES else compat.resolve(name)
         if found is None:
             message = f"module {__name__!r} has no attribute {name!r}"
             raise AttributeError(message, name=name, obj=_sys.modules[__name__])  # Python names the nearest one

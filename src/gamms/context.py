@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
 from gamms.arguments import as_int, as_mapping, as_member, as_path, as_text
+from gamms.compat import Surface
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownEngine
 from gamms.text import printable, shown
@@ -59,7 +60,7 @@ class InternalContext(typing.IInternalContext):
                 engine.terminate()
 
 
-class Context(Guarded, typing.IContext):
+class Context(Surface, Guarded, typing.IContext):
     """One running scenario. Usable in a `with` statement, which terminates it.
 
     The engines are attributes, so that a program may build a context of its own engines.
@@ -321,7 +322,7 @@ class Context(Guarded, typing.IContext):
 
     def _repr_html_(self) -> str | None:
         """Return the same as SVG where PNG cannot be made; else None."""
-        return None if self._repr_png_() is not None else self._shown(lambda drawn: drawn.as_html())
+        return None if self._repr_png_() is not None else self._shown(lambda drawn: drawn.pictures.as_html())
 
     def _shown(self, show: Callable[[Any], Any]) -> Any:
         try:

@@ -35,7 +35,6 @@ ScenarioError (scenario), RecordingError, RecorderBusy and Damaged (recorder), U
 
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from itertools import islice
 from typing import Any
 
@@ -183,19 +182,6 @@ def _libraries(extra: str, declared: list[str]) -> Iterator[str]:
                 yield from _libraries(other.strip(), declared)
         else:
             yield requirement.strip()
-
-
-@contextmanager
-def needing(feature: str, extra: str) -> Iterator[None]:
-    """Import a library that a feature needs in the `with` block.
-
-    Raises:
-        MissingExtra (ImportError): it is not installed.
-    """
-    try:
-        yield
-    except ImportError as error:
-        raise MissingExtra(feature, extra) from error
 
 
 class NoDisplay(GammsError, RuntimeError):

@@ -1,10 +1,11 @@
 """Named factories, filled by engines and by installed packages."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from typing import Generic, TypeVar
 
-from gamms.errors import Duplicate, UnknownName
+from gamms.errors import Duplicate, MissingExtra, UnknownName
 
 T = TypeVar("T")
 
@@ -56,3 +57,16 @@ class Registry(Generic[T]):
 
         yield from self._factories
         yield from (entry.name for entry in entry_points(group=self._group))
+
+
+@contextmanager
+def needing(feature: str, extra: str) -> Iterator[None]:
+    """Import a library that a feature needs in the `with` block.
+
+    Raises:
+        MissingExtra (ImportError): it is not installed.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise MissingExtra(feature, extra) from error

@@ -319,7 +319,7 @@ def test_the_context_stands_on_the_game_that_it_was_pointed_at():
                     wanted = agent.current_node_id, agent.prev_node_id, agent.alive
                     assert (one.current_node_id, one.prev_node_id, one.alive) == wanted
                 assert shown.game.moves == alone.game.moves
-            assert "the present state" in shown.visual.as_html()
+            assert "the present state" in shown.visual.pictures.as_html()
 
 
 def test_functions_that_draw_globally_draw_what_they_draw_in_games_alone():

@@ -20,7 +20,7 @@ import pytest
 from figure_files import assert_same_figure
 
 import gamms
-from gamms import _legacy
+from gamms import compat
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "scripts"))
@@ -165,7 +165,7 @@ def test_one_line_installs_the_extras_of_all_tutorials():
 
 def test_every_old_import_path_is_on_the_page_about_compatibility():
     page = (DOCS / "compatibility.md").read_text(encoding="utf-8")
-    paths = [*_legacy._PACKAGES_OF, *_legacy._LATER]
+    paths = [*compat._PACKAGES_OF, *compat._LATER]
     missing = [path for path in paths if f"`{path}`" not in page and f"`.{path.rpartition('.')[2]}`" not in page]
     assert not missing
 

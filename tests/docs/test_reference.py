@@ -77,7 +77,7 @@ def test_classes_of_fields_have_the_constructor_that_python_makes():
 def test_a_verb_of_a_part_is_a_method_of_its_engine():
     _, _, entry = reference.page_of("gamms.visual").partition("{py:class} PictureEngine")
     assert "{py:method} save(path: str | os.PathLike[str]," in entry
-    assert "{py:method} artist(name: str)" in entry
+    assert "{py:method} add_artist(name: str," in entry
 
 
 def test_errors_of_several_classes_are_an_item():

@@ -104,7 +104,7 @@ def public(ctx):
             "memories": {name: memory for name, memory in game.memories.items() if memory},
             "teams": {team: memory for team, memory in game.team_memories.items() if memory},
             "visual": ctx.visual.artists.specs(),
-            "camera": [ctx.visual.look, ctx.visual.followed, ctx.visual.width, len(ctx.visual.after_turn)],
+            "camera": [ctx.visual.viewpoint.look, ctx.visual.viewpoint.followed, len(ctx.visual.after_turn)],
             "seed": [ctx.seed, ctx.rng_state()],
             "context": [ctx.is_terminated(), ctx.record.is_open, ctx.record.record(), id(ctx.logger)],
         }

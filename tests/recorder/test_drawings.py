@@ -32,10 +32,10 @@ sys.stdout.buffer.write(b"\\0".join(pictures))
 
 
 def circle_around_a(ctx, data):
-    x, y = ctx.visual.position_of("a", data["_alpha"])
+    x, y = ctx.visual.drawing.position_of("a", data["_alpha"])
     ctx.visual.render_circle(x, y, 4.0, (200, 0, 100), 2)
     ctx.visual.render_text(f"turn {ctx.game.turn}", x, y + 2.0, font_size=14)
-    ctx.visual.render_lines([(0, 0), (x, y), (20, 20)], [0, 3], (1, 2, 3, 99), 0.5, in_world=True)
+    ctx.visual.drawing.render_lines([(0, 0), (x, y), (20, 20)], [0, 3], (1, 2, 3, 99), 0.5, in_world=True)
     ctx.visual.render_rectangle(x, y, 20, 10, (5, 6, 7))
     ctx.visual.render_polygon([(0, 0), (3, 0), (x, y)], (9, 9, 9))
 
@@ -66,15 +66,15 @@ def game_of(ctx):
 def play(ctx):
     still = game_of(ctx)
     for turn in range(6):
-        ctx.visual.artist("box").data["x"] = 2.0 * turn
+        ctx.visual.artists.get("box").data["x"] = 2.0 * turn
         still.data["r"] = 2.0 + turn // 3
         if turn == 2:
             ctx.visual.set_values(nodes={0: 1.0, 1: 2.0}, name="heat")
         if turn == 4:
-            ctx.visual.artist("around").set_visible(False)
+            ctx.visual.artists.get("around").set_visible(False)
         if turn == 5:
-            ctx.visual.artist("around").set_visible(True)
-            ctx.visual.artist("around").set_layer(3)
+            ctx.visual.artists.get("around").set_visible(True)
+            ctx.visual.artists.get("around").set_layer(3)
             ctx.visual.remove_artist("box")
         ctx.game.step()
 
@@ -133,7 +133,7 @@ def test_what_is_drawn_beside_an_agent_goes_with_it_in_a_film_of_the_replay():
         return ArtistGroup(ctx, {"mine": commands}).commands(share).points.tolist()
 
     def beside(ctx, data):
-        ctx.visual.render_circle(*ctx.visual.position_of("a", data["_alpha"]), 1.0)
+        ctx.visual.render_circle(*ctx.visual.drawing.position_of("a", data["_alpha"]), 1.0)
 
     with grid_context() as ctx:
         ctx.agent.create_agent("a", start_node_id=0)
@@ -193,7 +193,7 @@ def test_what_is_too_much_for_a_recording_is_left_out_with_a_warning(ctx, monkey
     monkeypatch.setattr(ctx.logger, "warning", lambda words, *_: said.append(words))
     monkeypatch.setattr("gamms.ir.draw.MOST_POINTS", 3)
     ctx.agent.create_agent("a", start_node_id=0)
-    ctx.visual.add_artist("mine", {"drawer": lambda ctx, _: ctx.visual.render_circles([(0, 0)] * 4, 1.0)})
+    ctx.visual.add_artist("mine", {"drawer": lambda ctx, _: ctx.visual.drawing.render_circles([(0, 0)] * 4, 1.0)})
     recorded(lambda ctx: [ctx.game.step() for _ in range(3)], ctx)
     assert said == ["Artist 'mine': A drawing of 4 points cannot be recorded; at most 3 points can."]
 

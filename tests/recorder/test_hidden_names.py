@@ -112,7 +112,7 @@ def test_colours_of_agents_without_a_team_come_with_them():
     ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=1.0)
     ctx.agent.create_agent("blue_0", start_node_id=0, team="blue", sensors=["eyes"], strategy=to_and_fro)
     ctx.agent.create_agent("zqspy", start_node_id=8, strategy=stay)
-    ctx.visual.team_colors = {"blue": "green", "zqspy": "black"}
+    ctx.visual.artists.team_colors = {"blue": "green", "zqspy": "black"}
     data = played(ctx, turns=1)
     assert b"zqspy" in secrets_in(data)
     assert secrets_in(cut_of(data, "blue")) == []

@@ -40,7 +40,7 @@ def fly(state):
 
 
 def ring(ctx, data):
-    x, y = ctx.visual.position_of("b", data.get("_alpha", 1.0))
+    x, y = ctx.visual.drawing.position_of("b", data.get("_alpha", 1.0))
     ctx.visual.render_circle(x, y, 3.0, (0, 160, 0), width=2)
 
 

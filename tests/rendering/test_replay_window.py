@@ -81,7 +81,7 @@ def test_what_happens_is_said_in_the_window_of_a_replay_unless_it_is_turned_off(
 def is_in_view(engine):
     """Whether the whole map is seen, and takes at least half of the width or of the height."""
     xy = engine.ctx.graph.columns().xy
-    on_screen = engine._render_manager.camera().to_screen(xy) / (engine.width, engine.height)
+    on_screen = engine._render_manager.camera().to_screen(xy) / (engine.pictures.width, engine.pictures.height)
     extent = on_screen.max(axis=0) - on_screen.min(axis=0)
     return bool(((on_screen >= 0.0) & (on_screen <= 1.0)).all() and extent.max() >= 0.5)
 

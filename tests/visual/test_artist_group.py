@@ -50,12 +50,12 @@ def alone(ctx):
     artists = {}
     for name in ctx.agent.agents:
         artists[name] = Alone(ctx, render_agent, 20)
-        artists[name].data = ctx.visual.artist(name).data
+        artists[name].data = ctx.visual.artists.get(name).data
     return artists
 
 
 def looks(ctx):
-    return {name: ctx.visual.artist(name) for name in ctx.agent.agents}
+    return {name: ctx.visual.artists.get(name) for name in ctx.agent.agents}
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 1.0])
@@ -69,11 +69,11 @@ def test_agents_together_draw_what_each_would_draw(town, share):
 
 
 def positions(ctx):
-    return [ctx.visual.artist(name).data["agent_data"].current_position for name in ctx.agent.agents]
+    return [ctx.visual.artists.get(name).data["agent_data"].current_position for name in ctx.agent.agents]
 
 
 def test_an_agent_that_cannot_be_drawn_leaves_the_others(town, caplog):
-    town.visual.artist("a3").data["agent_data"].color = "no such color"
+    town.visual.artists.get("a3").data["agent_data"].color = "no such color"
     assert len(drawn(town, looks(town))) == 4 * 19
     assert "a3" in caplog.text
 
@@ -82,7 +82,7 @@ def test_an_agent_that_is_out_is_drawn_on_its_last_way_only(town):
     town.game.add(lambda ctx: ctx.game.eliminate("a3"))
     town.game.step()
     assert len(drawn(town, looks(town))) == 4 * 19
-    assert town.visual.artist("a3").data["agent_data"].current_position is None
+    assert town.visual.artists.get("a3").data["agent_data"].current_position is None
     assert len(drawn(town, looks(town), 0.5)) == 4 * 20
     town.agent.delete_agent("a3")
     town.agent.create_agent("a3", start_node_id=0)

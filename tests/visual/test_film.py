@@ -76,7 +76,7 @@ def test_agents_glide_along_the_street_by_its_length(plain):
     agent.get_state()["action"] = 2
     agent.set_state()
     plain.visual.drawing.motion.begin_turn()
-    where = [plain.visual.position_of("red_0", share) for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
+    where = [plain.visual.drawing.position_of("red_0", share) for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
     np.testing.assert_allclose(where, [(10, 0), (11, 2.5), (12, 5), (11, 7.5), (10, 10)])
 
 
@@ -84,7 +84,7 @@ def test_where_no_street_leads_agents_glide_straight(plain):
     agent = plain.agent.get_agent("red_0")
     agent.prev_node_id, agent.current_node_id = 2, 0
     plain.visual.drawing.motion.begin_turn()
-    assert plain.visual.position_of("red_0", 0.5) == pytest.approx((5, 5))
+    assert plain.visual.drawing.position_of("red_0", 0.5) == pytest.approx((5, 5))
 
 
 def test_flyers_glide_through_the_air(ctx):
@@ -95,14 +95,14 @@ def test_flyers_glide_through_the_air(ctx):
     ctx.visual.drawing.motion.begin_turn()
     (x0, y0, _), (x1, y1, _) = drone.prev_position, drone.position
     assert (x0, y0) != (x1, y1)
-    assert ctx.visual.position_of("drone", 0.5) == pytest.approx(((x0 + x1) / 2, (y0 + y1) / 2))
+    assert ctx.visual.drawing.position_of("drone", 0.5) == pytest.approx(((x0 + x1) / 2, (y0 + y1) / 2))
 
 
 def test_who_did_not_move_since_does_not_glide_again(plain):
     move(plain, "red_0", 1)
     plain.visual.drawing.motion.begin_turn()
     plain.visual.drawing.motion.begin_turn()
-    assert plain.visual.position_of("red_0", 0.5) == (10, 0)
+    assert plain.visual.drawing.position_of("red_0", 0.5) == (10, 0)
 
 
 def test_a_turn_takes_five_frames(plain, tmp_path):
@@ -320,7 +320,7 @@ def test_a_scene_shows_what_a_fresh_picture_shows_whatever_the_layers(plain, tmp
 def draw_spots(ctx, data):
     """Many discs, half transparent."""
     places = np.random.default_rng(1).uniform(0, 10, (900, 2))
-    ctx.visual.render_circles(places, 0.2, (0, 90, 180, 120))
+    ctx.visual.drawing.render_circles(places, 0.2, (0, 90, 180, 120))
 
 
 # -- a context that films itself ----------------------------------------------------------------------------

@@ -105,11 +105,11 @@ def test_what_stays_in_place_is_no_change(city, monkeypatch, tmp_path):
 
 def roof(ctx, data):
     ctx.visual.render_polygon([(10, 10), (240, 10), (240, 30), (10, 30)], (0, 90, 0, 120))
-    ctx.visual.render_lines(np.arange(1600.0).reshape(-1, 2) % 97, np.arange(0, 801, 2), (90, 0, 0))
+    ctx.visual.drawing.render_lines(np.arange(1600.0).reshape(-1, 2) % 97, np.arange(0, 801, 2), (90, 0, 0))
 
 
 def band(ctx, data):
-    ctx.visual.render_lines(np.arange(1600.0).reshape(-1, 2) % 97, np.arange(0, 801, 2), (226, 226, 226), 3)
+    ctx.visual.drawing.render_lines(np.arange(1600.0).reshape(-1, 2) % 97, np.arange(0, 801, 2), (226, 226, 226), 3)
 
 
 band.once_a_turn = True

@@ -27,7 +27,7 @@ CALLS = {
 
 @pytest.mark.parametrize("name", CALLS)
 def test_outside_a_picture_a_primitive_does_nothing(ctx, name):
-    assert getattr(ctx.visual, name)(*CALLS[name]) is None
+    assert getattr(ctx.visual if name.endswith("_layer") else ctx.visual.drawing, name)(*CALLS[name]) is None
 
 
 def drawn(ctx, draw):
@@ -39,7 +39,7 @@ def drawn(ctx, draw):
 
 @pytest.mark.parametrize("name", [name for name in CALLS if name.startswith("render_") and name != "render_layer"])
 def test_inside_a_picture_a_primitive_is_a_command(ctx, name):
-    commands = drawn(ctx, lambda ctx, data: getattr(ctx.visual, name)(*CALLS[name]))
+    commands = drawn(ctx, lambda ctx, data: getattr(ctx.visual.drawing, name)(*CALLS[name]))
     assert len(commands) == (2 if name == "render_circles" else 1)
     assert commands.layer.tolist() == [30] * len(commands)
 

@@ -58,7 +58,7 @@ def test_rings_go_with_the_agents_while_a_turn_is_shown(road):
     shown = []
 
     def note(ctx, data):
-        shown.append((data["_alpha"], ctx.visual.position_of("ben", data["_alpha"])))
+        shown.append((data["_alpha"], ctx.visual.drawing.position_of("ben", data["_alpha"])))
 
     road.visual.add_artist("note", {"drawer": note, "layer": 60})
     road.game.step()

@@ -70,7 +70,7 @@ def test_teams_on_paper_are_distinguished_in_grey():
 
 
 def test_colors_that_were_declared_are_those_of_every_theme(ctx):
-    ctx.visual.team_colors = {"red": (1, 2, 3)}
+    ctx.visual.artists.team_colors = {"red": (1, 2, 3)}
     for name in THEMES:
         svg = ctx.visual.picture(".svg", theme=name).decode()
         assert "#010203" in svg

@@ -128,28 +128,28 @@ def game():
 
 def test_a_teams_color_is_that_of_its_agents_territory_flag_and_row_of_the_legend(game):
     before = game.visual.picture(".svg").decode()
-    game.visual.team_colors = {"red": "#008080"}
+    game.visual.artists.team_colors = {"red": "#008080"}
     commands, svg = game.visual.draw_commands(), game.visual.picture(".svg").decode()
     for layer in (12, 20, 22):
         assert TEAL in colors_in(commands, layer)
         assert BLUE in colors_in(commands, layer)
         assert layer == 22 or TEAM_COLORS[1] not in colors_in(commands, layer)  # which is free for the golden flag
     assert legend_rows(svg) == ["red", "blue"]
-    game.visual.team_colors = {}
+    game.visual.artists.team_colors = {}
     assert game.visual.picture(".svg").decode() == before
 
 
 def test_a_replay_and_what_is_recorded_of_it_show_the_colors_of_teams(game):
     first, second = io.BytesIO(), io.BytesIO()
-    game.visual.team_colors = {"red": TEAL}
+    game.visual.artists.team_colors = {"red": TEAL}
     game.record.start(first)
     game.game.run(1)
-    game.visual.team_colors = {"red": (90, 0, 90), "gold": "yellow"}
+    game.visual.artists.team_colors = {"red": (90, 0, 90), "gold": "yellow"}
     game.game.run(2)
     game.record.stop()
     with gamms.create_context() as again:
         again.record.start(second)
-        found = [dict(again.visual.team_colors) for _ in again.record.replay(io.BytesIO(first.getvalue()))]
+        found = [dict(again.visual.artists.team_colors) for _ in again.record.replay(io.BytesIO(first.getvalue()))]
         again.record.stop()
         assert again.visual.picture(".svg") == game.visual.picture(".svg")
     assert found[0] == {"red": TEAL}
@@ -159,18 +159,18 @@ def test_a_replay_and_what_is_recorded_of_it_show_the_colors_of_teams(game):
 
 def test_colors_of_the_program_win_over_those_of_a_recording(game):
     stream = io.BytesIO()
-    game.visual.team_colors = {"red": TEAL, "blue": TEAL}
+    game.visual.artists.team_colors = {"red": TEAL, "blue": TEAL}
     game.record.start(stream)
     game.game.run(1)
     game.record.stop()
     with gamms.create_context() as again:
         again.graph.attach_networkx_graph(gamms.graph.grid(1, 8))
         again.agent.create_agent("x", start_node_id=0, team="red")
-        again.visual.team_colors = {"red": "black"}
+        again.visual.artists.team_colors = {"red": "black"}
         again.agent.delete_agent("x")
         for _ in again.record.replay(io.BytesIO(stream.getvalue())):
             pass
-        assert dict(again.visual.team_colors) == {"red": (0, 0, 0), "blue": TEAL}
+        assert dict(again.visual.artists.team_colors) == {"red": (0, 0, 0), "blue": TEAL}
 
 
 @pytest.mark.parametrize(
@@ -184,30 +184,30 @@ def test_colors_of_the_program_win_over_those_of_a_recording(game):
     ],
 )
 def test_a_wrong_team_or_color_is_named_and_changes_nothing(game, colors, error, words):
-    game.visual.team_colors = {"red": TEAL}
+    game.visual.artists.team_colors = {"red": TEAL}
     with pytest.raises(error, match=words.replace("?", r"\?")):
-        game.visual.team_colors = colors
-    assert dict(game.visual.team_colors) == {"red": TEAL}
+        game.visual.artists.team_colors = colors
+    assert dict(game.visual.artists.team_colors) == {"red": TEAL}
 
 
 def test_colors_of_teams_are_a_copy_that_cannot_be_written_to(game):
     mine = {"red": TEAL}
-    game.visual.team_colors = mine
+    game.visual.artists.team_colors = mine
     mine["red"] = BLUE
     with pytest.raises(TypeError):
-        game.visual.team_colors["red"] = BLUE
-    assert dict(game.visual.team_colors) == {"red": TEAL}
+        game.visual.artists.team_colors["red"] = BLUE
+    assert dict(game.visual.artists.team_colors) == {"red": TEAL}
 
 
 def test_agents_without_a_team_go_by_their_names(ctx):
     ctx.agent.create_agent("lone", start_node_id=0)
-    ctx.visual.team_colors = {"lone": TEAL}
+    ctx.visual.artists.team_colors = {"lone": TEAL}
     assert ctx.visual.artists.shown()["lone"].data["agent_data"].color == TEAL
 
 
 def test_no_team_chooses_a_color_that_was_given_to_another(ctx):
     ctx.agent.create_agent("third", start_node_id=1, team="third")
-    ctx.visual.team_colors = {"blue": TEAM_COLORS[2], "red": TEAM_COLORS[3]}
+    ctx.visual.artists.team_colors = {"blue": TEAM_COLORS[2], "red": TEAM_COLORS[3]}
     colors = ctx.visual.drawing.group_colors()
     assert len(set(colors.values())) == 3
 
@@ -217,7 +217,7 @@ def test_a_strategy_cannot_change_the_colors_of_teams(game):
 
     def paint(state):
         with pytest.raises(gamms.errors.IllegalMutation) as caught:
-            game.visual.team_colors = {}
+            game.visual.artists.team_colors = {}
         found.append(str(caught.value))
 
     game.agent.get_agent("red_0").register_strategy(paint)

@@ -14,7 +14,7 @@ COLOR = (251, 3, 249)  # that nothing else has
 
 def draw_alarm(ctx, data):
     """Draw a disc around the agent that the rule watches."""
-    x, y = ctx.visual.position_of("anna", data.get("_alpha", 1.0))
+    x, y = ctx.visual.drawing.position_of("anna", data.get("_alpha", 1.0))
     ctx.visual.render_circle(x, y, 4.0, COLOR)
 
 

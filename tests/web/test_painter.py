@@ -16,7 +16,7 @@ from gamms.web.streams import Streams
 
 def ring(ctx, data):
     """Draw a ring around the agent that comes first, in a color of the theme."""
-    x, y = ctx.visual.position_of("red_0", data.get("_alpha", 1.0))
+    x, y = ctx.visual.drawing.position_of("red_0", data.get("_alpha", 1.0))
     ctx.visual.render_circle(x, y, 4.0, ctx.visual.drawing.theme.ink, 2)
 
 

@@ -32,6 +32,7 @@ from gamms.agent.teams import (
     values_in,
 )
 from gamms.arguments import as_declared, as_member, as_name, misspelt, with_options
+from gamms.compat import Surface
 from gamms.core.copies import copied_values
 from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
@@ -59,7 +60,7 @@ _OF_FLYERS = {
 }
 
 
-class AgentEngine(ContextPart, IAgentEngine):
+class AgentEngine(Surface, ContextPart, IAgentEngine):
     """The agents of one context."""
 
     _called = "ctx.agent"

@@ -314,8 +314,8 @@ class Drive:
         rest = self._route.rest(self._on.along) if self._route is not None and self._on is not None else ()
         if len(rest) > 1:
             visual.render_linestring([(x, y) for x, y in rest], color, _WAY_PX)
-        visual.render_linestring([visual.position_of(self.agent), place.xy], color, _LINE_PX)
-        visual.render_circles([place.xy], _MARK_PX, color, _LINE_PX, in_pixels=True)
+        visual.render_linestring([visual.drawing.position_of(self.agent), place.xy], color, _LINE_PX)
+        visual.drawing.render_circles([place.xy], _MARK_PX, color, _LINE_PX, in_pixels=True)
 
 
 def drives_of(ctx: Context) -> list[Drive]:

@@ -25,7 +25,8 @@ from gamms.arguments import as_count, as_items, as_name
 from gamms.bridge.feeds import Clock, Feed, Message
 from gamms.bridge.lines import LONGEST_LINE, BadLine, Fix, RoadChanges, line_of, parse
 from gamms.child_processes import die_with_parent
-from gamms.errors import BadType, BadValue, NetworkError, needing
+from gamms.errors import BadType, BadValue, NetworkError
+from gamms.plugins import needing
 from gamms.text import shown
 
 if TYPE_CHECKING:

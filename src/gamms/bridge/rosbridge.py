@@ -12,7 +12,8 @@ import msgspec
 from gamms.arguments import as_name, as_numbers, as_range
 from gamms.bridge.feeds import Clock, Feed, Message
 from gamms.bridge.lines import Fix
-from gamms.errors import BadValue, NetworkError, nearest, needing
+from gamms.errors import BadValue, NetworkError, nearest
+from gamms.plugins import needing
 from gamms.text import shown
 
 if TYPE_CHECKING:

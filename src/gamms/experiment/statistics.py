@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.errors import BadValue, needing
+from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.plugins import needing
 
 _RESAMPLES = 2_000
 _PERMUTATIONS = 9_999

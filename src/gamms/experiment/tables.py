@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gamms.errors import needing
 from gamms.experiment.statistics import Interval
 from gamms.ir.tables import table_of
+from gamms.plugins import needing
 from gamms.text import printable_line
 
 if TYPE_CHECKING:

@@ -6,6 +6,7 @@ from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from gamms.arguments import as_ids, as_known
+from gamms.compat import Surface
 from gamms.deciding import ContextPart, phase_of, refused_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, DuplicateId, UnknownType, WriteConflict
 from gamms.graph.finding import (
@@ -59,7 +60,7 @@ def _forwarded(verb: Callable[Concatenate[Graph, P], R]) -> "Callable[Concatenat
     return forwarded
 
 
-class GraphEngine(ContextPart, IGraphEngine):
+class GraphEngine(Surface, ContextPart, IGraphEngine):
     """Owns the graph; with `Engine.SQLITE`, also keeps it in a database file.
 
     Args:

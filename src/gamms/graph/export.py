@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from gamms.arguments import as_target
-from gamms.errors import BadType, BadValue, UnknownType, nearest, needing
+from gamms.errors import BadType, BadValue, UnknownType, nearest
 from gamms.folders import whole_file, write_csv, write_whole
 from gamms.graph import positions
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.tables import frame_of, table_of
 from gamms.plain import as_json, to_plain
+from gamms.plugins import needing
 from gamms.text import as_xml, written
 
 if TYPE_CHECKING:

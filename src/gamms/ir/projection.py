@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.errors import BadValue, needing
+from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray
+from gamms.plugins import needing
 from gamms.text import shown
 
 WGS84 = "EPSG:4326"

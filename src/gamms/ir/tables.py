@@ -5,10 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gamms.errors import BadValue, needing
+from gamms.errors import BadValue
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import WGS84, project_back_and_forth
 from gamms.limits import refuse_above
+from gamms.plugins import needing
 
 if TYPE_CHECKING:
     import pandas as pd

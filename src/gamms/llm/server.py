@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from urllib.parse import urlsplit
 
 from gamms.arguments import as_text
-from gamms.errors import BadType, BadValue, MissingKey, needing
+from gamms.errors import BadType, BadValue, MissingKey
 from gamms.plain import Plain
+from gamms.plugins import needing
 from gamms.text import printable_line, shown
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 import numpy as np
 
 from gamms.arguments import as_path
-from gamms.errors import BadFile, GammsError, needing
+from gamms.errors import BadFile, GammsError
 from gamms.ir.geometry import are_inside
 from gamms.ir.graph import FloatArray
 from gamms.limits import Allowance, refuse_above
@@ -31,6 +31,7 @@ from gamms.osm.footprints import (
 )
 from gamms.osm.network import OsmRoads, Rule, Stops, classic_rule
 from gamms.osm.tags import node_keys, node_tags
+from gamms.plugins import needing
 from gamms.progress import Show
 from gamms.text import shown
 

@@ -20,10 +20,11 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 from urllib.parse import urlencode, urlsplit
 
 from gamms.arguments import as_positive
-from gamms.errors import BadValue, NetworkError, PlaceError, TooLarge, needing
+from gamms.errors import BadValue, NetworkError, PlaceError, TooLarge
 from gamms.folders import cache_folder, write_whole
 from gamms.limits import max_memory
 from gamms.osm.settings import setting
+from gamms.plugins import needing
 from gamms.progress import Show
 from gamms.text import shown
 from gamms.workers import SIGNALS_S

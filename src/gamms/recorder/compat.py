@@ -1,7 +1,7 @@
-"""Writes recordings of format version 2, which gamms 1.0.0 reads; `formats/version2.py` reads them."""
+"""What programs for gamms 1.0.0 need: recordings of format version 2, and names of `ctx.record`."""
 
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, KeysView, Mapping
 from contextlib import suppress
 from copy import deepcopy
 from struct import Struct
@@ -13,6 +13,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS, Log, Mover, records_of, steps_of
 from gamms.plain import Plain
+from gamms.recorder.components import Components
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import Damaged
 from gamms.recorder.formats.chunks import FORMS
@@ -22,7 +23,7 @@ from gamms.recorder.keyframes import Keyframe
 from gamms.recorder.replaying import TURN_NS
 from gamms.recorder.session import RecordingSession
 from gamms.text import reason
-from gamms.typing.recorder import MAGIC_NUMBER, OpCodes
+from gamms.typing.recorder import MAGIC_NUMBER, C, OpCodes
 
 _MOST_WAITING = 1 << 16  # bytes
 _FILE_HEADER = Struct(">4sI")
@@ -176,3 +177,47 @@ class Version2Encoder:
         end = self._end or {"timestamp": timestamp, "opCode": kinds.TERMINATE}
         self._writer.write(end["timestamp"], end["opCode"], end.get("data"))
         self.flush()
+
+
+class ComponentNames:
+    """Names of 1.0.0 for `ctx.record.components`."""
+
+    components: Components
+
+    def component(self, struct: Mapping[str, object] | None) -> Callable[[C], C]:
+        """Return a class decorator; see `Components.component`."""
+        return self.components.component(struct)
+
+    def get_component(self, name: str) -> object:
+        """Return a component by name (KeyError)."""
+        return self.components.get_component(name)
+
+    def delete_component(self, name: str) -> None:
+        """Delete a component (KeyError)."""
+        self.components.delete_component(name)
+
+    def component_iter(self) -> KeysView[Any]:
+        """Return the names of the components."""
+        return self.components.component_iter()
+
+    def add_component(self, name: str, obj: object) -> None:
+        """Add a component under a name (ValueError if it is taken)."""
+        self.components.add_component(name, obj)
+
+    def is_component_registered(self, key: tuple[str, str]) -> bool:
+        """Return whether a component class is registered, by module and qualified name."""
+        return self.components.is_component_registered(key)
+
+    def unregister_component(self, key: tuple[str, str]) -> None:
+        """Unregister a component class (KeyError)."""
+        self.components.unregister_component(key)
+
+    # NOTE: programs access these two (docs on compatibility).
+
+    @property
+    def _components(self) -> dict[Any, Any]:
+        return self.components._components
+
+    @property
+    def _component_registry(self) -> dict[tuple[str, str], type]:
+        return self.components._component_registry

@@ -2,17 +2,19 @@
 
 import os
 import time
-from collections.abc import Callable, Generator, Iterator, KeysView, Mapping
+from collections.abc import Generator, Iterator
 from contextlib import nullcontext
 from copy import deepcopy
 from typing import Any, BinaryIO
 
 from gamms.arguments import as_bool, as_int, as_name
+from gamms.compat import Surface
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS
 from gamms.plain import Plain, to_plain, why_not_plain
+from gamms.recorder.compat import ComponentNames
 from gamms.recorder.components import Components
 from gamms.recorder.encoders import ENCODERS, NoEncoder, header_of
 from gamms.recorder.errors import RecorderBusy, RecordingError
@@ -27,10 +29,10 @@ from gamms.recorder.session import RecordingSession
 from gamms.recorder.streams import RecordingTarget, format_of, locks, readable
 from gamms.text import shown
 from gamms.typing.context import HostContext
-from gamms.typing.recorder import C, IRecorder, OpCodes
+from gamms.typing.recorder import IRecorder, OpCodes
 
 
-class Recorder(Guarded, IRecorder):
+class Recorder(Surface, ComponentNames, Guarded, IRecorder):
     """The recorder of one context.
 
     Attributes:
@@ -365,46 +367,6 @@ class Recorder(Guarded, IRecorder):
     def _recording(self) -> RecordingSession | None:
         """Return the present recording."""
         return self._session if self.record() else None
-
-    # -- components ---------------------------------------------------------------------------------------------
-
-    def component(self, struct: Mapping[str, object] | None) -> Callable[[C], C]:
-        """Return a class decorator; see `Components.component`."""
-        return self.components.component(struct)
-
-    def get_component(self, name: str) -> object:
-        """Return a component by name (KeyError)."""
-        return self.components.get_component(name)
-
-    def delete_component(self, name: str) -> None:
-        """Delete a component (KeyError)."""
-        self.components.delete_component(name)
-
-    def component_iter(self) -> KeysView[Any]:
-        """Return the names of the components."""
-        return self.components.component_iter()
-
-    def add_component(self, name: str, obj: object) -> None:
-        """Add a component under a name (ValueError if it is taken)."""
-        self.components.add_component(name, obj)
-
-    def is_component_registered(self, key: tuple[str, str]) -> bool:
-        """Return whether a component class is registered, by module and qualified name."""
-        return self.components.is_component_registered(key)
-
-    def unregister_component(self, key: tuple[str, str]) -> None:
-        """Unregister a component class (KeyError)."""
-        self.components.unregister_component(key)
-
-    # NOTE: programs access these two (docs on compatibility).
-
-    @property
-    def _components(self) -> dict[Any, Any]:
-        return self.components._components
-
-    @property
-    def _component_registry(self) -> dict[tuple[str, str], type]:
-        return self.components._component_registry
 
     def _component_event(self, opcode_name: str, data: dict[str, Any]) -> None:
         if (session := self._recording()) is not None:

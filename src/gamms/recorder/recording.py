@@ -123,7 +123,7 @@ class Recording(StreamOwner):
         try:
             scores = "".join(f"<br/>{escape(f'{of}: {score}')}" for of, score in self[-1].scores.items())
             with self._live(self.turns, {}, is_quiet=True) as ctx:
-                still = ctx.visual.as_html()
+                still = ctx.visual.pictures.as_html()
             content = pages["gamms"](self, still=b64decode(still.partition("base64,")[2].partition('"')[0]))
             if len(content) <= _MOST_SHOWN:
                 still = _FRAME.format(escape(content.decode()))

@@ -249,14 +249,14 @@ class _Renderer:
             self._fog = Fog(ctx, options.fog)
         if self._fog is not None:
             self._fog.look()
-        if options.follow is not None and ctx.visual.followed is None:
+        if options.follow is not None and ctx.visual.viewpoint.followed is None:
             as_known(options.follow, "agent", ctx.agent.agents)
             ctx.visual.follow(options.follow, _view(ctx) if options.view is None else options.view)
 
     def _end_turn(self) -> None:
         """Count a turn that was replayed; it is filmed right after this."""
         self._turn += 1
-        if self._ctx.visual.is_filming or self._options.fog is not None:
+        if self._ctx.visual.pictures.films or self._options.fog is not None:
             self._begin()
         self._show(f"Turn {self._turn}" if self._total is None else f"Turn {self._turn} of {self._total}")
 

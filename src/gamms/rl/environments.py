@@ -6,8 +6,9 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_count
-from gamms.errors import BadValue, needing
+from gamms.errors import BadValue
 from gamms.game.batch import MostAgents
+from gamms.plugins import needing
 from gamms.rl.learners import Learners, Observation, Reward
 from gamms.scenario import Scenario
 from gamms.workers import refuse_in_worker

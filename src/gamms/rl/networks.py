@@ -14,8 +14,9 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from gamms.errors import BadFile, BadType, BadValue, needing
+from gamms.errors import BadFile, BadType, BadValue
 from gamms.limits import max_memory
+from gamms.plugins import needing
 from gamms.rl.learners import Float32Array
 from gamms.text import shown
 

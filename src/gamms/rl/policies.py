@@ -11,12 +11,13 @@ import msgspec
 import numpy as np
 
 from gamms.arguments import as_bool, as_context, as_function_of, as_path, as_target
-from gamms.errors import BadFile, BadType, BadValue, MissingFile, needing
+from gamms.errors import BadFile, BadType, BadValue, MissingFile
 from gamms.folders import write_whole
 from gamms.game.batch import ArrayView, array_strategy
 from gamms.game.batch.view import movement_in
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
+from gamms.plugins import needing
 from gamms.rl.deeds import choices_of
 from gamms.rl.heads import AXES, refuse_mixed
 from gamms.rl.learners import Float32Array, Learners, Observation, default_observation, within_reach

@@ -8,6 +8,7 @@ from math import inf, tau
 from typing import Any, Literal, NamedTuple, TypeGuard, Unpack, overload
 
 from gamms.arguments import as_declared, as_member, as_name
+from gamms.compat import Surface
 from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated, Duplicate, UnknownName, UnknownType, nearest
 from gamms.readonly import ReadOnlyMapping
@@ -63,7 +64,7 @@ class SensorsSnapshot(NamedTuple):
     sensed: list[Any]  # state of the other sensors
 
 
-class SensorEngine(ContextPart, ISensorEngine):
+class SensorEngine(Surface, ContextPart, ISensorEngine):
     """The sensors of one context."""
 
     _called = "ctx.sensor"

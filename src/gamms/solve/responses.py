@@ -10,8 +10,9 @@ import numpy as np
 
 from gamms import planning, rl
 from gamms.arguments import as_choice, as_count, as_int, as_known, as_mapping
-from gamms.errors import BadValue, needing
+from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray
+from gamms.plugins import needing
 from gamms.scenario import Scenario
 from gamms.solve.solution import (
     MAX_STATES,

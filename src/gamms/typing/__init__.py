@@ -109,6 +109,6 @@ __all__ = [
 if not TYPE_CHECKING:  # type checkers would accept any misspelled name
 
     def __getattr__(name: str) -> ModuleType:
-        if name in {"artist", "compute_engine", "message_engine", "opcodes"}:  # modules of 1.0.0: see `gamms._legacy`
+        if name in {"artist", "compute_engine", "message_engine", "opcodes"}:  # modules of 1.0.0: see `gamms.compat`
             return import_module(f"gamms.typing.{name}")
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -6,18 +6,17 @@ The engine with a window is in `window/`.
 
 import atexit
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, cast
 
 from gamms.arguments import as_float, as_range, misspelt
+from gamms.compat import Surface
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.ir.draw import DrawCommands
 from gamms.text import shown
 from gamms.typing import IContext, IVisualizationEngine
-from gamms.visual.appearance import Rgb
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.artists import Artists
-from gamms.visual.camera import FixedView, FollowView
 from gamms.visual.drawing import Drawing
 from gamms.visual.files import size
 from gamms.visual.pictures import Pictures
@@ -66,7 +65,7 @@ class _Attribute(Generic[_T]):
         setattr(getattr(engine, self._part), self._name, checked)
 
 
-class PictureEngine(Guarded, IVisualizationEngine):
+class PictureEngine(Surface, Guarded, IVisualizationEngine):
     """The engine without a window.
 
     Attributes:
@@ -75,8 +74,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
         artists: those that draw.
         pictures: of the present state, and films.
         turn_seconds: how long a turn is shown; 1.0.0 calls it the simulation time constant.
-        team_colors: team -> its colour, for those that are not to have the usual one.
-        width, height: of a frame, pixels.
+        viewpoint: where pictures look.
     """
 
     _called = "ctx.visual"
@@ -100,12 +98,8 @@ class PictureEngine(Guarded, IVisualizationEngine):
         self.pictures = Pictures(ctx, self.drawing, self.artists, seconds)
 
     turn_seconds = _Attribute[float]("pictures", "turn_seconds", as_range)
-    width, height = _Attribute[int]("pictures", "width"), _Attribute[int]("pictures", "height")
-    team_colors = _Attribute[Mapping[str, Rgb]]("artists", "team_colors")
-    look = _Attribute[FixedView | None]("viewpoint", "look")
-    followed = _Attribute[FollowView | None]("viewpoint", "followed")
 
-    # -- drawing: 1.0.0's primitives, and those that draw many things at once ---------------------------------
+    # -- drawing: 1.0.0's primitives; `drawing` has those that draw many things at once -----------------------
 
     render_text = _of("drawing", Drawing.render_text)
     render_rectangle = _of("drawing", Drawing.render_rectangle)
@@ -114,11 +108,6 @@ class PictureEngine(Guarded, IVisualizationEngine):
     render_linestring = _of("drawing", Drawing.render_linestring)
     render_polygon = _of("drawing", Drawing.render_polygon)
     render_image = _of("drawing", Drawing.render_image)
-    render_lines = _of("drawing", Drawing.render_lines)
-    render_polygons = _of("drawing", Drawing.render_polygons)
-    render_circles = _of("drawing", Drawing.render_circles)
-    render_discs = _of("drawing", Drawing.render_discs)
-    position_of = _of("drawing", Drawing.position_of)
 
     def render_layer(self, layer_id: int) -> None:
         """Do nothing: layers are painted with the picture."""
@@ -141,7 +130,6 @@ class PictureEngine(Guarded, IVisualizationEngine):
     set_values = _of("artists", Artists.set_values)
     add_artist = _of("artists", Artists.add_artist)
     remove_artist = _of("artists", Artists.remove_artist)
-    artist = _of("artists", Artists.get)
 
     # -- pictures --------------------------------------------------------------------------------------------
 
@@ -149,7 +137,6 @@ class PictureEngine(Guarded, IVisualizationEngine):
     picture = _of("pictures", Pictures.picture)
     frame = _of("pictures", Pictures.frame)
     film = _of("pictures", Pictures.film)
-    as_html = _of("pictures", Pictures.as_html)
 
     @outside_of_deciding
     def draw_commands(self, share: float = 1.0) -> DrawCommands:
@@ -162,11 +149,6 @@ class PictureEngine(Guarded, IVisualizationEngine):
             ContextTerminated: the context has ended.
         """
         return ArtistGroup(self.ctx, self.artists.shown()).commands(share)
-
-    @property
-    def is_filming(self) -> bool:
-        """Return whether a film is being made."""
-        return bool(self.pictures.films)
 
     # -- where pictures look ---------------------------------------------------------------------------------
 
@@ -194,7 +176,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
             UnknownName (KeyError): there is no such agent.
             BadType, BadValue: a width that is no positive number.
         """
-        self.look_at(*self.position_of(agent_name), width)
+        self.look_at(*self.drawing.position_of(agent_name), width)
         self.viewpoint.follow(agent_name, width)
 
     def get_viewport(self) -> tuple[float, float, float, float, float] | None:
@@ -290,7 +272,8 @@ class OffscreenEngine(PictureEngine):
         if video is not None:
             if simulation_time_constant is not None and frames_per_turn is None:
                 frames_per_turn = max(1, round(self.turn_seconds * as_float(fps, "fps")))
-            self.pictures.new_film(video, fps, self.width, self.height, frames_per_turn, title=title, note=note)
+            pictures = self.pictures
+            pictures.new_film(video, fps, pictures.width, pictures.height, frames_per_turn, title=title, note=note)
             atexit.register(self.terminate)  # a program that does not end its context keeps its film, too
 
     def terminate(self) -> None:
@@ -302,6 +285,6 @@ class OffscreenEngine(PictureEngine):
         """Return `(left, right, low end, high end, pixels per unit)` after `look_at`; None sees everything."""
         if self.viewpoint.look is None:
             return None
-        camera = self.viewpoint.look.camera(self.width, self.height)
+        camera = self.viewpoint.look.camera(self.pictures.width, self.pictures.height)
         right, low = camera.left + camera.width / camera.scale, camera.top - camera.height / camera.scale
         return camera.left, right, low, camera.top, camera.scale

@@ -32,8 +32,9 @@ from time import monotonic, sleep, thread_time
 from typing import TYPE_CHECKING, Any, Protocol
 
 from gamms.arguments import as_int
-from gamms.errors import BadType, BadValue, GammsError, NetworkError, needing
+from gamms.errors import BadType, BadValue, GammsError, NetworkError
 from gamms.plain import Plain
+from gamms.plugins import needing
 from gamms.text import shown
 from gamms.web.links import Grant, Links, Refused
 

@@ -38,7 +38,7 @@ def play(open_window):
         ctx.places = []
 
         def note(ctx, data):
-            ctx.places.append((round(data["_alpha"], 3), ctx.visual.position_of("walker", data["_alpha"])))
+            ctx.places.append((round(data["_alpha"], 3), ctx.visual.drawing.position_of("walker", data["_alpha"])))
 
         ctx.visual.add_artist("note", {"drawer": note, "layer": 60})
         return ctx
@@ -60,7 +60,7 @@ def test_drones_glide_through_the_air(play):
     drone.get_state()["action"] = (3.0, 4.0, 0.0)
     drone.set_state()
     seen = []
-    artist = {"drawer": lambda ctx, data: seen.append(ctx.visual.position_of("drone", data["_alpha"]))}
+    artist = {"drawer": lambda ctx, data: seen.append(ctx.visual.drawing.position_of("drone", data["_alpha"]))}
     ctx.visual.add_artist("spy", artist)
     ctx.visual.simulate()
     assert np.asarray(seen) == pytest.approx(np.array([(0, 0), (0.75, 1), (1.5, 2), (2.25, 3), (3, 4)]))

@@ -43,7 +43,7 @@ def test_the_look_of_choices_can_be_set(open_window):
 
 def test_positional_options_are_those_of_1_0_0(open_window):
     engine = gamms.visual.PygameVisualizationEngine(open_window(), 400, 300, 0.5, anything=1)
-    assert (engine.width, engine.height, engine.turn_seconds) == (400, 300, 0.5)
+    assert (engine.pictures.width, engine.pictures.height, engine.turn_seconds) == (400, 300, 0.5)
     engine.terminate()
 
 
@@ -310,7 +310,7 @@ def test_who_is_out_is_neither_shown_nor_found_nor_named_nor_followed_by_a_trail
     ctx.game.add(lambda ctx: ctx.game.turn == 2 and ctx.game.eliminate("red_0"))
     ctx.game.step()
     ctx.visual.update()
-    x, y = ctx.visual._render_manager.world_to_screen(*ctx.visual.position_of("red_0"))
+    x, y = ctx.visual._render_manager.world_to_screen(*ctx.visual.drawing.position_of("red_0"))
     person.click(x, y)
     ctx.visual.update()
     assert ctx.visual.overlay.pointed_at() is not None

@@ -7,8 +7,9 @@ import io
 import re
 from typing import TYPE_CHECKING, Any
 
-from gamms.errors import BadValue, needing
+from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind
+from gamms.plugins import needing
 from gamms.visual.appearance import Rgba
 from gamms.visual.backends.pillow_backend import image_size
 from gamms.visual.backends.vectors import SMALLEST_RADIUS_PX, Sheet, sheet_of

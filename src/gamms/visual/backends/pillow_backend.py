@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gamms.errors import needing
+from gamms.plugins import needing
 from gamms.visual.backends.coverage import ByteArray, PaintedFrame
 
 if TYPE_CHECKING:

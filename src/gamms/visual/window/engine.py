@@ -550,7 +550,7 @@ class WindowEngine(WindowNames, PictureEngine):
     def resized(self, width: int, height: int) -> None:
         """Take the new size of the window."""
         self.screen = window_surface() or self.screen
-        self.width, self.height = width, height
+        self.pictures.width, self.pictures.height = width, height
         self.camera.set_screen_size(width, height)
 
     # -- what is declared ------------------------------------------------------------------------------------

@@ -1,7 +1,8 @@
-"""The import paths of gamms 1.0.0, each an alias of the package that has its names now.
+"""Names of gamms 1.0.0 and of earlier versions: import paths, and names of the parts of `ctx`.
 
-`from gamms.SensorEngine.sensor_engine import SensorType` yields the very same object as `gamms.sensor.SensorType`.
-To retire a path, delete its line.
+Each old import path is an alias of the package that has its names now: `gamms.SensorEngine.sensor_engine.SensorType` is
+the very same object as `gamms.sensor.SensorType`.
+To retire a path, delete its line. `OLD_NAMES` still work and are not shown; `MOVED` say where they went.
 """
 
 import sys
@@ -9,7 +10,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from importlib.machinery import ModuleSpec
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from gamms.errors import NotYetAttribute, NotYetImportable
 
@@ -88,6 +89,47 @@ class _OldPaths:
 
     def exec_module(self, module: ModuleType) -> None:
         """There is nothing to run in an alias."""
+
+
+OLD_NAMES = {  # names of 1.0.0 that programs of today need no longer
+    "ctx": "agent_engine graph_engine internal_context recorder sensor_engine set_alive visual_engine",
+    "ctx.agent": "terminate",
+    "ctx.graph": "terminate",
+    "ctx.record": "add_component component component_iter ctx delete_component get_component is_component_registered "
+    "time unregister_component write",
+    "ctx.sensor": "ctx terminate",
+    "ctx.visual": "clear_layer create_layer ctx fill_layer get_viewport render_layer terminate",
+}
+MOVED = {
+    **{
+        f"ctx.visual.{name}": f"ctx.visual.drawing.{name}"
+        for name in ("position_of", "render_circles", "render_discs", "render_lines", "render_polygons")
+    },
+    **{f"ctx.visual.{name}": f"ctx.visual.pictures.{name}" for name in ("as_html", "height", "width")},
+    **{f"ctx.visual.{name}": f"ctx.visual.viewpoint.{name}" for name in ("followed", "look")},
+    "ctx.visual.artist": "ctx.visual.artists.get",
+    "ctx.visual.team_colors": "ctx.visual.artists.team_colors",
+}
+
+
+class Surface:
+    """Mix-in: a part of `ctx`, which shows the names of today and says where others went."""
+
+    _called: ClassVar[str]
+
+    def __dir__(self) -> list[str]:
+        """Return the names of the part, without those that only programs for 1.0.0 use."""
+        return sorted({*super().__dir__()} - {*OLD_NAMES.get(self._called, "").split()})
+
+    if not TYPE_CHECKING:  # type checkers know which names there are
+
+        def __getattr__(self, name: str) -> Any:
+            if hasattr(type(self), name):  # a property of that name has raised this error
+                return object.__getattribute__(self, name)
+            moved = MOVED.get(f"{self._called}.{name}")
+            if moved is not None:
+                raise AttributeError(f"{self._called}.{name} is {moved} now.")
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
 
 
 def install() -> None:
