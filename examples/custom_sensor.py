@@ -35,7 +35,7 @@ class Radio(gamms.typing.ISensor):
     def sense(self, node_id):
         """Listen at a node."""
         if self._place is not None:
-            here, there = (self.ctx.graph.graph.get_node(id) for id in (node_id, self._place))
+            here, there = (self.ctx.graph.get_node(id) for id in (node_id, self._place))
             self._data = {"place": there, "distance": abs(there.x - here.x) + abs(there.y - here.y)}
 
     def update(self, data):
@@ -54,7 +54,7 @@ def respond(state):
     if call is None:
         state["action"] = state["curr_pos"]
         return
-    nodes = [ctx.graph.graph.get_node(node) for node in options]
+    nodes = [ctx.graph.get_node(node) for node in options]
     state["action"] = min(nodes, key=lambda node: abs(node.x - call["place"].x) + abs(node.y - call["place"].y)).id
 
 

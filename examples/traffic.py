@@ -35,7 +35,7 @@ def play(title: str, rule=None) -> None:
         @ctx.game.add
         def note_streets(ctx):
             for leg in ctx.game.moves["courier"].legs:
-                streets[ctx.graph.graph.edge_attributes(leg.edge).get("name", "?")] = None
+                streets[ctx.graph.edge_attributes(leg.edge).get("name", "?")] = None
 
         result = ctx.game.run(max_turns=90)
         print(f"{title}: {result.reason} after {result.turns * 10} seconds by {', '.join(streets)}")

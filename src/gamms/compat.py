@@ -94,7 +94,7 @@ class _OldPaths:
 OLD_NAMES = {  # names of 1.0.0 that programs of today need no longer
     "ctx": "agent_engine graph_engine internal_context recorder sensor_engine set_alive visual_engine",
     "ctx.agent": "terminate",
-    "ctx.graph": "terminate",
+    "ctx.graph": "graph terminate",
     "ctx.record": "add_component component component_iter ctx delete_component get_component is_component_registered "
     "time unregister_component write",
     "ctx.sensor": "ctx terminate",
@@ -107,6 +107,7 @@ MOVED = {
     },
     **{f"ctx.visual.{name}": f"ctx.visual.pictures.{name}" for name in ("as_html", "height", "width")},
     **{f"ctx.visual.{name}": f"ctx.visual.viewpoint.{name}" for name in ("followed", "look")},
+    "ctx.graph.weights": "ctx.graph.graph.weights",
     "ctx.visual.artist": "ctx.visual.artists.get",
     "ctx.visual.team_colors": "ctx.visual.artists.team_colors",
 }

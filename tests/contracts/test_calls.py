@@ -70,7 +70,7 @@ REFUSED = {
     "a radius around a node": (TypeError, lambda ctx: ctx.graph.graph.within(1, {})),
     "an opening angle": (TypeError, lambda ctx: ctx.graph.graph.within(1, 9.0, fov=MANY)),
     "a heading": (TypeError, lambda ctx: ctx.graph.graph.within(1, 9.0, fov=1.0, heading=[None, {}])),
-    "a weight": (TypeError, lambda ctx: ctx.graph.weights(MANY)),
+    "a weight": (TypeError, lambda ctx: ctx.graph.graph.weights(MANY)),
     "a weight of ways": (TypeError, lambda ctx: ctx.graph.distance(0, 8, weight={})),
     "alive": (TypeError, setting(lambda ctx: ctx.agent.get_agent("ann"), "alive", MANY)),
     "a team": (TypeError, setting(lambda ctx: ctx.agent.get_agent("ann"), "team", HUGE)),

@@ -254,7 +254,7 @@ HARMLESS = {  # on what is a copy, or the strategy's own
     "columns": lambda ctx, s: [vandalise(part) for part in ctx.graph.columns().polylines.values()],
     "obstacle_columns": lambda ctx, s: vandalise(ctx.graph.obstacle_columns()),
     "scenery_columns": lambda ctx, s: vandalise(ctx.graph.scenery_columns()),
-    "weights": lambda ctx, s: vandalise(ctx.graph.weights(None)),
+    "weights": lambda ctx, s: vandalise(ctx.graph.graph.weights(None)),
     "neighborhoods of routes": lambda ctx, s: vandalise(ctx.graph.routes.neighborhoods()),
     "arcs of routes": lambda ctx, s: vandalise(ctx.graph.routes.arcs()),
     "weights of routes": lambda ctx, s: vandalise(ctx.graph.routes.weights("length")),
@@ -522,7 +522,8 @@ READERS = {
     "SensorEngine": "get_sensor",
     "Sensor": "coverage heading in_arrays last_view outline place places_of pose sense_many",
     "DetectionModel": "chances in_arrays is_noticed rolled_back repeated wanted",
-    "GraphEngine": """columns distance distance_matrix distances edge_attributes from_latlon get_obstacle_face
+    "GraphEngine": """columns distance distance_matrix distances edge_attributes from_latlon get_edge get_edges
+        get_neighbors get_node get_nodes get_obstacle_face positions
         find get_obstacle_faces inside nearest_node networkx_labels node_attributes obstacle_columns place
         scenery_columns shortest_path to_latlon to_networkx track visibility visibility_table visible weights""",
     "Graph": """among columns distance distance_matrix distances edge_attributes from_latlon get_edge get_edges

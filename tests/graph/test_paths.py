@@ -285,7 +285,9 @@ def test_the_engine_forwards_to_the_graph(any_ctx, fill):
     assert engine.distance(1, -7) == 10.0
     assert engine.distances(source=1, weight=None, cutoff=1) == {1: 0.0, 2: 1.0}
     assert engine.distance_matrix([1, 40], -7).tolist() == [[10.0], [math.inf]]
-    assert engine.weights("lanes").tolist() == [2.0, 1.0, 1.0, 1.0]
+    assert engine.get_node(1) == graph.get_node(1)
+    with pytest.raises(AttributeError, match=r"ctx\.graph\.weights is ctx\.graph\.graph\.weights now"):
+        engine.weights("lanes")
 
 
 def test_after_the_end_there_are_no_ways(open_ctx, fill):

@@ -87,4 +87,4 @@ def _places(ctx: Context, state: State, team: str) -> list[tuple[int, float, flo
     """Return node, x and y of the agents of a team in sight."""
     seen = state["sensor"]["seen"][1]
     nodes = [node for name, node in seen.items() if ctx.agent.get_agent(name).team == team]
-    return [(node, *ctx.graph.graph.get_node(node)[1:3]) for node in nodes]
+    return [(node, *ctx.graph.get_node(node)[1:3]) for node in nodes]

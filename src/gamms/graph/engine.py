@@ -93,7 +93,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
     @property
     def graph(self) -> Graph:
-        """The graph."""
+        """The graph by itself, as 1.0.0 has it; its verbs are here, too."""
         if self._graph is None:
             raise ContextTerminated("ctx.graph")
         return self._graph
@@ -436,11 +436,22 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
     # -- methods of the graph -----------------------------------------------------------------------------------
 
     columns = _forwarded(Graph.columns)
+    add_edge = _forwarded(Graph.add_edge)
+    add_node = _forwarded(Graph.add_node)
+    get_edge = _forwarded(Graph.get_edge)
+    get_edges = _forwarded(Graph.get_edges)
+    get_neighbors = _forwarded(Graph.get_neighbors)
+    get_node = _forwarded(Graph.get_node)
+    get_nodes = _forwarded(Graph.get_nodes)
+    positions = _forwarded(Graph.positions)
+    remove_edge = _forwarded(Graph.remove_edge)
+    remove_node = _forwarded(Graph.remove_node)
+    update_edge = _forwarded(Graph.update_edge)
+    update_node = _forwarded(Graph.update_node)
     add_nodes = _forwarded(Graph.add_nodes)
     add_edges = _forwarded(Graph.add_edges)
     node_attributes = _forwarded(Graph.node_attributes)
     edge_attributes = _forwarded(Graph.edge_attributes)
-    weights = _forwarded(Graph.weights)
     shortest_path = _forwarded(Graph.shortest_path)
     distances = _forwarded(Graph.distances)
     distance_matrix = _forwarded(Graph.distance_matrix)
@@ -485,6 +496,15 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
     def attribution(self) -> str | None:
         """The authors of the data; shown where the graph is shown."""
         return self.graph.attribution
+
+    @property
+    def scenery(self) -> Scenery | str | None:
+        """What is drawn around the streets: columns, or the name of what is installed with GAMMS; settable."""
+        return self.graph.scenery
+
+    @scenery.setter
+    def scenery(self, scenery: Scenery | str | None) -> None:
+        self.graph.scenery = scenery
 
     def scenery_columns(self) -> Scenery:
         """Return the base map, such as water and parks, that is drawn below the streets and blocks no sight."""

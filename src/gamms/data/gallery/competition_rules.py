@@ -55,7 +55,7 @@ def flags(attackers, defenders, real, radius):
     def draw(ctx, _):
         state = ctx.game.data["flags"]
         for node in ctx.game.facts["candidates"]:
-            at = ctx.graph.graph.get_node(node)
+            at = ctx.graph.get_node(node)
             color = "gray" if node not in state["known"] else "orange" if node in state["real"] else "black"
             ctx.visual.render_circle(at.x, at.y, 5 if node in state["captured"] else 12, color)
 
