@@ -2,7 +2,8 @@
 
 Each old import path is an alias of the package that has its names now: `gamms.SensorEngine.sensor_engine.SensorType` is
 the very same object as `gamms.sensor.SensorType`.
-To retire a path, delete its line. `OLD_NAMES` still work and are not shown; `MOVED` say where they went.
+To retire a path, delete its line. `OLD_NAMES` still work and are not shown, nor are those
+`FOR_ENGINES`; `MOVED` say where they went.
 """
 
 import sys
@@ -94,11 +95,20 @@ class _OldPaths:
 OLD_NAMES = {  # names of 1.0.0 that programs of today need no longer
     "ctx": "agent_engine graph_engine internal_context recorder sensor_engine set_alive visual_engine",
     "ctx.agent": "terminate",
+    "ctx.game": "ctx",
     "ctx.graph": "graph terminate",
     "ctx.record": "add_component component component_iter ctx delete_component get_component is_component_registered "
     "time unregister_component write",
     "ctx.sensor": "ctx terminate",
     "ctx.visual": "clear_layer create_layer ctx fill_layer get_viewport render_layer terminate",
+}
+FOR_ENGINES = {  # what engines and clients ask of each other
+    "ctx": "current_game is_recording is_seeded reseed rng_state seed_uses",
+    "ctx.agent": "block storage structure_version",
+    "ctx.game": "fork_for_deciders internals is_deciding is_moving plain_settings settings_now",
+    "ctx.graph": "obstacle_revision scenery_columns storage",
+    "ctx.sensor": "storage",
+    "ctx.visual": "after_turn is_closing",
 }
 MOVED = {
     **{
@@ -119,8 +129,9 @@ class Surface:
     _called: ClassVar[str]
 
     def __dir__(self) -> list[str]:
-        """Return the names of the part, without those that only programs for 1.0.0 use."""
-        return sorted({*super().__dir__()} - {*OLD_NAMES.get(self._called, "").split()})
+        """Return the names of the part, without those that only engines or programs for 1.0.0 use."""
+        hidden = f"{OLD_NAMES.get(self._called, '')} {FOR_ENGINES.get(self._called, '')}"
+        return sorted({*super().__dir__()} - {*hidden.split()})
 
     if not TYPE_CHECKING:  # type checkers know which names there are
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Literal, overload
 
 from gamms import kernels
 from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name
+from gamms.compat import Surface
 from gamms.deciding import phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
 from gamms.game.decisions import ArrayPlan
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from gamms.game.batch.games import MostAgents
 
 
-class Game(RuleVerbs):
+class Game(Surface, RuleVerbs):
     """The turn engine of one context; `Settings` describes its settings, and `RuleVerbs` the methods for rules.
 
     Attributes:
