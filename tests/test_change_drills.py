@@ -310,7 +310,7 @@ def test_a_rule_with_its_event_and_its_drawing_is_one_file(tmp_path):
     source = changed(tmp_path)
     (source / "gamms" / "rules" / "flares.py").write_text(FLARES.lstrip())
     program = f"""{GAMES}
-import base64, io, re, zlib
+import base64, re, zlib
 from gamms.rules.flares import flares
 
 with opened() as ctx:
@@ -328,8 +328,7 @@ with gamms.recorder.open("game.ggr") as recording:
 live, replayed = open("live.svg").read(), open("replayed.svg").read()
 print(live == replayed, live.count("#010203"))
 [data] = re.findall(r'class="recording">([^<]*)<', open("page.html").read())
-with gamms.recorder.open(io.BytesIO(zlib.decompress(base64.b64decode(data)))) as page:
-    print(sum("lights" in str(event) for log in page.logs() for event in log) > 0)
+print(b"lights" in zlib.decompress(base64.b64decode(data)))
 """
     assert printed(source, tmp_path, program).splitlines() == [
         "the rule 'flares' {}",
