@@ -143,6 +143,31 @@ def test_events_of_plain_rules_count_for_the_flags_that_are_carried():
         check(ctx, seeds=range(12))
 
 
+@pytest.mark.parametrize("publishes", [True, False])
+def test_plain_functions_read_who_carries_the_flags(publishes):
+    def carry(state):
+        carriers = [flag["carrier"] for flag in state["facts"]["flags"].values()]
+        goes_first = state["name"] in carriers or None in carriers
+        state["action"] = state["legal"][(0 if goes_first else state["turn"]) % len(state["legal"])]
+
+    def note(ctx):
+        flags = {team: dict(flag) for team, flag in ctx.game.facts["flags"].items()}
+        ctx.game.emit("flags", **flags)
+        if publishes:
+            ctx.game.publish(**{f"turn {ctx.seed}": ctx.game.turn})
+
+    with build([OUT, BACK, FLAGS], {"red": carry, "blue": gamms.strategies.random_walk}, max_turns=30) as ctx:
+        ctx.game.add(note)
+        check(ctx, seeds=range(12))
+        assert any(flag["carrier"] for event in ctx.game.run().events for flag in event.values() if type(flag) is dict)
+
+
+def test_a_plain_rule_that_publishes_the_flags_itself_is_played_game_by_game():
+    with build([FLAGS], max_turns=20) as ctx:
+        ctx.game.add(lambda ctx: ctx.game.publish(flags={"lost": ctx.seed}))
+        check(ctx, stays=False)
+
+
 @pytest.mark.parametrize("strategy", [decide, fall])
 @pytest.mark.parametrize("default", ["stay", lambda state: state["legal"][-1]])
 def test_strategies_get_in_each_game_what_they_get_in_the_game_alone(strategy, default):

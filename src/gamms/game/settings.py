@@ -349,6 +349,8 @@ class RuleSpec:
         core_form: called with a `batch.in_core.Making`; returns the rule in the form of the core, for batches; None: it
             has none.
         prepare_arrays: called with the state of a batch at its start, to publish facts as arrays.
+        fact_of_game: called with the state of a batch and the number of a game; returns the fact under the key of the
+            rule in that game. None: the fact does not change.
         begin_arrays: called with the context and the state of a batch; returns the arrays that the array form keeps
             about the game of the context, which may have begun: key -> name -> array of one game. Without it, an array
             form with such arrays cannot play games that have begun.
@@ -369,6 +371,7 @@ class RuleSpec:
     array_form: Callable[[Any], None] | None = None
     core_form: Callable[[Any], CoreRule] | None = None
     prepare_arrays: Callable[[Any], object] | None = None
+    fact_of_game: Callable[[Any, int], Any] | None = None
     begin_arrays: Callable[[Any, Any], Mapping[Hashable, dict[str, Any]]] | None = None
     is_array_function: bool = False
 

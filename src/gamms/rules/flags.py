@@ -14,6 +14,7 @@ from gamms.game.batch.columns import Roster
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
+from gamms.readonly import published
 from gamms.rules.endings import all_know, refuse_unknown
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import TurnContacts, column, turn_of
@@ -93,6 +94,7 @@ def capture_flag(
             key=game.key,
             core_form=core_form,
             prepare_arrays=game.prepare_arrays,
+            fact_of_game=game.fact_of_game if game.announce else None,
             begin_arrays=game.begin_arrays,
         ),
     )
@@ -120,6 +122,12 @@ class _FlagRule(NamedTuple):
         if self.announce:
             columns = zip(self.bases.items(), kept["carriers"].T, strict=True)
             state.facts[self.key] = {team: {"node": base, "carrier": carriers} for (team, base), carriers in columns}
+
+    def fact_of_game(self, state: GameArrays, number: int) -> Any:
+        """Return where the flags are in one game of a batch, as `_publish` publishes it."""
+        rows, names = state.kept["capture_flag", self.key]["carriers"][number].tolist(), state.roster.names
+        carriers = {team: names[row] if row >= 0 else None for team, row in zip(self.bases, rows, strict=True)}
+        return published(self.key, self._fact(carriers))
 
     def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
         """Return the state of the rule in a game as arrays; see `start_of`."""
@@ -193,9 +201,12 @@ class _FlagRule(NamedTuple):
 
     def _publish(self, ctx: Context, carriers: Mapping[Any, str | None]) -> None:
         if self.announce:
-            flags = {team: {"node": base, "carrier": carriers[team]} for team, base in self.bases.items()}
+            flags = self._fact(carriers)
             if ctx.game.facts.get(self.key) != flags:
                 ctx.game.publish(**{self.key: flags})
+
+    def _fact(self, carriers: Mapping[Any, str | None]) -> dict[Hashable, dict[str, Any]]:
+        return {team: {"node": base, "carrier": carriers[team]} for team, base in self.bases.items()}
 
 
 class _CoreFlags:

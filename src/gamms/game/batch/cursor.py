@@ -251,6 +251,8 @@ class Cursor:
         self._own_of_ctx = vars(game.ctx)
         self._why = ""  # why games leave the core
         self._core_keys = frozenset(_keys_in_core(game))
+        specs = [one.spec for one in game.rules if one.spec.core_form is not None]
+        self._facts_in_core = {str(spec.key): spec.fact_of_game for spec in specs if spec.fact_of_game is not None}
         plans = game.settings()["plans"]
         deciders = [decider_of(state.roster.agents[number], plans) for number in asked]
         collectors = parts.collectors.by_name.values()
@@ -320,10 +322,7 @@ class Cursor:
         values = self._values
         self._first_data = {key: one for key, one in values.data.items() if key not in self._core_keys}
         self._facts = values.facts
-        self._first_facts = {
-            name: self._no(f"ctx.game.facts[{name!r}]") if name in self._core_keys else fact
-            for name, fact in self._facts.items()
-        }
+        self._first_facts = dict(self._facts)
         self._first_attributes = [copied_values(vars(one)) for one in self._agents]
         self._are_shared = is_plain(self._first_attributes)  # those of games that have not read any that may change
         self._shared_attributes: list[dict[str, Any]] = [one.__dict__ for one in self._agents]
@@ -414,6 +413,8 @@ class Cursor:
             facts = self._facts_of[number]
             if facts is not self._facts_own:
                 self._show_facts(facts)
+            for name, fact_of_game in self._facts_in_core.items():
+                self._facts[name] = self._facts_shown[name] = fact_of_game(state, number)
             attributes = self._attributes[number]
             if attributes is None and not self._are_shared:
                 attributes = self._attributes[number] = [copied_values(own) for own in self._first_attributes]
@@ -474,7 +475,7 @@ class Cursor:
     def _take_living(self, alive: bytes) -> None:
         """Let the agents that live now take turns."""
         self._alive = alive
-        self._is_public = not any(self._private_shown)
+        self._is_public = not any(self._private_shown or self._nothing_private)
         self._living = self._living_of(alive, self._is_public)
         self._turns.take_order(self._living.order)
 
