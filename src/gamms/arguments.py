@@ -442,12 +442,14 @@ class _Dots:
 _DOTS = _Dots()
 
 
-def with_options(**defaults: object) -> Callable[[Documented], Documented]:
+def with_options(*inherited: type, **defaults: object) -> Callable[[Documented], Documented]:
     """Spell out the keywords of `**options: Unpack[…]` in the signature and the docstring of a function.
 
     The docstring has an entry for `options`, which the attributes of the TypedDict take the place of.
 
     Args:
+        inherited: the TypedDicts that the TypedDict of the options inherits from, whose attributes come first; at run
+            time, a TypedDict does not know them.
         defaults: what the signature shows; for the other keywords, dots. `Never` as the type of the options, for
             keywords that only raise an error, is left out of the signature.
     """
@@ -461,7 +463,7 @@ def with_options(**defaults: object) -> Callable[[Documented], Documented]:
             others.append(Parameter(name, Parameter.KEYWORD_ONLY, default=defaults.get(name, _DOTS), annotation=kind))
         function.__signature__ = signature.replace(parameters=others)  # type: ignore[attr-defined] # inspect reads it
         if function.__doc__ and options is not None:  # Python may run without docstrings
-            described = _docstrings_of(options)
+            described = [cleandoc(one.__doc__ or "") for one in (*inherited, options)]
             function.__doc__ = with_attributes(cleandoc(function.__doc__), rest.name, described)
         return function
 
@@ -474,16 +476,6 @@ def with_attributes(text: str, entry: str, described: Iterable[str]) -> str:
     attributes = "\n".join(filter(None, parts))
     place = re.compile(rf"^    {entry}: .*(?:\n {{5,}}.*)*", re.MULTILINE)
     return place.sub(lambda found: attributes or found[0], text)
-
-
-def _docstrings_of(options: type) -> Iterator[str]:
-    """Yield the docstrings of a TypedDict, after those of the ones that it inherits from."""
-    from inspect import cleandoc
-
-    for inherited in getattr(options, "__orig_bases__", ()):
-        if isinstance(inherited, type):
-            yield from _docstrings_of(inherited)
-    yield cleandoc(options.__doc__ or "")
 
 
 def as_declared(contract: Callable[..., Any]) -> Callable[[Documented], Documented]:

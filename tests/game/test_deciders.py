@@ -641,7 +641,7 @@ def test_the_paper_s_loop_and_strategies_made_of_strategies_say_that_they_do_not
     (agent,) = team(ctx, "a", strategy=later(0.0))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(BadType, match=r"agent 'a' has to be awaited: play by ctx\.game"):
+        with pytest.raises(BadType, match=r"agent 'a' is asynchronous: play with ctx\.game"):
             agent.step()
         with pytest.raises(BadType, match="must not be an async def"):
             gamms.strategies.first(later(0.0), wander)

@@ -96,7 +96,7 @@ def test_a_function_that_cannot_be_told_is_refused_at_once(agent):
     agent.strategy = lambda s: s.get("nothing")  # it fails with a context, as strategies do
     with pytest.raises(TypeError, match=r"Unknown node 9. Name its first parameter state .*, and ctx if it makes one"):
         agent.strategy = lambda c: goto(c, 9)
-    with pytest.raises(TypeError, match="makes such a function, and needs more than the context"):
+    with pytest.raises(TypeError, match="makes a strategy, but needs more than the context"):
         agent.strategy = goto
     with pytest.raises(TypeError, match="which is not a strategy"):
         agent.strategy = lambda ctx: ctx.seed

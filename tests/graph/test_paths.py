@@ -239,7 +239,7 @@ def test_unknown_nodes_are_named(kind):
         with pytest.raises(TypeError):
             graph.distances(source=bad)
     for ends in ({}, {"source": 4, "target": 9}):
-        with pytest.raises(BadValue, match="source= or target="):
+        with pytest.raises(BadValue, match="exactly one of source= and target="):
             graph.distances(**ends)
 
 

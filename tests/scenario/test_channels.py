@@ -57,7 +57,7 @@ def test_the_channels_of_a_file_are_those_of_the_game(talk):
     ("channel", "message"),
     [
         ({}, r"channels\.radio: Channel 'radio' has no range: give range_m="),
-        ({"range_m": 10, "loss": 2}, r"channels\.radio: loss of channel 'radio' must be made of probabilities"),
+        ({"range_m": 10, "loss": 2}, r"channels\.radio: loss of channel 'radio' must have probabilities from 0 to 1"),
         ({"rang_m": 10}, r"channels\.radio\.rang_m: unknown key, with the value 10\. Did you mean 'range_m'"),
         ({"range_m": -1}, r"channels\.radio\.range_m: cannot be -1"),
         ({"hops": 1, "delay_turns": 0}, r"channels\.radio\.delay_turns: cannot be 0"),

@@ -60,7 +60,7 @@ def escape(pursuers, evaders):
     raw["teams"]["pursuers"] |= {"count": 2, "near": [120, 70], "within": 60}
     if pursuers == "guard":
         raw["teams"]["pursuers"] = {
-            "sensors": ["eyes"],
+            "sensors": raw["teams"]["evaders"]["sensors"],
             "agents": [{"name": f"g{e}", "node": e, "strategy": of("guard", node=e, radius=60)} for e in EXITS],
         }
     raw["teams"]["evaders"] |= {"count": 1, "near": [30, 70], "within": 60}

@@ -68,7 +68,7 @@ def observe(ctx: Context, state: State | AerialState, *, share: bool = True, hor
         state: state of the agent, in its strategy.
         share: whether to write the observation to `state["team_memory"]`, too: teammates know it in the next turn.
         horizon: minimum number of turns for which nodes without agents are remembered. Last sightings are never
-        forgotten.
+            forgotten.
 
     Raises:
         MissingKey (KeyError): in a custom loop, the state has no name, team, turn or memory.
@@ -132,7 +132,7 @@ class Belief:
         Args:
             target: name of an agent on the ground; the result for a dead agent is empty.
             speed: edges or metres per turn; None: the speed of the agent, or one edge if it has none. If the speed
-            changes, give its maximum.
+                changes, give its maximum.
 
         Raises:
             UnknownName (KeyError): the agent does not exist.

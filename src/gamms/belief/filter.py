@@ -28,7 +28,7 @@ class StateProbabilities:
     Attributes:
         chain: the chain of the model.
         masses: (states, targets) for each target they add up to 1; initially uniform over the nodes. Settable, to
-        continue from earlier ones.
+            continue from earlier ones.
 
     Raises:
         BadType, BadValue: the motion is not a model, or the map has no nodes.
@@ -106,7 +106,7 @@ class Filter(StateProbabilities):
         motion: model of the motion of the targets.
         targets: names of the targets.
         metres: distance per turn, in games by metres; None: targets are on nodes only. A target on an edge counts for
-        the last node that it passed.
+            the last node that it passed.
 
     Attributes:
         targets: names of the targets.
@@ -167,7 +167,7 @@ class Filter(StateProbabilities):
 
         Args:
             likelihoods: (nodes, targets) probability of the observation if the target is on the node; for a target on
-            an edge, the greater one of its ends.
+                an edge, the greater one of its ends.
 
         Returns:
             See `update`.

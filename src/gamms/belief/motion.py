@@ -192,7 +192,7 @@ def random_walk(stay: float | None = None, steps: int = 1) -> Motion:
 
     Args:
         stay: probability that the target stays; None: the same as for each neighbor, which matches
-        `gamms.strategies.random_walk`.
+            `gamms.strategies.random_walk`.
         steps: number of edges that the target moves per turn.
 
     Raises:
@@ -210,7 +210,7 @@ def to_goals(goals: Iterable[NodeId] | Mapping[int, float], wander: float = 0.1,
     Args:
         goals: ids of nodes with equal probabilities, or id -> weight, in any unit.
         wander: probability that a move is random. With 0, an observation off the path excludes the goal; if it excludes
-        all goals, their probabilities are reset.
+            all goals, their probabilities are reset.
         steps: number of edges that the target moves per turn.
 
     Raises:

@@ -278,7 +278,7 @@ class Game(Surface, RuleVerbs):
 
         Raises:
             BadValue: nothing can ever end this game.
-            IllegalAction, IllegalMutation, or any error of a strategy or rule, depending on the settings.
+                IllegalAction, IllegalMutation, or any error of a strategy or rule, depending on the settings.
         """
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")

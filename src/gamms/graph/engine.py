@@ -126,7 +126,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
         Raises:
             DuplicateId (KeyError): an id is taken, or given twice.
-            BadType (TypeError), BadValue (ValueError): a number or a shape is invalid; nothing has changed.
+                BadType (TypeError), BadValue (ValueError): a number or a shape is invalid; nothing has changed.
         """
         obstacles = self._present()
         new = checked_faces(faces, ids, types, obstacles)
@@ -195,7 +195,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         Raises:
             UnknownName (KeyError): no street has this name; the message lists similar names.
             BadValue (ValueError): the streets do not meet, or no edge has a name. `node` also raises it if the streets
-            meet at several junctions.
+                meet at several junctions.
         """
         columns = self.graph.columns()
         if self._streets is None or self._streets[0] != columns.revision:
@@ -207,7 +207,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
         Args:
             polygon: the outline as (x, y) pairs in map units; a GeoJSON dict, in degrees; or a shapely polygon, in map
-            units. GeoJSON and shapely polygons may have holes and several parts.
+                units. GeoJSON and shapely polygons may have holes and several parts.
             touching: whether edges that are only partly inside the polygon are included.
 
         Raises:
@@ -353,7 +353,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         Raises:
             BadValue: no path and no database, or an attribute that is not plain data.
             WriteConflict (RuntimeError): another program has saved to the database since this context read it. The file
-            at `path` is still written.
+                at `path` is still written.
             OSError: the file cannot be written.
         """
         contents = self._storage.contents()

@@ -265,7 +265,7 @@ class Track(NamedTuple):
 
     Attributes:
         paths: node ids of each part of the track; a new part begins where the file begins one, where points are too far
-        from every edge, and where no path leads on.
+            from every edge, and where no path leads on.
         edges: id of the nearest edge of each point; None for points too far from every edge.
     """
 

@@ -480,7 +480,7 @@ class Graph(Guarded, IGraph):
 
         Args:
             plain: whether to convert all attributes to numbers, texts and bools, for networkx's file writers: polylines
-            become well-known text, other values JSON.
+                become well-known text, other values JSON.
         """
         from gamms.graph.networkx_bridge import export
 

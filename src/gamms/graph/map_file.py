@@ -169,7 +169,7 @@ def save(path: str | os.PathLike[str], contents: SavedMap) -> None:
 
     Raises:
         BadValue: an attribute is not plain data.
-        MissingFolder (FileNotFoundError), OSError: the file cannot be written.
+            MissingFolder (FileNotFoundError), OSError: the file cannot be written.
     """
     data = encode(contents)
     write_whole(as_target(path), data, through_links=True)

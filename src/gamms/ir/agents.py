@@ -68,7 +68,7 @@ class AgentBlock(AgentColumns):
         journal: records changes; or `PLAIN` (records nothing), or `CLOSED` (no more changes).
         rows: the row of each name.
         structure: the log of rows that were added, removed, died, returned, or changed team, speed, sensors or
-        strategy.
+            strategy.
         trusts_nodes: whether any integer is accepted as a node, during the replay of a recording whose map has changed.
         under_way: positions of agents within a turn, if agents decide at arrivals.
     """

@@ -53,7 +53,7 @@ class Field(NamedTuple):
     Attributes:
         role: meaning of its value.
         check: function of the value and its name in an error message that returns the checked value; None: any plain
-        value.
+            value.
         is_optional: whether it may be missing.
     """
 

@@ -278,7 +278,7 @@ class GameState:
         start: the snapshot to which `reset` returns; None before the first turn. Any: it contains data of all engines.
         drawn: data drawn by a scenario from the seed of the start; replaced, never mutated. Any: form of the builder.
         parts_played: number of parts of the present turn that have moved, in a fork for agents that decide in it; None:
-        between two turns.
+            between two turns.
         has_begun: whether a turn was played since the game was created, reset or resumed.
         stream_version: changes when counts and memories are replaced and all random streams restart.
         marked: for each log, the number of entries that snapshots need.

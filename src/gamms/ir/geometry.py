@@ -224,7 +224,7 @@ def region_of(shape: object, name: str, from_lonlat: Callable[[FloatArray], Floa
 
     Args:
         shape: an outline as a sequence of (x, y) pairs; a shapely polygon or multipolygon; or a GeoJSON dict, with
-        positions as longitude and latitude.
+            positions as longitude and latitude.
         name: name of the argument, for error messages.
         from_lonlat: converts GeoJSON positions (points, 2) to x and y.
 

@@ -19,7 +19,7 @@ class Journal:
         ids: row of an agent -> its number in moves, which does not change when rows are closed up.
         names: number -> name of the agent.
         in_arrays: number of moves in `log` beyond its length, because one entry may hold the moves of many agents;
-        reset by the reader.
+            reset by the reader.
         progressed: numbers of agents whose progress along an edge was set; emptied by the reader.
         is_silent: whether nothing is recorded; `log`, `flew`, `turned` and `attributed` must not be used then.
         is_closed: whether the context has ended, so that agents no longer change.

@@ -60,7 +60,7 @@ class Column(NamedTuple):
         name: name of the column.
         kind: type of its numbers in arrays; None: any Python values.
         initial: value of new agents, and of agents in keyframes without the column; None: all keyframes have the
-        column.
+            column.
         shape: shape of a row in arrays; values of such columns may be None, which is NaN in arrays.
         event: records a change for one agent; None: other events record it, or it never changes.
         attribute: name of the attribute of agents, if it differs from `name`.
@@ -69,7 +69,7 @@ class Column(NamedTuple):
         is_in_block: whether blocks have it; other columns exist only in keyframes, from data of the agents.
         parts: the columns that store it in keyframes.
         axis: owner of each value: "agent", "team", or "game". Columns of the last two are in blocks of games
-        (`AgentBlock.games`), and in keyframes if they differ from the initial value.
+            (`AgentBlock.games`), and in keyframes if they differ from the initial value.
         is_copied: whether snapshots and forks copy the numbers; otherwise they begin with the initial value.
         is_recorded: whether keyframes have it.
     """
@@ -214,14 +214,14 @@ class GameField(NamedTuple):
 
     Attributes:
         copied: function that copies a value for a snapshot or a fork, with a memo of replaced objects (see
-        `copy.deepcopy`); None: not copied.
+            `copy.deepcopy`); None: not copied.
         is_own: whether forks begin with a new value if it is not copied.
         refill: function that sets the contents of a dict to which other objects refer; None: the value is replaced.
         captured: function that returns a value as plain values for keyframes; None: not in keyframes.
         restored: function that restores a captured value.
         is_seldom: whether keyframes have it only if it is not empty.
         axis: the part known to agents: everything ("game"), or the value under the agent's name or team ("agent",
-        "team"); None: nothing.
+            "team"); None: nothing.
         event: records the captured value after a change; None: other events record it, or nothing does.
     """
 

@@ -86,8 +86,8 @@ class Search:
     Args:
         arcs: the graph; reversed arcs give the paths *to* roots.
         ids: (nodes,) different numbers, used to break ties. Of equally long paths the one with the fewest edges is
-        preferred; of these, the one whose ids, read from the node back to the root, are smallest at the first
-        difference.
+            preferred; of these, the one whose ids, read from the node back to the root, are smallest at the first
+            difference.
     """
 
     def __init__(self, arcs: Arcs, ids: IntArray) -> None:
@@ -117,7 +117,7 @@ class Search:
             goals: rows of nodes; their distance is infinite if there is no path.
             most: limit of visited nodes; if more are needed, -1 is returned as their number.
             is_nearest: whether only the nearest goals matter, including ties up to rounding; the distances of others
-            may be infinite.
+                may be infinite.
         """
         scratch = self._taken()
         visited = routes.find(self._arcs, scratch.core, roots.data, goals.data, most, inf, is_nearest)
@@ -205,7 +205,7 @@ def least_matching(costs: FloatArray) -> list[int]:
 
     Args:
         costs: (rows, columns), with at least as many columns as rows; infinite for pairs to avoid, which are matched
-        only if nothing else is left.
+            only if nothing else is left.
     """
     table = costs.copy()
     table[np.isinf(table)] = 2.0 * table[np.isfinite(table)].sum() + 1.0

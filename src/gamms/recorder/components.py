@@ -234,7 +234,7 @@ class Components(Guarded):
             opcode_name: for example "COMPONENT_CREATE".
             data: data of the record.
             lenient: for recordings of 1.0.0, which wrote records before checking them: skip operations that it refused
-            (a second component with the same name, operations on unknown components).
+                (a second component with the same name, operations on unknown components).
 
         Raises:
             RecordingError: the record cannot be applied; nothing changed.

@@ -79,7 +79,7 @@ def given_map(graph: object, header: dict[str, Any]) -> bytes:
 
     Raises:
         RecordingError: it is another map.
-        BadType (TypeError), OSError: see `packed_of`.
+            BadType (TypeError), OSError: see `packed_of`.
     """
     packed = packed_of(graph)
     if not is_map_of(packed, header):

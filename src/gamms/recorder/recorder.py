@@ -96,7 +96,7 @@ class Recorder(Surface, ComponentNames, Guarded, IRecorder):
             provenance: plain values for the header.
             sensed: whether to record the sensor data of agents in the turns of `ctx.game`, for `Recording.observation`.
             drawings: whether to record the drawings of artists and rules with custom drawers at the end of each turn,
-            which calls these drawers.
+                which calls these drawers.
             embed_graph: whether the recording contains the map; otherwise only its SHA-256, and a replay needs the map.
             overwrite: whether to replace an existing file, after the recording has started successfully.
 
@@ -104,7 +104,7 @@ class Recorder(Surface, ComponentNames, Guarded, IRecorder):
             FileExistsError: the file exists.
             RecorderBusy (RuntimeError): another recording is being written, or the file to overwrite is in use.
             RecordingError: the file cannot be written.
-            BadType (TypeError), BadValue (ValueError): an argument is invalid.
+                BadType (TypeError), BadValue (ValueError): an argument is invalid.
         """
         if self.ctx.is_terminated():
             return
@@ -250,7 +250,7 @@ class Recorder(Surface, ComponentNames, Guarded, IRecorder):
 
         Raises:
             RecorderBusy (RuntimeError): no recording is being written.
-            BadType (TypeError), BadValue (ValueError): the record could not be read back; nothing was written.
+                BadType (TypeError), BadValue (ValueError): the record could not be read back; nothing was written.
         """
         if self.ctx.is_terminated():
             return

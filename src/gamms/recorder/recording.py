@@ -58,7 +58,7 @@ def open(source: str | os.PathLike[str] | BinaryIO, *, graph: object = None) -> 
     Args:
         source: the path, with or without suffix, or the stream.
         graph: the map, for a recording that does not contain it: a context, the graph of another recording, or the path
-        of a file written by `ctx.graph.save`.
+            of a file written by `ctx.graph.save`.
 
     Raises:
         FileNotFoundError, OSError: the file cannot be read.
@@ -262,7 +262,7 @@ class Recording(StreamOwner):
             seed: seed of all random streams; None: the seed of the recording.
             vis_engine: see `create_context`.
             ctx: a context with agents, strategies and rules, as created by a program or a scenario; it is changed,
-            unless an error is raised. None: a new context, which the caller must terminate.
+                unless an error is raised. None: a new context, which the caller must terminate.
 
         Returns:
             The context; a given context keeps its static type.
@@ -297,7 +297,7 @@ class Recording(StreamOwner):
             strategies: for each team or agent a list, in which None is the strategy from `build`; or a dict by name.
             seeds: seeds of the continued games; None: the seed of the recording.
             build: function that makes a context with agents, strategies and rules; None: rebuild the scenario of the
-            recording, which may use only code of GAMMS (or ScenarioError is raised).
+                recording, which may use only code of GAMMS (or ScenarioError is raised).
             max_turns: maximum number of turns from there; None: as in the settings.
         """
         from gamms.recorder import resuming
@@ -365,7 +365,7 @@ class Recording(StreamOwner):
             height: pixels; None: derived from the map.
             dpi: pixels per inch: the size of the picture on paper.
             audience: for a page: a team, by its text; the page leaves out what the team could not know. None:
-            everything.
+                everything.
             options: see `PictureOptions`.
 
         Raises:

@@ -83,7 +83,7 @@ class RecordingSession:
         Args:
             encoder: writes the turns.
             in_background: whether another thread writes turns that wait long; otherwise each turn is written at its
-            end, if it can be read then.
+                end, if it can be read then.
         """
         self._writer = TurnWriter(self, encoder, in_background=in_background)
 
@@ -167,7 +167,7 @@ class RecordingSession:
 
         Args:
             known: the agents known to the reader, by name; None as a value: any agent of this name. Default: the agents
-            at the pause.
+                at the pause.
         """
         known = self._members if known is None else known
         waiting = self._journal.log

@@ -27,10 +27,10 @@ class State:
     Attributes:
         turn: number of turns before.
         agents: read-only columns (agents,), one row per agent in order of creation: name, team, kind ("BASIC" or
-        "AERIAL"), alive, node, previous (node), speed, strategy; x, y and z of flying agents; heading_x and heading_y,
-        the headings set for agents on the ground; quat_w, quat_x, quat_y and quat_z, the rotations of flying agents.
-        Missing values are NaN or None. In games by metres also edge_source, edge_target (nodes), edge (id) and
-        edge_share of agents on an edge; for others the share is NaN, and the ids are -1.
+            "AERIAL"), alive, node, previous (node), speed, strategy; x, y and z of flying agents; heading_x and
+            heading_y, the headings set for agents on the ground; quat_w, quat_x, quat_y and quat_z, the rotations of
+            flying agents. Missing values are NaN or None. In games by metres also edge_source, edge_target (nodes),
+            edge (id) and edge_share of agents on an edge; for others the share is NaN, and the ids are -1.
         scores: scores by the keys of the rules.
         data: plain values of `ctx.game.data`.
         over: the reason, the winner, and whether time was up; None while the game continued.

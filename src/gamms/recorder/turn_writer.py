@@ -47,7 +47,7 @@ class TurnWriter:
         session: the session.
         encoder: writes logs.
         in_background: whether another thread writes turns that wait long; otherwise each turn is written at its end, if
-        it can be read then.
+            it can be read then.
 
     Attributes:
         has_begun: whether the beginning is final: until the first turn is over, a map may be loaded.

@@ -306,7 +306,12 @@ class Learners:
         self._numbers.actions[:, self._members] = moves
         if self._scripted is not None:
             self._scripted.take(self.games.turn, moves, done, flown)
-        if step_numbers(self.games, self._numbers, self._threads):
+        numbers = self._numbers
+        if done is not None and self._scripted is not None and self.deeds is not None:
+            (views,) = self._now
+            numbers = numbers._replace(deeds=self.deeds.given(done, views[0]))
+        only_numbers = flown is None and (done is None or self._scripted is not None)
+        if only_numbers and step_numbers(self.games, numbers, self._threads):
             return
         self.games.step({} if self._scripted is not None else self._given(moves, done, flown), on_illegal="stay")
 

@@ -24,7 +24,7 @@ def by_rank(rank: Rank) -> Resolver:
 
     Args:
         rank: `(name, team) -> rank`, called with the name and the team of an agent. Ranks are numbers or other
-        comparable values. An agent whose rank is None never wins.
+            comparable values. An agent whose rank is None never wins.
 
     Raises:
         BadType: not a function. When a game begins: ranks that cannot be compared.
@@ -40,7 +40,7 @@ def by_priority(teams_or_key: Sequence[Hashable] | Callable[[BaseAgent], Any]) -
 
     Args:
         teams_or_key: the teams in order of priority. Or a function that is called with an agent: the smallest values
-        win.
+            win.
 
     Raises:
         BadType: neither a list of teams nor a function. During resolution: values that cannot be compared.

@@ -51,15 +51,15 @@ def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
         hops: maximum number of edges between agents, by the shortest path in either direction.
         metres: maximum length of this path.
         euclid: maximum straight-line distance in map units; agents on the ground have height 0. Without any of these
-        three, agents must be on the same node.
+            three, agents must be on the same node.
         crossing: whether agents that move along one edge in opposite directions meet; None: only if no distance is
-        given.
+            given.
         air: whether aerial agents take part; each counts as on its nearest node, except with `euclid`. An agent that
-        flew arrives at the end of the turn.
+            flew arrives at the end of the turn.
         passing: whether agents also meet on their way; False: only where they are at the end of the turn, or when they
-        pass each other on an edge. An agent that was relocated since meets nobody on its way. With a distance, agents
-        are compared whenever one of the two reaches a node; an agent between two nodes counts as on the last node that
-        it passed.
+            pass each other on an edge. An agent that was relocated since meets nobody on its way. With a distance,
+            agents are compared whenever one of the two reaches a node; an agent between two nodes counts as on the last
+            node that it passed.
 
     Raises:
         BadType, BadValue: a distance is invalid, or there are several.

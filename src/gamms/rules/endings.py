@@ -67,7 +67,7 @@ def reach(
         winner: the team that wins, None for no team; by default the team that reached its goal.
         score: points for each team that reached its goal.
         passing: whether nodes that agents only pass count; False: only the nodes at the end of the turn, which all
-        agents reach at the same time.
+            agents reach at the same time.
 
     Raises:
         BadType, BadValue: an argument is invalid, or a winner is given for several teams.
@@ -166,8 +166,8 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
     Args:
         turns: the number of turns.
         winner: the team that wins if the game lasts this long, None for no team; by default the team that alone has the
-        highest score. All teams of agents count, including teams of dead agents; if there is only one team, it does not
-        win by score.
+            highest score. All teams of agents count, including teams of dead agents; if there is only one team, it does
+            not win by score.
 
     Raises:
         BadType, BadValue: the number is not an integer, or less than 1; or the winner is not a valid team.

@@ -51,17 +51,17 @@ def capture_flag(
         flags: team -> node of the base of its flag. Teams without a flag may take other flags.
         territory: node -> team, or the name of a fact with this mapping: home is every node of the carrier's team.
         None: home is the base of the team's own flag; for a team without a flag, any node on which one of its agents
-        began.
+            began.
         goal: number of captures that wins the game; if two teams reach it at the same time, the game is a draw. None:
-        captures do not end it.
+            captures do not end it.
         score: points for the carrier's team for each capture.
         announce: whether strategies see the flags: `state["facts"][key]` is team -> {"node": base, "carrier": name or
-        None}, as of the end of the last turn.
+            None}, as of the end of the last turn.
         key: the key of the rule's state in `ctx.game.data`: `bases`, `carriers` and `captures` by team; also the name
-        of the artist that draws the flags.
+            of the artist that draws the flags.
         colors: team -> color of its flag; None: the colors of the agents if none are declared elsewhere.
         passing: whether agents also take flags, and bring them home, on nodes that they only pass; False: only on nodes
-        at the end of the turn.
+            at the end of the turn.
 
     Raises:
         BadType, BadValue: an argument is invalid.

@@ -27,7 +27,7 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
     Args:
         table: the payoffs.
         zero_sum: whether all other teams pay in equal parts for the points of a team, so that the scores always add up
-        to 0. If there is only one team, nothing is paid.
+            to 0. If there is only one team, nothing is paid.
         key: key of the rule's state; a second payoff rule needs another key.
 
     Raises:

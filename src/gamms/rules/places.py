@@ -44,7 +44,7 @@ def hold(
         every: whether a team needs an agent on every node; False: on one of the nodes.
         score: points for a team whose count is full.
         ends: whether the team then wins and the game ends; False: the count starts again, so `turns=1` gives points for
-        every turn.
+            every turn.
         teams: teams that may hold the place, one or several; None: all. Other teams can only contest it.
         key: key of the rule's state; a second `hold` rule needs another key.
 

@@ -57,17 +57,17 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         taggers: a team, or a function that returns whether an agent is on this side.
         tagged: the other side, given in the same way.
         hops: maximum number of edges between agents; see `contacts`. Without any of these three, agents must be on the
-        same node, or pass each other on an edge.
+            same node, or pass each other on an edge.
         metres: maximum length of the path between agents.
         euclid: maximum straight-line distance, map units.
         crossing: whether agents that move along one edge in opposite directions meet; None: only if no distance is
-        given.
+            given.
         air: whether aerial agents take part.
         passing: whether agents also meet on their way; False: only where they are at the end of the turn.
         then: "respawn" at its start, "eliminate", or a function `(ctx, tagger, tagged)`.
         score: points for the tagger's team.
         territory: node -> team, or the name of a fact with this mapping: an agent can be tagged only at a node of the
-        tagger's team.
+            tagger's team.
         mutual: whether both agents of a pair are tagged; with a territory, only the agent on the other's territory.
 
     Raises:

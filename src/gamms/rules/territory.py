@@ -71,7 +71,7 @@ def halves(
         ctx: the context.
         axis: "x" for a western and an eastern half, "y" for a southern and a northern half.
         teams: owner of the half with the smaller coordinates, then of the other half; None: the two teams of the game,
-        ordered by their text.
+            ordered by their text.
 
     Returns:
         node -> team; nodes on the dividing line belong to the second team.

@@ -247,7 +247,7 @@ def arc(
     return _declared("ARC", {**options}, range_m=range_m, fov=fov, orientation=orientation)
 
 
-@with_options()
+@with_options(PlaceOptions)
 def agent(
     fov: float = 2.0 * pi, orientation: Direction = (1.0, 0.0), **options: Unpack[DetectionOptions]
 ) -> SensorDeclaration:
@@ -261,7 +261,7 @@ def agent(
     return _declared("AGENT", {**options}, fov=fov, orientation=orientation)
 
 
-@with_options()
+@with_options(PlaceOptions)
 def agent_range(range_m: float = 30.0, **options: Unpack[DetectionOptions]) -> SensorDeclaration:
     """Declare a sensor for other agents within a distance: `{name: node}`.
 
@@ -272,7 +272,7 @@ def agent_range(range_m: float = 30.0, **options: Unpack[DetectionOptions]) -> S
     return _declared("AGENT_RANGE", {**options}, range_m=range_m)
 
 
-@with_options()
+@with_options(PlaceOptions)
 def agent_arc(
     range_m: float = 30.0,
     fov: float = 2.0 * pi,
@@ -311,7 +311,7 @@ def occluded_map(
     return _declared("OCCLUDED_MAP", {**options}, **settings)
 
 
-@with_options()
+@with_options(PlaceOptions)
 def occluded_agent(
     range_m: float = inf,
     fov: float = 2.0 * pi,
@@ -347,7 +347,7 @@ def aerial(
     return _declared("AERIAL", {**options}, range_m=range_m, fov=fov, quat=quat)
 
 
-@with_options()
+@with_options(PlaceOptions)
 def aerial_agent(
     range_m: float = 100.0, fov: float = 2.0 * pi, quat: Quaternion = AHEAD, **options: Unpack[DetectionOptions]
 ) -> SensorDeclaration:
@@ -377,7 +377,7 @@ def occluded_aerial(
     return _declared("OCCLUDED_AERIAL", {**options}, range_m=range_m, fov=fov, quat=quat)
 
 
-@with_options()
+@with_options(PlaceOptions)
 def occluded_aerial_agent(
     range_m: float = 100.0, fov: float = 2.0 * pi, quat: Quaternion = AHEAD, **options: Unpack[DetectionOptions]
 ) -> SensorDeclaration:

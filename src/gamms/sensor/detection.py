@@ -33,13 +33,13 @@ class DetectionModel(Guarded):
         team: a team, or several in a list, tuple or set, whose agents are reported; None: all teams.
         exclude: a team, or several, whose agents are not reported; None: no team.
         detection: probability that an agent in view is detected: a number, pairs `(distance, probability)` with linear
-        interpolation, or a function from distances (agents,) to probabilities (agents,). None: always. The draws depend
-        on the seed of the context, the sensor, its owner, the turn of the game, the number of earlier looks in the
-        turn, and the agent's name.
+            interpolation, or a function from distances (agents,) to probabilities (agents,). None: always. The draws
+            depend on the seed of the context, the sensor, its owner, the turn of the game, the number of earlier looks
+            in the turn, and the agent's name.
         position_noise_m: standard deviation of the error of a reported position along each axis, map units; errors are
-        Gaussian and independent for each agent and look. None: no error.
+            Gaussian and independent for each agent and look. None: no error.
         false_alarm_rate: mean number of false reports per look, of agents that were not detected, on covered nodes:
-        Poisson distributed, at most 100. None: no false reports.
+            Poisson distributed, at most 100. None: no false reports.
         delay_turns: age of the reported look in turns of the game. None: the present look.
     """
 

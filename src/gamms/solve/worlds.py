@@ -208,6 +208,8 @@ def simulator_of(setup: GameSetup) -> TurnSimulator:
         _refuse(game)
         number = min(_MOST_ROWS, _FEWEST_ROWS + _positions(ctx, setup))
         is_plain = not game.scores and len(game.agents) == len(ctx.agent.agents)
+        # An array rule may close roads, which a batch cannot load into games in the core.
+        is_plain &= not any(one.spec.is_array_function for one in game.rules)
         if is_plain and not game.settings()["channels"] and not any(one.phase == "before" for one in game.rules):
             batch = game.batch(number, seeds=range(setup.seed, setup.seed + number))
             if batch.slow is None:

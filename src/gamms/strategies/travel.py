@@ -177,7 +177,7 @@ def random_waypoints(
 
     Raises:
         UnknownName (KeyError), BadType, BadValue: a node is not on the map, there are no nodes, or `pause` is less than
-        0.
+            0.
     """
     as_context(ctx, "random_waypoints")
     chosen = None if nodes is None else known_nodes(ctx, nodes, "random_waypoints", "nodes")

@@ -195,11 +195,11 @@ class IAgentEngine(ABC):
             strategy: the function that decides for the agent in `ctx.game`; None: none yet.
             orientation: a fixed heading `(cos, sin)`; None: the heading follows from the moves.
             speed: distance that an agent on the ground may move per turn of `ctx.game`, in edges, or in metres if
-            `ctx.game.speed_unit` is set so; None: one edge. For an AERIAL agent: map units per step; required.
+                `ctx.game.speed_unit` is set so; None: one edge. For an AERIAL agent: map units per step; required.
             type: "BASIC", an agent on the ground, or "AERIAL", an agent that flies; or the `AgentType`.
             agent_type: a synonym of `type`.
             position: for an AERIAL agent, its start position `(x, y, z)` in map units; None: the x and y of its node,
-            with z = 0.
+                with z = 0.
             quat: for an AERIAL agent, its rotation `(w, x, y, z)`; (1, 0, 0, 0): level, facing east.
             attributes: any other keyword becomes an attribute of the agent.
 

@@ -154,16 +154,16 @@ class ChannelOptions(TypedDict, total=False):
 
     Attributes:
         range_m: maximum straight-line distance between agents, in metres, in 3D for flying agents. Default: None, no
-        limit.
+            limit.
         hops: maximum distance in edges from the sender to the receiver. Default: None, no limit.
         line_of_sight: whether buildings and other obstacles block messages. Default: False.
         relay: whether agents on the channel forward messages, or the agents and teams that do; each step takes
-        `delay_turns`. Default: False.
+            `delay_turns`. Default: False.
         loss: probability that a message is lost on its way to an agent, or pairs (metres, probability) with linear
-        interpolation. Default: 0.
+            interpolation. Default: 0.
         delay_turns: number of turns after which a message arrives, at least 1. Default: 1.
         max_bytes_per_turn: limit on the total size of the bodies of an agent's messages per turn. Default: None, no
-        limit.
+            limit.
         jammers: jammers of the channel; a dead jammer has no effect. Default: none.
         teams: a team, or a list, tuple or set of teams, that may use the channel. Default: None, all teams.
         eavesdroppers: an agent or team, or a list, tuple or set of them, that receive all messages that reach them.

@@ -324,8 +324,8 @@ class IGraph(ABC):
 
         Raises:
             BadValue (ValueError): the graph has no nodes, or the place is invalid, or farther from the nearest node
-            than `within` map units. Without `within`, a place in degrees may be at most as far as the map is wide, or a
-            kilometre.
+                than `within` map units. Without `within`, a place in degrees may be at most as far as the map is wide,
+                or a kilometre.
             BadType (TypeError): not exactly one of (x, y) and (lat, lon) is given.
         """
         raise NotOffered(self, "nearest_node")

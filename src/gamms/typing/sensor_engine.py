@@ -283,7 +283,7 @@ class ISensorEngine(ABC):
     sensors: dict[str, ISensor]
 
     @abstractmethod
-    @with_options()
+    @with_options(PlaceOptions, DetectionOptions)
     def create_sensor(
         self, sensor_id: str, sensor_type: SensorType | str | None = None, **options: Unpack[SensorOptions]
     ) -> ISensor:

@@ -89,7 +89,7 @@ class PictureOptions(TypedDict, total=False):
         theme: the colors of the background, of words, of the map and of teams: "light", "dark" or "print". Default:
             "light".
         labels: whether names are shown beside agents, or the names of the agents to label. Default: "auto", if there
-        are few agents.
+            are few agents.
         trails: the number of turns for which the paths of agents are shown. Default: 0.
         sensors: whether the views of sensors are drawn, if they are by default or were declared. Default: True.
         captions: whether the turn and its events are shown below the map. Default: True in films, False in pictures.
@@ -133,7 +133,7 @@ class ObstacleVisual(TypedDict, total=False):
         color_map: type -> color, in place of the palette of the types 0 to 31; other types are grey. Default: none.
         boundary_thickness: the width of top edges, in map units. Default: 1.0.
         fill: whether the inside of walls is filled, with the color of its type in `color_map`, else with a tone by
-        height; False draws only the top edges of faces. Default: False.
+            height; False draws only the top edges of faces. Default: False.
     """
 
     color_map: Mapping[int, ColorType | str]

@@ -348,7 +348,7 @@ class Artists(Guarded):
             nodes: id -> value. Nodes with NaN, or without a value, are unchanged.
             edges: id -> value; the higher value is on top if two edges share a street.
             cmap: "viridis", "magma", "cividis" or "diverging" (palest at 0, unless `vmin` or `vmax` is given), or a
-            function from a value to a color.
+                function from a value to a color.
             vmin: value of the first color, also used below; default: the lowest value.
             vmax: value of the last color, also used above; default: the highest value.
             name: name of the artist; any name except "values" is also the title of the legend.

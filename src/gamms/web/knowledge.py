@@ -356,7 +356,7 @@ class AgentFacts:
         facts: Facts = {}
         strategy = columns["strategies"][row]
         if strategy is not None:
-            strategy = strategy.partition(".<locals>")[0]  # what was called to make it
+            strategy = str(strategy).partition(".<locals>")[0]  # what was called to make it
         for key, value in (("team", team), ("speed", columns["speed"][row]), ("strategy", strategy)):
             if value is not None:
                 facts[_OPEN, key] = words_of(value)

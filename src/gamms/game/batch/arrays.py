@@ -3,6 +3,7 @@
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -68,10 +69,12 @@ class Numbers(NamedTuple):
     Attributes:
         actions: (games, agents of the roster) numbers of legal nodes; those of dead agents do not count.
         is_given: (agents,) which agents take them.
+        deeds: deed -> which of these agents do it, (games, given agents), and its fields; see `ArrayView.do`.
     """
 
     actions: IntArray
     is_given: BoolArray
+    deeds: Mapping[str, tuple[BoolArray, Mapping[str, Any]]] = MappingProxyType({})
 
 
 class GamesOnMap:
@@ -199,7 +202,12 @@ class GamesOnMap:
             if self.before:  # a rule may have moved the agents
                 counts = self._asked(games, np.arange(len(is_given))).counts
                 actions[games] *= (actions[games] >= 0) & (actions[games] < counts)
-            self._note_given(games, np.flatnonzero(is_given))
+            agents = np.flatnonzero(is_given)
+            self._note_given(games, agents)
+            if numbers.deeds:
+                view = self._asked(games, agents)
+                Given(actions[:, agents], numbers.deeds, {}).act(view)
+                self._take_acts(view)
         self._take(games, given)
         for team, wanted in given.items():
             is_given[state.roster.members(team)] = True

@@ -51,6 +51,8 @@ def _why_not_called(game: PlayedGame, roster: Roster) -> Iterator[str]:
         yield f"{first}, before agents with speeds move in an order of play"
     if asked and _decides_at_arrivals(game):
         yield f"{first}, with agents that decide at arrivals"
+    if any(one.spec.is_array_function and one.phase == "deeds" for one in as_called(game.rules)):
+        yield "an array rule of the phase 'deeds'"
     if has_function_of_conflicts(game) and _decides_at_arrivals(game):
         yield f"{first}, with conflicts at arrivals"
 

@@ -214,7 +214,7 @@ def read(stream: BinaryIO) -> Iterator[Record]:
 
     Raises:
         RecordingError: at the first `next`, if this is not a recording of version 1 or 2; later, if a record is damaged
-        or the file ends before TERMINATE. All earlier records have been yielded.
+            or the file ends before TERMINATE. All earlier records have been yielded.
     """
     window = _StreamWindow(stream)
     lifts = [TRANSLATIONS[version] for version in range(_read_version(window), VERSION)]

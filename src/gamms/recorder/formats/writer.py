@@ -52,7 +52,7 @@ class Writer:
             turns: most turns of a block, 1 to 65,536.
             seconds: interval for writing open blocks, too; None: never.
             size: a block of at least 32 turns closes after this many bytes, with 4 for each move; a block of fewer
-            turns after 64 times as many.
+                turns after 64 times as many.
             clock: returns the seconds.
 
         Raises:
