@@ -355,8 +355,8 @@ class AgentFacts:
         name, team = columns["names"][row], columns["teams"][row]
         facts: Facts = {}
         strategy = columns["strategies"][row]
-        if strategy is not None:
-            strategy = str(strategy).partition(".<locals>")[0]  # what was called to make it
+        if isinstance(strategy, str):
+            strategy = strategy.partition(".<locals>")[0]  # what was called to make it
         for key, value in (("team", team), ("speed", columns["speed"][row]), ("strategy", strategy)):
             if value is not None:
                 facts[_OPEN, key] = words_of(value)

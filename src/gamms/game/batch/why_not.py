@@ -51,8 +51,6 @@ def _why_not_called(game: PlayedGame, roster: Roster) -> Iterator[str]:
         yield f"{first}, before agents with speeds move in an order of play"
     if asked and _decides_at_arrivals(game):
         yield f"{first}, with agents that decide at arrivals"
-    if any(one.spec.is_array_function and one.phase == "deeds" for one in as_called(game.rules)):
-        yield "an array rule of the phase 'deeds'"
     if has_function_of_conflicts(game) and _decides_at_arrivals(game):
         yield f"{first}, with conflicts at arrivals"
 
@@ -67,6 +65,8 @@ def _why_not_played(game: PlayedGame) -> Iterator[str]:
     """Yield the parts of the state and the settings of a game that the core does not have."""
     if game.internals.after_observing:
         yield "what is recorded of states"
+    if any(one.spec.is_array_function and one.phase == "deeds" for one in as_called(game.rules)):
+        yield "an array rule of the phase 'deeds'"
     yield from why_not_begun(game)
 
 
