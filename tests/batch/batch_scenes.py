@@ -3,7 +3,8 @@
 import numpy as np
 
 import gamms
-from gamms.game.batch import why_not
+from gamms.game.batch.arrays import ArrayEngine
+from gamms.game.batch.state import NotTakenUp
 from gamms.rules import resource
 from gamms.scenario import Scenario
 
@@ -29,15 +30,18 @@ def beyond_core(scenario):
 
 
 UNUSED = resource("unused", 1)
-"""A rule that tests take for one that the core does not have: see `why_not_in_core`."""
+"""A rule that tests take for one that the core does not have: see `EngineWithoutUnused`."""
 BEYOND = "the rule 'resource'"
 """Why games with this rule are not played in the core."""
 
 
-def why_not_in_core(game, roster):
-    """Return what keeps games from being played in the core."""
-    is_beyond = any("unused" in repr(one.rule) for one in game.rules)
-    return BEYOND if is_beyond else why_not.why_not_in_core(game, roster)
+class EngineWithoutUnused(ArrayEngine):
+    """The engine of games in the core, which cannot take up the rule `UNUSED`."""
+
+    def __init__(self, games, *args):
+        if any("unused" in repr(one.rule) for game in games for one in game.rules):
+            raise NotTakenUp(BEYOND)
+        super().__init__(games, *args)
 
 
 WAYS = [as_it_is, beyond_core]

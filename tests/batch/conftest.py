@@ -23,10 +23,10 @@ def agents_arrive_few_times_in_a_turn():
 @pytest.fixture(autouse=True, scope="session")
 def some_games_are_beyond_the_core():
     """Let games with the rule `UNUSED` be played one after the other."""
-    from batch_scenes import why_not_in_core
+    from batch_scenes import EngineWithoutUnused
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(games, "why_not_in_core", why_not_in_core)
+        patch.setattr(games, "ArrayEngine", EngineWithoutUnused)
         yield
 
 

@@ -592,5 +592,5 @@ def test_agents_by_metres_stay_on_a_map_without_edges():
 @pytest.mark.parametrize("unit", ["edges", "metres"])
 def test_ways_that_do_not_fit_into_memory_are_refused_by_the_core(unit):
     scenario = BY_METRES.replace(**{"settings.speed_unit": unit, "teams.red.speed": 1e9})
-    with scenario.build() as ctx, gamms.limits.allowing("20K"), ctx.game.batch(2) as games:
+    with scenario.build() as ctx, gamms.limits.allowing("40K"), ctx.game.batch(2) as games:
         assert "may go along" in games.slow

@@ -1,12 +1,13 @@
 """Many games at once: `scenario.batch(1000)` and `ctx.game.batch(1000)`.
 
-Start with `games.py`, the public interface. `why_not.py` decides whether the core can play the games. If so,
-`arrays.py` plays them, with `in_core.py`, `strategy_steps.py` and `travelers.py`; between the phases of the core it
-calls array functions, and plain functions in a context that `cursor.py` points at each game in turn. Otherwise,
-`one_by_one.py` plays one game after the other. Both ways give the same games.
+Start with `games.py`, the public interface. `arrays.py` plays the games in the core, with `in_core.py`,
+`strategy_steps.py` and `travelers.py`; between the phases of the core it calls array functions, and plain functions in
+a context that `cursor.py` points at each game in turn. A part of a game that the core cannot hold raises `NotTakenUp`,
+and `one_by_one.py` plays one game after the other. Both ways give the same games.
 
-`state.py` holds the state of a batch, `columns.py` its agents and logs, `scores.py` the scores, and `begun.py` the
-start from a game that has begun. Array rules get a turn (`turn.py`), array strategies and observers a view (`view.py`).
+`state.py` holds the state of a batch, `columns.py` its agents and logs, `scores.py` the scores, and
+`initial_state.py` the state of the first turn. Array rules get a turn (`turn.py`), array strategies and observers a
+view (`view.py`).
 `movement.py`, `by_edges.py` and `travel.py` (with `reach.py`) find legal moves, `sensing.py` the agents and nodes that
 sensors show, `vectors.py` observations as numbers, `routes.py` distances, `roads.py` closed roads, `flows.py`
 diffusion; `deeds.py` and `channels.py` check deeds and messages, `given.py` actions from outside. `forms.py` has the

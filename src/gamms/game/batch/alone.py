@@ -13,12 +13,12 @@ import numpy as np
 from gamms.arguments import as_context, as_function_of, as_numbers_of
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.begun import movement_of
 from gamms.game.batch.channels import Heard, Radio
 from gamms.game.batch.columns import Roster, kept_in, put_locked
 from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.forms import F, StrategySpec, declare
 from gamms.game.batch.given import as_flights, flown
+from gamms.game.batch.initial_state import movement_of
 from gamms.game.batch.last_turn import LastTurn
 from gamms.game.batch.movement import AIMS, LIMITED, STOP, Movement, Places
 from gamms.game.batch.one_by_one import Noted

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.core.turn import PHASES as PHASES_OF_CORE
-from gamms.game.batch.begun import Beginning
 from gamms.game.batch.channels import Radio, radio_of
 from gamms.game.batch.columns import (
     Failure,
@@ -19,12 +18,14 @@ from gamms.game.batch.columns import (
     in_threads,
     in_turns,
     kept_in,
+    preparing,
     some_rows,
 )
 from gamms.game.batch.cursor import (
     Cursor,
     acts_before_moves,
     asked_of,
+    first_called,
     has_function_of_conflicts,
     is_plain_rule,
 )
@@ -32,9 +33,10 @@ from gamms.game.batch.deeds import DeclaredDeeds, DeedLog, deed_log_of
 from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.given import Given
 from gamms.game.batch.in_core import Block, CoreGames
+from gamms.game.batch.initial_state import InitialState, goes_along_one_edge, movement_of
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.pointed import PointedContext
-from gamms.game.batch.sensing import carried_by, look, note_sensors, turns_with_agent
+from gamms.game.batch.sensing import look, take_up_sensors
 from gamms.game.batch.state import GameArrays, NotTakenUp
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.turn import ArrayTurn
@@ -49,6 +51,7 @@ from gamms.ir.game_state import PHASES
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
+from gamms.typing.agent_engine import AgentType
 from gamms.typing.game import strategy_name
 
 _DECIDE, _SETTLE, _MOVE = PHASES_OF_CORE
@@ -103,6 +106,8 @@ class GamesOnMap:
         self.state = state
         roster = state.roster
         settings = game.settings()
+        if any(one.spec.is_array_function and one.phase == "deeds" for one in as_called(game.rules)):
+            raise NotTakenUp("an array rule of the phase 'deeds'")
         if settings["team_memory"]:
             state.share_memories()
         check = partial(checked_value, ctx=game.ctx)
@@ -115,12 +120,11 @@ class GamesOnMap:
         self._has_checks = len(game.internals.parts.rules.now.checks) > 0
         self._has_conflicts = has_function_of_conflicts(game)
         self.acts = acts_before_moves(game)
-        self._groups = _groups(roster, settings["plans"])
+        self._groups = _groups(roster, settings, state.movement)
         collects = len(game.internals.parts.collectors.by_name) > 0
         calls_each = self.acts or collects or len(asked) > 0 or any(map(is_plain_rule, rules))
-        self._beginning = Beginning(game, state, block, games)
-        carried = [sensor for agent in roster.agents for sensor in carried_by(agent).values()]
-        note_sensors(state, range(len(roster.names)), with_nodes=any(map(turns_with_agent, carried)))
+        self._initial = InitialState(game, state, block, games)
+        take_up_sensors(state, asked)
         pointed = PointedContext(game, state)
         state.look = partial(look, game, state, pointed)
         state.facts.update(game.facts)
@@ -153,7 +157,7 @@ class GamesOnMap:
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Begin games on this map, with other seeds, their agents on these nodes, (games, agents)."""
         self.state.reset(games, seeds, self.state.streets.rows(start))
-        self._beginning.put(self.state, self._block, games)
+        self._initial.put(self.state, self._block, games)
         if self.cursor is not None:
             self.cursor.forget(games)
 
@@ -179,7 +183,7 @@ class GamesOnMap:
 
     def call_before(self, games: IntArray) -> None:
         """Call the rules of the phase "before"."""
-        games = self._beginning.not_under_way(self.state, games)
+        games = self._initial.not_under_way(self.state, games)
         for named in self.before:
             self.call(named, games[self.state.is_going[games]])  # a game that one of them ends is over for the others
 
@@ -245,10 +249,10 @@ class GamesOnMap:
 
     def _by_beginning(self, games: IntArray) -> Iterator[IntArray]:
         """Yield the games in which agents have moved in the batch, and those in which they have not."""
-        if self._beginning.last_turn is None:
+        if self._initial.last_turn is None:
             yield games
             return
-        has_moved = self.state.turn[games] > self._beginning.turn
+        has_moved = self.state.turn[games] > self._initial.turn
         yield from filter(len, (games[has_moved], games[~has_moved]))
 
     def _take(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
@@ -338,10 +342,10 @@ class GamesOnMap:
         if self.state.deed_log is not None:
             turn._deeds = self.state.deed_log.done_in(games)
         turn._is_moving = part is not None
-        last = None if turn._is_moving else self._beginning.last_turn
-        if last is not None and self.state.turn[games[0]] == self._beginning.turn:
+        last = None if turn._is_moving else self._initial.last_turn
+        if last is not None and self.state.turn[games[0]] == self._initial.turn:
             turn.starts, turn.ends, turn.took_part, turn.paths = some_rows(last, np.zeros_like(games))
-            turn._deeds = self._beginning.last_deeds(len(games))
+            turn._deeds = self._initial.last_deeds(len(games))
         else:
             moves = self.core.last_moves(games) if part is None else self.core.next_moves(games, part)
             turn.starts, turn.ends, turn.took_part = moves
@@ -695,12 +699,39 @@ class ArrayEngine:
         )
 
 
-def _groups(roster: Roster, plans: Mapping[Any, Plan]) -> list[Group]:
-    """Return the array functions that decide, each with all agents that have the same."""
+def movement_in_core(game: PlayedGame, roster: Roster) -> Movement:
+    """Return how the agents of a game move in the core, where plain functions may close and open roads.
+
+    Raises:
+        NotTakenUp: an agent flies, or may come.
+    """
+    if not roster.is_first.all():
+        raise NotTakenUp("agents that may come")
+    for agent in roster.agents:
+        if agent.type is AgentType.AERIAL:
+            raise NotTakenUp(f"agent {shown(agent.name)}, which flies")
+    may_change = goes_along_one_edge(game, roster) and first_called(game, roster) is not None
+    return movement_of(game, roster, may_reopen=may_change, is_detached=may_change)
+
+
+def _groups(roster: Roster, settings: Mapping[str, Any], movement: Movement) -> list[Group]:
+    """Return the array functions that decide, each with all agents that have the same.
+
+    Raises:
+        NotTakenUp: the core cannot call one of them, or a strategy prepares something in each game.
+    """
+    plans: Mapping[Any, Plan] = settings["plans"]
     found: dict[Hashable, list[int]] = {}
     for number, agent in enumerate(roster.agents):
-        spec = strategy_spec_of(decider_of(agent, plans))
+        for one in preparing(agent, plans):
+            raise NotTakenUp(f"{as_code(one)}, with what it prepares in a game")
+        decider = decider_of(agent, plans)
+        spec = strategy_spec_of(decider)
         if spec.array_form is not None:
+            if isinstance(movement, ByMetres) and movement.terms.decides_at_arrivals:
+                raise NotTakenUp(f"the array strategy {as_code(decider)}, of agents that decide at arrivals")
+            if settings["time_budget"] is not None:
+                raise NotTakenUp(f"the array strategy {as_code(decider)}, with a time budget")
             found.setdefault(key_of(spec.array_form), []).append(number)
     groups = []
     for numbers in found.values():

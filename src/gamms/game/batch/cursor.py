@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
+from itertools import chain
 from operator import itemgetter
 from typing import Any, NamedTuple, NoReturn
 
@@ -10,14 +11,15 @@ import numpy as np
 
 from gamms.core.copies import copied, copied_values
 from gamms.deciding import phase_of
-from gamms.game.batch.begun import fits_float
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of, kept_in
 from gamms.game.batch.courses import Routes
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.in_core import CoreGames, core_form_of
 from gamms.game.batch.pointed import PointedContext
+from gamms.game.batch.scores import fits_float
 from gamms.game.batch.state import STOPPED, GameArrays, NotTakenUp
+from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.view import ArrayView
 from gamms.game.conflicts import ranked
 from gamms.game.decisions import Decisions
@@ -36,6 +38,7 @@ from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
 from gamms.plain import is_plain, is_same
+from gamms.text import as_code
 from gamms.typing.sensor_engine import owner_of
 
 # made when they are read
@@ -221,6 +224,9 @@ class Cursor:
 
     Attributes:
         functions: the plain functions that are called.
+
+    Raises:
+        NotTakenUp: functions are called while agents move, when the context cannot be pointed at a game.
     """
 
     _has_begun = False
@@ -236,6 +242,7 @@ class Cursor:
         *,
         has_array_functions: bool,
     ) -> None:
+        _refuse_calls_while_moving(game, state, asked)
         parts = game.internals.parts
         self._game = game
         self._asked_names = {state.roster.names[number] for number in asked}
@@ -1034,3 +1041,31 @@ def asked_of(game: PlayedGame, roster: Roster) -> list[int]:
         if core_form_of(game.settings(), roster, number) is None and not is_array_function:
             found.append(number)
     return found
+
+
+def first_called(game: PlayedGame, roster: Roster) -> str | None:
+    """Return the first plain function that is called game by game, in words; None: there is none."""
+    called = as_called(game.rules)
+    rules = [f"the rule {one.name!r}" for one in called if is_plain_rule(one)]
+    rules += [f"the check of the rule {one.name!r}" for one in called if one.spec.check is not None]
+    if has_function_of_conflicts(game):
+        rules.append(f"the conflicts {as_code(game.settings()['conflicts'])}")
+    plans = game.settings()["plans"]
+    deciders = (f"the strategy {as_code(decider_of(roster.agents[i], plans))}" for i in asked_of(game, roster))
+    collectors = (f"the collector {name!r}" for name in game.internals.parts.collectors.by_name)
+    return next(chain(rules, deciders, collectors), None)
+
+
+def _refuse_calls_while_moving(game: PlayedGame, state: GameArrays, asked: Sequence[int]) -> None:
+    """Refuse functions that are called when some agents have moved in a turn, and others have not."""
+    movement = state.movement
+    first = first_called(game, state.roster)
+    is_in_parts = game.settings()["order"] is not None and len(movement.remembers) > 0
+    if is_in_parts and acts_before_moves(game):
+        raise NotTakenUp(f"{first}, before agents with speeds move in an order of play")
+    if not isinstance(movement, ByMetres) or not movement.terms.decides_at_arrivals:
+        return
+    if asked:
+        raise NotTakenUp(f"{first}, with agents that decide at arrivals")
+    if has_function_of_conflicts(game):
+        raise NotTakenUp(f"{first}, with conflicts at arrivals")

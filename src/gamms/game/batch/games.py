@@ -10,14 +10,14 @@ import numpy as np
 
 from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
-from gamms.game.batch.arrays import ArrayEngine, Numbers
+from gamms.game.batch.arrays import ArrayEngine, Numbers, movement_in_core
 from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
+from gamms.game.batch.cursor import first_called
 from gamms.game.batch.given import Acting, Given, as_given, as_kept
 from gamms.game.batch.maps import OneByOneOnMaps, drawn_maps
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.state import Columns, GameArrays, NotTakenUp
 from gamms.game.batch.view import ArrayView
-from gamms.game.batch.why_not import first_called, movement_in_core, why_not_decided, why_not_in_core
 from gamms.game.global_random import global_state, seeded_for_run
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
@@ -94,17 +94,14 @@ class Batch(Fixed):
         self._roster = self._rosters[0]
         for number, roster in enumerate(self._rosters):
             _refuse_other_agents(roster, self._roster, number)
-        whys = (
-            source.follows_seed or why_not_in_core(source.game, roster)
-            for source, roster in zip(sources, self._rosters, strict=True)
-        )
-        self._put_public(seeds=seeds, slow=next(filter(None, whys), None), maps=drawn_maps(seeds, len(sources)))
+        self._put_public(seeds=seeds)
+        self._refuse_too_many(BYTES_PER_AGENT * len(sources))
+        maps = locked(drawn_maps(seeds, len(sources)))
+        self._put_public(seeds=tuple(seeds), slow=None, maps=maps, is_closed=False)
         # Before agents move in those contexts:
         self._first_nodes = [
             roster.first_nodes(source.game) for source, roster in zip(sources, self._rosters, strict=True)
         ]
-        self._refuse_too_many(BYTES_PER_AGENT * len(sources) if self.slow is None else _BYTES_PER_RESULT)
-        self._put_public(seeds=tuple(seeds), maps=locked(self.maps), is_closed=False)
         self._begin: IntArray = np.zeros((len(seeds), len(self._roster.names)), np.int64)  # see `_starts`
         self._engine = self._made_engine()
         self._left: str | None = None  # why the games have left the core
@@ -121,22 +118,30 @@ class Batch(Fixed):
         self._lock = RLock()  # of the thread that plays
 
     def _made_engine(self) -> ArrayEngine | OneByOneOnMaps:
-        """Return what plays the games: the core, where it has all their parts."""
-        made = self._made_in_core() if self.slow is None else None
-        return self._made_one_by_one() if made is None else made
+        """Return what plays the games: the core, unless it cannot hold a part of them; then `slow` names that part."""
+        try:
+            engine = self._made_in_core()
+        except GammsError as error:
+            self._put_public(slow=str(error))
+            self._refuse_too_many(_BYTES_PER_RESULT)
+            return self._made_one_by_one()
+        self._put_public(slow=first_called(self._sources[0].game, self._roster))
+        return engine
 
-    def _made_in_core(self) -> ArrayEngine | None:
-        """Return what plays the games in the core; None: it has not all that their maps need, as `slow` says then."""
+    def _made_in_core(self) -> ArrayEngine:
+        """Return what plays the games in the core.
+
+        Raises:
+            NotTakenUp: the core cannot hold a part of the games.
+            GammsError: a part of them does not fit into memory, or is not on the map any more.
+        """
+        for source in self._sources:
+            if source.follows_seed is not None:
+                raise NotTakenUp(source.follows_seed)
         games = [source.game for source in self._sources]
         movements = [movement_in_core(game, roster) for game, roster in zip(games, self._rosters, strict=True)]
         self._begin = self._starts(self.seeds, self.maps)
-        try:
-            engine = ArrayEngine(games, movements, self.seeds, self.maps, self._begin, self._rosters)
-        except GammsError as error:
-            self._put_public(slow=str(error))
-            return None
-        self._put_public(slow=first_called(games[0], self._rosters[0]))
-        return engine
+        return ArrayEngine(games, movements, self.seeds, self.maps, self._begin, self._rosters)
 
     def _made_one_by_one(self) -> OneByOneOnMaps:
         """Return what plays the games one after the other."""
@@ -379,8 +384,7 @@ class Batch(Fixed):
         if self.is_in_arrays:
             logger.info(f"A batch calls plain functions game by game, because of {self.slow}.")
             return
-        is_usual = self.slow in why_not_decided(self.game, self._roster).values() or len(self) < _FEWEST_WARNED
-        say = logger.info if is_usual else logger.warning
+        say = logger.info if len(self) < _FEWEST_WARNED else logger.warning
         say(f"A batch is played one game after the other, because of {self.slow}.")
 
     def _run_one_by_one(self, engine: OneByOneOnMaps, show: Callable[[str], object] | None) -> None:

@@ -8,11 +8,11 @@ from typing import Any, Self
 import numpy as np
 
 from gamms.errors import BadValue, UnknownName
-from gamms.game.batch.begun import movement_of
 from gamms.game.batch.channels import radio_of
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.given import Acting, Given
+from gamms.game.batch.initial_state import movement_of
 from gamms.game.batch.movement import Anywhere, Movement, Places
 from gamms.game.batch.roads import RoadMap
 from gamms.game.batch.sensing import note_sensors, note_sights

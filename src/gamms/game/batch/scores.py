@@ -11,6 +11,13 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 
+_MOST_EXACT = 1 << 53  # scores are floats in columns
+
+
+def fits_float(score: object) -> bool:
+    """Return whether a score is a number that a column of floats holds exactly."""
+    return isinstance(score, float) or (isinstance(score, int) and abs(score) <= _MOST_EXACT)
+
 
 class Scores(dict[Hashable, FloatArray]):
     """Key -> (games,) numbers.

@@ -15,7 +15,7 @@ from gamms.core import observe, strategies
 from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.game.batch.columns import PlayedGame, places_of, some_rows
 from gamms.game.batch.pointed import PointedContext
-from gamms.game.batch.state import GameArrays
+from gamms.game.batch.state import GameArrays, NotTakenUp
 from gamms.game.batch.strategy_steps import MOST_LOOKING, has_plain_looks, looks_of
 from gamms.game.conflicts import flat
 from gamms.ir.graph import FloatArray, IntArray
@@ -147,13 +147,26 @@ def noted_node_sensors(agent: IAgent) -> list[str]:
     return [name for name, one in nodes.items() if one.type is SensorType.NEIGHBOR or turns_with_agent(one)]
 
 
-def why_not_asked_in_core(agent: IAgent, *, is_called: bool) -> Iterator[tuple[str, str]]:
-    """Yield the sensors of an agent that see more of a game than what the core has, and why, in words.
+def take_up_sensors(state: GameArrays, called: Collection[int]) -> None:
+    """Note the sensors of all agents that are asked in a context; the core has all others.
 
     Args:
-        agent: the agent.
-        is_called: whether it decides by a plain function, which gets what its sensors show in a context.
+        state: of all games.
+        called: the numbers of the agents that decide by a plain function, which gets what sensors show in a context.
+
+    Raises:
+        NotTakenUp: a sensor sees more of a game than what the core has.
     """
+    agents = state.roster.agents
+    for number, agent in enumerate(agents):
+        for name, why in _unknown_sensors(agent, is_called=number in called):
+            raise NotTakenUp(f"the sensor {shown(name)} of agent {shown(agent.name)}, which {why}")
+    carried = [sensor for agent in agents for sensor in carried_by(agent).values()]
+    note_sensors(state, range(len(agents)), with_nodes=any(map(turns_with_agent, carried)))
+
+
+def _unknown_sensors(agent: IAgent, *, is_called: bool) -> Iterator[tuple[str, str]]:
+    """Yield the sensors of an agent that see more of a game than what the core has, and why, in words."""
     for name, sensor in carried_by(agent).items():
         look: AgentLook | None = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
         if sensor.type in IN_AIR | FROM_AIR:

@@ -36,7 +36,7 @@ Columns = dict[Hashable, np.ndarray[Any, Any]]
 
 
 class NotTakenUp(GammsError):
-    """An array form needs what happened before a batch of a game that has begun, and was not given it."""
+    """The core cannot hold a part of a game, in words; the games are played one after the other then."""
 
 
 class Emitted(NamedTuple):
@@ -354,7 +354,7 @@ class GameArrays:
         return len(self.seeds)
 
     def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
-        """Begin some games again, before `Beginning.put`."""
+        """Begin some games again, before `InitialState.put`."""
         for game, seed in zip(games.tolist(), seeds, strict=True):
             self.seeds[game], self.over[game], self.errors[game] = seed, None, []
         self.start[games] = self.node[games] = self.previous[games] = start

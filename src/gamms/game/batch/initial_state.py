@@ -1,4 +1,4 @@
-"""What the games of a batch begin with: where their game is, which may have begun, and what was noted of it."""
+"""The state of the first turn of a batch: that of its game, which may have been played for some turns."""
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Mapping
@@ -16,6 +16,7 @@ from gamms.game.batch.in_core import Block
 from gamms.game.batch.last_turn import LastTurn
 from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.reach import TravelTerms, seconds_of_turn
+from gamms.game.batch.scores import fits_float
 from gamms.game.batch.state import STOPPED, Arrays, GameArrays, NotTakenUp
 from gamms.game.batch.travel import ByMetres
 from gamms.game.settings import as_called
@@ -29,7 +30,6 @@ from gamms.typing import AgentType, IAgent
 
 Begins = Callable[[Any, GameArrays], Mapping[Hashable, Arrays]]
 """Returns what an array form keeps of the game of a context: key -> name -> an array of one game."""
-_MOST_EXACT = 1 << 53  # scores in arrays are floats
 
 
 def movement_type(game: PlayedGame, roster: Roster) -> type[Movement]:
@@ -73,8 +73,8 @@ def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False, i
     return movement
 
 
-class Beginning:
-    """Where the game of a batch is.
+class InitialState:
+    """The state of the games of a batch at their first turn.
 
     Args:
         game: in a context that is not played in.
@@ -87,10 +87,15 @@ class Beginning:
         last_turn: how agents moved in the last one, for array rules that look at it; None: there is none.
 
     Raises:
+        NotTakenUp: the core cannot hold a part of the state.
         UnknownName (KeyError): an agent has gone along a node that is not on the map any more.
     """
 
     def __init__(self, game: PlayedGame, state: GameArrays, columns: Block, games: IntArray) -> None:
+        _refuse_ended(game)
+        _refuse_departed(game)
+        if game.turn:
+            _refuse_unknown_places(game, state.movement)
         block, values, rows = game.ctx.agent.block, game.internals.state, state.streets.rows
         names, known = state.roster.names, game.ctx.agent.agents
         self.turn = game.turn
@@ -135,7 +140,7 @@ class Beginning:
         has_come = [name in known for name in state.roster.names]
         are_whole = [strategy_spec_of(one).takes_up_all for one in deciders]
         state.takes_up[:] = [is_whole or not has for is_whole, has in zip(are_whole, has_come, strict=True)]
-        if not (state.has_begun or any(remembers(game, agent) for agent in known.values())):
+        if not (state.has_begun or any(_remembers(game, agent) for agent in known.values())):
             return
         by_key = {key_of(begins): one for one in deciders if (begins := strategy_spec_of(one).begins) is not None}
         for one in by_key.values():
@@ -202,29 +207,25 @@ def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | N
     state.first_by |= dict.fromkeys(found, named)
 
 
-def why_not_begun(game: PlayedGame) -> Iterator[str]:
-    """Yield what keeps the games of a batch from beginning where their game is, in words."""
+def _refuse_ended(game: PlayedGame) -> None:
+    """Refuse a game of which no turn is left, and scores that are not numbers."""
     last = game.settings()["max_turns"]
     if last is not None and game.turn >= last:
-        yield "a game of no more turns"
+        raise NotTakenUp("a game of no more turns")
     if game.over is not None:
-        yield "a game that is over"
+        raise NotTakenUp("a game that is over")
     if not all(map(fits_float, game.scores.values())):
-        yield "scores that are no numbers"
-    yield from _why_not_departed(game)
-    if not game.turn:
-        return
-    yield from _why_not_placed(game)
+        raise NotTakenUp("scores that are no numbers")
 
 
-def _why_not_departed(game: PlayedGame) -> Iterator[str]:
-    """Yield what arrays cannot have of agents that were deleted, of which they have no rows."""
+def _refuse_departed(game: PlayedGame) -> None:
+    """Refuse agents that were deleted and are still needed: columns have no rows of them."""
     values, known = game.internals.state, game.ctx.agent.agents
     gone = {name: team for name, (team, _) in values.departed.items() if name not in known}
     if not {*gone.values()} <= {agent.team for agent in known.values()}:
-        yield "a team whose agents were deleted"
+        raise NotTakenUp("a team whose agents were deleted")
     if gone and not gone.keys().isdisjoint(_texts_in(values.data)):
-        yield "agents that were deleted, of which rules still know"
+        raise NotTakenUp("agents that were deleted, of which rules still know")
 
 
 def _texts_in(value: object) -> Iterator[str]:
@@ -235,34 +236,25 @@ def _texts_in(value: object) -> Iterator[str]:
         yield from chain.from_iterable(map(_texts_in, value.values() if isinstance(value, dict) else value))
 
 
-def _why_not_placed(game: PlayedGame) -> Iterator[str]:
-    settings, block = game.settings(), game.ctx.agent.block
-    by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
+def _refuse_unknown_places(game: PlayedGame, movement: Movement) -> None:
+    """Refuse agents on nodes or edges that the map does not have any more, or where they cannot come by their moves."""
+    block = game.ctx.agent.block
+    by_metres = isinstance(movement, ByMetres)
     has_node = game.ctx.graph.graph.has_node
     edges, _ = game.ctx.graph.storage.roads()  # those that are open
     for agent in [one for one in agents_of(game) if one.type is not AgentType.AERIAL]:
         row, started = block.row_of(agent.name), game.internals.start_of(agent)
         place = block.progress[row]
         if not (has_node(started) and has_node(block.previous[row])):
-            yield f"agent {agent.name!r}, which has been where no node is any more"
+            raise NotTakenUp(f"agent {agent.name!r}, which has been where no node is any more")
         if place is not None and (by_metres != (place.motion != Motion.NONE) or not (by_metres or agent.speed)):
-            yield f"agent {agent.name!r}, which is on an edge as no agent of such a game"
-        elif by_metres and place is not None and place.edge not in edges:
-            yield f"agent {agent.name!r}, which is on an edge that was closed or removed"
+            raise NotTakenUp(f"agent {agent.name!r}, which is on an edge as no agent of such a game")
+        if by_metres and place is not None and place.edge not in edges:
+            raise NotTakenUp(f"agent {agent.name!r}, which is on an edge that was closed or removed")
 
 
-def may_forget(game: PlayedGame, agent: IAgent) -> bool:
-    """Whether the array form of what decides for an agent does not know what the agent or its team remembers."""
-    return strategy_spec_of(decider_of(agent, game.settings()["plans"])).begins is None and remembers(game, agent)
-
-
-def remembers(game: PlayedGame, agent: IAgent) -> bool:
+def _remembers(game: PlayedGame, agent: IAgent) -> bool:
     """Whether an agent of a game, or its team, has something in its memory."""
     values, nothing = game.internals.state, dict[Any, Any]()
     known = values.memories.get(agent.name, nothing), values.team_memories.get(agent.team, nothing)
     return any(not isinstance(one, dict) or len(one) > 0 for memory in known for one in memory.values())
-
-
-def fits_float(score: object) -> bool:
-    """Whether a score is a number that arrays have as it is."""
-    return isinstance(score, float) or (isinstance(score, int) and abs(score) <= _MOST_EXACT)
