@@ -60,6 +60,7 @@ class TurnEngine:
         inboxes: messages that agents hear.
         outboxes: messages that agents send.
         seed_changes: the number of changes of the context's seed.
+        asked: the number of times that the agents of a part were asked to decide.
         prepared: the count of strategy changes at which strategies were last prepared; -1: prepare them again.
     """
 
@@ -78,6 +79,7 @@ class TurnEngine:
         self.part = 0
         self.seed_changes = 0
         self.prepared = -1
+        self.asked = 0
         self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the current turn
         self.refusals: Refusals | None = None
         self._conflicts = TurnConflicts()
@@ -394,6 +396,7 @@ class TurnEngine:
         decisions = self._decisions.begin(order.slots, *order.begin())
         if part.paced:
             self._leave_closed_edges(order, part)
+        self.asked += 1
         self.is_deciding, phase.moment = True, object() if part.see_world_only else None
         try:
             if part is order.whole and part.is_usual and not observers:

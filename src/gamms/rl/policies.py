@@ -276,7 +276,7 @@ def _maker(player: _PolicyOptions) -> Maker:
 
 
 def _flight(player: _PolicyOptions, observe: Observation, view: ArrayView) -> FloatArray:
-    """Return the flight of an agent in a single game, decoded as in its environment."""
+    """Return the flights of agents in a single game, decoded as in their environment."""
     if player.sample:
         raise BadValue("sample=True draws moves and deeds: agents that fly do what is best, without it.")
     if not getattr(observe, "of_each", False):
@@ -287,14 +287,13 @@ def _flight(player: _PolicyOptions, observe: Observation, view: ArrayView) -> Fl
     values, choices = np.asarray(observe(view)), choices_of(view, view["deeds"])
     deeds = 0 if choices is None else len(choices)
     evaluate = _fitting(player.policy, (AXES, deeds, *values.shape[2:]), flies=True)
-    numbers = evaluate({"observation": values[0], "action_mask": np.ones((1, AXES + deeds), np.bool_)})
-    numbers = np.clip(numbers, -1.0, 1.0)
+    mask = np.ones((len(view.agents), AXES + deeds), np.bool_)
+    numbers = np.clip(evaluate({"observation": values[0], "action_mask": mask}), -1.0, 1.0)[None]
     if choices is not None:
-        legal = choices.masks(view)
-        best = np.where(legal, np.nan_to_num(numbers[:, None, AXES:]), -np.inf).argmax(axis=2)
+        best = np.where(choices.masks(view), np.nan_to_num(numbers[..., AXES:]), -np.inf).argmax(axis=2)
         choices.do(best, view)
-    reach_m = np.array([view.roster.agents[view.agents[0]].speed or 0.0])
-    return within_reach(numbers[:, None, :AXES].astype(np.float64), reach_m, (1, 1))
+    reach_m = np.array([view.roster.agents[number].speed or 0.0 for number in view.agents.tolist()])
+    return within_reach(numbers[..., :AXES].astype(np.float64), reach_m, view.node.shape)
 
 
 def _views(view: ArrayView, alone: bool) -> Iterator[tuple[ArrayView, IntArray]]:

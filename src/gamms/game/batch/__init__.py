@@ -11,10 +11,11 @@ view (`view.py`).
 `movement.py`, `by_edges.py` and `travel.py` (with `reach.py`) find legal moves, `sensing.py` the agents and nodes that
 sensors show, `vectors.py` observations as numbers, `routes.py` distances, `roads.py` closed roads, `flows.py`
 diffusion; `deeds.py` and `channels.py` check deeds and messages, `given.py` actions from outside. `forms.py` has the
-declarations of strategies; `alone.py` plays array functions in single games, with the moves of `last_turn.py`.
+declarations of strategies; `array_functions.py` declares array functions, and calls them in games that are played
+alone, with the moves of `last_turn.py`.
 """
 
-from gamms.game.batch.alone import array_rule, array_strategy
+from gamms.game.batch.array_functions import array_rule, array_strategy
 from gamms.game.batch.games import Batch, MostAgents
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView

@@ -40,7 +40,7 @@ from gamms.game.batch.sensing import look, take_up_sensors
 from gamms.game.batch.state import GameArrays, NotTakenUp
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.turn import ArrayTurn
-from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.game.batch.view import ArrayStrategy, ArrayView, asked_view
 from gamms.game.deeds import checked_value
 from gamms.game.legality import IllegalAction
 from gamms.game.messages import ANTENNA, Scene
@@ -179,7 +179,7 @@ class GamesOnMap:
         """Refuse what is not legal before a rule is called."""
         self._take(games, given)
         for team, wanted in given.items():
-            wanted.act(self._asked(games, self.state.roster.members(team)))
+            wanted.act(asked_view(self.state, games, self.state.roster.members(team)))
 
     def call_before(self, games: IntArray) -> None:
         """Call the rules of the phase "before"."""
@@ -204,18 +204,18 @@ class GamesOnMap:
         if numbers is not None:
             is_given |= numbers.is_given
             if self.before:  # a rule may have moved the agents
-                counts = self._asked(games, np.arange(len(is_given))).counts
+                counts = asked_view(self.state, games, np.arange(len(is_given))).counts
                 actions[games] *= (actions[games] >= 0) & (actions[games] < counts)
             agents = np.flatnonzero(is_given)
             self._note_given(games, agents)
             if numbers.deeds:
-                view = self._asked(games, agents)
+                view = asked_view(self.state, games, agents)
                 Given(actions[:, agents], numbers.deeds, {}).act(view)
                 self._take_acts(view)
         self._take(games, given)
         for team, wanted in given.items():
             is_given[state.roster.members(team)] = True
-            view = self._asked(games, state.roster.members(team))
+            view = asked_view(self.state, games, state.roster.members(team))
             wanted.act(view)
             self._take_acts(view)
         return is_given
@@ -227,7 +227,7 @@ class GamesOnMap:
             agents = group.agents[~is_given[group.agents] & (self.core.part_of[group.agents] == part)]
             if len(agents):
                 for some in self._by_roads(games) if group.is_of_arrays else [games]:
-                    view = self._asked(some, agents)
+                    view = asked_view(self.state, some, agents)
                     try:
                         found = group.form(view)
                         is_checked = group.is_of_arrays
@@ -259,7 +259,7 @@ class GamesOnMap:
         """Write moves that were given into the block."""
         for team, wanted in given.items():
             agents = self.state.roster.members(team)
-            view = self._asked(games, agents)
+            view = asked_view(self.state, games, agents)
             moves = view._checked(wanted.moves_in(view, wanted.moves[games]), f"team {shown(team)}")
             self._block.given[np.ix_(games, agents)] = moves
             self._note_given(games, agents)
@@ -268,15 +268,6 @@ class GamesOnMap:
         """Note the actions that agents were given."""
         if self.cursor is not None:
             self.cursor.note_given(ArrayView(self.state, games, agents))
-
-    def _asked(self, games: IntArray, agents: IntArray) -> ArrayView:
-        """Return the view of agents that are asked what they do."""
-        view = ArrayView(self.state, games, agents)
-        view._deeds, view._outboxes = [], []
-        if self.state.radio is not None:
-            view._channels = self.state.radio.channels
-        view._lock()
-        return view
 
     def _take_acts(self, view: ArrayView) -> None:
         """Take what the agents of a view do besides moving."""

@@ -38,7 +38,6 @@ class StrategySpec:
         core_form: the number by which `gamms.core.moves` knows the strategy; None: it has none.
         core_steps: what the core tries, one after the other, for agents without a `core_form`; None: it does not play
             the strategy.
-        flies: whether the array form decides for agents that fly, too, and returns how far they fly.
         begins: returns what is kept of agents in a game that has begun, see `array_strategy`; None: memories are not
             taken up.
         takes_up_all: whether agents that come later begin with what `begins` returns, or with nothing.
@@ -47,7 +46,6 @@ class StrategySpec:
     array_form: Callable[..., Any] | None = None
     core_form: int | None = None
     core_steps: tuple[CoreStep, ...] | None = None
-    flies: bool = False
     begins: Callable[..., Any] | None = None
     takes_up_all: bool = False
 

@@ -1,6 +1,7 @@
 """What a batch remembers of its games: where agents are, scores, events, deeds, and what rules and strategies keep."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from copy import copy, deepcopy
 from functools import partial
 from itertools import chain
@@ -275,6 +276,7 @@ class GameArrays:
         sighted_nodes: game and agent -> such a sensor -> the rows of the nodes that it shows.
         covered: game and agent -> a sensor that turns with it -> the rows of the nodes on which it would show agents.
         look: asks these sensors in some games; None: they were asked.
+        reading: the context in which sensors are called.
         over: of each game how it ended: reason, winner, truncated; None while it goes on.
         is_going: (games,) which have not ended.
         roads: which are open in each game.
@@ -340,6 +342,7 @@ class GameArrays:
         self.sighted_nodes: dict[tuple[int, int], dict[str, IntArray]] = {}
         self.covered: dict[tuple[int, int], dict[str, IntArray]] = {}
         self.look: Callable[[IntArray], None] | None = None
+        self.reading: Callable[[], AbstractContextManager[None]] = nullcontext
         self.memory_of = locked(np.arange(len(self.roster.names)))
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
 

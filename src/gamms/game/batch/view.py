@@ -250,8 +250,10 @@ class ArrayView(Mapping[str, Any]):
             UnknownName (KeyError): there is no such channel, or the games are only observed.
         """
         radio = self._state.radio
-        if radio is None or self._outboxes is None:
+        if self._outboxes is None:
             raise UnknownName("channel of games that are observed", channel, ())
+        if radio is None:
+            raise UnknownName("channel", channel, ())
         return radio.heard(channel, self.games, self.turn, self.agents, self.mask)
 
     def seen(self, *names: str) -> Seen:
@@ -298,11 +300,13 @@ class ArrayView(Mapping[str, Any]):
             TooLarge: the agents see more than 268 million nodes together.
         """
         named = as_key(names, "The name of a sensor")
-        return seen_nodes(self._state, self.games, self.agents, self.node, self.mask, named)
+        with self._state.reading():
+            return seen_nodes(self._state, self.games, self.agents, self.node, self.mask, named)
 
     def covered(self) -> BoolArray:
         """Return the nodes where sensors would show agents with positive probability, (games, agents, nodes)."""
-        return covered(self._state, self.games, self.agents, self.node, self.mask)
+        with self._state.reading():
+            return covered(self._state, self.games, self.agents, self.node, self.mask)
 
     def enemies(self) -> Seen:
         """Return the visible agents of other teams, as pairs; an agent without a team (None) is an enemy of all."""
@@ -494,6 +498,16 @@ def as_actions(given: object, shape: tuple[int, ...], by: str) -> IntArray:
             f"not one of the shape {actions.shape}."
         )
     return actions
+
+
+def asked_view(state: GameArrays, games: IntArray, agents: IntArray) -> ArrayView:
+    """Return a view of agents that are asked what they do."""
+    view = ArrayView(state, games, agents)
+    view._deeds, view._outboxes = [], []
+    if state.radio is not None:
+        view._channels = state.radio.channels
+    view._lock()
+    return view
 
 
 def movement_in(view: ArrayView) -> Movement:

@@ -1,0 +1,463 @@
+"""Declares array strategies and array rules, and calls them in games that are played alone.
+
+There, the game is a block of one game: functions get the same view and the same turn as in a batch.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from functools import WRAPPER_ASSIGNMENTS, partial, update_wrapper
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from gamms.arguments import as_context, as_function_of, as_numbers_of
+from gamms.deciding import phase_of
+from gamms.errors import BadType
+from gamms.game.batch.channels import Heard, Radio
+from gamms.game.batch.columns import Roster, decider_of
+from gamms.game.batch.deeds import DeclaredDeeds
+from gamms.game.batch.forms import F, StrategySpec, declare, key_of, strategy_spec_of
+from gamms.game.batch.given import as_flights, flown
+from gamms.game.batch.initial_state import movement_of
+from gamms.game.batch.last_turn import LastTurn
+from gamms.game.batch.movement import AIMS, LIMITED, STOP, Movement, Places
+from gamms.game.batch.one_by_one import Noted
+from gamms.game.batch.sensing import note_sensors, note_sights
+from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
+from gamms.game.batch.turn import ArrayRule, ArrayTurn
+from gamms.game.batch.view import ArrayStrategy, ArrayView, asked_view
+from gamms.game.deeds import checked_value
+from gamms.game.messages import Inboxes
+from gamms.game.moves import TurnMoves
+from gamms.game.random_streams import ViewDraws
+from gamms.game.settings import RuleSpec, declared
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.readonly import ReadOnlyMapping
+from gamms.typing import IContext
+from gamms.typing.context import HostContext
+
+_KEPT = "array functions"  # the key of `ctx.game.data` for the arrays that functions keep
+_READ = "array rules, events"  # the key of `ctx.game.data` for the numbers of events that rules have read
+_CACHE = "array functions"  # the key of `ctx.game.internals.kept`
+_ONE = np.zeros(1, np.int64)  # the numbers of the games in a block of one game
+
+
+def array_strategy(
+    form: ArrayStrategy | None = None, /, *, of: object = None, begins: object = None
+) -> Callable[[IContext], Callable[[Any], None]]:
+    """Decorator: make a strategy of a function from an `ArrayView` to actions, for batches and for games alone.
+
+    The name stands for a function that makes the strategy, as `gamms.strategies.chase` does: `strategy=hunt(ctx)`, or
+    `strategies={"red": hunt}` in a scenario. The function is called once a turn for all agents that have the strategy;
+    in a game that is played alone, the view has one game.
+
+    Args:
+        form: returns the numbers of legal nodes, (games, agents), or what `view.towards` gives; of agents that fly, how
+            far they fly, map units, (games, agents, 3).
+        of: refused; there is no function beside the form.
+        begins: refused, too.
+
+    Raises:
+        BadType: it cannot be called, or `of` or `begins` is given.
+    """
+    _refuse_second_form(of, begins, "array_strategy")
+    function: ArrayStrategy = as_function_of(form, "An array strategy", "a view")
+    name = getattr(function, "__name__", "array strategy")
+
+    def make(ctx: IContext) -> Callable[[Any], None]:
+        as_context(ctx, name)
+
+        def strategy(state: dict[str, Any]) -> None:
+            _act(cast("HostContext", ctx), state, function, name)
+
+        declare(strategy, StrategySpec(array_form=function, begins=_kept_before, takes_up_all=True))
+        return _documented(strategy, function)
+
+    return _documented(make, function)
+
+
+def array_rule(
+    form: ArrayRule | None = None, /, *, of: object = None, begins: object = None
+) -> Callable[[IContext], None]:
+    """Decorator: make a rule of a function of an `ArrayTurn`, for batches and for games alone.
+
+    The name stands for the rule then: `ctx.game.add(storm)`, or `rules: [{rule: my_module:storm}]` in a scenario. It
+    does the same in both; in a game that is played alone it gets a turn of one game.
+
+    Args:
+        form: does in many games at once what the rule does in one.
+        of: refused; there is no function beside the form.
+        begins: refused, too.
+
+    Raises:
+        BadType: it cannot be called, or `of` or `begins` is given.
+    """
+    _refuse_second_form(of, begins, "array_rule")
+    function: ArrayRule = as_function_of(form, "An array rule", "a turn")
+    name = getattr(function, "__name__", "array rule")
+
+    def rule(ctx: IContext) -> None:
+        as_context(ctx, name)
+        turn = _TurnOfOne(cast("HostContext", ctx))
+        turn._lock()
+        try:
+            function(turn)
+        finally:
+            turn._close()
+
+    spec = RuleSpec(array_form=function, begin_arrays=_kept_before, is_array_function=True)
+    return declared(_documented(rule, function), spec)
+
+
+def _refuse_second_form(of: object, begins: object, decorator: str) -> None:
+    if of is not None or begins is not None:
+        raise BadType(
+            f"{decorator} takes neither of= nor begins=: pass the array function itself, {decorator}(function). It "
+            "plays one game as it plays a batch, and needs no other function beside it."
+        )
+
+
+def _documented(function: F, form: Callable[..., object]) -> F:
+    """Give a function the name and the docstring of a form, which takes something else."""
+    made: Any = update_wrapper(function, form, [one for one in WRAPPER_ASSIGNMENTS if "annot" not in one])
+    del made.__wrapped__
+    return function
+
+
+def _kept_before(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
+    """Return the arrays that functions keep in the game of a context; its rules continue after the events they read."""
+    kept = ctx.game.data.get(_KEPT, {})
+    if kept and not state.roster.is_first.all():
+        raise NotTakenUp("rows of agents that may come are not in what array functions keep")
+    for reader, number in ctx.game.data.get(_READ, {}).items():
+        state.events.read(reader, number)
+    return dict(kept)
+
+
+# -- a block of one game ----------------------------------------------------------------------------------------------
+
+
+class _World(NamedTuple):
+    """The movement of the agents of a game, and the data computed for its map.
+
+    Attributes:
+        version: changes when the movement has to be made again.
+        movement: the movement of the agents.
+        revision: the revision of the map.
+        shared: the data that array functions share.
+    """
+
+    version: tuple[object, ...]
+    movement: Movement
+    revision: object
+    shared: dict[Hashable, Any]
+
+
+def _world(ctx: HostContext, roster: Roster) -> _World:
+    """Return the movement of the agents of a game, and the data computed for its map."""
+    revision, cache = ctx.graph.graph.revision, ctx.game.internals.kept
+    version = revision, phase_of(ctx).setting_changes, tuple([agent.speed for agent in roster.agents])
+    known: _World | None = cache.get(_CACHE)
+    if known is None or revision is None or known.version != version:
+        shared = known.shared if known is not None and revision is not None and known.revision == revision else {}
+        known = cache[_CACHE] = _World(version, movement_of(ctx.game, roster), revision, shared)
+    return known
+
+
+def _block_of_one(ctx: HostContext) -> GameArrays:
+    """Return the game of a context as a block of one game."""
+    game, block, roster = ctx.game, ctx.agent.block, Roster.of(ctx.agent.agents.values())
+    world = _world(ctx, roster)
+    streets = world.movement.streets
+    nodes = streets.rows([[agent.current_node_id for agent in roster.agents]])
+    state = GameArrays(roster, world.movement, [ctx.seed], nodes)
+    state.alive[0] = [agent.alive for agent in roster.agents]
+    state.turn[0] = game.turn
+    state.shared = world.shared
+    state.facts = cast("dict[str, Any]", ReadOnlyMapping(game.facts))
+    state.kept = game.data.get(_KEPT, {})
+    state.deeds = DeclaredDeeds(game.deeds, partial(checked_value, ctx=ctx), roster, streets)
+    for number, name in enumerate(roster.names):
+        place = block.on_edge(block.row_of(name))
+        if place is not None:
+            state.movement.put_on(_ONE, number, place)
+    return state
+
+
+# -- strategies -------------------------------------------------------------------------------------------------------
+
+
+class _Decided(NamedTuple):
+    """The actions of the agents that an array function has decided for.
+
+    Attributes:
+        asked: the number of times that agents had been asked; see `TurnEngine`.
+        waiting: the names of the agents that have not taken their actions.
+        view: the agents.
+        given: (1, agents) their actions, or (1, agents, 3) their flights.
+        deeds: agent -> deed -> its fields.
+        messages: agent -> its messages, as `state["outbox"]` has them.
+    """
+
+    asked: int
+    waiting: set[str]
+    view: ArrayView
+    given: Any
+    deeds: dict[str, dict[str, dict[str, Any]]]
+    messages: dict[str, list[dict[str, Any]]]
+
+
+def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> None:
+    """Set the action of an agent; the first one that is asked lets the function decide for all, as in a batch."""
+    with phase_of(ctx).suspended(changes_world=False):
+        asked, cache = ctx.game.internals.parts.turns.asked, ctx.game.internals.kept
+    key, agent = (_CACHE, key_of(function), "quat" in state), state["name"]
+    known: _Decided | None = cache.get(key)
+    if known is None or known.asked != asked or agent not in known.waiting:
+        known = cache[key] = _decided(ctx, state, function, name)
+    known.waiting.discard(agent)
+    view, done = known.view, known.deeds.get(agent, {})
+    place = view["name"].index(agent)
+    state["draw"].go_to(int(np.broadcast_to(view.draw.count, view.node.shape)[0, place]) or None)
+    state.get("outbox", []).extend(known.messages.get(agent, ()))
+    if view.flies:
+        state["action"] = flown(known.given[0, place].tolist(), ctx.agent.agents[agent].speed, done)
+        return
+    action = _plain_action(ctx, state, view, int(view.node[0, place]), int(known.given[0, place]))
+    state["action"] = {"node_id": action, "do": done} if done else action
+
+
+def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> _Decided:
+    """Call an array function for an agent that is asked, and for all others that it decides for at this moment."""
+    with phase_of(ctx).suspended(changes_world=False):
+        block, turns, data = _block_of_one(ctx), ctx.game.internals.parts.turns, ctx.game.data
+        agents = _asked_with(ctx, block, state["name"], function)
+        _show(ctx, block, state)
+        asked = turns.asked if turns.is_deciding else -1
+    view = asked_view(block, _ONE, agents)
+    view._may_aim = True
+    view.draw = ViewDraws(block.chosen(block.draw_keys(), _ONE, agents), view.turn, state["draw"].mark() or 0)
+    given = function(view)
+    if view.flies:
+        given = as_flights(given, f"{name}: what an agent that flies does", view.node.shape)
+    else:
+        given = view._checked(given, name, may_aim=True)
+    if block.kept:
+        data[_KEPT] = block.kept
+    names = block.roster.names
+    deeds: dict[str, dict[str, dict[str, Any]]] = {}
+    for one in view._deeds or ():
+        for number, fields in zip(one.agents.tolist(), block.deeds.fields(one), strict=True):
+            deeds.setdefault(names[number], {})[one.kind] = fields
+    messages: dict[str, list[dict[str, Any]]] = {}
+    for box in view._outboxes or ():
+        for number, to, body in zip(box.senders.tolist(), box.to, box.bodies, strict=True):
+            messages.setdefault(names[number], []).append({"channel": box.channel, "to": to, "body": body})
+    return _Decided(asked, {*view["name"]}, view, given, deeds, messages)
+
+
+def _asked_with(ctx: HostContext, block: GameArrays, name: str, function: ArrayStrategy) -> IntArray:
+    """Return the numbers of the agents that a function decides for together with one that is asked.
+
+    An agent is asked alone if it decides at arrivals, with a time budget, or outside of a turn, and if another strategy
+    calls its array strategy.
+    """
+    game, roster = ctx.game, block.roster
+    own = np.array([roster.names.index(name)])
+    if not game.internals.parts.turns.is_deciding or game.decide == "arrival" or game.time_budget is not None:
+        return own
+    key, part_of = key_of(function), roster.part_of(game.order)
+    forms = [strategy_spec_of(decider_of(agent, game.plans)).array_form for agent in roster.agents]
+    has_function = np.array([form is not None and key_of(form) == key for form in forms], np.bool_)
+    found = np.flatnonzero(has_function & (part_of == part_of[own]) & (roster.flies == roster.flies[own]))
+    return found if own[0] in found else own
+
+
+def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
+    """Add to a block of one game what views show, for an agent that is asked."""
+    game, roster, movement = ctx.game, block.roster, block.movement
+    turns = game.internals.parts.turns
+    if game.team_memory:
+        block.share_memories()
+    if len(movement.now):
+        movement.now[0] = state.get("time", 0.0)
+    blocked = game.internals.state.blocked
+    block.blocked[0] = ["in conflict" in (blocked.get(one) or "") for one in roster.names]
+    note_sensors(block, range(len(roster.names)), with_nodes=True)
+
+    def look(games: IntArray) -> None:  # noqa: ARG001 - there is one game
+        if "looked" not in block.now:
+            block.now["looked"] = True
+            with block.reading():
+                note_sights(block, ctx, turns.looks, 0)
+
+    block.look = look
+    block.reading = partial(phase_of(ctx).suspended, changes_world=False)
+    if game.channels:
+        block.radio = _RadioOfOne(game.channels, roster, turns.inboxes)
+    if "quat" in state:
+        _show_flights(ctx, block)
+
+
+def _show_flights(ctx: HostContext, block: GameArrays) -> None:
+    """Add to a block of one game where agents fly."""
+    roster, streets = block.roster, block.streets
+    block.movement = in_air = Noted(block.movement)
+    in_air.leaves_nodes = True
+    in_air.begin(block.node.shape)
+    shape = block.node.shape
+    block.places = places = Places(np.full((*shape, 3), -1), np.zeros(shape), streets.columns.xy[block.node])
+    block.heights = np.zeros(shape)
+    legal = ctx.game.internals.parts.turns.legal(roster.names)
+    for number, agent in enumerate(roster.agents):
+        found = legal.get(agent.name)
+        in_air.note(0, number, streets.rows(found) if found else block.node[0, [number]])
+        if roster.flies[number]:
+            *places.xy[0, number], block.heights[0, number] = cast("Any", agent).position
+
+
+def _plain_action(
+    ctx: HostContext, state: dict[str, Any], view: ArrayView, row: int, number: int
+) -> int | list[int] | None:
+    """Return an action of an agent on the node of a row, as `state["action"]` has it."""
+    if number < STOP:
+        legal: int = state["legal"][number]
+        return legal
+    if number == STOP:
+        return None
+    here, target = view.streets.ids(np.array([row, number % AIMS])).tolist()
+    limit = number // AIMS - LIMITED  # the number of nodes of the path; less than 0: all
+    if limit < 0 and (target in state["legal"] or len(view._movement.edge)):
+        return int(target)
+    path: list[int] = ctx.graph.graph.shortest_path(here, target)[1:]
+    return (path if limit < 0 else path[:limit]) or int(here)
+
+
+class _RadioOfOne(Radio):
+    """The channels of a game that is played alone.
+
+    Args:
+        channels: by name.
+        roster: the agents.
+        inboxes: the messages that agents hear.
+    """
+
+    def __init__(self, channels: Mapping[str, Any], roster: Roster, inboxes: Inboxes) -> None:
+        super().__init__(channels, roster, roster.part_of(None), 1)
+        self._inboxes = inboxes
+
+    def _arriving(
+        self,
+        channel: str,
+        games: IntArray,  # noqa: ARG002 - there is one game
+        turns: IntArray,  # noqa: ARG002 - there is one turn
+        agents: IntArray,
+        asked: BoolArray,
+    ) -> Iterator[tuple[Heard, IntArray]]:
+        names = self._roster.names
+        for hearer in np.flatnonzero(asked[0]).tolist():
+            inbox = self._inboxes.of(names[agents[hearer]])
+            heard = [message for message in inbox if message["channel"] == channel]
+            at = np.zeros(len(heard), np.int64)
+            senders = np.array([names.index(message["sender"]) for message in heard], np.int64)
+            sent = np.array([message["turn"] for message in heard], np.int64)
+            overheard = np.array([message["overheard"] for message in heard], np.bool_)
+            bodies = [message["body"] for message in heard]
+            yield Heard(at, at + hearer, senders, bodies, sent, overheard), np.arange(len(heard))
+
+
+# -- rules ------------------------------------------------------------------------------------------------------------
+
+
+class _TurnOfOne(ArrayTurn):
+    """The turn of a game that is played alone: its verbs change the game of the context at once."""
+
+    def __init__(self, ctx: HostContext) -> None:
+        state = _block_of_one(ctx)
+        super().__init__(state, _ONE)
+        game, roster, block = ctx.game, state.roster, ctx.agent.block
+        self._ctx, self._game, self._is_moving = ctx, game, game.is_moving
+        state.scores.put(0, game.scores)
+        self._scores_before = state.scores.of(_ONE)[0]
+        state.placed[0] = [block.row_of(name) in block.placed for name in roster.names]
+        self.took_part = np.zeros(self.node.shape, np.bool_)
+        moves: TurnMoves | None = game.internals.state.moves
+        if moves is not None:
+            self.starts, self.ends, self.took_part, self.paths = LastTurn.of(moves, roster, state.movement, self.node)
+            for number in np.flatnonzero(roster.flies & self.took_part[0]).tolist():
+                state.placed[0, number] |= moves.was_put(moves.order.index_of[roster.names[number]])
+        done = [(0, roster.names.index(one.agent), i, one.kind, one.values) for i, one in enumerate(game.performed())]
+        self._deeds += state.deeds.from_plain(done, self.starts)
+
+    def _close(self) -> None:
+        """Take scores and kept arrays into the game."""
+        for key, points in self._state.scores.of(_ONE)[0].items():
+            if self._scores_before.get(key) != points:
+                self._game.scores[key] = points
+        if self._state.kept:
+            self._game.data[_KEPT] = self._state.kept
+
+    def close_roads(self, at: IntArray, edges: Sequence[int]) -> None:
+        """Close roads, given by edge ids; see `ArrayTurn`."""
+        if len(self._as_at(at)) and len(edges):
+            self._ctx.graph.close_roads(tuple(edges))
+
+    def open_roads(self, at: IntArray, edges: Sequence[int]) -> None:
+        """Reopen closed roads; see `ArrayTurn`."""
+        if len(self._as_at(at)) and len(edges):
+            self._ctx.graph.open_roads(tuple(edges))
+
+    @property
+    def is_playing(self) -> BoolArray:
+        """Whether each agent is alive, or was at the start of the turn, (1, agents)."""
+        now = self._game.turn + self._is_moving
+        out = {one["agent"] for one in self._game.events if one["kind"] == "eliminated" and one["turn"] == now}
+        return super().is_playing | np.array([name in out for name in self.roster.names], np.bool_)
+
+    def _note(self, kind: str, at: IntArray, fields: Mapping[str, list[Any]]) -> None:
+        for i in range(len(at)):
+            self._game.emit(kind, **{name: values[i] for name, values in fields.items()})
+
+    def _note_place(self, kind: str, at: IntArray, agents: IntArray) -> None:
+        """Add no event: the verbs of the game do."""
+
+    def new_events(self, reader: Hashable) -> list[Emitted]:
+        """Return the events since the last call for a reader; in the first call, all events."""
+        read, events = self._game.data.setdefault(_READ, {}), self._game.events
+        found = [Emitted.of(0, entry) for entry in events[read.get(reader, 0) :]]
+        read[reader] = len(events)
+        return found
+
+    def _end(self, _: int, how: dict[str, Any]) -> None:
+        self._game.end(**how)
+
+    def _take_out(self, at: IntArray, agents: IntArray) -> None:
+        super()._take_out(at, agents)
+        for number in agents.tolist():
+            self._game.eliminate(self.roster.names[number])
+
+    def _put_back(self, at: IntArray, agents: IntArray) -> None:
+        for number in agents.tolist():
+            self._game.respawn(self.roster.names[number])
+            self._state.start[0, number] = self.streets.rows(self.roster.agents[number].current_node_id)
+        super()._put_back(at, agents)
+
+    def in_air(self) -> tuple[IntArray, FloatArray]:
+        """Return the numbers of the agents that fly, ascending, and their positions, (1, flying agents, 3)."""
+        agents = np.flatnonzero(self.roster.flies)
+        places: list[Any] = [self.roster.agents[number] for number in agents.tolist()]
+        return agents, np.array([[one.position for one in places]], np.float64).reshape(1, -1, 3)
+
+    def start_of(self, agents: IntArray) -> IntArray:
+        """Return the start node of each agent, (1, agents); of an agent that flies, the node below its start."""
+        agents = as_numbers_of(agents, "agents", len(self.roster.names), "agents").reshape(-1)
+        starts = [self._game.start_node(self.roster.names[number]) for number in agents.tolist()]
+        nearest = self._ctx.graph.graph.nearest_node
+        return self.streets.rows([[one if isinstance(one, int) else nearest(*one[:2]) for one in starts]])
+
+    def stops(self, at: IntArray, agents: IntArray) -> IntArray:
+        """Return how often agents were tagged, respawned or eliminated so far."""
+        at, agents = self._pairs(at, agents)
+        counts = Counter(one.get(STOPPED[one["kind"]]) for one in self._game.events if one["kind"] in STOPPED)
+        return np.array([counts[self.roster.names[number]] for number in agents[at == 0].tolist()], np.int64)
