@@ -36,7 +36,7 @@ def test_more_is_allowed_within_the_block_only():
 
 
 def test_values_of_a_file_may_take_memory_in_proportion_to_its_size():
-    small, large = limits.Allowance(0, "game.ggr"), limits.Allowance(1 << 20, "game.ggr")
+    small, large = limits.MemoryBudget(0, "game.ggr"), limits.MemoryBudget(1 << 20, "game.ggr")
     small.charge(1 << 26)
     with pytest.raises(TooLarge, match=r"game\.ggr unpacks to more than 64 MiB"):
         small.charge(1)
@@ -47,7 +47,7 @@ def test_values_of_a_file_may_take_memory_in_proportion_to_its_size():
 
 def test_no_file_may_take_more_than_the_bound():
     with limits.allowing(1 << 27):
-        allowance = limits.Allowance(1 << 40, "city.gamms")
+        allowance = limits.MemoryBudget(1 << 40, "city.gamms")
     allowance.charge(1 << 27)
     with pytest.raises(TooLarge):
         allowance.charge(1)
@@ -68,7 +68,7 @@ def test_texts_that_are_no_sizes_are_named(text):
 
 def test_values_that_are_let_go_are_bounded_by_the_size_of_the_file_alone():
     with limits.allowing(1 << 20):
-        allowance = limits.Allowance(1 << 30, "game.ggr", is_streamed=True)
+        allowance = limits.MemoryBudget(1 << 30, "game.ggr", is_streamed=True)
     allowance.charge(1 << 40)
     with pytest.raises(TooLarge):
         allowance.charge(1 << 27)
@@ -81,7 +81,7 @@ PRIME = (1 << 61) - 1  # the hash of an integer is what is left when it is divid
     "made", [lambda i: PRIME * i + 5, lambda i: (PRIME * i + 5, "a"), lambda i: frozenset([PRIME * i])]
 )
 def test_different_keys_that_were_made_to_have_one_hash_are_refused(made):
-    keys = limits.Keys()
+    keys = limits.KeyBudget()
     for i in range(16, 80):
         keys.check(made(i))
         keys.check(made(16))  # is the same one again
@@ -90,7 +90,7 @@ def test_different_keys_that_were_made_to_have_one_hash_are_refused(made):
 
 
 def test_any_number_of_honest_keys_is_taken():
-    keys = limits.Keys()
+    keys = limits.KeyBudget()
     for i in range(40_000):
         keys.check((i % 100 - 50, i // 100))  # -1 and -2 have one hash
         keys.check((1 << 70) + i)

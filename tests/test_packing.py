@@ -11,7 +11,7 @@ from hypothesis.extra import numpy as hnp
 
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir import packed_bytes, packing
-from gamms.limits import Allowance
+from gamms.limits import MemoryBudget
 
 DTYPES = list(packing.DTYPES)
 
@@ -43,7 +43,7 @@ def test_what_a_value_costs_is_never_more_than_its_bytes_say_at_a_glance(value):
 
 @given(plain, hnp.arrays("int32", hnp.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=4)))
 def test_what_a_value_costs_is_what_a_decoder_charges(value, array):
-    data, allowance = packing.to_bytes([value, {"a": array}], "It"), Allowance(1 << 20, "It")
+    data, allowance = packing.to_bytes([value, {"a": array}], "It"), MemoryBudget(1 << 20, "It")
     packing.Decoder(allowance).value(data)
     assert packing.cost_of(data) == allowance.total - allowance.left
 
@@ -217,7 +217,7 @@ def test_a_value_may_have_any_number_of_items_that_its_size_explains():
         return b"\x91\xc9" + (count + 5).to_bytes(4, "big") + b"\1\xdd" + count.to_bytes(4, "big") + b"\xc0" * count
 
     assert packing.from_bytes(nothings(2**20)) == [None] * 2**20
-    decoder = packing.Decoder(Allowance(0, "it"))
+    decoder = packing.Decoder(MemoryBudget(0, "it"))
     with pytest.raises(BadFile, match="it unpacks to more than 64 MiB"):
         decoder.value(nothings(2**21))
 

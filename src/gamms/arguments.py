@@ -432,14 +432,14 @@ def signature_of(function: Callable[..., Any]) -> "Signature":
         return signature(function)
 
 
-class _Dots:
+class _DependentDefault:
     """Stands in a signature for a default that depends on other arguments."""
 
     def __repr__(self) -> str:
         return "..."
 
 
-_DOTS = _Dots()
+_DOTS = _DependentDefault()
 
 
 def with_options(*inherited: type, **defaults: object) -> Callable[[Documented], Documented]:

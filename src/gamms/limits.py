@@ -2,8 +2,8 @@
 
 Readers of files from untrusted sources (recordings, maps, scenarios, databases) ask here and keep no bound of their
 own. `refuse_above` is for what a file *declares*: counts, grids, pieces of a line, pixels; it is estimated before it is
-built. `Allowance` is for what a file *holds*: values packed in few bytes; it is charged before they are made. `Keys` is
-for the keys of dicts and sets in a file, which take time where they were made to have one hash.
+built. `MemoryBudget` is for what a file *holds*: values packed in few bytes; it is charged before they are made.
+`KeyBudget` is for the keys of dicts and sets in a file, which take time where they were made to have one hash.
 
 `GarbagePause` is for what makes many objects of which none is garbage.
 """
@@ -90,7 +90,7 @@ def refuse_above(estimated: float, what: str) -> None:
 _WAY = 'Make it smaller, or allow more: --max-memory 8G on the command line, gamms.limits.allowing("8G") in Python.'
 
 
-class Allowance:
+class MemoryBudget:
     """The memory that values decoded from one file may still take, in proportion to the size of the file.
 
     Args:
@@ -141,7 +141,7 @@ _MOST_HASHES = 1 << 14  # that are kept in mind: who lets others come between ha
 _WORD = 1 << 64
 
 
-class Keys:
+class KeyBudget:
     """The keys that one file brings for dicts and sets, whichever of these they go into.
 
     Each key is compared with all others of its hash. Hashes of texts and bytes are secret, and few numbers of 64 bits

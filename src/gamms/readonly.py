@@ -26,7 +26,7 @@ class ReadOnly(GammsError, TypeError, AttributeError):
     """A value that is only shown was written to."""
 
 
-class Fixed:
+class Immutable:
     """Mix-in: no public attribute can be set, but by the class itself."""
 
     _way_out: ClassVar[str]  # what to do instead

@@ -55,7 +55,7 @@ def syntax_tree(text: str | bytes, file: str = "<text>", mode: str = "exec") -> 
         return ast.parse(text, file, mode)
 
 
-class Called(partial[Any]):
+class DescribedFunction(partial[Any]):
     """A function that another one has made; it prints as the call that made it."""
 
     call: str
@@ -69,7 +69,7 @@ class Called(partial[Any]):
         for value in cells:
             for one in value if isinstance(value, (list, tuple)) else (value,):
                 yield one
-                if isinstance(one, Called):
+                if isinstance(one, DescribedFunction):
                     yield from one.held()
 
 
@@ -84,7 +84,7 @@ def shown_as_called(make: Callable[P, F]) -> Callable[P, F]:
     @wraps(make)
     def call(*args: P.args, **kwargs: P.kwargs) -> F:
         function: Any = make(*args, **kwargs)
-        made: Any = update_wrapper(Called(function), function)
+        made: Any = update_wrapper(DescribedFunction(function), function)
         del made.__wrapped__
         made.__name__ = getattr(function, "__name__", make.__name__)
         given = [*(words if args else ()), *map(as_code, args[len(words) :])]
@@ -97,7 +97,7 @@ def shown_as_called(make: Callable[P, F]) -> Callable[P, F]:
 
 def as_code(value: object) -> str:
     """Return how a program writes a value: functions have their names, others are shortened as by `shown`."""
-    if isinstance(value, Called):
+    if isinstance(value, DescribedFunction):
         return value.call
     return value.__name__ if isinstance(value, FunctionType) else shown(value)
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.ir.agents import AgentBlock
-from gamms.ir.columns import Selection, Succession
+from gamms.ir.columns import AgentSetChange, Selection
 from gamms.ir.journal import CLOSED, Journal
 from gamms.ir.positions import Positions
 from gamms.ir.schema import BY_ROW
@@ -278,7 +278,7 @@ def test_a_deletion_is_noted_by_name_and_the_rows_of_others_as_they_are_then():
     block.add("c", 7)
     noted, closed = block.structure.since(version)
     assert (noted, closed) == ([1, "d", "c", 2], [[0, 2]])
-    change = Succession(list("abcd"), noted, block.names, block.inactive, closed)
+    change = AgentSetChange(list("abcd"), noted, block.names, block.inactive, closed)
     assert (change.gone, change.rows, change.places) == ([1, 2, 3], [1, 2], [1, 2])
     assert change.of(list("abcd"), ["b'", "c'"]) == ["a", "b'", "c'"]
     assert Selection([1, 3, 2, 0]).after(change).rows == [0, 1, 2]

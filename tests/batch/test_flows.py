@@ -11,7 +11,7 @@ from gamms import belief, limits
 from gamms.errors import BadValue, TooLarge
 from gamms.game.batch import flows
 from gamms.game.batch.flows import Flows
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 
 EDGES = st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6), st.sampled_from([0.0, 1.0, 2.0, 3.5])), max_size=20)
 
@@ -22,7 +22,7 @@ def small_map(ctx, edges):
         ctx.graph.graph.add_node({"id": (node * 3) % 7, "x": float(node), "y": float(node % 3)})
     for number, (source, target, length) in enumerate(edges):
         ctx.graph.graph.add_edge({"id": number, "source": source, "target": target, "length": length})
-    return Flows(Streets(ctx.graph.columns(), ctx.graph.routes))
+    return Flows(StreetGraph(ctx.graph.columns(), ctx.graph.routes))
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)

@@ -9,10 +9,10 @@ import pytest
 import gamms
 from gamms.game import TeamArrays
 from gamms.game.batch.columns import Roster
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.ir.graph import GraphColumns, RowMapping
 
-OPENED = (Streets, GraphColumns, Roster, TeamArrays, RowMapping)
+OPENED = (StreetGraph, GraphColumns, Roster, TeamArrays, RowMapping)
 
 
 def arrays_in(path, thing, seen):

@@ -10,7 +10,7 @@ import gamms
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch import routes
 from gamms.game.batch.routes import RouteTable
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.strategies.knowledge import step_towards
 
 EDGES = st.lists(
@@ -34,7 +34,7 @@ def test_actions_lead_to_the_legal_nodes_one_by_one(leaves, kind):
         for leaf in range(10, 10 + leaves):
             ctx.graph.graph.add_node({"id": leaf, "x": float(leaf), "y": 0.0})
             ctx.graph.graph.add_edge({"id": leaf, "source": 5, "target": leaf, "length": 1.0})
-        streets, near = Streets(ctx.graph.columns(), ctx.graph.routes), ctx.graph.graph.neighborhoods
+        streets, near = StreetGraph(ctx.graph.columns(), ctx.graph.routes), ctx.graph.graph.neighborhoods
         rows = np.arange(len(streets.counts))
         for row, (node, count) in enumerate(zip(streets.ids(rows).tolist(), streets.counts_of(rows), strict=True)):
             led = streets.step(np.full(count, row), np.arange(count, dtype=kind))
@@ -46,7 +46,7 @@ def test_actions_lead_to_nodes_whose_rows_are_far_apart():
         ids = np.arange(40_000)  # more than two bytes count in both directions
         ctx.graph.graph.add_nodes(ids, ids * 1.0, ids * 0.0)
         ctx.graph.graph.add_edges(np.arange(2), np.array([0, 39_999]), np.array([39_999, 0]), np.ones(2))
-        streets = Streets(ctx.graph.columns(), ctx.graph.routes)
+        streets = StreetGraph(ctx.graph.columns(), ctx.graph.routes)
         assert streets.step(np.array([0, 39_999, 7]), np.array([1, 1, 0])).tolist() == [39_999, 0, 7]
 
 
@@ -60,7 +60,7 @@ def test_steps_and_distances_are_those_of_strategies(edges, first, most):
     with gamms.create_context(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
         small_map(ctx, edges)
         patch.setattr(routes, "_MOST_BYTES", most * 40)
-        streets, graph = Streets(ctx.graph.columns(), ctx.graph.routes), ctx.graph.graph
+        streets, graph = StreetGraph(ctx.graph.columns(), ctx.graph.routes), ctx.graph.graph
         table, ids = RouteTable(streets, "length"), ctx.graph.columns().node_ids
         for one, other in first:  # tables of what is near, which later questions extend
             table.distances(np.array([one]), np.array([other]))
@@ -141,7 +141,7 @@ def test_tables_of_a_graph_that_was_changed_are_others():
 def test_what_was_asked_before_changes_no_answer(edges, asked, most):
     with gamms.create_context(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
         small_map(ctx, edges)
-        streets = Streets(ctx.graph.columns(), ctx.graph.routes)
+        streets = StreetGraph(ctx.graph.columns(), ctx.graph.routes)
         sources, targets = (part.reshape(-1) for part in np.indices((7, 7)))
         fresh = RouteTable(streets, "length")
         far, actions = fresh.distances(sources, targets), fresh.actions(sources, targets)
@@ -154,7 +154,7 @@ def test_what_was_asked_before_changes_no_answer(edges, asked, most):
 
 
 def test_a_table_is_made_for_each_target_once(grid_of_streets):
-    streets = Streets(grid_of_streets.graph.columns(), grid_of_streets.graph.routes)
+    streets = StreetGraph(grid_of_streets.graph.columns(), grid_of_streets.graph.routes)
     table, nodes = RouteTable(streets, "length"), np.arange(len(streets.counts))
     table.distances(nodes, np.zeros(len(nodes), np.int64))
     small = table.nbytes
@@ -221,7 +221,7 @@ def test_what_is_no_number_of_a_legal_node_is_refused(actions, kind, message):
     with gamms.create_context() as ctx:
         ctx.graph.add_nodes([40, 50, 60], [0.0, 1.0, 2.0], [0.0] * 3)
         ctx.graph.add_edges(range(4), [40, 50, 50, 60], [50, 40, 60, 50])
-        streets = Streets(ctx.graph.columns(), ctx.graph.routes)
+        streets = StreetGraph(ctx.graph.columns(), ctx.graph.routes)
         with pytest.raises(kind, match=message):
             streets.step([0, 1], actions)
 

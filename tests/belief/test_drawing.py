@@ -5,7 +5,7 @@ import numpy as np
 import gamms
 from gamms import belief
 from gamms.visual.constants import Layer
-from gamms.visual.legend import Bar, Rows
+from gamms.visual.legend import ColorScale, LegendRows
 
 
 def watched(make_ctx, add, **options):
@@ -36,7 +36,7 @@ def test_probable_nodes_are_drawn_in_the_colours_of_a_bar(make_ctx, add):
     assert {x for x, _ in shown} == {10.0 * node for node, chance in chances.items() if chance >= least}
     assert len(set(shown.values())) > 1
     artist = ctx.visual.artists.declared["belief"]
-    assert isinstance(artist.data["legend"](ctx), Bar)
+    assert isinstance(artist.data["legend"](ctx), ColorScale)
     ctx.game.eliminate("prey")
     assert drawn(ctx) == {}
 
@@ -47,7 +47,7 @@ def test_nodes_that_can_be_reached_are_drawn_in_one_colour(make_ctx, add):
     shown = drawn(ctx)
     assert {x for x, _ in shown} == {10.0 * node for node in belief.belief_of(ctx, "spy").reachable("prey")}
     assert len(set(shown.values())) == 1
-    assert isinstance(ctx.visual.artists.declared["belief"].data["legend"](ctx), Rows)
+    assert isinstance(ctx.visual.artists.declared["belief"].data["legend"](ctx), LegendRows)
     ctx.game.eliminate("prey")
     assert drawn(ctx) == {}
 

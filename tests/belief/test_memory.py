@@ -12,7 +12,7 @@ import gamms
 from gamms import belief
 from gamms.agent import AgentType
 from gamms.belief import Sighting
-from gamms.belief.motion import Chain
+from gamms.belief.motion import MotionChain
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.plain import is_plain
 from gamms.sensor import SensorType
@@ -227,8 +227,10 @@ def test_a_team_predicts_once_a_turn_where_its_targets_go(make_ctx, add, monkeyp
         state["action"] = state["curr_pos"]
         made.append((state["turn"], len(predicted) - before))
 
-    made, predicts = [], Chain.predicted
-    monkeypatch.setattr(Chain, "predicted", lambda one, *values: predicted.append(values) or predicts(one, *values))
+    made, predicts = [], MotionChain.predicted
+    monkeypatch.setattr(
+        MotionChain, "predicted", lambda one, *values: predicted.append(values) or predicts(one, *values)
+    )
     add(ctx, "prey", 4, "mice")
     for node, name in enumerate("abc"):
         add(ctx, name, node, "cats", 10.0, hunt)

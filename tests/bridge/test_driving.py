@@ -5,7 +5,7 @@ import math
 import pytest
 
 import gamms
-from gamms.bridge import Checks, Feed, SimulatedClock, SimulatedRobot, Udp, drive
+from gamms.bridge import Feed, FixChecks, SimulatedClock, SimulatedRobot, Udp, drive
 from gamms.errors import BadType, BadValue, Duplicate, UnknownName
 
 
@@ -166,7 +166,7 @@ def test_an_agent_is_put_on_the_last_node_that_its_late_robot_has_passed():
         ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 5, spacing=100.0))
         anna = ctx.agent.create_agent("anna", start_node_id=0, speed=4, team="r", strategy=goes(4))
         robot = Scripted(SimulatedClock(), (0, 0), (40, 0), (80, 0), (120, 0), (200, 0), (240, 1))
-        ctx.game.add(drive("anna", robot, limit_s=3.0, checks=Checks(max_speed=2000.0)))
+        ctx.game.add(drive("anna", robot, limit_s=3.0, checks=FixChecks(max_speed=2000.0)))
         ctx.game.step()
         assert anna.current_node_id == 2
         assert ctx.game.events[0]["node"] == 2
@@ -178,7 +178,7 @@ def test_an_agent_is_put_on_the_last_node_that_its_late_robot_has_passed():
 
 def test_a_robot_that_was_carried_elsewhere_is_sent_to_the_end_of_the_move_from_there(ctx):
     robot = Scripted(SimulatedClock(), (200.0, 120.0), (200.0, 120.0), (200.0, 120.0), (100.0, 0.0))
-    ctx.game.add(drive("anna", robot, checks=Checks(max_speed=1000.0), limit_s=5.0))
+    ctx.game.add(drive("anna", robot, checks=FixChecks(max_speed=1000.0), limit_s=5.0))
     ctx.game.step()
     assert robot.sent[0]["points"] == [[200, 120], [200, 100], [200, 0], [100, 0]] or robot.sent[0]["points"] == [
         [200, 120],
@@ -228,7 +228,7 @@ def test_a_long_way_fits_into_a_line_and_goes_on_from_where_the_robot_is():
             link.send(message)
             robot.send(message | {"way": len(sent)})
 
-        ctx.game.add(drive("anna", robot, send=send, limit_s=100.0, checks=Checks(max_speed=500.0)))
+        ctx.game.add(drive("anna", robot, send=send, limit_s=100.0, checks=FixChecks(max_speed=500.0)))
         ctx.game.step()
         assert ctx.agent.get_agent("anna").current_node_id == 699
         assert sent[0] == 500
@@ -329,8 +329,12 @@ def test_wrong_arguments_say_what_is_right(ctx):
         (lambda: SimulatedRobot(ctx, "anna", clock=3), BadType, r"A clock has now\(\) and sleep"),
         (lambda: drive("anna", list, send=3), BadType, "send must be a function"),
         (lambda: drive("anna", list, limit_s=math.inf), BadValue, "limit_s must be finite"),
-        (lambda: drive("anna", list, checks=3), BadType, "checks must be gamms.bridge.Checks"),
-        (lambda: drive("anna", list, checks=Checks(within_m=0)), BadValue, "within_m of Checks must be more than 0"),
+        (lambda: drive("anna", list, checks=3), BadType, "checks must be gamms.bridge.FixChecks"),
+        (
+            lambda: drive("anna", list, checks=FixChecks(within_m=0)),
+            BadValue,
+            "within_m of FixChecks must be more than 0",
+        ),
         (lambda: drive("anna", Feed(clock=SimulatedClock()), clock=SimulatedClock()), BadValue, "a clock of its own"),
         (lambda: ctx.game.add(drive("ana", list)), UnknownName, "anna"),
         (lambda: ctx.game.add(drive("kite", list)), BadType, "flies"),

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.bridge import Checks, Feed, Fix, SimulatedClock
+from gamms.bridge import Feed, Fix, FixChecks, SimulatedClock
 from gamms.bridge.lines import LONGEST_LINE, BadLine, RoadChanges, line_of, parse
 from gamms.bridge.matching import PositionTracker
 from gamms.errors import BadType, BadValue
@@ -21,7 +21,7 @@ NAN, INF = float("nan"), float("inf")
 
 def tracker(**checks):
     return PositionTracker(
-        Checks(**{"within_m": 10.0, "max_speed": 10.0, "max_age_s": 2.0, **checks}), lambda lat, lon: (lon, lat)
+        FixChecks(**{"within_m": 10.0, "max_speed": 10.0, "max_age_s": 2.0, **checks}), lambda lat, lon: (lon, lat)
     )
 
 
@@ -76,7 +76,7 @@ def test_degrees_outside_of_the_map_do_not_count():
     def nowhere(lat, lon):
         raise BadValue("outside")
 
-    one, feed = PositionTracker(Checks(), nowhere), Feed()
+    one, feed = PositionTracker(FixChecks(), nowhere), Feed()
     feed.put({"lat": 10.0, "lon": 20.0})
     one.take(feed.take())
     assert one.counts == {"off_map": 1}

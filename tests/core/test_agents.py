@@ -4,7 +4,7 @@ from array import array
 
 import pytest
 
-from gamms.core.agents import AgentColumns, AgentView, Moves, MovingAgents
+from gamms.core.agents import AgentColumns, AgentView, MoveColumns, MovingAgents
 from gamms.core.block import INT64, Block, BlockColumn
 from gamms.ir.journal import CLOSED, PLAIN, Journal
 
@@ -141,7 +141,7 @@ def column(*numbers):
 
 def test_moves_begin_where_agents_are_and_are_counted_where_they_lead_elsewhere():
     columns, counts = Columns(), memoryview(array("i", [0, 0]))
-    moves = Moves(starts := column(0, 0), ends := column(0, 0))
+    moves = MoveColumns(starts := column(0, 0), ends := column(0, 0))
     moving = MovingAgents(columns, column(2, 0), counts)
     moving.begin(moves)
     assert starts.tolist() == ends.tolist() == [7, 5]
@@ -153,4 +153,4 @@ def test_moves_begin_where_agents_are_and_are_counted_where_they_lead_elsewhere(
 def test_agents_of_rows_that_are_not_there_begin_nowhere():
     moving = MovingAgents(Columns(), column(3), memoryview(array("i", [0])))
     with pytest.raises(IndexError):
-        moving.begin(Moves(column(0), column(0)))
+        moving.begin(MoveColumns(column(0), column(0)))

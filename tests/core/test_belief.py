@@ -31,12 +31,14 @@ class Filter:
         rows, ends, are_bent, metres = (np.array(column) for column in zip(*self.states, strict=True))
         first_on, states_on = kernels.group_rows(rows, nodes)
         sources, targets, chances = (np.array([way[k] for way in ways], kind) for k, kind in enumerate("qqd"))
-        self.ways = belief.Ways(*kernels.ways_to(sources, targets, chances, number))
+        self.ways = belief.IncomingArcs(*kernels.ways_to(sources, targets, chances, number))
         columns = np.ones(number), first_on.astype(np.int32), states_on.astype(np.int32), ends
-        self.chain = belief.Chain(*map(kernels.buffer, (*columns, are_bent.view(np.uint8), metres.astype(np.float64))))
+        self.chain = belief.MarkovChain(
+            *map(kernels.buffer, (*columns, are_bent.view(np.uint8), metres.astype(np.float64)))
+        )
         self.missed, self.sums = np.ones(nodes), np.empty(number)
         memory = np.empty(number), self.sums, np.empty(number), self.missed
-        self.work = belief.Work(*map(kernels.buffer, memory))
+        self.work = belief.ChainBuffers(*map(kernels.buffer, memory))
         self.values = np.full((TARGETS, number), 1.0 / number)
 
     def predict(self, steps=1):
@@ -213,7 +215,7 @@ def test_bayes_rule_over_fractions_gives_the_same(case):
 def test_labels_spread_as_far_as_something_is_left(ways, labels):
     sources, targets, costs = (np.array([way[k] for way in ways], kind) for k, kind in enumerate("qqd"))
     found = np.array(labels)
-    belief.spread(belief.Ways(*kernels.ways_to(sources, targets, costs, 5)), kernels.buffer(found), 0)
+    belief.spread(belief.IncomingArcs(*kernels.ways_to(sources, targets, costs, 5)), kernels.buffer(found), 0)
     expected = list(labels)
     for _ in range(5):  # no way that is worth it has more edges
         for source, target, cost in ways:

@@ -46,7 +46,7 @@ class Board:
 
     def requests(self, starts, ends, counts, ranks):
         numbers = np.array(ranks, np.uint64).reshape(-1).data
-        return conflicts.Requests(starts, ends, counts, self.offsets.data, self.limits.data, numbers)
+        return conflicts.MoveRequests(starts, ends, counts, self.offsets.data, self.limits.data, numbers)
 
     def resolve_games(self, games, ranks, turns):
         """Return the bytes of all agents in games, each a list of (start, end, counts), and check the memory."""

@@ -48,7 +48,7 @@ def contacts(games, *, reach=None, limit=None, crossing=False, at_end=False, see
         at_end=at_end,
     )
     pieces = agents * 2 * (most + 2)
-    scratch = core.Pieces(
+    scratch = core.MotionIntervals(
         *[ints([0] * pieces) for _ in range(3)],
         *[floats([0.0] * pieces) for _ in range(4)],
         ints([0] * pieces),
@@ -66,8 +66,8 @@ def contacts(games, *, reach=None, limit=None, crossing=False, at_end=False, see
         purposes,
         ints([3] * len(games)),
         reach=table(reach or {}, limit or 0.0),
-        places=core.Places(nodes, floats([value for x, y in XY for value in (x, y, 0.0)])),
-        lines=core.Lines(ints([]), *[floats([])] * 4),
+        places=core.NodePositions(nodes, floats([value for x, y in XY for value in (x, y, 0.0)])),
+        lines=core.PathSegments(ints([]), *[floats([])] * 4),
         crossing=crossing,
         by_metres=False,
     )
@@ -82,7 +82,7 @@ def table(reach, limit=0.0):
     rows = [sorted(reach.get(node, {}).items()) for node in range(NODES)]
     arcs = [sum(map(len, rows[:node])) for node in range(NODES + 1)]
     flat = [edge for row in rows for edge in row]
-    search = travel.Reach(*[ints([0] * NODES) if kind == "q" else floats([0.0] * NODES) for kind in "qdqqqdqq"])
+    search = travel.ReachSearch(*[ints([0] * NODES) if kind == "q" else floats([0.0] * NODES) for kind in "qdqqqdqq"])
     return core.NearNodes(ints(arcs), ints([end for end, _ in flat]), floats([far for _, far in flat]), limit, search)
 
 

@@ -60,7 +60,7 @@ def spread(one, games, sent, groups, *, turns=None, names=None, purposes=None, r
     columns = *columns, (turns or [0] * len(games), np.int64)
     while True:
         views = *(flat(*column) for column in columns), slots.data, awaited.data, flat(reach, np.uint8), memory.data
-        network = messages.Network(*views, *(part.data for part in np.zeros((2, agents), np.uint8)))
+        network = messages.ChannelNetwork(*views, *(part.data for part in np.zeros((2, agents), np.uint8)))
         number = messages.spread_all(one, network, box)
         if not number:
             break

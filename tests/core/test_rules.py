@@ -32,9 +32,9 @@ def flags_of(values):
 NO_LEGS = meeting.Legs(0, *[ints([])] * 5, *[floats([])] * 5)
 NOTHING = (
     meeting.NearNodes(
-        ints([0]), ints([]), floats([]), 0.0, travel.Reach(*map({"q": ints([]), "d": floats([])}.get, "qdqqqdqq"))
+        ints([0]), ints([]), floats([]), 0.0, travel.ReachSearch(*map({"q": ints([]), "d": floats([])}.get, "qdqqqdqq"))
     ),
-    meeting.Places(ints([]), floats([])),
+    meeting.NodePositions(ints([]), floats([])),
 )
 
 
@@ -50,7 +50,7 @@ class Block:
         self.stops, self.score = ints([0] * len(flat)), floats([0.0] * games * numbers)
         self.home = ints(home or [9] * len(flat))
         self.turn, self.agents = ints([turn] * games), agents
-        self.games = core.Games(
+        self.games = core.GameColumns(
             agents,
             numbers,
             node=self.node,
@@ -75,12 +75,12 @@ class Block:
         nodes, times, lengths = ints([0] * 2 * self.agents), floats([0.0] * 2 * self.agents), ints([0] * self.agents)
         sides = ints([0] * self.agents)
         tracks = meeting.Tracks(self.agents, 2, nodes, times, lengths, sides, at_end=at_end)
-        return core.Steps(nodes, times, lengths), tracks, sides
+        return core.AgentPaths(nodes, times, lengths), tracks, sides
 
     def pieces(self):
         room = 6 * self.agents
         columns = [ints([0] * room) for _ in range(3)], [floats([0.0] * room) for _ in range(4)]
-        return meeting.Pieces(
+        return meeting.MotionIntervals(
             *columns[0], *columns[1], *[ints([0] * room) for _ in range(2)], ints([-1] * NODES), ints([0] * room)
         )
 
@@ -92,7 +92,7 @@ class Block:
     def tag(self, *rules, number=0):
         """A rule of several taggings, each (plays, what `Tagging` takes by name)."""
         nodes, times, lengths = ints([0] * 2 * self.agents), floats([0.0] * 2 * self.agents), ints([0] * self.agents)
-        steps, purpose, turn = core.Steps(nodes, times, lengths), keys([0]), ints([0])
+        steps, purpose, turn = core.AgentPaths(nodes, times, lengths), keys([0]), ints([0])
         first = None
         for plays, more in reversed(rules):
             sides = ints([0] * self.agents)
@@ -105,7 +105,7 @@ class Block:
                 turn,
                 reach=NOTHING[0],
                 places=NOTHING[1],
-                lines=meeting.Lines(ints([]), *[floats([])] * 4),
+                lines=meeting.PathSegments(ints([]), *[floats([])] * 4),
                 crossing=True,
                 by_metres=False,
             )

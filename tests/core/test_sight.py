@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gamms import kernels
 from gamms.core.agents import AgentColumns
-from gamms.core.sight import Places, Sight
+from gamms.core.sight import AgentPositions, RangeSearch
 
 LARGE = 1.7e308
 COORDINATES = st.one_of(
@@ -32,9 +32,9 @@ def is_near(here, there, radius):
 
 
 def sight_of(at, nodes, radius):
-    places = Places(at)
+    places = AgentPositions(at)
     places.fill([f"a{row}" for row in range(len(nodes))], list(nodes))
-    return places, Sight(places, radius, ())
+    return places, RangeSearch(places, radius, ())
 
 
 @given(places=NODES, radius=RADII, data=st.data())

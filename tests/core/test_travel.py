@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.core import travel as core
-from gamms.game.travel import ENDLESS, Reach, Trips, map_of
+from gamms.game.travel import ENDLESS, ReachableNodes, TurnPaths, map_of
 from gamms.graph import Graph
 from gamms.ir.progress import Motion
 
@@ -70,7 +70,7 @@ def near(edges, node):
 
 
 def reached(roads, node, *more):
-    reach = Reach(len(IDS))
+    reach = ReachableNodes(len(IDS))
     for _ in range(2):  # what one search leaves does not matter to the next
         count = core.reachable(roads, reach.core, node, *more)
     return reach.nodes[:count].tolist()
@@ -93,12 +93,12 @@ def ways_on(edges, most):
     graph = Graph()
     graph.add_nodes(IDS, [0.0] * len(IDS), [0.0] * len(IDS))
     graph.add_edges(range(len(edges)), *zip(*[(IDS[a], IDS[b], far) for a, b, far in edges], strict=True))
-    ints, reach = np.zeros((3, 1), np.int64), Reach(len(IDS))
+    ints, reach = np.zeros((3, 1), np.int64), ReachableNodes(len(IDS))
     ints[0] = -1
     columns = *ints, np.zeros(most, np.int64), np.zeros(most)
     direct = np.zeros(len(edges), np.uint8).data
     maps = map_on(edges), map_on([(b, a, far) for a, b, far in edges])
-    return core.Ways(*maps, reach.core, direct, most, *(column.data for column in columns)), graph
+    return core.GoalPaths(*maps, reach.core, direct, most, *(column.data for column in columns)), graph
 
 
 @given(edges=EDGES, asked=st.lists(st.tuples(NODES, NODES), min_size=1, max_size=4), most=st.integers(2, 7))
@@ -117,7 +117,7 @@ def test_agents_remember_the_way_that_the_graph_gives(edges, asked, most):
 @given(edges=EDGES, source=NODES, goal=NODES, most=st.integers(2, 7))
 def test_a_route_has_the_next_nodes_of_the_way(edges, source, goal, most):
     ways, graph = ways_on(edges, most)
-    trips = Trips(1, 8)
+    trips = TurnPaths(1, 8)
     assert core.put_route(ways, trips.core, 0, source, goal, 1) == 1 + core.put_route(
         ways, trips.core, 0, source, goal, 0
     )
@@ -196,7 +196,7 @@ def test_an_agent_on_an_edge_goes_the_shorter_way_and_of_equal_ones_the_one_on(a
     seconds=st.sampled_from([None, 1.5]),
 )
 def test_what_agents_cover_adds_up_to_speed_times_time(data, edges, speed, now, start, left, seconds):
-    roads, trips = map_on(edges, seconds), Trips(1, 64)
+    roads, trips = map_on(edges, seconds), TurnPaths(1, 64)
     node, edge, motion = data.draw(NODES), -1, Motion.FORWARD
     if start is not None:
         edge = data.draw(st.integers(0, len(edges) - 1))
@@ -240,7 +240,7 @@ def test_what_agents_cover_adds_up_to_speed_times_time(data, edges, speed, now, 
 
 
 def test_a_route_without_an_edge_is_noticed_and_a_node_twice_in_a_row_is_no_pause():
-    roads, trips = map_on([(0, 1, 3.0), (1, 2, 3.0)]), Trips(1, 64)
+    roads, trips = map_on([(0, 1, 3.0), (1, 2, 3.0)]), TurnPaths(1, 64)
     trips.route[:5] = [0, 1, 1, 2, 0]
     assert core.without_edge(roads, trips.core, 0, 5) == 4
     assert core.without_edge(roads, trips.core, 0, 4) == -1

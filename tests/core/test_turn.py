@@ -35,7 +35,7 @@ class Ring:
         self.turn, self.until = np.zeros((2, shape[0]), np.int64)
         self.over = np.zeros(shape[0], np.uint8)
         self.keys = np.zeros(shape, np.uint64) if keys is None else np.array(keys, np.uint64)
-        self.games = rules.Games(
+        self.games = rules.GameColumns(
             agents,
             1,
             node=flat(self.node),
@@ -54,10 +54,10 @@ class Ring:
         self.events = rules.Events(1)
         targets = [(node + step) % RING for node in range(RING) for step in (0, 1, -1)]
         contests, requests = self.conflicts(capacity, agents, allow_swaps) if capacity else (None, None)
-        self.movers = movers = moves.Movers(
-            moves.Streets(flat(np.arange(RING + 1, dtype=np.int32) * ACTIONS), flat(np.array(targets, np.int32))),
+        self.movers = movers = moves.OneEdgeMovers(
+            moves.LegalMoves(flat(np.arange(RING + 1, dtype=np.int32) * ACTIONS), flat(np.array(targets, np.int32))),
             flat(np.array(decides_by, np.uint8)),
-            draws.Choices(flat(self.keys), flat(self.counts), flat(self.ends)),
+            draws.RandomChoices(flat(self.keys), flat(self.counts), flat(self.ends)),
             moves.RANDOM_WALK in decides_by,
             flat(self.given),
             contests,
@@ -101,7 +101,7 @@ class Ring:
         limits, ranks = np.full(RING, capacity), np.arange(agents, dtype=np.uint64)
         offsets = np.zeros(agents, np.int64)
         where = flat(self.node), flat(self.ends), flat(self.takes_part)
-        return contests, conflicts.Requests(*where, flat(offsets), flat(limits), flat(ranks))
+        return contests, conflicts.MoveRequests(*where, flat(offsets), flat(limits), flat(ranks))
 
     def play(self, turns, begin=0, end=None):
         self.until[:] = (self.turn + turns) * self.parts

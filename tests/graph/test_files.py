@@ -26,7 +26,7 @@ from gamms.graph.map_file import SavedMap
 from gamms.graph.obstacles import checked_face
 from gamms.graph.store import GraphStore
 from gamms.ir import packed_bytes, packing
-from gamms.limits import Allowance
+from gamms.limits import MemoryBudget
 
 HEAD = struct.Struct("<8sIII")
 UNSAVABLE = [{1, object}, object(), np.array([None]), Graph, 1j]
@@ -536,7 +536,7 @@ def _end_well(data):
 
 
 def _state_of(data):
-    return packing.unpack(data[HEAD.size :], packing.Decoder(Allowance(len(data), "it")))
+    return packing.unpack(data[HEAD.size :], packing.Decoder(MemoryBudget(len(data), "it")))
 
 
 def _file_of(state):

@@ -18,7 +18,7 @@ from gamms.rules import capture_flag, tag, territory
 from gamms.typing import ArtistType
 from gamms.visual import Artist
 from gamms.visual.artist import ArtistGroup
-from gamms.visual.legend import Bar, Row, Rows
+from gamms.visual.legend import ColorScale, LegendRow, LegendRows
 
 REPLAY = """
 import sys, gamms
@@ -53,12 +53,15 @@ def game_of(ctx):
     ctx.game.add(tag("red", "blue"))
     ctx.visual.add_artist(
         "around",
-        {"drawer": circle_around_a, "legend": lambda ctx: Rows("Score", (Row((1, 2, 3), "a", f"{ctx.game.turn}"),))},
+        {
+            "drawer": circle_around_a,
+            "legend": lambda ctx: LegendRows("Score", (LegendRow((1, 2, 3), "a", f"{ctx.game.turn}"),)),
+        },
     )
     ctx.visual.add_artist("box", {"shape": gamms.visual.Shape.Rectangle, "x": 0, "y": 0, "width": 9, "height": 9})
     still = Artist(ctx, lambda ctx, data: ctx.visual.render_circle(5, 5, data["r"], (0, 99, 0)), 12)
     still.set_artist_type(ArtistType.STATIC)
-    still.data = {"r": 2.0, "legend": Bar("heat", ((0, 0, 0), (9, 9, 9)), "0", "1", "2")}
+    still.data = {"r": 2.0, "legend": ColorScale("heat", ((0, 0, 0), (9, 9, 9)), "0", "1", "2")}
     ctx.visual.add_artist("still", still)
     return still
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms.core import travel as core
 from gamms.game import travel
-from gamms.game.travel import Roads
+from gamms.game.travel import RoadMap
 from gamms.graph import Graph
 
 IDS = [5, 3, 8, 1, 9, 2]
@@ -22,7 +22,7 @@ def roads_of(edges):
     graph.add_nodes(IDS, [0.0] * len(IDS), [0.0] * len(IDS))
     for id, (source, target, cost) in enumerate(edges):
         graph.add_edge({"id": id, "source": source, "target": target, "length": 1.0, "cost": cost})
-    return graph, Roads(graph, graph.columns(), "cost", None, 2.0)
+    return graph, RoadMap(graph, graph.columns(), "cost", None, 2.0)
 
 
 @given(

@@ -14,7 +14,7 @@ from gamms.visual.camera import Camera
 from gamms.visual.default_scene import TOGETHER
 from gamms.visual.drawers import render_agent
 from gamms.visual.drawing import Commands, Disc
-from gamms.visual.shown_turn import Paths
+from gamms.visual.shown_turn import MovePaths
 
 COLUMNS = ("kind", "layer", "space", "size", "width", "angle", "color", "offsets", "points")
 
@@ -121,7 +121,7 @@ lines = st.lists(st.lists(points, min_size=2, max_size=5), min_size=1, max_size=
 def test_a_share_of_a_path_is_a_share_of_its_length(lines, share):
     from shapely import LineString
 
-    paths = Paths.through(np.empty((0, 2, 2)), [np.array(line, float) for line in lines])
+    paths = MovePaths.through(np.empty((0, 2, 2)), [np.array(line, float) for line in lines])
     for row, (line, place) in enumerate(zip(lines, paths.at(share).tolist(), strict=True)):
         expected = LineString(line).interpolate(share, normalized=True)
         np.testing.assert_allclose(place, (expected.x, expected.y), atol=1e-9)

@@ -9,10 +9,10 @@ from gamms.ir.draw import DrawKind
 from gamms.visual.appearance import PAPER
 from gamms.visual.camera import Camera
 from gamms.visual.drawers.marks import TAG_TURNS
-from gamms.visual.legend import Legend, Row, Rows, block_from_plain, grown, plain_block, together
+from gamms.visual.legend import Legend, LegendRow, LegendRows, block_from_plain, grown, plain_block, together
 from gamms.visual.page import Page, PageStyle
 
-FIRE = Rows("", (Row((200, 0, 0), "fire", "3"),))
+FIRE = LegendRows("", (LegendRow((200, 0, 0), "fire", "3"),))
 
 
 def has_color(pixels, color):
@@ -69,7 +69,7 @@ def test_a_small_picture_has_no_legend(ctx):
 
 
 def test_what_would_be_too_long_is_counted():
-    rows = Rows("", tuple(Row((0, 0, 0), f"team {number}") for number in range(40)))
+    rows = LegendRows("", tuple(LegendRow((0, 0, 0), f"team {number}") for number in range(40)))
     commands = Page(1280, 720, (rows,), PageStyle()).commands(Camera(1280, 720, 0.0, 0.0, 1.0))
     assert commands.text[-1] == "and 29 more"
 
@@ -85,9 +85,12 @@ def test_a_legend_is_where_it_belongs_whatever_the_camera_sees():
 
 # -- what signs mean --------------------------------------------------------------------------------------------
 
-TEAMS = Rows("", (Row((200, 0, 0), "red", "0"), Row((0, 0, 200), "blue", "12")), "score")
-FLAG, TAGGED = Rows("", (Row((9, 9, 9), "flag", sign="flag"),)), Rows("", (Row((9, 9, 9), "tagged", sign="cross"),))
-TURN = Rows("turn 3", ())
+TEAMS = LegendRows("", (LegendRow((200, 0, 0), "red", "0"), LegendRow((0, 0, 200), "blue", "12")), "score")
+FLAG, TAGGED = (
+    LegendRows("", (LegendRow((9, 9, 9), "flag", sign="flag"),)),
+    LegendRows("", (LegendRow((9, 9, 9), "tagged", sign="cross"),)),
+)
+TURN = LegendRows("turn 3", ())
 
 
 def texts(*blocks, width=640, height=400):
@@ -95,14 +98,14 @@ def texts(*blocks, width=640, height=400):
 
 
 def test_rows_without_a_title_are_one_block_in_which_nothing_is_said_twice():
-    assert together([TURN, TEAMS, FIRE, FLAG, FLAG]) == (TURN, Rows("", TEAMS.rows + FLAG.rows, "score"), FIRE)
+    assert together([TURN, TEAMS, FIRE, FLAG, FLAG]) == (TURN, LegendRows("", TEAMS.rows + FLAG.rows, "score"), FIRE)
 
 
 def test_in_a_film_no_row_of_the_legend_moves():
     first = together([TEAMS, FLAG])
-    scored = Rows("", (Row((200, 0, 0), "red", "1"), TEAMS.rows[1]), "score")
+    scored = LegendRows("", (LegendRow((200, 0, 0), "red", "1"), TEAMS.rows[1]), "score")
     second = grown(first, together([TURN, scored, TAGGED]))
-    assert second == (TURN, Rows("", scored.rows + FLAG.rows + TAGGED.rows, "score"))
+    assert second == (TURN, LegendRows("", scored.rows + FLAG.rows + TAGGED.rows, "score"))
     assert grown(second, (FIRE,)) == (FIRE, *second[1:])
     assert grown((), first) == first
 
@@ -113,18 +116,21 @@ def test_scores_have_a_heading_and_zero_is_a_score():
 
 def test_the_column_of_scores_does_not_move_when_they_grow():
     widths = {
-        Legend((Rows("", (Row((0, 0, 0), "red", value),), "score"),), 640, 400).width for value in ("0", "99", "1000")
+        Legend((LegendRows("", (LegendRow((0, 0, 0), "red", value),), "score"),), 640, 400).width
+        for value in ("0", "99", "1000")
     }
     assert len(widths) == 1
 
 
 def test_a_picture_too_small_for_signs_still_explains_colours():
-    signs = Rows("", (Row((9, 9, 9), "a sign with a rather long explanation", sign="ring"),))
+    signs = LegendRows("", (LegendRow((9, 9, 9), "a sign with a rather long explanation", sign="ring"),))
     assert "red" in texts(TEAMS, signs, width=300)
     assert "a sign with a rather long explanation" not in texts(TEAMS, signs, width=300)
 
 
-SIGNS = Rows("", tuple(Row((9, 9, 9), f"a {sign} of theirs", sign=sign) for sign in ("dot", "field", "band", "flag")))
+SIGNS = LegendRows(
+    "", tuple(LegendRow((9, 9, 9), f"a {sign} of theirs", sign=sign) for sign in ("dot", "field", "band", "flag"))
+)
 
 
 @pytest.mark.parametrize("width", [200, 300, 400, 600, 900])
@@ -146,7 +152,7 @@ def test_where_rows_have_no_room_letters_become_smaller_and_then_the_least_impor
 
 
 def test_a_long_legend_does_not_reach_into_what_is_below_the_map(ctx):
-    rows = Rows("", tuple(Row((9, 9, 9), f"sign {number}", sign="ring") for number in range(9)))
+    rows = LegendRows("", tuple(LegendRow((9, 9, 9), f"sign {number}", sign="ring") for number in range(9)))
     page = Page(400, 300, (TEAMS, rows), PageStyle(title="a title", note="a note", has_captions=True))
     _, top, _, bottom = page._margins
     assert page.legend.width > 0.0
@@ -155,7 +161,7 @@ def test_a_long_legend_does_not_reach_into_what_is_below_the_map(ctx):
 
 @pytest.mark.parametrize("sign", ["disc", "ring", "dot", "field", "line", "band", "flag", "cross", "unheard of"])
 def test_each_sign_is_drawn_in_its_colour(sign):
-    commands = Page(640, 400, (Rows("", (Row((1, 2, 3), "it", sign=sign),)),), PageStyle()).commands(
+    commands = Page(640, 400, (LegendRows("", (LegendRow((1, 2, 3), "it", sign=sign),)),), PageStyle()).commands(
         Camera(640, 400, 0.0, 0.0, 1.0)
     )
     assert (commands.color[commands.kind != DrawKind.TEXT, :3] == (1, 2, 3)).all(axis=1).any()

@@ -9,11 +9,11 @@ import pytest
 import gamms
 from gamms.errors import BadType, BadValue
 from gamms.visual.backends.pillow_backend import pixels_of
-from gamms.visual.legend import Row, Rows
+from gamms.visual.legend import LegendRow, LegendRows
 from gamms.visual.page import Page, PageStyle, page_size, round_length
 
 SVG = "{http://www.w3.org/2000/svg}"
-FIRE = (Rows("", (Row((200, 0, 0), "fire", "3"),)),)
+FIRE = (LegendRows("", (LegendRow((200, 0, 0), "fire", "3"),)),)
 
 
 @pytest.fixture
@@ -199,7 +199,7 @@ def test_the_legend_stands_beside_the_map_however_broad_the_page(street):
 def test_a_legend_that_grows_stays_on_the_page(street):
     box = np.array([0.0, 0.0]), np.array([500.0, 500.0])
     camera, corner = Page(500, 300, FIRE, PageStyle()).fit(*box)
-    longer = (Rows("", (Row((200, 0, 0), "fire, more", "3000"),)),)
+    longer = (LegendRows("", (LegendRow((200, 0, 0), "fire, more", "3000"),)),)
     commands = Page(500, 300, longer, PageStyle()).commands(camera, corner)
     places = camera.to_screen(commands.points[commands.offsets[:-1]])
     assert "3000" in commands.text

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 import gamms
 from gamms.errors import BadType
 from gamms.visual.camera import Camera
+from gamms.visual.font import words_width
 from gamms.visual.labels import STREET_PX, StreetNames
-from gamms.visual.lettering import words_width
 
 X, Y = 500_000.0, 6_000_000.0
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.draw import DrawKind
 from gamms.visual.appearance import DIVERGING, LEVELS, levels, table
-from gamms.visual.legend import Bar, Rows
+from gamms.visual.legend import ColorScale, LegendRows
 
 
 def lightness(colors):
@@ -88,7 +88,7 @@ def test_a_function_of_many_values_is_explained_by_a_bar(ctx):
     ctx.graph.add_nodes(range(3, 40), x=np.arange(37.0), y=np.zeros(37))
     artist = ctx.visual.set_values(nodes={id: id for id in range(40)}, cmap=lambda value: (value, 0, 0))
     bar = artist.data["legend"]
-    assert isinstance(bar, Bar)
+    assert isinstance(bar, ColorScale)
     assert (bar.low, bar.high, bar.colors[0], bar.colors[-1]) == ("0", "39", (0, 0, 0), (39, 0, 0))
 
 
@@ -108,7 +108,7 @@ def test_two_names_are_shown_side_by_side(ctx):
 
 def test_equal_values_are_explained_by_one_row(ctx):
     artist = ctx.visual.set_values(nodes={0: 2.5, 1: 2.5})
-    assert isinstance(artist.data["legend"], Rows)
+    assert isinstance(artist.data["legend"], LegendRows)
     assert [row.name for row in artist.data["legend"].rows] == ["2.5"]
 
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms.ir.packing import Decoder
-from gamms.limits import Allowance
+from gamms.limits import MemoryBudget
 from gamms.web.columns import ALIVE, MAGIC, THERE
 
 
@@ -24,7 +24,7 @@ class ShownGame:
 
     def __init__(self, data):
         assert data.startswith(MAGIC)
-        self._decoder = Decoder(Allowance(1 << 30, "A page"))
+        self._decoder = Decoder(MemoryBudget(1 << 30, "A page"))
         values, at = [], len(MAGIC)
         while at + 4 <= len(data):
             end = at + 4 + int.from_bytes(data[at : at + 4], "little")

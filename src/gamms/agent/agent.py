@@ -6,7 +6,7 @@ from math import hypot
 from typing import Any, ClassVar, cast
 
 from gamms import kernels
-from gamms.agent.carried import carried
+from gamms.agent.carried_sensors import carried
 from gamms.arguments import as_bool, as_float, as_key, as_name, as_range, misspelt
 from gamms.core.agents import AgentView
 from gamms.deciding import ContextPart, DecidePhase, phase_of, refused_while_deciding

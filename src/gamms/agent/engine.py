@@ -12,7 +12,7 @@ from weakref import WeakSet
 import numpy as np
 
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
-from gamms.agent.carried import found_sensors, listed
+from gamms.agent.carried_sensors import found_sensors, listed
 from gamms.agent.snapshots import (
     AgentsSnapshot,
     Roster,
@@ -22,8 +22,8 @@ from gamms.agent.snapshots import (
 )
 from gamms.agent.teams import (
     AgentsByName,
-    Members,
     Team,
+    UncreatedMembers,
     column_of,
     is_attribute,
     make_member,
@@ -46,7 +46,7 @@ from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.actions import known_node, strategy_in
-from gamms.typing.agent_engine import AgentType, Departure, IAgentEngine, SensorsOfAgent, TurnAccess
+from gamms.typing.agent_engine import AgentType, DeletedAgent, IAgentEngine, SensorsOfAgent, TurnAccess
 from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, Strategy
 from gamms.typing.sensor_engine import ISensor, owner_of
 
@@ -71,7 +71,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         self._agents: dict[str, BaseAgent] = {}
         self._new_block()
         self._storage = AgentStorage(self)
-        self._last_departure = Departure()
+        self._last_departure = DeletedAgent()
         # deleted agents that a program still holds; each has its own block
         self._deleted: WeakSet[BaseAgent] = WeakSet()
 
@@ -247,7 +247,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
             members = self._added_together(names, nodes, team, strategy, values)
             note_created(self._block, names, given)
             return Team(self._ctx, team, members, lambda: self._block)
-        members, known = Members(names, strategy, {}), set(self._ctx.sensor.sensors)
+        members, known = UncreatedMembers(names, strategy, {}), set(self._ctx.sensor.sensors)
         try:
             for one, keywords in zip(names, given, strict=True):
                 members.made[one] = self.create_agent(one, **keywords)
@@ -261,7 +261,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
 
     def _added_together(
         self, names: tuple[str, ...], nodes: list[int], team: str, strategy: Any, values: dict[str, list[Any]]
-    ) -> Members:
+    ) -> UncreatedMembers:
         """Add agents without sensors; their objects are created on first access."""
         graph = self._ctx.graph.graph
         block = self._block
@@ -281,13 +281,13 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         block.has_teams = True
         block.add_all(names, nodes, team)
         columns = {name: column_of(column) for name, column in values.items()}
-        members = Members(names, strategy, columns)
+        members = UncreatedMembers(names, strategy, columns)
         if type(self._agents) is dict:
             self._agents = AgentsByName(self._agents, self._made)
         self._agents.update(dict.fromkeys(names, members))  # type: ignore[arg-type] # they stand in for agents
         return members
 
-    def _made(self, name: str, members: Members) -> BaseAgent:
+    def _made(self, name: str, members: UncreatedMembers) -> BaseAgent:
         return make_member(self._ctx, self._block, name, members)
 
     def get_agent(self, name: str) -> BaseAgent:
@@ -304,7 +304,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         if agent is None:
             self._ctx.logger.warning(f"{UnknownName('agent', name, self._agents)} Nothing is deleted.")
             return
-        departure = Departure(agent)
+        departure = DeletedAgent(agent)
         self._delete(agent)
         self._last_departure.next = self._last_departure = departure
 
@@ -329,7 +329,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
             block.journal = CLOSED
 
     def _stored(self) -> dict[str, Any]:
-        """Return name -> the agent, or the `Members` that it belongs to."""
+        """Return name -> the agent, or the `UncreatedMembers` that it belongs to."""
         return self._agents.stored() if isinstance(self._agents, AgentsByName) else dict(self._agents)
 
     def _new_block(self) -> None:
@@ -445,10 +445,10 @@ class AgentStorage(Guarded):
 
     def made(self) -> list[BaseAgent]:
         """Return the agents whose objects exist: all except unused members of teams."""
-        return [agent for agent in self._engine._stored().values() if type(agent) is not Members]
+        return [agent for agent in self._engine._stored().values() if type(agent) is not UncreatedMembers]
 
     @property
-    def last_departure(self) -> Departure:
+    def last_departure(self) -> DeletedAgent:
         """The agent that was deleted last."""
         return self._engine._last_departure
 
@@ -520,7 +520,7 @@ class AgentStorage(Guarded):
             memo |= {key: members.copied() for key, members in teams.items()}
             engine._agents = AgentsByName({}, engine._made)
         for name, agent in stored.items():
-            if type(agent) is Members:
+            if type(agent) is UncreatedMembers:
                 engine._agents[name] = memo[id(agent)]
                 continue
             shared: dict[int, Any] = {
@@ -546,7 +546,7 @@ class AgentStorage(Guarded):
             engine.block.write(row, columns)
         for name, agent in engine._stored().items():
             agent.strategy = None
-            if type(agent) is not Members and name not in known:
+            if type(agent) is not UncreatedMembers and name not in known:
                 before.write_attributes(agent)
 
     def _restore_agents(self, before: AgentsSnapshot) -> None:
@@ -563,8 +563,8 @@ class AgentStorage(Guarded):
             engine._block.succeed(block)
             engine._agents = AgentsByName({}, engine._made) if block.has_teams else {}
             for name, known in then.items():
-                agent = known.made.get(name, known) if type(known) is Members else known
-                if type(agent) is Members:
+                agent = known.made.get(name, known) if type(known) is UncreatedMembers else known
+                if type(agent) is UncreatedMembers:
                     engine._block.take_over(block, block.row_of(name))
                 else:
                     agent._live_in(engine._block)

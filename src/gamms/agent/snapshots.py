@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from gamms.agent.agent import BaseAgent
-from gamms.agent.teams import AgentsByName, Members
+from gamms.agent.teams import AgentsByName, UncreatedMembers
 from gamms.core.copies import copied_values
 from gamms.ir.agents import AgentBlock
 from gamms.ir.schema import PLACES
@@ -18,7 +18,7 @@ class Roster:
 
     Args:
         block: block of the agents.
-        stored: name -> the agent, or the `Members` that it belonged to, in the order of the rows.
+        stored: name -> the agent, or the `UncreatedMembers` that it belonged to, in the order of the rows.
 
     Attributes:
         stored: as given.
@@ -34,7 +34,7 @@ class Roster:
         self.version = block.structure, block.structure.version
         self.columns = block.structure_values()
         self.teams = list(teams_in(stored).values()) if block.has_teams else []
-        self.agents: list[BaseAgent] = [one for one in stored.values() if type(one) is not Members]
+        self.agents: list[BaseAgent] = [one for one in stored.values() if type(one) is not UncreatedMembers]
         self.strategies = [agent.strategy for agent in self.agents]
         self.sensors = [agent._sensor_list.copy() for agent in self.agents]
 
@@ -68,9 +68,9 @@ class AgentsSnapshot:
         return {name: node if position is None else position for name, node, position in places}
 
     def has(self, name: str, agent: Any) -> bool:
-        """Return whether an agent existed; `agent` may be its `Members`."""
+        """Return whether an agent existed; `agent` may be its `UncreatedMembers`."""
         known = self.roster.stored.get(name)
-        return known is agent or (type(known) is Members and known.made.get(name) is agent)
+        return known is agent or (type(known) is UncreatedMembers and known.made.get(name) is agent)
 
     def place_of(self, agent: BaseAgent) -> Any:
         """Return the node of an agent, or (x, y, z) if it flies; the present one if it was created later."""
@@ -111,10 +111,10 @@ class AgentsSnapshot:
             agent.__dict__.update(copied_values(own))
 
 
-def teams_in(stored: dict[str, Any]) -> dict[int, Members]:
-    """Return id() -> `Members`, for members whose objects do not exist."""
+def teams_in(stored: dict[str, Any]) -> dict[int, UncreatedMembers]:
+    """Return id() -> `UncreatedMembers`, for members whose objects do not exist."""
     each = dict(zip(map(id, stored.values()), stored.values(), strict=True))
-    return {key: one for key, one in each.items() if type(one) is Members}
+    return {key: one for key, one in each.items() if type(one) is UncreatedMembers}
 
 
 def details_of(stored: dict[str, Any]) -> list[tuple[dict[str, Any], dict[str, Any], Any]]:
@@ -122,7 +122,7 @@ def details_of(stored: dict[str, Any]) -> list[tuple[dict[str, Any], dict[str, A
     alike: dict[int, Any] = {key: ({}, {}, one.strategy) for key, one in teams_in(stored).items() if not one.columns}
     return [
         alike.get(id(one)) or ({}, one.attributes(name), one.strategy)
-        if type(one) is Members
+        if type(one) is UncreatedMembers
         else (one._sensor_list, one.__dict__, one.strategy)
         for name, one in stored.items()
     ]
@@ -133,11 +133,11 @@ def attributes_of(agents: dict[str, BaseAgent]) -> dict[int, dict[str, Any]]:
     if not isinstance(agents, AgentsByName):
         return {row: one.__dict__ for row, one in enumerate(agents.values()) if one.__dict__}
     stored = agents.stored_once()  # NOTE: a fifth of a loop over all members (benchmarks: teams, recorded)
-    if not any(type(one) is Members and one.columns for one in stored):
-        made = {one._row: one.__dict__ for one in stored if type(one) is not Members}
+    if not any(type(one) is UncreatedMembers and one.columns for one in stored):
+        made = {one._row: one.__dict__ for one in stored if type(one) is not UncreatedMembers}
         return {row: made[row] for row in sorted(made) if made[row]}
     return {
         row: found
         for row, (name, one) in enumerate(agents.stored_items())
-        if (found := one.attributes(name) if type(one) is Members else one.__dict__)
+        if (found := one.attributes(name) if type(one) is UncreatedMembers else one.__dict__)
     }

@@ -18,7 +18,7 @@ from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import Selection, without
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.sensor_results import Sensed
+from gamms.ir.sensor_results import LookResults
 from gamms.kernels.draws import BitArray
 from gamms.limits import max_memory, refuse_above
 from gamms.text import printable_line, shown
@@ -51,7 +51,7 @@ _OF_MEMBERS: dict[str, Callable[[Agent, Any], object]] = {
 """Other attributes that members check -> the same check, for all before one is set."""
 
 
-class Members:
+class UncreatedMembers:
     """The members of a team whose objects do not exist yet: they have no sensors, and each has a row in the block.
 
     Attributes:
@@ -79,31 +79,33 @@ class Members:
         number = self.numbers[name]
         return {key: column[number : number + 1].tolist()[0] for key, column in self.columns.items()}
 
-    def copied(self) -> "Members":
+    def copied(self) -> "UncreatedMembers":
         """Return the members as if no objects had been created."""
-        return Members(self.names, self.strategy, {name: column.copy() for name, column in self.columns.items()})
+        return UncreatedMembers(
+            self.names, self.strategy, {name: column.copy() for name, column in self.columns.items()}
+        )
 
 
 class AgentsByName(dict[str, BaseAgent]):
-    """All agents by name, in order of creation; `Members` stand in for agents without an object.
+    """All agents by name, in order of creation; `UncreatedMembers` stand in for agents without an object.
 
     Args:
         known: the agents.
         make: creates the object of a member by name.
     """
 
-    def __init__(self, known: Mapping[str, Any], make: "Callable[[str, Members], BaseAgent]") -> None:
+    def __init__(self, known: Mapping[str, Any], make: "Callable[[str, UncreatedMembers], BaseAgent]") -> None:
         super().__init__(known)
         self._make = make
 
     def __getitem__(self, name: str) -> BaseAgent:
         found: Any = super().__getitem__(name)
-        return self._made(name, found) if type(found) is Members else found
+        return self._made(name, found) if type(found) is UncreatedMembers else found
 
     def get(self, name: Any, default: Any = None) -> Any:
         """Return an agent by name, or the default."""
         found: Any = super().get(name, default)
-        return self._made(name, found) if type(found) is Members else found
+        return self._made(name, found) if type(found) is UncreatedMembers else found
 
     def __iter__(self) -> Iterator[str]:
         return super().__iter__()  # so that copies contain agents
@@ -123,29 +125,29 @@ class AgentsByName(dict[str, BaseAgent]):
         return dict(self.items())
 
     def stored_items(self) -> ItemsView[str, Any]:
-        """Return (name, agent or the `Members` it belongs to)."""
+        """Return (name, agent or the `UncreatedMembers` it belongs to)."""
         return super().items()
 
     def made(self) -> dict[str, BaseAgent]:
         """Return name -> agent for agents with an object, in no order."""
-        return {one.name: one for one in self.stored_once() if type(one) is not Members}
+        return {one.name: one for one in self.stored_once() if type(one) is not UncreatedMembers}
 
     def stored_once(self) -> set[Any]:
-        """Return the agents with an object and the `Members` that stand in for others, each once."""
+        """Return the agents with an object and the `UncreatedMembers` that stand in for others, each once."""
         return set(super().values())
 
     def stored(self) -> dict[str, Any]:
-        """Return name -> the agent, or the `Members` that it belongs to."""
+        """Return name -> the agent, or the `UncreatedMembers` that it belongs to."""
         return dict(self.stored_items())
 
-    def _made(self, name: str, members: Members) -> BaseAgent:
+    def _made(self, name: str, members: UncreatedMembers) -> BaseAgent:
         agent = self._make(name, members)
         super().__setitem__(name, agent)
         return agent
 
     def _make_all(self) -> None:
         for name, found in self.stored().items():
-            if type(found) is Members:
+            if type(found) is UncreatedMembers:
                 self._made(name, found)
 
 
@@ -160,7 +162,7 @@ class Team:
         names: names of the members.
     """
 
-    def __init__(self, ctx: IContext, name: str, members: Members, block_of: Callable[[], AgentBlock]) -> None:
+    def __init__(self, ctx: IContext, name: str, members: UncreatedMembers, block_of: Callable[[], AgentBlock]) -> None:
         self._ctx = ctx
         self.name = name
         self.names = members.names
@@ -326,7 +328,7 @@ class Team:
         """Return the names of the caller's attributes of members."""
         return {*self._members.columns, *(name for agent in self._members.made.values() for name in vars(agent))}
 
-    def sense(self, sensor: str | ISensor) -> Sensed:
+    def sense(self, sensor: str | ISensor) -> LookResults:
         """Read a sensor, given as an object or by id, at the positions of the members: one look for each.
 
         Raises:
@@ -419,7 +421,7 @@ class Team:
             )
 
 
-def make_member(ctx: IContext, block: AgentBlock, name: str, members: Members) -> Agent:
+def make_member(ctx: IContext, block: AgentBlock, name: str, members: UncreatedMembers) -> Agent:
     """Return a member of a team as an agent object, which is a view of its row."""
     agent = Agent.__new__(Agent)
     near = agent._begin(ctx, block, ()).neighborhoods

@@ -38,7 +38,7 @@ from gamms.visual.appearance import Rgb, table
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.graph import render_values
 from gamms.visual.drawing import drawing_of
-from gamms.visual.legend import Bar, Row, Rows, Values
+from gamms.visual.legend import ColoredValues, ColorScale, LegendRow, LegendRows
 
 _MOST_BYTES = 1 << 27  # approximate size of the cached results for one map
 _MARK = 16  # one in this many turns is cached
@@ -267,7 +267,7 @@ class Belief:
 def _observed(
     ground: BeliefMap, targets: Sequence[str], seen: list[Observation], metres: float
 ) -> tuple[core.Evidence, IntArray]:
-    """Return the observations of a turn in the form of `Chain.observed`.
+    """Return the observations of a turn in the form of `MotionChain.observed`.
 
     A look excludes a part of an edge only if it covers both ends, and the edge is straight. `metres` is the distance
     that the targets move per turn: targets seen within the turn had not moved so far at its beginning.
@@ -338,13 +338,15 @@ def artist(observer: str, target: str, motion: Motion | None = None, *, can_be: 
         (chances, most), colors = chances_of(ctx), colors_of(ctx)
         places = np.rint(np.array([*chances.values()]) / most * (len(colors) - 1)).astype(np.int64)
         ids = np.array([*chances], np.int64)
-        render_values(ctx, {"values": Values("nodes", ids, colors, places, None)})
+        render_values(ctx, {"values": ColoredValues("nodes", ids, colors, places, None)})
 
-    def legend(ctx: Context) -> Bar | Rows:
+    def legend(ctx: Context) -> ColorScale | LegendRows:
         if can_be:
-            return Rows("", (Row(_CAN_BE, f"{target} can be here"),))
+            return LegendRows("", (LegendRow(_CAN_BE, f"{target} can be here"),))
         _, most = chances_of(ctx)
-        return Bar(f"{target}, as {observer} believes", colors_of(ctx)[::12], "0", f"{most / 2:.3g}", f"{most:.3g}")
+        return ColorScale(
+            f"{target}, as {observer} believes", colors_of(ctx)[::12], "0", f"{most / 2:.3g}", f"{most:.3g}"
+        )
 
     draw.__dict__["once_a_turn"] = True  # beliefs are not animated between turns
     return {"drawer": draw, "layer": Layer.VALUES, "legend": legend}

@@ -7,7 +7,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_array, as_count, as_ids, as_items, as_key, as_known, as_mapping, as_numbers_of, as_range
 from gamms.belief.ground import BeliefMap, belief_map_of
-from gamms.belief.motion import Chain, Motion, as_motion, chain_of, evidence_of
+from gamms.belief.motion import Motion, MotionChain, as_motion, chain_of, evidence_of
 from gamms.core import belief as core
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
@@ -37,7 +37,7 @@ class StateProbabilities:
     def __init__(self, ground: BeliefMap, motion: Motion, metres: float | None, number: int) -> None:
         self._ground = ground
         pace = None if metres is None else as_range(metres, "metres of a filter")
-        self.chain: Chain = chain_of(as_motion(motion, "motion"), ground, pace)
+        self.chain: MotionChain = chain_of(as_motion(motion, "motion"), ground, pace)
         self._motion = motion
         if not ground.size:
             raise BadValue("A filter needs a map, but the graph has no nodes. Add nodes first.")

@@ -35,7 +35,7 @@ class Transitions(NamedTuple):
     shares: FloatArray  # (states,) initial probability of each state among those on its node
 
 
-class Chain:
+class MotionChain:
     """A Markov chain on a map, in the form of `gamms.core.belief`.
 
     Args:
@@ -61,11 +61,11 @@ class Chain:
         between = np.flatnonzero(self.edges >= 0)
         self.ends[between] = ground.columns.targets[self.edges[between]]
         bent = np.fromiter(ground.columns.polylines, np.int64, len(ground.columns.polylines))
-        self.ways = core.Ways(
+        self.ways = core.IncomingArcs(
             *map(kernels.buffer, kernels.ways_to(found.sources, found.targets, found.chances, states))
         )
         first_on, states_on = kernels.group_rows(found.rows, ground.size)
-        self.core = core.Chain(
+        self.core = core.MarkovChain(
             kernels.buffer(self.shares),
             kernels.buffer(first_on.astype(np.int32)),
             kernels.buffer(states_on.astype(np.int32)),
@@ -75,12 +75,12 @@ class Chain:
         )
         self._nodes = ground.size
 
-    def work_with(self, likelihoods: FloatArray) -> core.Work:
+    def work_with(self, likelihoods: FloatArray) -> core.ChainBuffers:
         """Return working memory for the core around an array of likelihoods (states,)."""
         sums = np.empty(len(self.rows))
         weighed = np.empty(len(self.rows))
         missed = np.ones(self._nodes)
-        return core.Work(*map(kernels.buffer, (likelihoods, sums, weighed, missed)))
+        return core.ChainBuffers(*map(kernels.buffer, (likelihoods, sums, weighed, missed)))
 
     def predicted(self, masses: FloatArray, steps: int) -> FloatArray:
         """Return probabilities (targets, states) after some steps."""
@@ -250,13 +250,13 @@ def mixture(models: Mapping[Motion, float]) -> Motion:
 
 
 @lru_cache(maxsize=32)
-def chain_of(motion: Motion, ground: BeliefMap, metres: float | None = None) -> Chain:
+def chain_of(motion: Motion, ground: BeliefMap, metres: float | None = None) -> MotionChain:
     """Return the chain of a model on a map, cached; in games by metres, with states on edges."""
     found = motion.make(ground)
-    return Chain(found, ground) if metres is None else _by_metres(found, ground, metres / motion.steps)
+    return MotionChain(found, ground) if metres is None else _by_metres(found, ground, metres / motion.steps)
 
 
-def _by_metres(found: Transitions, ground: BeliefMap, step_m: float) -> Chain:
+def _by_metres(found: Transitions, ground: BeliefMap, step_m: float) -> MotionChain:
     """Return a chain with states along edges: each step leads to a node, or on along an edge.
 
     A target that reaches a node within a step decides again in the next step.
@@ -264,7 +264,7 @@ def _by_metres(found: Transitions, ground: BeliefMap, step_m: float) -> Chain:
     here = np.arange(len(found.rows))
     number = len(found.rows)
     if step_m <= 0.0:
-        return Chain(found._replace(sources=here, targets=here, chances=np.ones(number)), ground)
+        return MotionChain(found._replace(sources=here, targets=here, chances=np.ones(number)), ground)
     pairs, which = np.unique(found.sources * number + found.targets, return_inverse=True)
     chances = np.bincount(which, found.chances)
     sources, targets = pairs // number, pairs % number
@@ -284,7 +284,7 @@ def _by_metres(found: Transitions, ground: BeliefMap, step_m: float) -> Chain:
     )
     offsets = (parts - first[edge_of] + 1) * step_m
     places = np.concatenate((np.full(number, -1), edges[edge_of])), np.concatenate((np.zeros(number), offsets))
-    return Chain(longer, ground, places)
+    return MotionChain(longer, ground, places)
 
 
 def _walk(ground: BeliefMap, stay: float | None) -> Transitions:

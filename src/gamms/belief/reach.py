@@ -26,7 +26,7 @@ _LITTLE = 1e-9  # metres: a positive speed, so that edges of length 0 can be pas
 class _OpenEdges(NamedTuple):
     """Edges that may have been open."""
 
-    ways: core.Ways  # edges with their costs
+    ways: core.IncomingArcs  # edges with their costs
     most_covered: FloatArray  # (nodes,) the longest part of an edge that an agent can have covered from there
     enough: float  # a speed that suffices for every path in one turn
 
@@ -123,7 +123,7 @@ def _edges_of(ground: BeliefMap, more: tuple[Arc, ...], in_metres: bool) -> _Ope
     most = np.full(ground.size, _LITTLE if in_metres else 1.0)
     if in_metres:
         np.maximum.at(most, sources, costs)
-    ways = core.Ways(*kernels.ways_to(sources, targets, costs, ground.size))
+    ways = core.IncomingArcs(*kernels.ways_to(sources, targets, costs, ground.size))
     return _OpenEdges(ways, most, 1.0 + float(costs.sum()))
 
 

@@ -12,24 +12,24 @@ from gamms.bridge.driving import Drive, drive
 from gamms.bridge.feeds import Clock, Feed, SimulatedClock, WallClock
 from gamms.bridge.lines import Fix
 from gamms.bridge.links import Link, Process, Udp, WebSocketServer
-from gamms.bridge.matching import Checks
+from gamms.bridge.matching import FixChecks
 from gamms.bridge.rosbridge import RosBridge, rosbridge
 from gamms.bridge.rules import positions, publish, traffic
 from gamms.bridge.simulated import SimulatedRobot
-from gamms.bridge.tracks import Matched, recording_from_tracks
+from gamms.bridge.tracks import TrackMatch, recording_from_tracks
 
 __all__ = [
-    "Checks",
     "Clock",
     "Drive",
     "Feed",
     "Fix",
+    "FixChecks",
     "Link",
-    "Matched",
     "Process",
     "RosBridge",
     "SimulatedClock",
     "SimulatedRobot",
+    "TrackMatch",
     "Udp",
     "WallClock",
     "WebSocketServer",

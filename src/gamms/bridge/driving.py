@@ -9,14 +9,14 @@ import numpy as np
 
 from gamms.arguments import as_name, as_range
 from gamms.bridge.feeds import Clock, Feed, Message, Send, Source, WallClock, as_feed
-from gamms.bridge.matching import XY, Checks, PositionTracker, RoadRoute, RoutePoint, route_along, route_of
+from gamms.bridge.matching import XY, FixChecks, PositionTracker, RoadRoute, RoutePoint, route_along, route_of
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import Move
 from gamms.visual.constants import Layer
-from gamms.visual.legend import SIGN, Row, Rows
+from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
 ROBOTS = "robots"  # in `ctx.game.data`: agent -> measured position and status of its robot
 _TICK_S = 0.05
@@ -35,7 +35,7 @@ def drive(
     send: Send | None = None,
     limit_s: float = 60.0,
     arrive_m: float = 3.0,
-    checks: Checks | None = None,
+    checks: FixChecks | None = None,
     clock: Clock | None = None,
 ) -> "Drive":
     """Make a rule by which a robot plays an agent: add it with `ctx.game.add(drive("anna", feed))`.
@@ -69,9 +69,9 @@ def drive(
     limits = as_range(limit_s, "limit_s"), as_range(arrive_m, "arrive_m")
     if limits[0] == inf:
         raise BadValue("limit_s must be finite: a robot that never arrives would hold the game forever.")
-    if checks is not None and not isinstance(checks, Checks):
-        raise BadType(f"checks must be gamms.bridge.Checks(…), not {shown(checks)}.")
-    return Drive(name, own, send or own.send, limits, (checks or Checks()).checked())
+    if checks is not None and not isinstance(checks, FixChecks):
+        raise BadType(f"checks must be gamms.bridge.FixChecks(…), not {shown(checks)}.")
+    return Drive(name, own, send or own.send, limits, (checks or FixChecks()).checked())
 
 
 class Drive:
@@ -87,7 +87,9 @@ class Drive:
     rank = -1
     __name__ = "drive"
 
-    def __init__(self, agent: str, feed: Feed, send: Send | None, limits: tuple[float, float], checks: Checks) -> None:
+    def __init__(
+        self, agent: str, feed: Feed, send: Send | None, limits: tuple[float, float], checks: FixChecks
+    ) -> None:
         self.agent = agent
         self.feed = feed
         self.limit_s, self._arrive_m = limits
@@ -103,7 +105,7 @@ class Drive:
         self._has_warned = False  # about degrees on a map without a CRS
         self.key = ("robot", agent)
         self.drawer = partial(self._draw)
-        legend = Rows("", (Row(SIGN, "robot, as measured", sign="ring"),))
+        legend = LegendRows("", (LegendRow(SIGN, "robot, as measured", sign="ring"),))
         self.drawer.__dict__.update(artist=f"robot {agent}", layer=Layer.FLAGS, legend=legend)
 
     def __repr__(self) -> str:

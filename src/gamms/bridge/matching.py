@@ -28,7 +28,7 @@ _DRIFT = 1e-3  # largest drift of a robot's clock, seconds per second
 XY = tuple[float, float]
 
 
-class Checks(NamedTuple):
+class FixChecks(NamedTuple):
     """Conditions that a fix must meet to count.
 
     Attributes:
@@ -41,13 +41,13 @@ class Checks(NamedTuple):
     max_speed: float = 40.0
     max_age_s: float = 2.0
 
-    def checked(self) -> "Checks":
+    def checked(self) -> "FixChecks":
         """Return the conditions as checked plain numbers.
 
         Raises:
             BadType, BadValue: a value is not a positive number.
         """
-        return Checks(*(as_positive(value, f"{name} of Checks") for name, value in self._asdict().items()))
+        return FixChecks(*(as_positive(value, f"{name} of FixChecks") for name, value in self._asdict().items()))
 
 
 class MeasuredPosition(NamedTuple):
@@ -73,7 +73,7 @@ class PositionTracker:
         counts: "taken", "off_map", "out_of_order", "outlier".
     """
 
-    def __init__(self, checks: Checks, to_xy: Callable[[float, float], XY]) -> None:
+    def __init__(self, checks: FixChecks, to_xy: Callable[[float, float], XY]) -> None:
         self._checks = checks
         self._to_xy = to_xy
         self.last: MeasuredPosition | None = None

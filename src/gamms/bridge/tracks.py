@@ -47,7 +47,7 @@ _COLUMNS = {
 Tracks = Iterable[str | os.PathLike[str]] | Mapping[str, str | os.PathLike[str] | Iterable[FixLike]]
 
 
-class Matched(NamedTuple):
+class TrackMatch(NamedTuple):
     """The quality of a track's match to the roads.
 
     Attributes:
@@ -98,7 +98,7 @@ def recording_from_tracks(
     noise_m: float = 5.0,
     within_m: float = 50.0,
     overwrite: bool = False,
-) -> list[Matched]:
+) -> list[TrackMatch]:
     """Write a recording in which agents follow tracks along the roads.
 
     The game measures moves in meters: after each turn an agent is at the position of its track at that time, on the
@@ -293,7 +293,7 @@ class _Matcher:
         self._shortest = shortest_edges(columns)
         self._search = kernels.Search(ctx.graph.routes.arcs(), columns.node_ids)
 
-    def match(self, name: str, points: _Track) -> tuple[list[_TrackPart], Matched]:
+    def match(self, name: str, points: _Track) -> tuple[list[_TrackPart], TrackMatch]:
         """Return the parts of a track, and how well it matches."""
         kept = self._distant_points(points)
         candidates = self._candidates(points.xy[kept])
@@ -311,7 +311,7 @@ class _Matcher:
             until = rows[stop] if stop < len(rows) else len(points.times)
             parts.append(self._part(run, rows[start:stop], points.times[:until]))
             off += [one.off for one in run]
-        return parts, Matched(name, len(points.times), len(kept) - len(near), len(parts), float(np.mean(off)))
+        return parts, TrackMatch(name, len(points.times), len(kept) - len(near), len(parts), float(np.mean(off)))
 
     def _distant_points(self, points: _Track) -> list[int]:
         """Return the indices of points that are farther from the last kept one than measurement errors explain."""

@@ -29,7 +29,7 @@ cdef class PointedColumns:
 
 
 @cython.final
-cdef class Moves:
+cdef class MoveColumns:
     cdef i64[::1] starts, ends
 
 
@@ -40,9 +40,9 @@ cdef class MovingAgents:
     cdef int[::1] counts
 
     @cython.locals(columns=AgentColumns, i=Py_ssize_t, node=i64)
-    cpdef int begin(self, Moves moves) except -1
+    cpdef int begin(self, MoveColumns moves) except -1
     @cython.locals(i=Py_ssize_t)
-    cpdef int count(self, Moves moves) except -1
+    cpdef int count(self, MoveColumns moves) except -1
 
 
 cdef class AgentView:

@@ -123,7 +123,7 @@ class PointedColumns:
         return 0
 
 
-class Moves:
+class MoveColumns:
     """The nodes where the agents of one game begin and end a turn."""
 
     def __init__(self, starts: memoryview[int], ends: memoryview[int]) -> None:
@@ -145,7 +145,7 @@ class MovingAgents:
         self.rows = rows
         self.counts = counts
 
-    def begin(self, moves: Moves) -> int:
+    def begin(self, moves: MoveColumns) -> int:
         """Set the start and the end of each move to the agent's current node (IndexError: a row does not exist)."""
         columns = self.columns
         for i in range(len(self.rows)):
@@ -154,7 +154,7 @@ class MovingAgents:
             moves.ends[i] = node
         return 0
 
-    def count(self, moves: Moves) -> int:
+    def count(self, moves: MoveColumns) -> int:
         """Count the moves that end on another node than they begin."""
         for i in range(len(self.rows)):
             if moves.starts[i] != moves.ends[i]:

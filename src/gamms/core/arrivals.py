@@ -11,9 +11,9 @@ from array import array
 from typing import Any
 
 from gamms.core import by_metres, moves, rules, travel
-from gamms.core.by_metres import Travelers
+from gamms.core.by_metres import MetreMovers
 from gamms.core.conflicts import resolve
-from gamms.core.rules import Games
+from gamms.core.rules import GameColumns
 
 SHORT = 1e-9  # the share of an edge between a node and an agent that may not enter it
 
@@ -90,10 +90,10 @@ class Arrivals:
         asked: (agents,) the number of arrivals of each agent in this turn.
         loses: (agents,) 1: the agent has lost a conflict and may not go on.
         legs, passed, nodes: (agents,) the number of legs, the number of nodes and the node of each agent at its last
-            arrival; see `travel.Trips`.
+            arrival; see `travel.TurnPaths`.
     """
 
-    def __init__(self, travelers: Travelers, agents: int, most: int) -> None:
+    def __init__(self, travelers: MetreMovers, agents: int, most: int) -> None:
         self.travelers = travelers
         self.most = most
         self.queue = Queue(agents)
@@ -105,7 +105,7 @@ class Arrivals:
         self.nodes = memoryview(array("q", bytes(8 * agents)))
 
 
-def play(games: Games, a: Arrivals, game: int) -> int:
+def play(games: GameColumns, a: Arrivals, game: int) -> int:
     """Play the moves of one turn of a game: agents decide, resolve conflicts and arrive until the turn is over."""
     set_out(games, a, a.travelers, game)
     while a.queue.size > 0:
@@ -118,7 +118,7 @@ def play(games: Games, a: Arrivals, game: int) -> int:
     return put_back(games, a.travelers, game)
 
 
-def put_back(games: Games, t: Travelers, game: int) -> int:
+def put_back(games: GameColumns, t: MetreMovers, game: int) -> int:
     """Put the agents of this part of the turn back to where they set out; `move` writes where they arrive."""
     for i in range(games.agents):
         row = game * games.agents + i
@@ -128,7 +128,7 @@ def put_back(games: Games, t: Travelers, game: int) -> int:
     return 0
 
 
-def set_out(games: Games, a: Arrivals, t: Travelers, game: int) -> int:
+def set_out(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     """Start a part of the turn: agents on their way continue, others decide, and first conflicts are resolved."""
     for i in range(games.agents):
         row = game * games.agents + i
@@ -147,7 +147,7 @@ def set_out(games: Games, a: Arrivals, t: Travelers, game: int) -> int:
     return 0
 
 
-def begin(games: Games, t: Travelers, game: int, i: int) -> int:
+def begin(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     """Start the turn of an agent: it continues on its way, decides, or waits for its part of the turn."""
     row = game * games.agents + i
     edge = t.trips.edge[i]
@@ -161,7 +161,7 @@ def begin(games: Games, t: Travelers, game: int, i: int) -> int:
     return 0
 
 
-def place_after(t: Travelers, row: int, i: int, legs: int) -> int:
+def place_after(t: MetreMovers, row: int, i: int, legs: int) -> int:
     """Return the place, as in `conflicts`, where an agent is after setting out; it had `legs` legs before."""
     leg = i * t.trips.most + t.trips.legs[i] - 1
     if t.trips.legs[i] == legs:
@@ -169,7 +169,7 @@ def place_after(t: Travelers, row: int, i: int, legs: int) -> int:
     return t.starts[row] if t.trips.begins[leg] == t.trips.ends[leg] else t.nodes + t.trips.edges[leg]
 
 
-def give_way(games: Games, a: Arrivals, t: Travelers, game: int) -> int:
+def give_way(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     """Resolve conflicts: mark the losers in `loses`, count them, and make the ends of all moves the new starts."""
     has_losers = False
     if t.movers.has_conflicts:
@@ -185,7 +185,7 @@ def give_way(games: Games, a: Arrivals, t: Travelers, game: int) -> int:
     return 0
 
 
-def depart(a: Arrivals, t: Travelers, i: int) -> int:
+def depart(a: Arrivals, t: MetreMovers, i: int) -> int:
     """Add an agent to the queue with the time at which its last leg reaches a node."""
     until = t.trips.until[i * t.trips.most + t.trips.legs[i] - 1]
     if t.trips.edge[i] < 0 and (until < 1.0 or t.movers.has_conflicts):
@@ -193,7 +193,7 @@ def depart(a: Arrivals, t: Travelers, i: int) -> int:
     return 0
 
 
-def arrive(games: Games, a: Arrivals, t: Travelers, game: int, now: float, count: int) -> int:
+def arrive(games: GameColumns, a: Arrivals, t: MetreMovers, game: int, now: float, count: int) -> int:
     """Move `count` agents to the nodes where they arrive at a time; if the turn is not over, they decide and go on."""
     for number in range(count):
         i = a.here[number]
@@ -222,7 +222,7 @@ def arrive(games: Games, a: Arrivals, t: Travelers, game: int, now: float, count
     return 0
 
 
-def come_back(a: Arrivals, t: Travelers, i: int) -> int:
+def come_back(a: Arrivals, t: MetreMovers, i: int) -> int:
     """Return an agent to the node of its last arrival."""
     t.trips.legs[i] = a.legs[i]
     t.trips.passed[i] = a.passed[i]
@@ -232,7 +232,7 @@ def come_back(a: Arrivals, t: Travelers, i: int) -> int:
     return 0
 
 
-def hold(games: Games, t: Travelers, game: int, i: int) -> int:
+def hold(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     """Stop an agent just before the node where it arrives."""
     leg = i * t.trips.most + t.trips.legs[i] - 1
     edge = t.trips.edges[leg]

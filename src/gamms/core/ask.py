@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from gamms.core.agents import Moves
+from gamms.core.agents import MoveColumns
 from gamms.core.form import as_dict
-from gamms.core.sight import Sight
+from gamms.core.sight import RangeSearch
 
 
-class Key:
+class StateKey:
     """A descriptor that reads a key of a dict as an attribute; only `action` can be set.
 
     Args:
@@ -40,7 +40,7 @@ class Key:
         state["action"] = value
 
 
-class Sensing:
+class SensorCall:
     """A sensor of an agent, prepared for repeated calls.
 
     Attributes:
@@ -59,7 +59,7 @@ class Sensing:
         self.number = number
 
 
-class Individual:
+class DecidingAgent:
     """An agent with its own strategy.
 
     Attributes:
@@ -69,7 +69,9 @@ class Individual:
         last: a list whose only item is the last state that it got.
     """
 
-    def __init__(self, agent: Any, strategy: Any, template: Any, sensors: tuple[Sensing, ...], last: list[Any]) -> None:
+    def __init__(
+        self, agent: Any, strategy: Any, template: Any, sensors: tuple[SensorCall, ...], last: list[Any]
+    ) -> None:
         self.agent = agent
         self.strategy = strategy
         self.template = template
@@ -79,7 +81,7 @@ class Individual:
 
 
 def sense_all(
-    carried: tuple[Sensing, ...], phase: Any, moment: Any, alike: Any, here: Any, legal: Any
+    carried: tuple[SensorCall, ...], phase: Any, moment: Any, alike: Any, here: Any, legal: Any
 ) -> dict[Any, Any]:
     """Call the sensors of an agent at its node; return name -> (type, data). `ask_each` describes the arguments."""
     sensed = {}
@@ -101,15 +103,15 @@ def sense_all(
     return sensed
 
 
-def look_around(known: Any, look: Sensing, here: Any) -> Any:
+def look_around(known: Any, look: SensorCall, here: Any) -> Any:
     """Return the data of a sensor from data shared by equal sensors; None: the sensor has to be called.
 
     Args:
-        known: a `Sight` or `Views`.
+        known: a `RangeSearch` or `NodeViews`.
         look: the sensor.
         here: the id of the observer's node.
     """
-    if type(known) is Sight:
+    if type(known) is RangeSearch:
         sight = known
         data = sight.seen_from(here, look.sensor._owner)
         view = sight.view
@@ -128,10 +130,10 @@ def look_around(known: Any, look: Sensing, here: Any) -> Any:
 def ask_each(
     answers: Any,
     phase: Any,
-    individuals: list[Individual],
-    sensors: list[tuple[Sensing, ...]],
+    individuals: list[DecidingAgent],
+    sensors: list[tuple[SensorCall, ...]],
     slots: Any,
-    moves: Moves,
+    moves: MoveColumns,
     near: Any,
     alike: Any,
 ) -> int:
@@ -149,7 +151,7 @@ def ask_each(
         slots: the slot of each agent.
         moves: the moves of all agents, by slot; the ends are written.
         near: node id -> the nodes that are legal along one edge.
-        alike: the data that each group of equal sensors shares: a `Sight`, `Views`, or None.
+        alike: the data that each group of equal sensors shares: a `RangeSearch`, `NodeViews`, or None.
     """
     make = answers.make
     shared = answers.state.team_memories

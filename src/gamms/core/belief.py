@@ -23,7 +23,7 @@ IS_UNKNOWN = UNKNOWN
 IS_ANYWHERE_ON_NODE = ANY_PLACE
 
 
-class Ways:
+class IncomingArcs:
     """The weighted arcs into each row of a table, for example transitions between the states of a chain.
 
     Args:
@@ -39,7 +39,7 @@ class Ways:
         self.weights = weights
 
 
-class Chain:
+class MarkovChain:
     """The states of a Markov chain on a map.
 
     Args:
@@ -71,7 +71,7 @@ class Chain:
         self.offsets = offsets
 
 
-class Work:
+class ChainBuffers:
     """Working memory for a chain.
 
     Args:
@@ -134,7 +134,7 @@ class Evidence:
 
 
 def predict(
-    ways: Ways,
+    ways: IncomingArcs,
     sums: memoryview[float],
     values: memoryview[float],
     at: int,
@@ -174,9 +174,9 @@ def predict(
 
 
 def observe(
-    c: Chain,
+    c: MarkovChain,
     e: Evidence,
-    w: Work,
+    w: ChainBuffers,
     values: memoryview[float],
     at: int,
     out: memoryview[float],
@@ -207,7 +207,9 @@ def observe(
     return 0
 
 
-def fill_likelihoods(c: Chain, e: Evidence, w: Work, target: int, begin: int, end: int, finding: int) -> bool:
+def fill_likelihoods(
+    c: MarkovChain, e: Evidence, w: ChainBuffers, target: int, begin: int, end: int, finding: int
+) -> bool:
     """Write the likelihood of looks and a finding for each state of a target; return whether one is not 1.0."""
     found = finding * e.targets + target
     if e.found[found] >= 0:
@@ -225,7 +227,7 @@ def fill_likelihoods(c: Chain, e: Evidence, w: Work, target: int, begin: int, en
     return is_changed
 
 
-def take_look(c: Chain, e: Evidence, w: Work, look: int) -> bool:
+def take_look(c: MarkovChain, e: Evidence, w: ChainBuffers, look: int) -> bool:
     """Multiply the likelihoods by the probability that a look misses the target; return whether one of them is not 1.0.
 
     On a covered edge, the greater probability of its two ends counts. A look does not change other edges.
@@ -252,7 +254,7 @@ def take_look(c: Chain, e: Evidence, w: Work, look: int) -> bool:
     return is_changed
 
 
-def mark_found(c: Chain, e: Evidence, w: Work, found: int) -> int:
+def mark_found(c: MarkovChain, e: Evidence, w: ChainBuffers, found: int) -> int:
     """Set the likelihoods of the states where a target was found to 1.0; on an edge, of the nearest states."""
     end = e.found_ends[found]
     node = e.found[found]
@@ -273,7 +275,13 @@ def mark_found(c: Chain, e: Evidence, w: Work, found: int) -> int:
 
 
 def weigh(
-    c: Chain, w: Work, is_changed: bool, values: memoryview[float], at: int, out: memoryview[float], to: int
+    c: MarkovChain,
+    w: ChainBuffers,
+    is_changed: bool,
+    values: memoryview[float],
+    at: int,
+    out: memoryview[float],
+    to: int,
 ) -> float:
     """Update the belief about one target by the likelihoods in the working memory.
 
@@ -303,7 +311,7 @@ def weigh(
     return found
 
 
-def begin_again(c: Chain, w: Work, out: memoryview[float], to: int) -> float:
+def begin_again(c: MarkovChain, w: ChainBuffers, out: memoryview[float], to: int) -> float:
     """Write weights of the states from the likelihoods alone; return their sum.
 
     The initial shares of states on edges are 0.0. If all possible states have a share of 0.0, they get equal weights.
@@ -323,7 +331,7 @@ def begin_again(c: Chain, w: Work, out: memoryview[float], to: int) -> float:
     return total
 
 
-def sum_of(c: Chain, w: Work, values: memoryview[float], at: int) -> float:
+def sum_of(c: MarkovChain, w: ChainBuffers, values: memoryview[float], at: int) -> float:
     """Return the sum over all states by pairwise summation: add the second half to the first until one is left."""
     number = c.states
     if number == 1:
@@ -344,7 +352,7 @@ def sum_of(c: Chain, w: Work, values: memoryview[float], at: int) -> float:
     return w.sums[0]
 
 
-def add_to_nodes(c: Chain, values: memoryview[float], at: int, out: memoryview[float], to: int) -> int:
+def add_to_nodes(c: MarkovChain, values: memoryview[float], at: int, out: memoryview[float], to: int) -> int:
     """Add the probability that a target is on each node to `out`."""
     for node in range(c.nodes):
         total = 0.0
@@ -373,7 +381,7 @@ def likeliest(chances: memoryview[float], turns: memoryview[float], at: int, nod
     return best
 
 
-def spread(ways: Ways, labels: memoryview[float], at: int) -> int:
+def spread(ways: IncomingArcs, labels: memoryview[float], at: int) -> int:
     """Spread a budget over a map: set each label to the greatest budget that is left on a path to the node.
 
     Only budgets above 0.0 spread (label correcting, as in the Bellman-Ford algorithm).

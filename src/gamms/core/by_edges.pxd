@@ -2,9 +2,9 @@ cimport cython
 
 from gamms.core cimport draws, moves, strategies, travel
 from gamms.core.conflicts cimport resolve
-from gamms.core.moves cimport Movers, Streets
-from gamms.core.rules cimport Games, Steps
-from gamms.core.travel cimport Reach, Ways
+from gamms.core.moves cimport OneEdgeMovers, LegalMoves
+from gamms.core.rules cimport GameColumns, AgentPaths
+from gamms.core.travel cimport ReachSearch, GoalPaths
 
 ctypedef unsigned char u8
 ctypedef long long i64
@@ -13,24 +13,24 @@ cdef extern from "math.h":
     cpdef double floor(double x) noexcept nogil
 
 
-cdef class EdgePaths(Steps):
-    cdef Streets streets
-    cdef Ways hops
-    cdef Reach reach
+cdef class EdgePaths(AgentPaths):
+    cdef LegalMoves streets
+    cdef GoalPaths hops
+    cdef ReachSearch reach
     cdef i64 most
     cdef const double[::1] speeds
     cdef i64[::1] ahead, route
     cdef double[::1] covered
-    cdef Steps kept
+    cdef AgentPaths kept
     cdef bint keeps
 
     @cython.locals(agent=i64, row=i64)
-    cdef int fill(self, Games games, i64 game) except -1 nogil
+    cdef int fill(self, GameColumns games, i64 game) except -1 nogil
 
 
 @cython.final
-cdef class Walkers:
-    cdef Movers movers
+cdef class EdgeMovers:
+    cdef OneEdgeMovers movers
     cdef EdgePaths walks
     cdef i64[::1] ahead
     cdef double[::1] covered
@@ -38,36 +38,36 @@ cdef class Walkers:
 
 cpdef int begin(EdgePaths walks, i64 i, i64 node, i64 ahead, double covered) except -1 nogil
 @cython.locals(found=bint, place=i64)
-cdef bint is_next(Streets streets, i64 node, i64 other) except -1 nogil
+cdef bint is_next(LegalMoves streets, i64 node, i64 other) except -1 nogil
 @cython.locals(node=i64, place=i64)
 cpdef Py_ssize_t list_legal(EdgePaths walks, i64 i) except -1 nogil
 cdef double whole_edges(double budget) except? -1.0 nogil
 @cython.locals(number=i64, at=i64, place=i64, other=i64)
 cdef int list_within(EdgePaths walks, i64 node, double hops) except -1 nogil
 @cython.locals(node=i64, by_hops=bint, first=i64, ahead=i64, onward=double, count=i64)
-cpdef bint go_towards(EdgePaths walks, i64 i, Ways ways, i64 memory, i64 target) except -1 nogil
+cpdef bint go_towards(EdgePaths walks, i64 i, GoalPaths ways, i64 memory, i64 target) except -1 nogil
 @cython.locals(budget=double, edges=i64, first=i64, place=i64, left=double)
 cpdef int walk(EdgePaths walks, i64 i, i64 count) except -1 nogil
 
 @cython.locals(number=i64)
-cdef int copy_walk(Steps steps, i64 row, Steps others, i64 other, i64 most) except -1 nogil
+cdef int copy_walk(AgentPaths steps, i64 row, AgentPaths others, i64 other, i64 most) except -1 nogil
 
 @cython.locals(i=i64, row=i64, part=i64)
-cpdef int decide(Games games, Walkers w, i64 game) except -1 nogil
+cpdef int decide(GameColumns games, EdgeMovers w, i64 game) except -1 nogil
 @cython.locals(row=i64, node=i64, target=i64, count=i64)
-cdef int choose(Games games, Walkers w, i64 game, i64 i) except -1 nogil
+cdef int choose(GameColumns games, EdgeMovers w, i64 game, i64 i) except -1 nogil
 @cython.locals(row=i64, by=u8, target=i64, count=i64)
-cdef Py_ssize_t target_of(Games games, Walkers w, i64 game, i64 i) except -2 nogil
+cdef Py_ssize_t target_of(GameColumns games, EdgeMovers w, i64 game, i64 i) except -2 nogil
 @cython.locals(i=i64, row=i64, goes=bint)
-cpdef int give_way(Games games, Walkers w, i64 game) except -1 nogil
-cdef int stay(Games games, Walkers w, i64 row, i64 i) except -1 nogil
+cpdef int give_way(GameColumns games, EdgeMovers w, i64 game) except -1 nogil
+cdef int stay(GameColumns games, EdgeMovers w, i64 row, i64 i) except -1 nogil
 @cython.locals(i=i64)
-cpdef int keep(Games games, Walkers w, i64 game) except -1 nogil
+cpdef int keep(GameColumns games, EdgeMovers w, i64 game) except -1 nogil
 @cython.locals(i=i64)
-cpdef int recall(Games games, Walkers w, i64 game) except -1 nogil
+cpdef int recall(GameColumns games, EdgeMovers w, i64 game) except -1 nogil
 @cython.locals(i=i64, row=i64)
-cpdef int settle(Games games, Walkers w, i64 game) except -1 nogil
+cpdef int settle(GameColumns games, EdgeMovers w, i64 game) except -1 nogil
 @cython.locals(i=i64, row=i64, part=i64)
-cpdef int move(Games games, Walkers w, i64 game) except -1 nogil
+cpdef int move(GameColumns games, EdgeMovers w, i64 game) except -1 nogil
 @cython.locals(first=i64, place=i64)
 cdef int go_in_part(EdgePaths walks, i64 i, i64 part, i64 parts) except -1 nogil

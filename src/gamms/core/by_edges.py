@@ -10,16 +10,16 @@ from math import floor
 
 from gamms.core import draws, moves, strategies, travel
 from gamms.core.conflicts import resolve
-from gamms.core.moves import Movers, Streets
-from gamms.core.rules import Games, Steps
-from gamms.core.travel import Reach, Ways
+from gamms.core.moves import LegalMoves, OneEdgeMovers
+from gamms.core.rules import AgentPaths, GameColumns
+from gamms.core.travel import GoalPaths, ReachSearch
 
 
-class EdgePaths(Steps):
+class EdgePaths(AgentPaths):
     """The paths of the agents of one game in a turn, along several edges or parts of edges.
 
     Attributes:
-        nodes, times, lengths: see `Steps`; each agent has room for `most` nodes, beginning with its start node.
+        nodes, times, lengths: see `AgentPaths`; each agent has room for `most` nodes, beginning with its start node.
         streets: the legal moves along one edge.
         hops: shortest paths by the number of edges.
         reach: working memory; after `list_legal`, the legal nodes of one agent.
@@ -36,21 +36,21 @@ class EdgePaths(Steps):
         nodes: memoryview[int],
         times: memoryview[float],
         lengths: memoryview[int],
-        streets: Streets,
-        hops: Ways,
+        streets: LegalMoves,
+        hops: GoalPaths,
         most: int,
         *,
         speeds: memoryview[float],
         ahead: memoryview[int],
         covered: memoryview[float],
         route: memoryview[int],
-        kept: Steps | None = None,
+        kept: AgentPaths | None = None,
     ) -> None:
         super().__init__(nodes, times, lengths)
         self.are_one_edge = False
         self.streets = streets
         self.hops = hops
-        self.reach: Reach = self.hops.reach
+        self.reach: ReachSearch = self.hops.reach
         self.most = most
         self.speeds = speeds
         self.ahead = ahead
@@ -59,7 +59,7 @@ class EdgePaths(Steps):
         self.kept = kept
         self.keeps = kept is not None
 
-    def fill(self, games: Games, game: int) -> int:
+    def fill(self, games: GameColumns, game: int) -> int:
         """Write the paths of the agents of a game; agents that a rule has placed elsewhere only get their node."""
         for agent in range(games.agents):
             row = game * games.agents + agent
@@ -71,18 +71,21 @@ class EdgePaths(Steps):
         return 0
 
 
-class Walkers:
-    """The agents of games with speeds in edges per turn; rows are as in `rules.Games`.
+class EdgeMovers:
+    """The agents of games with speeds in edges per turn; rows are as in `rules.GameColumns`.
 
-    `Games.edge` holds the node ahead, at the end of a partly covered edge, and `Games.share` the covered share.
+    `GameColumns.edge` holds the node ahead, at the end of a partly covered edge, and `GameColumns.share` the covered
+    share.
 
     Attributes:
         movers: the columns that are common to all kinds of movement.
         walks: the paths of one game.
-        ahead, covered: (rows,) the values of `Games.edge` and `Games.share` after the moves.
+        ahead, covered: (rows,) the values of `GameColumns.edge` and `GameColumns.share` after the moves.
     """
 
-    def __init__(self, movers: Movers, walks: EdgePaths, ahead: memoryview[int], covered: memoryview[float]) -> None:
+    def __init__(
+        self, movers: OneEdgeMovers, walks: EdgePaths, ahead: memoryview[int], covered: memoryview[float]
+    ) -> None:
         self.movers = movers
         self.walks = walks
         self.ahead = ahead
@@ -102,7 +105,7 @@ def begin(walks: EdgePaths, i: int, node: int, ahead: int, covered: float) -> in
     return 0
 
 
-def is_next(streets: Streets, node: int, other: int) -> bool:
+def is_next(streets: LegalMoves, node: int, other: int) -> bool:
     """Return whether the nodes are equal or an edge leads from the first to the second."""
     found = False
     for place in range(streets.offsets[node], streets.offsets[node + 1]):
@@ -158,7 +161,7 @@ def list_within(walks: EdgePaths, node: int, hops: float) -> int:
     return 0
 
 
-def go_towards(walks: EdgePaths, i: int, ways: Ways, memory: int, target: int) -> bool:
+def go_towards(walks: EdgePaths, i: int, ways: GoalPaths, memory: int, target: int) -> bool:
     """Move an agent toward a node until the turn is over; return whether it can.
 
     It takes a path with the fewest edges, and continues its partial edge if that is no longer.
@@ -217,7 +220,7 @@ def walk(walks: EdgePaths, i: int, count: int) -> int:
     return 0
 
 
-def copy_walk(steps: Steps, row: int, others: Steps, other: int, most: int) -> int:
+def copy_walk(steps: AgentPaths, row: int, others: AgentPaths, other: int, most: int) -> int:
     """Copy the path of an agent from row `row` of `steps` to row `other` of `others`; `most` is the room of a row."""
     others.lengths[other] = steps.lengths[row]
     for number in range(steps.lengths[row]):
@@ -229,7 +232,7 @@ def copy_walk(steps: Steps, row: int, others: Steps, other: int, most: int) -> i
 # -- the agents of a game --------------------------------------------------------------------------------------------
 
 
-def decide(games: Games, w: Walkers, game: int) -> int:
+def decide(games: GameColumns, w: EdgeMovers, game: int) -> int:
     """Choose the moves of the living agents in this part of the turn, and write their paths; all other agents stay."""
     part = w.movers.part[game]
     for i in range(games.agents):
@@ -247,7 +250,7 @@ def decide(games: Games, w: Walkers, game: int) -> int:
     return 0
 
 
-def choose(games: Games, w: Walkers, game: int, i: int) -> int:
+def choose(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
     """Let an agent decide, and write its path through the turn."""
     row = game * games.agents + i
     node = games.node[row]
@@ -275,7 +278,7 @@ def choose(games: Games, w: Walkers, game: int, i: int) -> int:
     return 0
 
 
-def target_of(games: Games, w: Walkers, game: int, i: int) -> int:
+def target_of(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
     """Return the node that an agent moves toward, by its own decision or a given action; -1: none."""
     row = game * games.agents + i
     by = w.movers.decides_by[i]
@@ -292,7 +295,7 @@ def target_of(games: Games, w: Walkers, game: int, i: int) -> int:
     return w.walks.reach.nodes[draws.below_at(w.movers.walks.keys[row], games.turn[game], 0, count)]
 
 
-def give_way(games: Games, w: Walkers, game: int) -> int:
+def give_way(games: GameColumns, w: EdgeMovers, game: int) -> int:
     """Resolve conflicts: the losers stay, and are counted."""
     if not w.movers.has_conflicts:
         return 0
@@ -307,7 +310,7 @@ def give_way(games: Games, w: Walkers, game: int) -> int:
     return 0
 
 
-def stay(games: Games, w: Walkers, row: int, i: int) -> int:
+def stay(games: GameColumns, w: EdgeMovers, row: int, i: int) -> int:
     """Undo the move of an agent: it stays at its node for the whole turn."""
     w.movers.ends[row] = games.start[row]
     begin(w.walks, i, games.start[row], -1, 0.0)
@@ -316,21 +319,21 @@ def stay(games: Games, w: Walkers, row: int, i: int) -> int:
     return 0
 
 
-def keep(games: Games, w: Walkers, game: int) -> int:
+def keep(games: GameColumns, w: EdgeMovers, game: int) -> int:
     """Store the paths of a game until its next phase."""
     for i in range(games.agents):
         copy_walk(w.walks, i, w.walks.kept, game * games.agents + i, w.walks.most)  # type: ignore[arg-type]
     return 0
 
 
-def recall(games: Games, w: Walkers, game: int) -> int:
+def recall(games: GameColumns, w: EdgeMovers, game: int) -> int:
     """Read the stored paths of a game."""
     for i in range(games.agents):
         copy_walk(w.walks.kept, game * games.agents + i, w.walks, i, w.walks.most)  # type: ignore[arg-type]
     return 0
 
 
-def settle(games: Games, w: Walkers, game: int) -> int:
+def settle(games: GameColumns, w: EdgeMovers, game: int) -> int:
     """Undo the moves of agents that are held, and of those that rules have placed elsewhere since they decided."""
     for i in range(games.agents):
         row = game * games.agents + i
@@ -343,7 +346,7 @@ def settle(games: Games, w: Walkers, game: int) -> int:
     return 0
 
 
-def move(games: Games, w: Walkers, game: int) -> int:
+def move(games: GameColumns, w: EdgeMovers, game: int) -> int:
     """Move the agents of this part of the turn, and store their paths if rules run later."""
     part = w.movers.part[game]
     moves.move(games, w.movers, game)

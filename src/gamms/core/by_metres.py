@@ -6,15 +6,15 @@ from array import array
 
 from gamms.core import draws, moves, rules, strategies, travel
 from gamms.core.conflicts import resolve
-from gamms.core.moves import Movers
-from gamms.core.rules import Events, Games, Steps
-from gamms.core.travel import LegalCache, Reach, Roads, Trips, Ways
+from gamms.core.moves import OneEdgeMovers
+from gamms.core.rules import AgentPaths, Events, GameColumns
+from gamms.core.travel import GoalPaths, LegalCache, ReachSearch, RoadEdges, TurnPaths
 
 ENDLESS = 1 << 32  # edges: more than any path has
 
 
-class Travelers:
-    """The agents of games by metres; rows are as in `rules.Games`.
+class MetreMovers:
+    """The agents of games by metres; rows are as in `rules.GameColumns`.
 
     Attributes:
         movers: the columns that are common to all kinds of movement.
@@ -35,11 +35,11 @@ class Travelers:
 
     def __init__(
         self,
-        movers: Movers,
-        ways: Ways,
-        near: Ways,
+        movers: OneEdgeMovers,
+        ways: GoalPaths,
+        near: GoalPaths,
         known: LegalCache,
-        trips: Trips,
+        trips: TurnPaths,
         events: Events,
         *,
         slots: int,
@@ -49,12 +49,12 @@ class Travelers:
         starts: memoryview[int],
         ends: memoryview[int],
         most_edges: int,
-        kept: Trips | None = None,
+        kept: TurnPaths | None = None,
     ) -> None:
         self.movers = movers
         self.ways = ways
-        self.roads: Roads = self.ways.roads
-        self.reach: Reach = self.ways.reach
+        self.roads: RoadEdges = self.ways.roads
+        self.reach: ReachSearch = self.ways.reach
         self.known = known
         self.trips = trips
         self.events = events
@@ -71,7 +71,7 @@ class Travelers:
         self.keeps = kept is not None
 
 
-def decide(games: Games, t: Travelers, game: int) -> int:
+def decide(games: GameColumns, t: MetreMovers, game: int) -> int:
     """Choose the moves of the living agents in this part of the turn, and find their paths; all other agents stay."""
     for i in range(games.agents):
         row = game * games.agents + i
@@ -84,7 +84,7 @@ def decide(games: Games, t: Travelers, game: int) -> int:
     return 0
 
 
-def is_there(games: Games, t: Travelers, game: int, i: int) -> bool:
+def is_there(games: GameColumns, t: MetreMovers, game: int, i: int) -> bool:
     """Return whether an agent has moved in an earlier part of the turn; otherwise place it at its start."""
     row = game * games.agents + i
     if t.movers.part_of[i] >= t.movers.part[game]:
@@ -96,7 +96,7 @@ def is_there(games: Games, t: Travelers, game: int, i: int) -> bool:
     return True
 
 
-def set_out(games: Games, t: Travelers, row: int, i: int) -> int:
+def set_out(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
     """Start the turn of an agent at its position."""
     moves.set_out(games, t.movers, row)
     t.drawn[i] = 0
@@ -105,7 +105,7 @@ def set_out(games: Games, t: Travelers, row: int, i: int) -> int:
     return 0
 
 
-def rest(t: Travelers, i: int) -> int:
+def rest(t: MetreMovers, i: int) -> int:
     """Stop an agent that is on an edge and has not moved."""
     if t.trips.edge[i] >= 0 and t.trips.legs[i] == 0:
         travel.stand(t.trips, i)
@@ -113,7 +113,7 @@ def rest(t: Travelers, i: int) -> int:
     return 0
 
 
-def choose(games: Games, t: Travelers, game: int, i: int) -> int:
+def choose(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     """Let an agent decide, and move it along a path to its target; an impossible move is noted as illegal."""
     row = game * games.agents + i
     t.movers.blocked[row] = 0
@@ -134,7 +134,7 @@ def choose(games: Games, t: Travelers, game: int, i: int) -> int:
     return 0
 
 
-def go_along(t: Travelers, row: int, i: int) -> int:
+def go_along(t: MetreMovers, row: int, i: int) -> int:
     """Move an agent along the route that a function has given."""
     count = t.movers.routes.take(row, t.trips.route)  # type: ignore[union-attr] # there are some
     if count >= 0:
@@ -142,19 +142,19 @@ def go_along(t: Travelers, row: int, i: int) -> int:
     return 0
 
 
-def begin(games: Games, t: Travelers, row: int, i: int) -> int:
+def begin(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
     """Place an agent at its position at the start of a turn."""
     return travel.begin(
         t.trips, i, games.node[row], games.edge[row], games.share[row], t.motion[row], 0.0, t.speeds[i], t.most_edges
     )
 
 
-def place_of(t: Travelers, i: int) -> int:
+def place_of(t: MetreMovers, i: int) -> int:
     """Return the place of an agent, as in `conflicts`: its node, or its edge numbered after all nodes."""
     return t.trips.node[i] if t.trips.edge[i] < 0 else t.nodes + t.trips.edge[i]
 
 
-def target_of(games: Games, t: Travelers, game: int, i: int) -> int:
+def target_of(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     """Return the node that an agent moves toward, by its own decision or a given action; -1: none."""
     row = game * games.agents + i
     by = t.movers.decides_by[i]
@@ -183,13 +183,13 @@ def target_of(games: Games, t: Travelers, game: int, i: int) -> int:
     return travel.legal_node(t.roads, t.reach, t.known, i, node, number)
 
 
-def drawn(games: Games, t: Travelers, row: int, i: int, bound: int) -> int:
+def drawn(games: GameColumns, t: MetreMovers, row: int, i: int, bound: int) -> int:
     """Return the next random number of an agent below a bound."""
     t.drawn[i] += 1
     return draws.below_at(t.movers.walks.keys[row], games.turn[row // games.agents], t.drawn[i] - 1, bound)
 
 
-def by_steps(t: Travelers, game: int, i: int) -> int:
+def by_steps(t: MetreMovers, game: int, i: int) -> int:
     """Return the node that the strategy steps of an agent choose among its known legal nodes; -1: none."""
     edge = t.trips.edge[i]
     t.movers.by_steps.ahead = t.roads.targets[edge] if edge >= 0 else -1  # type: ignore[union-attr] # there are some
@@ -200,7 +200,7 @@ def by_steps(t: Travelers, game: int, i: int) -> int:
     return node
 
 
-def stay(games: Games, t: Travelers, row: int, i: int) -> int:
+def stay(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
     """Undo the move of an agent: it stays at its position for the whole turn."""
     begin(games, t, row, i)
     travel.stand(t.trips, i)
@@ -208,7 +208,7 @@ def stay(games: Games, t: Travelers, row: int, i: int) -> int:
     return 0
 
 
-def give_way(games: Games, t: Travelers, game: int) -> int:
+def give_way(games: GameColumns, t: MetreMovers, game: int) -> int:
     """Resolve conflicts: the losers stay, and are counted."""
     if not t.movers.has_conflicts:
         return 0
@@ -224,21 +224,21 @@ def give_way(games: Games, t: Travelers, game: int) -> int:
     return 0
 
 
-def keep(games: Games, t: Travelers, game: int) -> int:
+def keep(games: GameColumns, t: MetreMovers, game: int) -> int:
     """Store the paths of a game until its next phase."""
     for i in range(games.agents):
         travel.copy_trip(t.trips, i, t.kept, game * games.agents + i)  # type: ignore[arg-type] # there are some
     return 0
 
 
-def recall(games: Games, t: Travelers, game: int) -> int:
+def recall(games: GameColumns, t: MetreMovers, game: int) -> int:
     """Read the stored paths of a game."""
     for i in range(games.agents):
         travel.copy_trip(t.kept, game * games.agents + i, t.trips, i)  # type: ignore[arg-type] # there are some
     return 0
 
 
-def settle(games: Games, t: Travelers, game: int) -> int:
+def settle(games: GameColumns, t: MetreMovers, game: int) -> int:
     """Undo the moves of agents that are held, and of those that rules have placed elsewhere since they decided."""
     for i in range(games.agents):
         row = game * games.agents + i
@@ -256,7 +256,7 @@ def settle(games: Games, t: Travelers, game: int) -> int:
     return 0
 
 
-def move(games: Games, t: Travelers, game: int) -> int:
+def move(games: GameColumns, t: MetreMovers, game: int) -> int:
     """Move the agents of this part of the turn, and count the moves to other nodes."""
     part = t.movers.part[game]
     for i in range(games.agents):
@@ -270,7 +270,7 @@ def move(games: Games, t: Travelers, game: int) -> int:
     return moves.end_part(games, t.movers, game)
 
 
-def go(games: Games, t: Travelers, row: int, i: int) -> int:
+def go(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
     """Write the end of an agent's path to the columns of the games."""
     t.movers.ends[row] = t.trips.node[i]
     moves.go(games, t.movers, row)
@@ -280,7 +280,7 @@ def go(games: Games, t: Travelers, row: int, i: int) -> int:
     return 0
 
 
-class MetrePaths(Steps):
+class MetrePaths(AgentPaths):
     """The paths of the agents of one game by metres in a turn, in the form that `contacts` reads.
 
     Args:
@@ -288,13 +288,13 @@ class MetrePaths(Steps):
         roads: the map.
         edge_streets, edge_flags: (edges,) the street and flags of each edge; see `contacts.Legs`.
         sources, targets, streets, flags, metres: (agents * most,) columns of the legs.
-        kept: see `Travelers`.
+        kept: see `MetreMovers`.
     """
 
     def __init__(
         self,
-        trips: Trips,
-        roads: Roads,
+        trips: TurnPaths,
+        roads: RoadEdges,
         nodes: memoryview[int],
         times: memoryview[float],
         lengths: memoryview[int],
@@ -305,7 +305,7 @@ class MetrePaths(Steps):
         streets: memoryview[int],
         flags: memoryview[int],
         metres: memoryview[float],
-        kept: Trips | None = None,
+        kept: TurnPaths | None = None,
     ) -> None:
         super().__init__(nodes, times, lengths)
         self.are_one_edge = False
@@ -321,7 +321,7 @@ class MetrePaths(Steps):
         self.kept = kept
         self.keeps = kept is not None
 
-    def fill(self, games: Games, game: int) -> int:
+    def fill(self, games: GameColumns, game: int) -> int:
         """Write the paths of the agents of a game; agents that a rule has placed elsewhere only get their node."""
         for agent in range(games.agents):
             row = game * games.agents + agent

@@ -1,7 +1,7 @@
 cimport cython
 
 from gamms.core cimport draws
-from gamms.core.agents cimport Moves
+from gamms.core.agents cimport MoveColumns
 
 ctypedef unsigned char u8
 ctypedef int i32
@@ -21,13 +21,13 @@ cdef class Contests:
     cdef u8[::1] stays
 
 @cython.final
-cdef class Requests:
+cdef class MoveRequests:
     cdef const i64[::1] starts, ends, offsets, limits
     cdef const u8[::1] counts
     cdef const u64[::1] ranks
 
 @cython.locals(i=i64)
-cpdef int begin(Contests c, Requests requests, i64 at) except -1 nogil
+cpdef int begin(Contests c, MoveRequests requests, i64 at) except -1 nogil
 @cython.locals(i=i64, low=i32, groups=i64, found=i32, g=i64)
 cpdef i64 find_exchanges(Contests c) except -1 nogil
 @cython.locals(start=i32, end=i32)
@@ -39,15 +39,15 @@ cdef int list_members(Contests c, i64 found) except -1 nogil
 @cython.locals(k=i64, m=i64, i=i64, way=i32)
 cpdef int end_exchanges(Contests c, i64 found) except -1 nogil
 @cython.locals(i=i64, p=i64, queued=i64)
-cpdef i64 find_contests(Contests c, Requests requests) except -1 nogil
+cpdef i64 find_contests(Contests c, MoveRequests requests) except -1 nogil
 @cython.locals(lost=i64, k=i64, m=i64, p=i64, i=i64, known=i64, queued=i64)
-cpdef i64 find_more_contests(Contests c, Requests requests, i64 found) except -1 nogil
+cpdef i64 find_more_contests(Contests c, MoveRequests requests, i64 found) except -1 nogil
 @cython.locals(found=i64, members=i64, k=i64, p=i64, i=i64, coming=i64, node=i64, free=i64)
-cdef i64 list_contests(Contests c, Requests requests, i64 queued) except -1 nogil
+cdef i64 list_contests(Contests c, MoveRequests requests, i64 queued) except -1 nogil
 @cython.locals(i=i64)
 cpdef int clear(Contests c) except -1 nogil
 @cython.locals(k=i64, m=i64, begin=i64, able=i64, i=i64)
-cdef int decide(Contests c, Requests requests, i64 found, i64 at, i64 turn) except -1 nogil
+cdef int decide(Contests c, MoveRequests requests, i64 found, i64 at, i64 turn) except -1 nogil
 cdef bint is_ahead(Contests c, i64 i, i64 j) noexcept nogil
 @cython.locals(k=i64, m=i64, i=i64)
 cdef int put_best_first(Contests c, i64 begin, i64 end, i64 number) except -1 nogil
@@ -56,19 +56,19 @@ cdef int sift(Contests c, i64 begin, i64 number, i64 k) except -1 nogil
 @cython.locals(last=i64, found=i32, i=Py_ssize_t, k=i64, n=i64)
 cpdef int number_ids(const i64[::1] ids, i64[::1] keys, i32[::1] slots, i32[::1] used, i64[::1] numbers) except -1 nogil
 @cython.locals(at=i64, at_ranks=i64, found=i64, stopped=i64, i=i64)
-cpdef i64 resolve(Contests c, Requests requests, i64 game, i64 turn) except -1 nogil
+cpdef i64 resolve(Contests c, MoveRequests requests, i64 game, i64 turn) except -1 nogil
 @cython.locals(stopped=i64, here=i64, game=Py_ssize_t, i=i64)
-cpdef i64 resolve_games(Contests c, Requests requests, const i64[::1] turns, u8[::1] stays) except -1 nogil
+cpdef i64 resolve_games(Contests c, MoveRequests requests, const i64[::1] turns, u8[::1] stays) except -1 nogil
 
 @cython.final
-cdef class Numbering:
+cdef class NodeNumbering:
     cdef i64[::1] keys, ids, numbers
     cdef i32[::1] slots, used
 
     @cython.locals(i=Py_ssize_t, agents=Py_ssize_t)
-    cpdef int number_moves(self, Moves moves) except -1 nogil
+    cpdef int number_moves(self, MoveColumns moves) except -1 nogil
 
 
-cpdef i64 resolve_moves(Contests c, Requests requests, Numbering numbering, Moves moves, i64 turn) except -1 nogil
+cpdef i64 resolve_moves(Contests c, MoveRequests requests, NodeNumbering numbering, MoveColumns moves, i64 turn) except -1 nogil
 @cython.locals(i=i64, found=list)
 cpdef list losers(Contests c)

@@ -12,7 +12,7 @@ equal agents and the order of contests never depend on the order in which agents
 from __future__ import annotations
 
 from gamms.core import draws
-from gamms.core.agents import Moves
+from gamms.core.agents import MoveColumns
 
 NEVER = 1 << 62  # the rank of an agent that wins no contest
 UNRANKED = NEVER + 1  # an agent without a rank: in a contest, it stays as `NEEDS_RANK`
@@ -40,7 +40,7 @@ class Contests:
         places: the number of places of a team.
         least: the smallest capacity of a place.
         allow_swaps: whether agents may exchange nodes.
-        is_drawn: whether `Requests.ranks` are keys, from which ranks are drawn for each turn.
+        is_drawn: whether `MoveRequests.ranks` are keys, from which ranks are drawn for each turn.
         tables: (2 * all places,) 32-bit integers: the first half -1, the second half 0.
         rows: (7 * agents,) 32-bit integers, all 0.
         members: (agents,) 32-bit integers: the agents of all contests, contest by contest.
@@ -100,7 +100,7 @@ class Contests:
         self.stays = stays
 
 
-class Requests:
+class MoveRequests:
     """The moves that the agents of games want to make; rows are game by game.
 
     Attributes:
@@ -129,7 +129,7 @@ class Requests:
         self.ranks = ranks
 
 
-def begin(c: Contests, requests: Requests, at: int) -> int:
+def begin(c: Contests, requests: MoveRequests, at: int) -> int:
     """Read the moves of the game that begins at row `at`."""
     for i in range(c.agents):
         c.stays[i] = GOES
@@ -235,7 +235,7 @@ def end_exchanges(c: Contests, found: int) -> int:
     return 0
 
 
-def find_contests(c: Contests, requests: Requests) -> int:
+def find_contests(c: Contests, requests: MoveRequests) -> int:
     """Find the places that more agents want to enter than they have room for; return the number of contests."""
     queued = 0
     for i in range(c.agents - 1, -1, -1):
@@ -254,7 +254,7 @@ def find_contests(c: Contests, requests: Requests) -> int:
     return list_contests(c, requests, queued)
 
 
-def find_more_contests(c: Contests, requests: Requests, found: int) -> int:
+def find_more_contests(c: Contests, requests: MoveRequests, found: int) -> int:
     """Move the losers of `found` contests back to their start places; return the number of new contests there."""
     lost = 0
     for k in range(found):
@@ -283,7 +283,7 @@ def find_more_contests(c: Contests, requests: Requests, found: int) -> int:
     return list_contests(c, requests, queued)
 
 
-def list_contests(c: Contests, requests: Requests, queued: int) -> int:
+def list_contests(c: Contests, requests: MoveRequests, queued: int) -> int:
     """List the contests among queued places, with members in the order of agents; return the number of contests."""
     found = 0
     members = 0
@@ -318,7 +318,7 @@ def clear(c: Contests) -> int:
     return 0
 
 
-def decide(c: Contests, requests: Requests, found: int, at: int, turn: int) -> int:
+def decide(c: Contests, requests: MoveRequests, found: int, at: int, turn: int) -> int:
     """Decide contests: members with the smallest ranks win, ties go to the first agents, and all others stay.
 
     Args:
@@ -420,7 +420,7 @@ def number_ids(
     return found
 
 
-def resolve(c: Contests, requests: Requests, game: int, turn: int) -> int:
+def resolve(c: Contests, requests: MoveRequests, game: int, turn: int) -> int:
     """Resolve the conflicts of a game: write `c.stays`, and return the number of agents that stay.
 
     Args:
@@ -449,7 +449,7 @@ def resolve(c: Contests, requests: Requests, game: int, turn: int) -> int:
     return stopped
 
 
-def resolve_games(c: Contests, requests: Requests, turns: memoryview[int], stays: memoryview[int]) -> int:
+def resolve_games(c: Contests, requests: MoveRequests, turns: memoryview[int], stays: memoryview[int]) -> int:
     """Resolve the conflicts of several games; return the number of agents that stay.
 
     Args:
@@ -468,7 +468,7 @@ def resolve_games(c: Contests, requests: Requests, turns: memoryview[int], stays
     return stopped
 
 
-class Numbering:
+class NodeNumbering:
     """Numbers the nodes of the moves of one game from 0, in each turn.
 
     Attributes:
@@ -491,7 +491,7 @@ class Numbering:
         self.slots = slots
         self.used = used
 
-    def number_moves(self, moves: Moves) -> int:
+    def number_moves(self, moves: MoveColumns) -> int:
         """Number the start and end nodes of moves; return the number of different nodes."""
         agents = len(moves.starts)
         for i in range(agents):
@@ -500,7 +500,7 @@ class Numbering:
         return number_ids(self.ids, self.keys, self.slots, self.used, self.numbers)
 
 
-def resolve_moves(c: Contests, requests: Requests, numbering: Numbering, moves: Moves, turn: int) -> int:
+def resolve_moves(c: Contests, requests: MoveRequests, numbering: NodeNumbering, moves: MoveColumns, turn: int) -> int:
     """Resolve the conflicts of a single game: write `c.stays`, and return the number of agents that stay.
 
     Args:

@@ -35,7 +35,7 @@ cdef class NearNodes:
     cdef const i64[::1] arcs, heads
     cdef const double[::1] costs
     cdef double limit
-    cdef travel.Reach search
+    cdef travel.ReachSearch search
     cdef i64[::1] offsets, counts, ends
     cdef double[::1] far
     cdef i64 used
@@ -51,13 +51,13 @@ cdef class NearNodes:
 
 
 @cython.final
-cdef class Places:
+cdef class NodePositions:
     cdef const i64[::1] numbers
     cdef const double[::1] xyz
 
 
 @cython.final
-cdef class Lines:
+cdef class PathSegments:
     cdef readonly i64 parts
     cdef const i64[::1] offsets
     cdef const double[::1] since, until, begins, ends
@@ -81,7 +81,7 @@ cdef class NodeNumbers:
 
 
 @cython.final
-cdef class Pieces:
+cdef class MotionIntervals:
     cdef readonly i64[::1] agents, nodes, order
     cdef readonly double[::1] since
     cdef i64[::1] legs, keys, next, first
@@ -99,10 +99,10 @@ cdef class Pieces:
 cdef class Contacts:
     cdef Tracks tracks
     cdef Legs legs
-    cdef readonly Pieces pieces
+    cdef readonly MotionIntervals pieces
     cdef NearNodes reach
-    cdef Places places
-    cdef Lines lines
+    cdef NodePositions places
+    cdef PathSegments lines
     cdef const u64[::1] names, purposes
     cdef const i64[::1] turns
     cdef readonly i64[::1] games, a, b, a_nodes, b_nodes, on_edges, order
@@ -200,7 +200,7 @@ cdef class Contacts:
 
 
 @cython.locals(agent=i64, row=i64, first=i64, last=i64, leg=i64, beyond=i64, one=i64, node=i64, until=double, place=i64)
-cdef int put_visits(Tracks tracks, Legs legs, Pieces pieces, i64 game) except -1 nogil
+cdef int put_visits(Tracks tracks, Legs legs, MotionIntervals pieces, i64 game) except -1 nogil
 @cython.locals(first=i64, leg=i64)
 cdef bint is_there(Tracks tracks, Legs legs, i64 row) except -1 nogil
 cdef int compared(double one, double other) noexcept nogil

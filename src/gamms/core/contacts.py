@@ -1,8 +1,8 @@
 """Contacts of a turn: the pairs of agents that meet, with time and place.
 
-A turn is the time from 0 to 1. `Tracks` and `Legs` hold the paths of agents, `NearNodes` and `Lines` the distances
-between places; `Contacts` finds the pairs that meet, and sorts them by time. Rows of all columns are agents, game by
-game: the row of agent `i` of a game is `game * agents + i`.
+A turn is the time from 0 to 1. `Tracks` and `Legs` hold the paths of agents, `NearNodes` and `PathSegments` the
+distances between places; `Contacts` finds the pairs that meet, and sorts them by time. Rows of all columns are agents,
+game by game: the row of agent `i` of a game is `game * agents + i`.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ class NearNodes:
         heads: memoryview[int],
         costs: memoryview[float],
         limit: float,
-        search: travel.Reach,
+        search: travel.ReachSearch,
     ) -> None:
         nodes = len(arcs) - 1
         self.arcs = arcs
@@ -212,7 +212,7 @@ class NearNodes:
         return INFINITE
 
 
-class Places:
+class NodePositions:
     """The positions of agents on the nodes that they pass, in games that count edges.
 
     Attributes:
@@ -225,7 +225,7 @@ class Places:
         self.xyz = xyz
 
 
-class Lines:
+class PathSegments:
     """The straight segments of the paths of agents, in games by metres.
 
     Attributes:
@@ -306,7 +306,7 @@ class NodeNumbers:
         return 0
 
 
-class Pieces:
+class MotionIntervals:
     """Working memory: intervals of the movement of agents of one game, and an index of them by key.
 
     Attributes:
@@ -391,7 +391,7 @@ class Contacts:
         kept: the number of contacts in `order`.
     """
 
-    def __init__(self, pieces: Pieces) -> None:
+    def __init__(self, pieces: MotionIntervals) -> None:
         self.pieces = pieces
         self.make_room(0)
         self.count = 0
@@ -406,8 +406,8 @@ class Contacts:
         turns: memoryview[int],
         *,
         reach: NearNodes,
-        places: Places,
-        lines: Lines,
+        places: NodePositions,
+        lines: PathSegments,
         crossing: bool,
         by_metres: bool,
     ) -> None:
@@ -1132,7 +1132,7 @@ class Contacts:
         return 0
 
 
-def put_visits(tracks: Tracks, legs: Legs, pieces: Pieces, game: int) -> int:
+def put_visits(tracks: Tracks, legs: Legs, pieces: MotionIntervals, game: int) -> int:
     """Add the intervals in which agents are on nodes; a node that is left at time 0 is no visit of this turn."""
     for agent in range(tracks.agents):
         row = game * tracks.agents + agent

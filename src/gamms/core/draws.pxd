@@ -24,15 +24,15 @@ cpdef int fill_bits(const u64[::1] keys, const i64[::1] counts, u64[::1] out) ex
 
 
 @cython.final
-cdef class Choices:
+cdef class RandomChoices:
     cdef const u64[::1] keys
     cdef const i64[::1] counts
     cdef i64[::1] chosen
 
 
 @cython.locals(row=i64)
-cdef int choose(Choices choices, i64 begin, i64 number, i64 turn) except -1 nogil
-cdef class Turns:
+cdef int choose(RandomChoices choices, i64 begin, i64 number, i64 turn) except -1 nogil
+cdef class TurnCounter:
     cdef readonly object clock
     cdef readonly i64 turn, begun, seeds
 
@@ -41,11 +41,11 @@ cdef class Turns:
 
 
 cdef class TurnStream:
-    cdef Turns _turns
+    cdef TurnCounter _turns
     cdef i64 _begun, _count, _seeds
     cdef u64 _key, _first
 
-    @cython.locals(turns=Turns, begun=i64)
+    @cython.locals(turns=TurnCounter, begun=i64)
     cdef int _seek(self) except -1
     cdef u64 _next(self) except? 1
     @cython.locals(bound=u64)

@@ -118,7 +118,7 @@ def fill_bits(keys: memoryview[int], counts: memoryview[int], out: memoryview[in
     return 0
 
 
-class Choices:
+class RandomChoices:
     """Random numbers of agents; rows are game by game.
 
     Attributes:
@@ -133,14 +133,14 @@ class Choices:
         self.chosen = chosen
 
 
-def choose(choices: Choices, begin: int, number: int, turn: int) -> int:
+def choose(choices: RandomChoices, begin: int, number: int, turn: int) -> int:
     """Write draw number 0 of a turn for `number` rows from row `begin`."""
     for row in range(begin, begin + number):
         choices.chosen[row] = below_at(choices.keys[row], turn, 0, choices.counts[row])
     return 0
 
 
-class Turns:
+class TurnCounter:
     """A counter of turns, shared by all random streams of a game.
 
     Args:
@@ -190,12 +190,12 @@ class TurnStream:
         turns: the turns of the game.
     """
 
-    def __init__(self, turns: Turns) -> None:
+    def __init__(self, turns: TurnCounter) -> None:
         self._turns = turns
-        self._begun = -1  # `Turns.begun` at the last draw
+        self._begun = -1  # `TurnCounter.begun` at the last draw
         self._count = 0  # the number of draws in that turn
         self._key = 0  # the key of that turn
-        self._seeds = -1  # `Turns.seeds` when `_first` was computed
+        self._seeds = -1  # `TurnCounter.seeds` when `_first` was computed
         self._first = 0
 
     def mark(self) -> int | None:

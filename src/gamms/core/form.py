@@ -27,7 +27,7 @@ def choose(package: str, folder: Path) -> bool:
         return True
     if asked == "compiled":
         raise ImportError("GAMMS_CORE is 'compiled', and gamms.core is not: install it where a C compiler works.")
-    sys.meta_path.insert(0, _TextFinder(package))  # else compiled modules of other text would be found first
+    sys.meta_path.insert(0, _SourceFinder(package))  # else compiled modules of other text would be found first
     return False
 
 
@@ -61,7 +61,7 @@ def _is_compiled(package: str, folder: Path) -> bool:
     return False
 
 
-class _TextFinder:
+class _SourceFinder:
     """A finder for `sys.meta_path` that loads the modules of one package from source, and no other modules."""
 
     def __init__(self, package: str) -> None:

@@ -5,8 +5,8 @@ agents that hear it and may relay transmit it next, until nobody hears it for th
 each agent of each game: the row of agent `i` is `game * agents + i`.
 
 The reach of a channel may depend on the number of edges between agents, or on line of sight. Then each transmitter
-needs a row of `Network.reach`, which the caller computes: `spread_all` lists the transmitters that have no row, and is
-called again when they have one.
+needs a row of `ChannelNetwork.reach`, which the caller computes: `spread_all` lists the transmitters that have no row,
+and is called again when they have one.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Channel:
     Attributes:
         agents: the number of agents of a game.
         range_m: the range of a transmission, metres; infinite if there is no limit.
-        needs_rows: whether `Network.reach` has the agents that a transmitter reaches.
+        needs_rows: whether `ChannelNetwork.reach` has the agents that a transmitter reaches.
         is_relayed: whether some agents relay messages.
         delay: the turns that a transmission takes.
         roles: (agents,) sums of `USES`, `OVERHEARS` and `RELAYS`.
@@ -90,7 +90,7 @@ class Channel:
         self.is_relayed = is_relayed
 
 
-class Network:
+class ChannelNetwork:
     """The places of the agents of games, and the agents that they reach by a channel.
 
     Attributes:
@@ -195,7 +195,7 @@ def chance_at(channel: Channel, far: float) -> float:
     return slope * (far - channel.distances[k - 1]) + channel.chances[k - 1]
 
 
-def jam(channel: Channel, network: Network, game: int) -> int:
+def jam(channel: Channel, network: ChannelNetwork, game: int) -> int:
     """Find the agents of a game that a jammer silences."""
     base = game * channel.agents
     for i in range(channel.agents):
@@ -214,14 +214,14 @@ def jam(channel: Channel, network: Network, game: int) -> int:
     return 0
 
 
-def is_in_range(channel: Channel, network: Network, row: int, other: int) -> bool:
+def is_in_range(channel: Channel, network: ChannelNetwork, row: int, other: int) -> bool:
     """Return whether another agent lives and is within the range of a transmitter."""
     if row == other or not network.alive[other]:
         return False
     return distance(network.xyz, other, network.xyz, row) <= channel.range_m
 
 
-def find_in_range(channel: Channel, network: Network, count: int, reach: memoryview[int]) -> int:
+def find_in_range(channel: Channel, network: ChannelNetwork, count: int, reach: memoryview[int]) -> int:
     """Write which agents are within range of the first `count` awaited transmitters, (count * agents,)."""
     for k in range(count):
         row = network.awaited[k]
@@ -231,7 +231,7 @@ def find_in_range(channel: Channel, network: Network, count: int, reach: memoryv
     return 0
 
 
-def is_lost(channel: Channel, network: Network, sent: Messages, m: int, by: int, to: int) -> bool:
+def is_lost(channel: Channel, network: ChannelNetwork, sent: Messages, m: int, by: int, to: int) -> bool:
     """Return whether a message between two agents is lost at random."""
     if not len(channel.distances):
         return False
@@ -244,7 +244,7 @@ def is_lost(channel: Channel, network: Network, sent: Messages, m: int, by: int,
     return draws.fraction(bits) < chance_at(channel, distance(network.xyz, base + to, network.xyz, base + by))
 
 
-def prepare(channel: Channel, network: Network, sent: Messages, m: int) -> int:
+def prepare(channel: Channel, network: ChannelNetwork, sent: Messages, m: int) -> int:
     """Find the recipients of a message, and the agents that can hear it."""
     base = sent.games[m] * channel.agents
     for i in range(channel.agents):
@@ -260,7 +260,7 @@ def prepare(channel: Channel, network: Network, sent: Messages, m: int) -> int:
     return 0
 
 
-def transmit(channel: Channel, network: Network, sent: Messages, m: int, wave: int, transmitters: int) -> int:
+def transmit(channel: Channel, network: ChannelNetwork, sent: Messages, m: int, wave: int, transmitters: int) -> int:
     """Transmit a message from agents; return the number of agents that transmit it next."""
     base = sent.games[m] * channel.agents
     found = 0
@@ -286,7 +286,7 @@ def transmit(channel: Channel, network: Network, sent: Messages, m: int, wave: i
     return found
 
 
-def spread(channel: Channel, network: Network, sent: Messages, m: int, awaited: int) -> int:
+def spread(channel: Channel, network: ChannelNetwork, sent: Messages, m: int, awaited: int) -> int:
     """Find the outcome of a message, unless a row of `reach` is missing; return the number of awaited rows so far."""
     base = sent.games[m] * channel.agents
     prepare(channel, network, sent, m)
@@ -311,7 +311,7 @@ def spread(channel: Channel, network: Network, sent: Messages, m: int, awaited: 
     return awaited
 
 
-def note(channel: Channel, network: Network, sent: Messages, m: int) -> int:
+def note(channel: Channel, network: ChannelNetwork, sent: Messages, m: int) -> int:
     """Write the outcome of a message."""
     at = m * channel.agents
     for i in range(channel.agents):
@@ -397,7 +397,7 @@ def count_messages(
     return 0
 
 
-def spread_all(channel: Channel, network: Network, sent: Messages) -> int:
+def spread_all(channel: Channel, network: ChannelNetwork, sent: Messages) -> int:
     """Find the outcomes of messages; return the number of awaited rows of transmitters, 0 if all outcomes are known."""
     game = -1
     awaited = 0

@@ -1,8 +1,8 @@
 cimport cython
 
 from gamms.core cimport draws, strategies
-from gamms.core.conflicts cimport Contests, Requests, resolve
-from gamms.core.rules cimport Games, Steps
+from gamms.core.conflicts cimport Contests, MoveRequests, resolve
+from gamms.core.rules cimport GameColumns, AgentPaths
 
 ctypedef unsigned char u8
 ctypedef int i32
@@ -12,14 +12,14 @@ cdef u8 STAYS, WALKS, IS_GIVEN, STEPS
 
 
 @cython.final
-cdef class Streets:
+cdef class LegalMoves:
     cdef const i32[::1] offsets, targets
     cdef i64 nodes
     cdef readonly bint are_all_legal
 
 
 @cython.final
-cdef class Routes:
+cdef class ChosenRoutes:
     cdef i64 room
     cdef const i64[::1] nodes, counts, motions
 
@@ -28,15 +28,15 @@ cdef class Routes:
 
 
 @cython.final
-cdef class Movers:
-    cdef Streets streets
+cdef class OneEdgeMovers:
+    cdef LegalMoves streets
     cdef const u8[::1] decides_by
-    cdef draws.Choices walks
+    cdef draws.RandomChoices walks
     cdef const i64[::1] given
-    cdef Routes routes
+    cdef ChosenRoutes routes
     cdef strategies.Strategies by_steps
     cdef Contests contests
-    cdef Requests requests
+    cdef MoveRequests requests
     cdef bint some_walk, has_conflicts
     cdef i64[::1] ends, went, counts, moves, blocks, wanted
     cdef u8[::1] takes_part, blocked, held
@@ -44,32 +44,32 @@ cdef class Movers:
     cdef i64[::1] part
     cdef i64 parts
 
-    cpdef take(self, Streets streets)
+    cpdef take(self, LegalMoves streets)
 
 
-cdef i64 count_legal(Streets s, i64 place) except? -2 nogil
-cdef i64 legal_node(Streets s, i64 first, i64 node, i64 number) except? -2 nogil
+cdef i64 count_legal(LegalMoves s, i64 place) except? -2 nogil
+cdef i64 legal_node(LegalMoves s, i64 first, i64 node, i64 number) except? -2 nogil
 @cython.locals(at=i64, i=i64, row=i64, node=i64, action=i64, first=i64, part=i64)
-cpdef int decide(Games games, Movers m, i64 game) except -1 nogil
-cdef int set_out(Games games, Movers m, i64 row) except -1 nogil
+cpdef int decide(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
+cdef int set_out(GameColumns games, OneEdgeMovers m, i64 row) except -1 nogil
 @cython.locals(row=i64, first=i64, number=i64, node=i64)
-cdef Py_ssize_t node_by_steps(Games games, Movers m, i64 game, i64 i) except -1 nogil
+cdef Py_ssize_t node_by_steps(GameColumns games, OneEdgeMovers m, i64 game, i64 i) except -1 nogil
 @cython.locals(at=i64, i=i64, row=i64)
-cpdef int give_way(Games games, Movers m, i64 game) except -1 nogil
-cdef int block(Movers m, i64 row, i64 wanted) except -1 nogil
+cpdef int give_way(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
+cdef int block(OneEdgeMovers m, i64 row, i64 wanted) except -1 nogil
 @cython.locals(i=i64, row=i64)
-cpdef int settle(Games games, Movers m, i64 game) except -1 nogil
-cdef bint is_put(Games games, Movers m, i64 row, i64 i) except -1 nogil
-cdef int put(Games games, Movers m, i64 row) except -1 nogil
-cdef int leave_or_join(Games games, Movers m, i64 row) except -1 nogil
+cpdef int settle(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
+cdef bint is_put(GameColumns games, OneEdgeMovers m, i64 row, i64 i) except -1 nogil
+cdef int put(GameColumns games, OneEdgeMovers m, i64 row) except -1 nogil
+cdef int leave_or_join(GameColumns games, OneEdgeMovers m, i64 row) except -1 nogil
 @cython.locals(i=i64, row=i64)
-cpdef int move(Games games, Movers m, i64 game) except -1 nogil
-cdef int go(Games games, Movers m, i64 row) except -1 nogil
-cdef int end_part(Games games, Movers m, i64 game) except -1 nogil
+cpdef int move(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
+cdef int go(GameColumns games, OneEdgeMovers m, i64 row) except -1 nogil
+cdef int end_part(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
 
 
-cdef class PartPaths(Steps):
-    cdef Movers movers
+cdef class PartPaths(AgentPaths):
+    cdef OneEdgeMovers movers
 
     @cython.locals(agent=i64, row=i64, place=i64, part=i64)
-    cdef int fill(self, Games games, i64 game) except -1 nogil
+    cdef int fill(self, GameColumns games, i64 game) except -1 nogil

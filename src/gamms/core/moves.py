@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from gamms.core import draws, strategies
-from gamms.core.conflicts import Contests, Requests, resolve
-from gamms.core.rules import Games, Steps
+from gamms.core.conflicts import Contests, MoveRequests, resolve
+from gamms.core.rules import AgentPaths, GameColumns
 
 STAYS = 0  # kinds of decisions: stay on the node,
 WALKS = 1  # move to a uniform random legal node,
@@ -17,7 +17,7 @@ GIVEN = IS_GIVEN
 BY_STEPS = STEPS
 
 
-class Streets:
+class LegalMoves:
     """The legal moves of a turn: along one edge, or to any node.
 
     Several maps may have the same nodes and differ in the open roads; their nodes follow each other. The position of a
@@ -39,7 +39,7 @@ class Streets:
         self.are_all_legal = are_all_legal
 
 
-class Routes:
+class ChosenRoutes:
     """Routes that functions have chosen, for agents that may move along several edges.
 
     Attributes:
@@ -62,8 +62,8 @@ class Routes:
         return self.counts[row]
 
 
-class Movers:
-    """The agents of games along one edge per turn; rows are as in `rules.Games`.
+class OneEdgeMovers:
+    """The agents of games along one edge per turn; rows are as in `rules.GameColumns`.
 
     Attributes:
         streets: the legal moves.
@@ -90,13 +90,13 @@ class Movers:
 
     def __init__(
         self,
-        streets: Streets,
+        streets: LegalMoves,
         decides_by: memoryview[int],
-        walks: draws.Choices,
+        walks: draws.RandomChoices,
         some_walk: bool,
         given: memoryview[int],
         contests: Contests | None,
-        requests: Requests | None,
+        requests: MoveRequests | None,
         *,
         ends: memoryview[int],
         went: memoryview[int],
@@ -111,7 +111,7 @@ class Movers:
         part: memoryview[int],
         parts: int,
         by_steps: strategies.Strategies | None = None,
-        routes: Routes | None = None,
+        routes: ChosenRoutes | None = None,
     ) -> None:
         self.streets = streets
         self.decides_by = decides_by
@@ -136,17 +136,17 @@ class Movers:
         self.part = part
         self.parts = parts
 
-    def take(self, streets: Streets) -> None:
+    def take(self, streets: LegalMoves) -> None:
         """Replace the legal moves."""
         self.streets = streets
 
 
-def count_legal(s: Streets, place: int) -> int:
+def count_legal(s: LegalMoves, place: int) -> int:
     """Return the number of legal nodes at a place."""
     return s.nodes if s.are_all_legal else s.offsets[place + 1] - s.offsets[place]
 
 
-def legal_node(s: Streets, first: int, node: int, number: int) -> int:
+def legal_node(s: LegalMoves, first: int, node: int, number: int) -> int:
     """Return legal node number `number` of a node; `first` is the place of the map's first node."""
     if not s.are_all_legal:
         return s.targets[s.offsets[first + node] + number]
@@ -155,7 +155,7 @@ def legal_node(s: Streets, first: int, node: int, number: int) -> int:
     return number - 1 if number <= node else number
 
 
-def decide(games: Games, m: Movers, game: int) -> int:
+def decide(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
     """Choose the moves of the living agents in this part of the turn; all other agents stay."""
     at = game * games.agents
     first = games.first_node[game]
@@ -184,7 +184,7 @@ def decide(games: Games, m: Movers, game: int) -> int:
     return 0
 
 
-def set_out(games: Games, m: Movers, row: int) -> int:
+def set_out(games: GameColumns, m: OneEdgeMovers, row: int) -> int:
     """Start the turn of an agent at its node."""
     games.start[row] = games.node[row]
     m.went[row] = games.node[row]
@@ -193,7 +193,7 @@ def set_out(games: Games, m: Movers, row: int) -> int:
     return 0
 
 
-def node_by_steps(games: Games, m: Movers, game: int, i: int) -> int:
+def node_by_steps(games: GameColumns, m: OneEdgeMovers, game: int, i: int) -> int:
     """Return the legal node that the strategy steps of an agent choose."""
     row = game * games.agents + i
     first = games.first_node[game]
@@ -205,7 +205,7 @@ def node_by_steps(games: Games, m: Movers, game: int, i: int) -> int:
     return node if node >= 0 else games.node[row]
 
 
-def give_way(games: Games, m: Movers, game: int) -> int:
+def give_way(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
     """Resolve conflicts: the losers stay, and are counted."""
     if not m.has_conflicts or resolve(m.contests, m.requests, game, games.turn[game]) == 0:  # type: ignore[arg-type]
         return 0
@@ -218,7 +218,7 @@ def give_way(games: Games, m: Movers, game: int) -> int:
     return 0
 
 
-def block(m: Movers, row: int, wanted: int) -> int:
+def block(m: OneEdgeMovers, row: int, wanted: int) -> int:
     """Note that a conflict has stopped an agent on the way to a place."""
     m.wanted[row] = wanted
     m.blocked[row] = 1
@@ -226,7 +226,7 @@ def block(m: Movers, row: int, wanted: int) -> int:
     return 0
 
 
-def settle(games: Games, m: Movers, game: int) -> int:
+def settle(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
     """Let agents stay that are held, and those that rules have put elsewhere since they decided."""
     for i in range(games.agents):
         row = game * games.agents + i
@@ -238,14 +238,14 @@ def settle(games: Games, m: Movers, game: int) -> int:
     return 0
 
 
-def is_put(games: Games, m: Movers, row: int, i: int) -> bool:
+def is_put(games: GameColumns, m: OneEdgeMovers, row: int, i: int) -> bool:
     """Return whether rules have put an agent elsewhere that was about to move, or brought it back."""
     if not m.takes_part[row]:
         return True
     return m.part_of[i] >= m.part[row // games.agents] and games.node[row] != games.start[row]
 
 
-def put(games: Games, m: Movers, row: int) -> int:
+def put(games: GameColumns, m: OneEdgeMovers, row: int) -> int:
     """Let an agent have begun the turn where it is, and stay there."""
     games.start[row] = games.node[row]
     m.went[row] = games.node[row]
@@ -253,7 +253,7 @@ def put(games: Games, m: Movers, row: int) -> int:
     return 0
 
 
-def leave_or_join(games: Games, m: Movers, row: int) -> int:
+def leave_or_join(games: GameColumns, m: OneEdgeMovers, row: int) -> int:
     """Let an agent take part in the turn if it lives now."""
     m.held[row] = 0
     m.takes_part[row] = games.alive[row]
@@ -262,7 +262,7 @@ def leave_or_join(games: Games, m: Movers, row: int) -> int:
     return 0
 
 
-def move(games: Games, m: Movers, game: int) -> int:
+def move(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
     """Move the agents of this part of the turn, count the moves, and advance the turn after its last part."""
     for i in range(games.agents):
         row = game * games.agents + i
@@ -271,7 +271,7 @@ def move(games: Games, m: Movers, game: int) -> int:
     return end_part(games, m, game)
 
 
-def go(games: Games, m: Movers, row: int) -> int:
+def go(games: GameColumns, m: OneEdgeMovers, row: int) -> int:
     """Move an agent to the end of its move."""
     games.placed[row] = 0
     m.went[row] = m.ends[row]
@@ -282,7 +282,7 @@ def go(games: Games, m: Movers, row: int) -> int:
     return 0
 
 
-def end_part(games: Games, m: Movers, game: int) -> int:
+def end_part(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
     """Count a finished part of a turn, and advance the turn after its last part, or if the game is over."""
     m.part[game] += 1
     if m.part[game] == m.parts or games.over[game]:
@@ -291,24 +291,24 @@ def end_part(games: Games, m: Movers, game: int) -> int:
     return 0
 
 
-class PartPaths(Steps):
+class PartPaths(AgentPaths):
     """The paths of the agents of one game along at most one edge each, when a turn has several parts.
 
     Args:
         movers: the agents.
-        nodes, times: see `Steps`, with room for three nodes of each agent: an agent that waits for its part has its
-            start node twice.
-        lengths: see `Steps`.
+        nodes, times: see `AgentPaths`, with room for three nodes of each agent: an agent that waits for its part has
+            its start node twice.
+        lengths: see `AgentPaths`.
     """
 
     def __init__(
-        self, movers: Movers, nodes: memoryview[int], times: memoryview[float], lengths: memoryview[int]
+        self, movers: OneEdgeMovers, nodes: memoryview[int], times: memoryview[float], lengths: memoryview[int]
     ) -> None:
         super().__init__(nodes, times, lengths)
         self.are_one_edge = False
         self.movers = movers
 
-    def fill(self, games: Games, game: int) -> int:
+    def fill(self, games: GameColumns, game: int) -> int:
         """Write the paths of the agents of a game."""
         for agent in range(games.agents):
             row = game * games.agents + agent

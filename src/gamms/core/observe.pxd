@@ -10,7 +10,7 @@ cdef i64 OWN, OF_ACTION, OF_OTHER, AROUND, ON_MAP
 
 
 @cython.final
-cdef class Seen:
+cdef class VisibleAgents:
     cdef strategies.SensorTable looks
     cdef bint has_looks
     cdef i64 agents
@@ -25,11 +25,11 @@ cdef class Observers:
     cdef const i64[::1] games, rows, choice, turn
     cdef const i32[::1] offsets, targets
     cdef const u8[::1] is_asked
-    cdef Seen seen
+    cdef VisibleAgents seen
 
 
 @cython.final
-cdef class Vectors:
+cdef class VectorObservations:
     cdef const double[::1] places, own
     cdef bint are_on_nodes
     cdef i64 actions, others, entries
@@ -39,7 +39,7 @@ cdef class Vectors:
 
 
 @cython.final
-cdef class Found:
+cdef class NearestAgents:
     cdef i64 count
     cdef i64[::1] nodes, nearest
     cdef u8[::1] mates
@@ -47,7 +47,7 @@ cdef class Found:
 
 
 @cython.final
-cdef class Nodes:
+cdef class NodeFeatures:
     cdef i64 most, hops
     cdef const i64[::1] near, far
     cdef const double[::1] places
@@ -58,22 +58,22 @@ cdef class Nodes:
 cpdef int mark_seen(strategies.SensorTable looks, const i64[::1] viewers, const i64[::1] team, const u8[::1] is_asked, const u8[::1] alive, u8[::1] marks) except -1 nogil
 cdef i64 node_of(Observers o, i64 place, i64 agent) except -1 nogil
 @cython.locals(i=i64, row=i64, entry=i64, count=i64, action=i64)
-cpdef int observe(Observers o, Vectors v, Found found, i64 game) except -1 nogil
+cpdef int observe(Observers o, VectorObservations v, NearestAgents found, i64 game) except -1 nogil
 @cython.locals(row=i64, here=i64, choice=i64, own_x=double, own_y=double, at=i64, last=i64, first=i64, count=i64, num_legal=i64, action=i64, node=i64, entry=i64, place=i64, other=i64, is_timed=bint)
-cdef i64 _write(Observers o, Vectors v, Found found, i64 game, i64 agent) except -1 nogil
+cdef i64 _write(Observers o, VectorObservations v, NearestAgents found, i64 game, i64 agent) except -1 nogil
 @cython.locals(row=i64, here=i64, pair=i64, at=i64, viewer=i64, own=i64, other=i64, node=i64)
-cpdef int look(Observers o, Found found, i64 game, i64 agent) except -1 nogil
+cpdef int look(Observers o, NearestAgents found, i64 game, i64 agent) except -1 nogil
 @cython.locals(count=i64, other=i64, dx=double, dy=double, far=double, place=i64)
-cdef i64 _choose_nearest(Vectors v, Found found, double own_x, double own_y) except -1 nogil
+cdef i64 _choose_nearest(VectorObservations v, NearestAgents found, double own_x, double own_y) except -1 nogil
 @cython.locals(size=i64, i=i64, row=i64, node=i64, entry=i64, other=i64, at=i64)
-cpdef int observe_nodes(Observers o, Nodes n, Found found, i64 game) except -1 nogil
+cpdef int observe_nodes(Observers o, NodeFeatures n, NearestAgents found, i64 game) except -1 nogil
 @cython.locals(choice=i64, k=i64, at=i64, place=i64, near=i64, entry=i64, first=i64, action=i64)
-cdef int _write_around(Observers o, Nodes n, i64 row, i64 node) except -1 nogil
+cdef int _write_around(Observers o, NodeFeatures n, i64 row, i64 node) except -1 nogil
 @cython.locals(other=i64, k=i64, place=i64)
-cdef int _count_around(Nodes n, Found found, i64 row, i64 node) except -1 nogil
+cdef int _count_around(NodeFeatures n, NearestAgents found, i64 row, i64 node) except -1 nogil
 @cython.locals(other=i64, choice=i64, at=i64, first=i64, action=i64)
-cdef int _write_map(Observers o, Nodes n, i64 row, i64 node) except -1 nogil
+cdef int _write_map(Observers o, NodeFeatures n, i64 row, i64 node) except -1 nogil
 @cython.locals(number=i64)
-cpdef int observe_aside(Observers o, Vectors v, Found found, const i64[::1] places, i64 begin, i64 end) except -1
+cpdef int observe_aside(Observers o, VectorObservations v, NearestAgents found, const i64[::1] places, i64 begin, i64 end) except -1
 @cython.locals(game=i64)
-cpdef int observe_nodes_aside(Observers o, Nodes n, Found found, i64 begin, i64 end) except -1
+cpdef int observe_nodes_aside(Observers o, NodeFeatures n, NearestAgents found, i64 begin, i64 end) except -1

@@ -24,7 +24,7 @@ AROUND = 7  # features of a node around an agent,
 ON_MAP = 6  # and of a node of the whole map
 
 
-class Seen:
+class VisibleAgents:
     """The agents that observers see: computed from sensors, or without `looks`, given as pairs.
 
     Attributes:
@@ -90,7 +90,7 @@ class Observers:
         targets: memoryview[int],
         *,
         turn: memoryview[int],
-        seen: Seen,
+        seen: VisibleAgents,
     ) -> None:
         self.agents = agents
         self.games = games
@@ -104,7 +104,7 @@ class Observers:
         self.seen = seen
 
 
-class Vectors:
+class VectorObservations:
     """The output of vector observations.
 
     Attributes:
@@ -141,7 +141,7 @@ class Vectors:
         self.counts = counts
 
 
-class Found:
+class NearestAgents:
     """The agents that one observer sees, and the nearest of them in order of distance; ties are in the order of names.
 
     Attributes:
@@ -162,7 +162,7 @@ class Found:
         self.nearest = nearest
 
 
-class Nodes:
+class NodeFeatures:
     """The output of node features, for the nodes around agents or for the whole map.
 
     Attributes:
@@ -227,7 +227,7 @@ def node_of(o: Observers, place: int, agent: int) -> int:
     return o.seen.node[o.games[place] * o.seen.agents + o.seen.viewers[agent]]
 
 
-def observe(o: Observers, v: Vectors, found: Found, game: int) -> int:
+def observe(o: Observers, v: VectorObservations, found: NearestAgents, game: int) -> int:
     """Write the vectors of all observers of the game at a place."""
     for i in range(o.agents):
         row = o.rows[game] + i
@@ -243,7 +243,7 @@ def observe(o: Observers, v: Vectors, found: Found, game: int) -> int:
     return 0
 
 
-def _write(o: Observers, v: Vectors, found: Found, game: int, agent: int) -> int:
+def _write(o: Observers, v: VectorObservations, found: NearestAgents, game: int, agent: int) -> int:
     """Write the vector of a living agent; return the number of legal actions."""
     row = o.rows[game] + agent
     here = node_of(o, game, agent)
@@ -287,7 +287,7 @@ def _write(o: Observers, v: Vectors, found: Found, game: int, agent: int) -> int
     return num_legal
 
 
-def look(o: Observers, found: Found, game: int, agent: int) -> int:
+def look(o: Observers, found: NearestAgents, game: int, agent: int) -> int:
     """Find the agents that an observer sees, in the game at a place."""
     row = o.rows[game] + agent
     found.count = 0
@@ -312,7 +312,7 @@ def look(o: Observers, found: Found, game: int, agent: int) -> int:
     return 0
 
 
-def _choose_nearest(v: Vectors, found: Found, own_x: float, own_y: float) -> int:
+def _choose_nearest(v: VectorObservations, found: NearestAgents, own_x: float, own_y: float) -> int:
     """Find the nearest visible agents, by insertion into a sorted list; return their number."""
     count = 0
     for other in range(found.count):
@@ -330,7 +330,7 @@ def _choose_nearest(v: Vectors, found: Found, own_x: float, own_y: float) -> int
     return count
 
 
-def observe_nodes(o: Observers, n: Nodes, found: Found, game: int) -> int:
+def observe_nodes(o: Observers, n: NodeFeatures, found: NearestAgents, game: int) -> int:
     """Write the node features for all observers of the game at a place."""
     size = n.most * (AROUND if n.hops > 0 else ON_MAP)
     for i in range(o.agents):
@@ -352,7 +352,7 @@ def observe_nodes(o: Observers, n: Nodes, found: Found, game: int) -> int:
     return 0
 
 
-def _write_around(o: Observers, n: Nodes, row: int, node: int) -> int:
+def _write_around(o: Observers, n: NodeFeatures, row: int, node: int) -> int:
     """Write the features of the nodes around an agent, with no visible agents."""
     choice = node if o.are_by_node else o.choice[row]
     first = o.offsets[choice]
@@ -376,7 +376,7 @@ def _write_around(o: Observers, n: Nodes, row: int, node: int) -> int:
     return 0
 
 
-def _count_around(n: Nodes, found: Found, row: int, node: int) -> int:
+def _count_around(n: NodeFeatures, found: NearestAgents, row: int, node: int) -> int:
     """Add the numbers of visible agents on the nodes around an agent."""
     for other in range(found.count):
         for k in range(n.most):
@@ -386,7 +386,7 @@ def _count_around(n: Nodes, found: Found, row: int, node: int) -> int:
     return 0
 
 
-def _write_map(o: Observers, n: Nodes, row: int, node: int) -> int:
+def _write_map(o: Observers, n: NodeFeatures, row: int, node: int) -> int:
     """Write the features of all nodes of the map, with no visible agents."""
     for other in range(n.most):
         at = (row * n.most + other) * ON_MAP
@@ -406,7 +406,9 @@ def _write_map(o: Observers, n: Nodes, row: int, node: int) -> int:
     return 0
 
 
-def observe_aside(o: Observers, v: Vectors, found: Found, places: memoryview[int], begin: int, end: int) -> int:
+def observe_aside(
+    o: Observers, v: VectorObservations, found: NearestAgents, places: memoryview[int], begin: int, end: int
+) -> int:
     """Write the vectors of the games at `places[begin:end]` without the GIL."""
     with cython.nogil:
         for number in range(begin, end):
@@ -414,7 +416,7 @@ def observe_aside(o: Observers, v: Vectors, found: Found, places: memoryview[int
     return 0
 
 
-def observe_nodes_aside(o: Observers, n: Nodes, found: Found, begin: int, end: int) -> int:
+def observe_nodes_aside(o: Observers, n: NodeFeatures, found: NearestAgents, begin: int, end: int) -> int:
     """Write the node features of the games at places `begin` to `end - 1` without the GIL."""
     with cython.nogil:
         for game in range(begin, end):

@@ -16,7 +16,7 @@ cdef class Arcs:
 
 @cython.final
 cdef class Paths:
-    cdef travel.Reach reach
+    cdef travel.ReachSearch reach
     cdef i64[::1] last, before, path
     cdef readonly i64 count
 
@@ -27,7 +27,7 @@ cpdef i64 find(
     Arcs arcs, Paths paths, const i64[::1] roots, const i64[::1] goals, i64 most, double within, bint is_nearest
 ) except -2 nogil
 @cython.locals(left=i64, number=i64)
-cdef i64 list_goals(travel.Reach reach, const i64[::1] goals) except -1 nogil
+cdef i64 list_goals(travel.ReachSearch reach, const i64[::1] goals) except -1 nogil
 @cython.locals(end=i64, place=i64, far=double, rank=i64, before=i64, is_better=bint)
 cdef int go_along(Arcs arcs, Paths paths, i64 start, i64 arc, double within) except -1 nogil
 @cython.locals(count=i64)

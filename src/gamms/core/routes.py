@@ -52,7 +52,7 @@ class Paths:
     """
 
     def __init__(
-        self, reach: travel.Reach, last: memoryview[int], before: memoryview[int], path: memoryview[int]
+        self, reach: travel.ReachSearch, last: memoryview[int], before: memoryview[int], path: memoryview[int]
     ) -> None:
         self.reach = reach
         self.last = last
@@ -112,7 +112,7 @@ def find(
     return visited
 
 
-def list_goals(reach: travel.Reach, goals: memoryview[int]) -> int:
+def list_goals(reach: travel.ReachSearch, goals: memoryview[int]) -> int:
     """Mark the goals of a search; return the number of different goals."""
     reach.search += 1
     left = 0

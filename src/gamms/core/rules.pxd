@@ -1,8 +1,8 @@
 cimport cython
 
 from gamms.core cimport contacts, draws
-from gamms.core.agents cimport AgentColumns, MovingAgents, Moves
-from gamms.core.contacts cimport Contacts, Legs, NodeNumbers, Pieces, Tracks
+from gamms.core.agents cimport AgentColumns, MovingAgents, MoveColumns
+from gamms.core.contacts cimport Contacts, Legs, NodeNumbers, MotionIntervals, Tracks
 
 ctypedef unsigned char u8
 ctypedef unsigned long long u64
@@ -14,7 +14,7 @@ cdef i64 NOTHING, RESPAWN, ELIMINATE, NOBODY, LEADER, ITS_TEAM
 
 
 @cython.final
-cdef class Games:
+cdef class GameColumns:
     cdef i64 agents, teams
     cdef i64[::1] node, previous, stops, start, turn
     cdef const i64[::1] home, team, first_node
@@ -37,47 +37,47 @@ cdef class Events:
 
 
 @cython.locals(row=i64, node=i64)
-cpdef int respawn(Games games, Events events, i64 game, i64 agent) except -1 nogil
+cpdef int respawn(GameColumns games, Events events, i64 game, i64 agent) except -1 nogil
 cpdef bint comes_back(i64 out, i64 wait, i64 turn, i64 times, i64 most) noexcept nogil
 @cython.locals(row=i64)
-cpdef int eliminate(Games games, Events events, i64 game, i64 agent) except -1 nogil
-cpdef int end_game(Games games, Events events, i64 game, i64 rule, i64 winner) except -1 nogil
+cpdef int eliminate(GameColumns games, Events events, i64 game, i64 agent) except -1 nogil
+cpdef int end_game(GameColumns games, Events events, i64 game, i64 rule, i64 winner) except -1 nogil
 @cython.locals(best=i64, teams=i64, is_alone=bint, team=Py_ssize_t)
 cpdef i64 leader(const double[::1] scores, i64 nobody=*) except? -1 nogil
 
 
 @cython.locals(agent=i64, node=i64)
-cpdef int take_moves(Games games, NodeNumbers numbers, Moves moves, AgentColumns columns, MovingAgents agents, i64 turn) except -1
+cpdef int take_moves(GameColumns games, NodeNumbers numbers, MoveColumns moves, AgentColumns columns, MovingAgents agents, i64 turn) except -1
 
 
-cdef class Steps:
+cdef class AgentPaths:
     cdef bint are_one_edge
     cdef i64[::1] nodes, lengths
     cdef double[::1] times
 
     @cython.locals(agent=i64, row=i64, node=i64)
-    cdef int fill(self, Games games, i64 game) except -1 nogil
+    cdef int fill(self, GameColumns games, i64 game) except -1 nogil
 
 
-cdef class CopiedPaths(Steps):
+cdef class CopiedPaths(AgentPaths):
     cdef const i64[::1] places
     cdef i64[::1] all_ints
     cdef double[::1] all_floats
-    cdef Steps behind
+    cdef AgentPaths behind
     cdef bint is_last
 
     @cython.locals(begin=i64)
-    cdef int fill(self, Games games, i64 game) except -1 nogil
+    cdef int fill(self, GameColumns games, i64 game) except -1 nogil
 
 
-cpdef int fill_steps(Steps steps, Games games, i64 game) except -1 nogil
+cpdef int fill_steps(AgentPaths steps, GameColumns games, i64 game) except -1 nogil
 
 @cython.locals(agent=i64)
-cpdef int fill_sides(Games games, i64 game, const i64[::1] plays, i64[::1] sides) except -1 nogil
+cpdef int fill_sides(GameColumns games, i64 game, const i64[::1] plays, i64[::1] sides) except -1 nogil
 
 
 @cython.locals(found=i64, last=i64, piece=i64, agent=i64)
-cpdef Py_ssize_t find_arrivals(Tracks tracks, Legs legs, Pieces pieces, const i64[::1] members, const i64[::1] owners, i64 team) except -1 nogil
+cpdef Py_ssize_t find_arrivals(Tracks tracks, Legs legs, MotionIntervals pieces, const i64[::1] members, const i64[::1] owners, i64 team) except -1 nogil
 
 
 @cython.final
@@ -114,9 +114,9 @@ cdef class Tagging:
     cdef const i64[::1] plays, owners
     cdef i64[::1] sides
 
-    cdef int collect(self, Tags tags, Games games, i64 game, i64 number) except -1 nogil
-    cdef int score(self, i64 number, Games games, i64 game, i64 tagger) except -1 nogil
-    cdef int follow_up(self, i64 number, Games games, Events events, i64 game, i64 other) except -1 nogil
+    cdef int collect(self, Tags tags, GameColumns games, i64 game, i64 number) except -1 nogil
+    cdef int score(self, i64 number, GameColumns games, i64 game, i64 tagger) except -1 nogil
+    cdef int follow_up(self, i64 number, GameColumns games, Events events, i64 game, i64 other) except -1 nogil
 
 
 @cython.final
@@ -130,34 +130,34 @@ cdef class Flags:
     cdef double[::1] taken
 
     @cython.locals(flag=i64, agent=i64, row=i64)
-    cpdef int drop(self, Games games, Events events, i64 game, i64 rule) except -1 nogil
+    cpdef int drop(self, GameColumns games, Events events, i64 game, i64 rule) except -1 nogil
     @cython.locals(flag=i64)
-    cpdef int note_stops(self, Games games, i64 game) except -1 nogil
+    cpdef int note_stops(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(flag=i64, carrier=i64, agent=i64)
-    cpdef bint concern(self, Games games, i64 game) except -1 nogil
+    cpdef bint concern(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(team=i64)
-    cdef bint _may_be_home(self, Games games, i64 game, i64 agent) except -1 nogil
+    cdef bint _may_be_home(self, GameColumns games, i64 game, i64 agent) except -1 nogil
     cdef bint _may_take(self, i64 agent, i64 flag) except -1 nogil
     @cython.locals(flag=i64, now=double)
-    cpdef int pass_turn(self, Games games, Events events, i64 game, i64 rule, Tracks tracks, Legs legs, Pieces pieces) except -1 nogil
+    cpdef int pass_turn(self, GameColumns games, Events events, i64 game, i64 rule, Tracks tracks, Legs legs, MotionIntervals pieces) except -1 nogil
     @cython.locals(piece=i64, flag=i64, agent=i64)
-    cdef int _find_involved(self, i64 game, Pieces pieces) except -1 nogil
+    cdef int _find_involved(self, i64 game, MotionIntervals pieces) except -1 nogil
     @cython.locals(soonest=double, place=i64, since=double)
-    cdef double _next_moment(self, Pieces pieces, double now) except? -1.0 nogil
+    cdef double _next_moment(self, MotionIntervals pieces, double now) except? -1.0 nogil
     @cython.locals(row=i64, agent=i64, place=i64, piece=i64, team=i64)
-    cdef int _capture(self, Games games, Events events, i64 game, i64 rule, Pieces pieces, i64 flag, double now) except -1 nogil
+    cdef int _capture(self, GameColumns games, Events events, i64 game, i64 rule, MotionIntervals pieces, i64 flag, double now) except -1 nogil
     @cython.locals(begin=i64, member=Py_ssize_t, found=bint)
     cdef bint _is_home(self, i64 game, i64 team, i64 node) except -1 nogil
     @cython.locals(row=i64, taker=i64, least=u64, bits=u64, first=u64, place=i64, piece=i64, agent=i64)
-    cdef int _take(self, Games games, Events events, i64 game, i64 rule, Pieces pieces, i64 flag, double now) except -1 nogil
+    cdef int _take(self, GameColumns games, Events events, i64 game, i64 rule, MotionIntervals pieces, i64 flag, double now) except -1 nogil
     @cython.locals(flag=i64, found=bint)
     cdef bint _carries(self, i64 game, i64 agent) except -1 nogil
     @cython.locals(winner=i64, full=i64, team=i64)
-    cdef bint _end(self, Games games, Events events, i64 game, i64 rule) except -1 nogil
+    cdef bint _end(self, GameColumns games, Events events, i64 game, i64 rule) except -1 nogil
 
 
 cdef class Rule:
-    cdef Games games
+    cdef GameColumns games
     cdef Events events
     cdef i64 number
     cdef public Rule behind
@@ -175,7 +175,7 @@ cpdef int play_games(Rule rule, const i64[::1] games) except -1 nogil
 cdef class TagRule(Rule):
     cdef Tagging first
     cdef Tags tags
-    cdef Steps steps
+    cdef AgentPaths steps
     cdef u64[::1] purpose
     cdef i64[::1] turn
     cdef const u64[::1] purposes
@@ -186,10 +186,10 @@ cdef class TagRule(Rule):
 
 cdef class FlagRule(Rule):
     cdef Flags flags
-    cdef Steps steps
+    cdef AgentPaths steps
     cdef Tracks tracks
     cdef Legs legs
-    cdef Pieces pieces
+    cdef MotionIntervals pieces
     cdef const i64[::1] ground
     cdef i64[::1] sides
 
@@ -225,19 +225,19 @@ cdef class LastTeamRule(Rule):
 
 @cython.final
 cdef class Visitors:
-    cdef Steps steps
+    cdef AgentPaths steps
     cdef Tracks tracks
     cdef Legs legs
-    cdef Pieces pieces
+    cdef MotionIntervals pieces
     cdef const i64[::1] ground
     cdef i64[::1] sides
 
-    cdef int follow(self, Games games, i64 game) except -1 nogil
+    cdef int follow(self, GameColumns games, i64 game) except -1 nogil
 
 
 cdef class ReachRule(Rule):
     cdef Visitors visitors
-    cdef Pieces pieces
+    cdef MotionIntervals pieces
     cdef const i64[::1] starters, order
     cdef i64[::1] goals
     cdef i64 winner
@@ -253,7 +253,7 @@ cdef class ReachRule(Rule):
 
 cdef class ArriveRule(Rule):
     cdef Visitors visitors
-    cdef Pieces pieces
+    cdef MotionIntervals pieces
     cdef i64 team
     cdef const i64[::1] starters
     cdef i64[::1] owners

@@ -5,7 +5,7 @@ agent in a game, row `game * teams + team` of `score` a team. Numbers are 64-bit
 `over` (bytes), `score` and `share` (64-bit floats), and keys (unsigned 64-bit integers). Nodes, agents, teams, flags
 and rules are numbered from 0; -1 stands for none.
 
-`Games` holds the columns, which `respawn`, `eliminate` and `end_game` change; `Events` receives events. `Tagging`
+`GameColumns` holds the columns, which `respawn`, `eliminate` and `end_game` change; `Events` receives events. `Tagging`
 collects contacts, and `Tags` turns them into tags, at most one contact per agent. `Flags` are taken and captured. A
 `Rule` changes columns and adds events; rules form a chain in the order of their calls, and `play` calls a whole chain
 in one game. All lasting state is in columns that the caller gave; therefore games can be played in any order and, if
@@ -19,8 +19,8 @@ from itertools import pairwise
 from typing import Any
 
 from gamms.core import contacts, draws
-from gamms.core.agents import AgentColumns, Moves, MovingAgents
-from gamms.core.contacts import Contacts, Legs, NodeNumbers, Pieces, Tracks
+from gamms.core.agents import AgentColumns, MoveColumns, MovingAgents
+from gamms.core.contacts import Contacts, Legs, MotionIntervals, NodeNumbers, Tracks
 
 # kinds of events
 TAG = 0  # agent, other: whom it tagged, node
@@ -50,7 +50,7 @@ NO_INTS: memoryview[int] = memoryview(array("q"))
 NO_FLOATS: Any = memoryview(array("d"))
 
 
-class Games:
+class GameColumns:
     """The columns of a block of games that rules read and write.
 
     Attributes:
@@ -172,7 +172,7 @@ def extended(kind: str, column: memoryview[Any], room: int) -> memoryview[Any]:
 # -- verbs -------------------------------------------------------------------------------------------------------------
 
 
-def respawn(games: Games, events: Events, game: int, agent: int) -> int:
+def respawn(games: GameColumns, events: Events, game: int, agent: int) -> int:
     """Place an agent, dead or alive, on its home node, alive."""
     row = game * games.agents + agent
     node = games.home[row]
@@ -200,7 +200,7 @@ def comes_back(out: int, wait: int, turn: int, times: int, most: int) -> bool:
     return out + wait <= turn and times != most
 
 
-def eliminate(games: Games, events: Events, game: int, agent: int) -> int:
+def eliminate(games: GameColumns, events: Events, game: int, agent: int) -> int:
     """Eliminate an agent; do nothing if it is already eliminated."""
     row = game * games.agents + agent
     if games.alive[row]:
@@ -210,7 +210,7 @@ def eliminate(games: Games, events: Events, game: int, agent: int) -> int:
     return 0
 
 
-def end_game(games: Games, events: Events, game: int, rule: int, winner: int) -> int:
+def end_game(games: GameColumns, events: Events, game: int, rule: int, winner: int) -> int:
     """End a game after this turn; readers of the events combine several ends of one turn.
 
     Args:
@@ -252,7 +252,7 @@ def leader(scores: memoryview[float], nobody: int = -1) -> int:
 
 
 def take_moves(
-    games: Games, numbers: NodeNumbers, moves: Moves, columns: AgentColumns, agents: MovingAgents, turn: int
+    games: GameColumns, numbers: NodeNumbers, moves: MoveColumns, columns: AgentColumns, agents: MovingAgents, turn: int
 ) -> int:
     """Write the start and end nodes of the agents of a single game, and which agents a rule has placed elsewhere.
 
@@ -273,7 +273,7 @@ def take_moves(
     return 0
 
 
-class Steps:
+class AgentPaths:
     """The paths of the agents of one game in a turn, along at most one edge each; subclasses handle other paths.
 
     Attributes:
@@ -289,7 +289,7 @@ class Steps:
         self.times = times
         self.lengths = lengths
 
-    def fill(self, games: Games, game: int) -> int:
+    def fill(self, games: GameColumns, game: int) -> int:
         """Write the paths of the agents of a game."""
         for agent in range(games.agents):
             row = game * games.agents + agent
@@ -307,7 +307,7 @@ class Steps:
         return 0
 
 
-class CopiedPaths(Steps):
+class CopiedPaths(AgentPaths):
     """Paths computed elsewhere for several games; `fill` copies those of one game.
 
     Args:
@@ -324,7 +324,7 @@ class CopiedPaths(Steps):
         all_floats: memoryview[float],
         ints: memoryview[int],
         floats: memoryview[float],
-        behind: Steps | None,
+        behind: AgentPaths | None,
     ) -> None:
         super().__init__(ints, floats, ints)
         self.places = places
@@ -334,7 +334,7 @@ class CopiedPaths(Steps):
         self.is_last = behind is None
         self.are_one_edge = not self.is_last and self.behind.are_one_edge  # type: ignore[union-attr] # there is one
 
-    def fill(self, games: Games, game: int) -> int:
+    def fill(self, games: GameColumns, game: int) -> int:
         """Copy the columns of a game."""
         begin = self.places[game] * len(self.nodes)
         self.nodes[:] = self.all_ints[begin : begin + len(self.nodes)]
@@ -345,12 +345,12 @@ class CopiedPaths(Steps):
         return 0
 
 
-def fill_steps(steps: Steps, games: Games, game: int) -> int:
+def fill_steps(steps: AgentPaths, games: GameColumns, game: int) -> int:
     """Write the paths of the agents of a game."""
     return steps.fill(games, game)
 
 
-def fill_sides(games: Games, game: int, plays: memoryview[int], sides: memoryview[int]) -> int:
+def fill_sides(games: GameColumns, game: int, plays: memoryview[int], sides: memoryview[int]) -> int:
     """Write the sides, (agents,), of the living agents of a game from `plays`, and 0 for all others."""
     for agent in range(games.agents):
         sides[agent] = plays[agent] if games.alive[game * games.agents + agent] else 0
@@ -358,7 +358,7 @@ def fill_sides(games: Games, game: int, plays: memoryview[int], sides: memoryvie
 
 
 def find_arrivals(
-    tracks: Tracks, legs: Legs, pieces: Pieces, members: memoryview[int], owners: memoryview[int], team: int
+    tracks: Tracks, legs: Legs, pieces: MotionIntervals, members: memoryview[int], owners: memoryview[int], team: int
 ) -> int:
     """Find the first visit of each agent of a team to a node of the team; return the number of these visits.
 
@@ -598,7 +598,7 @@ class Tagging:
         self.behind = behind
         self.is_last = behind is None
 
-    def collect(self, tags: Tags, games: Games, game: int, number: int) -> int:
+    def collect(self, tags: Tags, games: GameColumns, game: int, number: int) -> int:
         """Add the contacts of this tagging, numbered `number`, and of all later taggings of the chain."""
         fill_sides(games, game, self.plays, self.sides)
         if self.contacts.find(self.search, self.limit) > 0:
@@ -607,14 +607,14 @@ class Tagging:
             self.behind.collect(tags, games, game, number + 1)  # type: ignore[union-attr] # it is not the last
         return 0
 
-    def score(self, number: int, games: Games, game: int, tagger: int) -> int:
+    def score(self, number: int, games: GameColumns, game: int, tagger: int) -> int:
         """Add the points for a tag by tagging `number`, counted from this one, to the tagger's team."""
         if number > 0:
             return self.behind.score(number - 1, games, game, tagger)  # type: ignore[union-attr] # there is one
         games.score[game * games.teams + games.team[tagger]] += self.points
         return 0
 
-    def follow_up(self, number: int, games: Games, events: Events, game: int, other: int) -> int:
+    def follow_up(self, number: int, games: GameColumns, events: Events, game: int, other: int) -> int:
         """Apply the effect of tagging `number`, counted from this one, to a tagged agent."""
         if number > 0:
             return self.behind.follow_up(number - 1, games, events, game, other)  # type: ignore[union-attr]
@@ -641,7 +641,7 @@ class Flags:
         names: (agents,) the keys of their names.
         purposes: (games * flags,) the keys of the draws that choose between agents at a base.
         carriers: (games * flags,) the agent that carries each flag; -1: the flag is on its base.
-        stops: (games * flags,) `Games.stops` of the carrier at the end of the last turn.
+        stops: (games * flags,) `GameColumns.stops` of the carrier at the end of the last turn.
         captures: (games * teams,) the number of captures of each team.
         starts: (games * members,) the start nodes of agents; -1: in the air.
         members: (members,) the teams of these agents, dead or alive.
@@ -688,7 +688,7 @@ class Flags:
         self.points = points
         self.involved = 0
 
-    def drop(self, games: Games, events: Events, game: int, rule: int) -> int:
+    def drop(self, games: GameColumns, events: Events, game: int, rule: int) -> int:
         """Drop the flags of carriers that are eliminated, or were tagged or respawned since the last turn."""
         for flag in range(game * self.flags, (game + 1) * self.flags):
             agent = self.carriers[flag]
@@ -700,14 +700,14 @@ class Flags:
                 self.carriers[flag] = -1
         return 0
 
-    def note_stops(self, games: Games, game: int) -> int:
+    def note_stops(self, games: GameColumns, game: int) -> int:
         """Store the stops of carriers, for `drop` in the next turn."""
         for flag in range(game * self.flags, (game + 1) * self.flags):
             if self.carriers[flag] >= 0:
                 self.stops[flag] = games.stops[game * games.agents + self.carriers[flag]]
         return 0
 
-    def concern(self, games: Games, game: int) -> bool:
+    def concern(self, games: GameColumns, game: int) -> bool:
         """Return whether a carrier may be home, or an agent that may take a flag is on its base.
 
         If neither is true, nothing can happen in games along one edge per turn, because only end nodes count.
@@ -721,7 +721,7 @@ class Flags:
                     return True
         return False
 
-    def _may_be_home(self, games: Games, game: int, agent: int) -> bool:
+    def _may_be_home(self, games: GameColumns, game: int, agent: int) -> bool:
         """Return whether an agent is on the base of its team, or its home is not a single base."""
         team = self.takes[agent]
         if team < 0 or len(self.owners) > 0 or self.home[team] < 0:
@@ -733,7 +733,14 @@ class Flags:
         return self.takes[agent] >= 0 and self.takes[agent] != self.team[flag]
 
     def pass_turn(
-        self, games: Games, events: Events, game: int, rule: int, tracks: Tracks, legs: Legs, pieces: Pieces
+        self,
+        games: GameColumns,
+        events: Events,
+        game: int,
+        rule: int,
+        tracks: Tracks,
+        legs: Legs,
+        pieces: MotionIntervals,
     ) -> int:
         """Let agents capture and take flags, in the order of time within the turn.
 
@@ -762,7 +769,7 @@ class Flags:
             now = self._next_moment(pieces, now)
         return 0
 
-    def _find_involved(self, game: int, pieces: Pieces) -> int:
+    def _find_involved(self, game: int, pieces: MotionIntervals) -> int:
         """List the visits of agents that visit a base or carry a flag, in their order."""
         for piece in range(pieces.count):
             pieces.keys[pieces.agents[piece]] = 0
@@ -778,7 +785,7 @@ class Flags:
                 self.involved += 1
         return 0
 
-    def _next_moment(self, pieces: Pieces, now: float) -> float:
+    def _next_moment(self, pieces: MotionIntervals, now: float) -> float:
         """Return the next time when a listed agent reaches a node; -1: none."""
         soonest = -1.0
         for place in range(self.involved):
@@ -788,7 +795,7 @@ class Flags:
         return soonest
 
     def _capture(
-        self, games: Games, events: Events, game: int, rule: int, pieces: Pieces, flag: int, now: float
+        self, games: GameColumns, events: Events, game: int, rule: int, pieces: MotionIntervals, flag: int, now: float
     ) -> int:
         """Capture a flag if its carrier reaches home at this time."""
         row = game * self.flags + flag
@@ -820,7 +827,9 @@ class Flags:
             found = found or (self.members[member] == team and self.starts[begin + member] == node)
         return found
 
-    def _take(self, games: Games, events: Events, game: int, rule: int, pieces: Pieces, flag: int, now: float) -> int:
+    def _take(
+        self, games: GameColumns, events: Events, game: int, rule: int, pieces: MotionIntervals, flag: int, now: float
+    ) -> int:
         """Give a flag on its base to one of the agents of other teams there; if there are several, by random draw."""
         row = game * self.flags + flag
         if self.carriers[row] >= 0:
@@ -856,7 +865,7 @@ class Flags:
             found = found or self.carriers[flag] == agent
         return found
 
-    def _end(self, games: Games, events: Events, game: int, rule: int) -> bool:
+    def _end(self, games: GameColumns, events: Events, game: int, rule: int) -> bool:
         """End the game if a team has enough captures, as a draw if several teams do at the same time."""
         if self.goal == 0:
             return False
@@ -886,7 +895,7 @@ class Rule:
         behind: the next rule; `is_last`: there is none. `chained` sets both.
     """
 
-    def __init__(self, games: Games, events: Events, number: int) -> None:
+    def __init__(self, games: GameColumns, events: Events, number: int) -> None:
         self.games = games
         self.events = events
         self.number = number
@@ -942,12 +951,12 @@ class TagRule(Rule):
 
     def __init__(
         self,
-        games: Games,
+        games: GameColumns,
         events: Events,
         number: int,
         first: Tagging,
         tags: Tags,
-        steps: Steps,
+        steps: AgentPaths,
         purpose: memoryview[int],
         turn: memoryview[int],
         purposes: memoryview[int],
@@ -1000,15 +1009,15 @@ class FlagRule(Rule):
 
     def __init__(
         self,
-        games: Games,
+        games: GameColumns,
         events: Events,
         number: int,
         *,
         flags: Flags,
-        steps: Steps,
+        steps: AgentPaths,
         tracks: Tracks,
         legs: Legs,
-        pieces: Pieces,
+        pieces: MotionIntervals,
         ground: memoryview[int],
         sides: memoryview[int],
     ) -> None:
@@ -1048,7 +1057,7 @@ class RespawnRule(Rule):
 
     def __init__(
         self,
-        games: Games,
+        games: GameColumns,
         events: Events,
         number: int,
         *,
@@ -1092,7 +1101,7 @@ class TimeLimitRule(Rule):
         winner: see `end_game`.
     """
 
-    def __init__(self, games: Games, events: Events, number: int, *, last: int, winner: int) -> None:
+    def __init__(self, games: GameColumns, events: Events, number: int, *, last: int, winner: int) -> None:
         super().__init__(games, events, number)
         self.last = last
         self.winner = winner
@@ -1115,7 +1124,7 @@ class NoneLeftRule(Rule):
         winner: see `end_game`.
     """
 
-    def __init__(self, games: Games, events: Events, number: int, *, team: int, winner: int) -> None:
+    def __init__(self, games: GameColumns, events: Events, number: int, *, team: int, winner: int) -> None:
         super().__init__(games, events, number)
         self.team = team
         self.winner = winner
@@ -1162,7 +1171,13 @@ class Visitors:
     """
 
     def __init__(
-        self, steps: Steps, tracks: Tracks, legs: Legs, pieces: Pieces, ground: memoryview[int], sides: memoryview[int]
+        self,
+        steps: AgentPaths,
+        tracks: Tracks,
+        legs: Legs,
+        pieces: MotionIntervals,
+        ground: memoryview[int],
+        sides: memoryview[int],
     ) -> None:
         self.steps = steps
         self.tracks = tracks
@@ -1171,7 +1186,7 @@ class Visitors:
         self.ground = ground
         self.sides = sides
 
-    def follow(self, games: Games, game: int) -> int:
+    def follow(self, games: GameColumns, game: int) -> int:
         """Write the paths and sides of the agents of a game."""
         self.steps.fill(games, game)
         return fill_sides(games, game, self.ground, self.sides)
@@ -1194,7 +1209,7 @@ class ReachRule(Rule):
 
     def __init__(
         self,
-        games: Games,
+        games: GameColumns,
         events: Events,
         number: int,
         *,
@@ -1207,7 +1222,7 @@ class ReachRule(Rule):
     ) -> None:
         super().__init__(games, events, number)
         self.visitors = visitors
-        self.pieces: Pieces = self.visitors.pieces
+        self.pieces: MotionIntervals = self.visitors.pieces
         self.goals = goals
         self.starters = starters
         self.order = order
@@ -1282,7 +1297,7 @@ class ArriveRule(Rule):
 
     def __init__(
         self,
-        games: Games,
+        games: GameColumns,
         events: Events,
         number: int,
         *,
@@ -1295,7 +1310,7 @@ class ArriveRule(Rule):
         super().__init__(games, events, number)
         self.visitors = visitors
         self.starters = starters
-        self.pieces: Pieces = self.visitors.pieces
+        self.pieces: MotionIntervals = self.visitors.pieces
         self.team = team
         self.owners = owners
         self.points = points

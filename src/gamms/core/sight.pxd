@@ -13,7 +13,7 @@ cdef i64 FACTOR_X, FACTOR_Y, MANY, MOST_KEPT
 
 
 @cython.final
-cdef class Places:
+cdef class AgentPositions:
     cdef readonly object at
     cdef readonly list names, nodes
     cdef readonly dict rows
@@ -28,8 +28,8 @@ cdef class Places:
 
 
 @cython.final
-cdef class Sight:
-    cdef readonly Places places
+cdef class RangeSearch:
+    cdef readonly AgentPositions places
     cdef readonly tuple view
     cdef public bint is_built
     cdef bint is_endless
@@ -71,7 +71,7 @@ cdef class Sight:
 
 
 @cython.final
-cdef class Views:
+cdef class NodeViews:
     cdef readonly object known
     cdef readonly tuple view
 

@@ -1,7 +1,7 @@
 """Fast range search: find the agents of one game near a point, with a grid in a hash table.
 
-`Places` holds the positions of agents; a `Sight` finds the agents within one radius of a point. Rows are agents in the
-order of their creation; results are in the same order.
+`AgentPositions` holds the positions of agents; a `RangeSearch` finds the agents within one radius of a point. Rows are
+agents in the order of their creation; results are in the same order.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ MOST_KEPT = 1 << 20  # the maximum number of stored agents
 TURN = 6.283185307179586  # radians
 
 
-class Places:
+class AgentPositions:
     """The positions of agents on the map.
 
     Attributes:
@@ -100,7 +100,7 @@ class Places:
         return self.nodes[row]
 
 
-class Sight:
+class RangeSearch:
     """Finds the agents within a radius of a point, including those exactly on the circle.
 
     The test is (dx * dx + dy * dy) <= radius * radius in 64-bit floats; both sides are scaled by a power of two if the
@@ -118,7 +118,7 @@ class Sight:
 
     # NOTE: cells are entries of a hash table, so that neither outliers nor moves require a new grid.
 
-    def __init__(self, places: Places, radius: float, view: tuple[Any, ...]) -> None:
+    def __init__(self, places: AgentPositions, radius: float, view: tuple[Any, ...]) -> None:
         self.places = places
         self.view = view
         self.is_built = False
@@ -354,12 +354,12 @@ class Sight:
         return data
 
 
-class Views:
+class NodeViews:
     """The nodes and edges that a sensor with a full circle of view sees from each node, as far as computed.
 
     Attributes:
         known: node -> (nodes, edges), a dict and a list.
-        view: see `Sight`.
+        view: see `RangeSearch`.
     """
 
     def __init__(self, known: Any, view: tuple[Any, ...]) -> None:

@@ -1,7 +1,7 @@
 cimport cython
 
 from gamms.core cimport draws, routes, travel
-from gamms.core.rules cimport Games
+from gamms.core.rules cimport GameColumns
 
 ctypedef unsigned char u8
 ctypedef int i32
@@ -59,7 +59,7 @@ cdef class SensorTable:
 
 
 @cython.final
-cdef class Steps:
+cdef class StrategySteps:
     cdef const i64[::1] begins, first, sizes, numbers, slots, nodes, following
     cdef const double[::1] chances
     cdef const u8[::1] kinds
@@ -67,18 +67,18 @@ cdef class Steps:
 
 @cython.final
 cdef class Strategies:
-    cdef Games games
-    cdef Steps steps
+    cdef GameColumns games
+    cdef StrategySteps steps
     cdef PathTables ways
     cdef SensorTable looks
-    cdef travel.Ways long_ways
+    cdef travel.GoalPaths long_ways
     cdef const u64[::1] keys
     cdef i64[::1] memory, legal, legal_ids
     cdef double[::1] safety
     cdef i64 count, ahead, drawn
     cdef bint goes_far
 
-    cpdef go_far(self, travel.Ways ways)
+    cpdef go_far(self, travel.GoalPaths ways)
 
 
 @cython.locals(number=i64)
@@ -99,7 +99,7 @@ cdef i64 _stop(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2
 @cython.locals(place=i64, place_of_left=i64, target=i64, left=i64, far=double)
 cdef i64 _waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except? -2 nogil
 @cython.locals(at=i64)
-cdef bint _sees(SensorTable looks, Games games, i64 game, i64 agent, i64 other) except -1 nogil
+cdef bint _sees(SensorTable looks, GameColumns games, i64 game, i64 agent, i64 other) except -1 nogil
 @cython.locals(dx=double, dy=double, square=double, sensor=i64)
 cdef bint shows(SensorTable looks, i64 agent, i64 team, i64 here, i64 there) except -1 nogil
 @cython.locals(found=i64, least=double, at=i64, other=i64, far=double)

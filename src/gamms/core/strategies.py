@@ -10,7 +10,7 @@ from array import array
 from typing import Any
 
 from gamms.core import draws, routes, travel
-from gamms.core.rules import Games, extended
+from gamms.core.rules import GameColumns, extended
 
 STAYS = 0  # kinds of steps: stay;
 WALKS = 1  # move to a uniform random legal node;
@@ -75,12 +75,12 @@ def farthest(distances: memoryview[float], ids: memoryview[int], count: int) -> 
 class PathTables:
     """Shortest paths from all nodes to target nodes, computed on first use.
 
-    Ties are broken as in `travel.Ways`; the cost is the length.
+    Ties are broken as in `travel.GoalPaths`; the cost is the length.
 
     Attributes:
         ids: (nodes,) the id of each row.
         arcs: the reversed edges of all maps; `arcs.first` is the place of the first node of the current map, see
-            `moves.Streets`.
+            `moves.LegalMoves`.
         paths: working memory.
         tables: (places,) the table number of the target at each place; -1: none.
         targets: (room,) the place of the target of each table; -1: the map is no longer used.
@@ -211,7 +211,7 @@ class SensorTable:
         self.places = places
 
 
-class Steps:
+class StrategySteps:
     """The steps of the strategies of agents.
 
     Attributes:
@@ -251,7 +251,7 @@ class Steps:
 
 
 class Strategies:
-    """The agents of games that decide by strategy steps; rows are as in `rules.Games`.
+    """The agents of games that decide by strategy steps; rows are as in `rules.GameColumns`.
 
     Attributes:
         games: the games.
@@ -271,8 +271,8 @@ class Strategies:
 
     def __init__(
         self,
-        games: Games,
-        steps: Steps,
+        games: GameColumns,
+        steps: StrategySteps,
         ways: PathTables,
         looks: SensorTable,
         keys: memoryview[int],
@@ -292,10 +292,10 @@ class Strategies:
         self.count = 0
         self.ahead = -1
         self.goes_far = False
-        self.long_ways: travel.Ways | None = None
+        self.long_ways: travel.GoalPaths | None = None
         self.drawn = 0
 
-    def go_far(self, ways: travel.Ways) -> None:
+    def go_far(self, ways: travel.GoalPaths) -> None:
         """Set the shortest paths, by row, of agents that may choose targets beyond their legal nodes."""
         self.long_ways = ways
 
@@ -424,7 +424,7 @@ def _waypoint(p: Strategies, game: int, agent: int, step: int, node: int) -> int
     return target
 
 
-def _sees(looks: SensorTable, games: Games, game: int, agent: int, other: int) -> bool:
+def _sees(looks: SensorTable, games: GameColumns, game: int, agent: int, other: int) -> bool:
     """Return whether an agent sees another one, and it is an enemy."""
     at = game * games.agents
     if not games.alive[at + other] or games.team[other] == games.team[agent]:

@@ -11,7 +11,7 @@ cdef i64 FORWARD, BACK, STOPPED
 
 
 @cython.final
-cdef class Roads:
+cdef class RoadEdges:
     cdef const i64[::1] ids, offsets, leaving, patched, patch_offsets, patch, sources, targets
     cdef const double[::1] lengths, costs, seconds
     cdef double turn_seconds
@@ -26,7 +26,7 @@ cdef class Roads:
 
 
 @cython.final
-cdef class Reach:
+cdef class ReachSearch:
     cdef i64[::1] nodes, listed, heap, places, rank, seen
     cdef double[::1] times, when
     cdef i64 found, search, size, count
@@ -40,16 +40,16 @@ cdef class LegalCache:
 
 
 @cython.final
-cdef class Trips:
+cdef class TurnPaths:
     cdef i64 most
     cdef i64[::1] node, edge, motion, left, legs, passed, edges, nodes, route
     cdef double[::1] share, now, speed, pace, begins, ends, since, until, times
 
 
 @cython.final
-cdef class Ways:
-    cdef Roads roads, back
-    cdef Reach reach
+cdef class GoalPaths:
+    cdef RoadEdges roads, back
+    cdef ReachSearch reach
     cdef u8[::1] direct
     cdef i64 most
     cdef i64[::1] goal, count, at, nodes
@@ -57,96 +57,96 @@ cdef class Ways:
 
 
 @cython.locals(found=i64, number=i64, edge=i64)
-cpdef Py_ssize_t cheapest(Roads roads, i64 source, i64 target) except -2 nogil
+cpdef Py_ssize_t cheapest(RoadEdges roads, i64 source, i64 target) except -2 nogil
 @cython.locals(node=i64, length=double, number=i64, other=i64)
-cpdef Py_ssize_t back(Roads roads, i64 edge) except -2 nogil
+cpdef Py_ssize_t back(RoadEdges roads, i64 edge) except -2 nogil
 @cython.locals(metres=double, pace=double, taken=double, least=double)
-cpdef double turns(Roads roads, i64 edge, double share, double speed) except? -1.0 nogil
-cpdef bint is_endless(Roads roads, double speed) except -1 nogil
-cpdef bint is_going(Roads roads, i64 edge, i64 motion) except -1 nogil
+cpdef double turns(RoadEdges roads, i64 edge, double share, double speed) except? -1.0 nogil
+cpdef bint is_endless(RoadEdges roads, double speed) except -1 nogil
+cpdef bint is_going(RoadEdges roads, i64 edge, i64 motion) except -1 nogil
 
 @cython.locals(left=double, is_paced=bint, end=i64, ahead=double, behind=double, may_turn=bint)
 cpdef Py_ssize_t reachable(
-    Roads roads, Reach reach, i64 node, i64 edge, double share, i64 motion, double speed, double now, bint goes_on
+    RoadEdges roads, ReachSearch reach, i64 node, i64 edge, double share, i64 motion, double speed, double now, bint goes_on
 ) except -1 nogil
 @cython.locals(key=i64, count=i64, place=i64)
-cpdef Py_ssize_t count_legal(Roads roads, Reach reach, LegalCache known, i64 agent, i64 node, double speed) except -1 nogil
+cpdef Py_ssize_t count_legal(RoadEdges roads, ReachSearch reach, LegalCache known, i64 agent, i64 node, double speed) except -1 nogil
 @cython.locals(key=i64)
-cpdef Py_ssize_t legal_node(Roads roads, Reach reach, LegalCache known, i64 agent, i64 node, i64 number) except -1 nogil
-cdef int list_node(Reach reach, i64 node, double time) except -1 nogil
+cpdef Py_ssize_t legal_node(RoadEdges roads, ReachSearch reach, LegalCache known, i64 agent, i64 node, i64 number) except -1 nogil
+cdef int list_node(ReachSearch reach, i64 node, double time) except -1 nogil
 @cython.locals(number=i64)
-cdef int list_near(Roads roads, Reach reach, i64 node) except -1 nogil
+cdef int list_near(RoadEdges roads, ReachSearch reach, i64 node) except -1 nogil
 @cython.locals(endless=bint, latest=double, at=i64, number=i64, edge=i64, time=double, one=i64)
-cdef int list_around(Roads roads, Reach reach, i64 node, double speed, double begun, double left) except -1 nogil
+cdef int list_around(RoadEdges roads, ReachSearch reach, i64 node, double speed, double begun, double left) except -1 nogil
 @cython.locals(number=i64)
-cdef int forget_seen(Reach reach) except -1 nogil
+cdef int forget_seen(ReachSearch reach) except -1 nogil
 @cython.locals(number=i64, place=i64)
-cdef int sort_seen(Reach reach) except -1 nogil
-cdef bint comes_before(Reach reach, i64 one, i64 other) except -1 nogil
+cdef int sort_seen(ReachSearch reach) except -1 nogil
+cdef bint comes_before(ReachSearch reach, i64 one, i64 other) except -1 nogil
 @cython.locals(place=i64, above=i64)
-cdef int reach_node(Reach reach, i64 node, double time, i64 rank) except -1 nogil
+cdef int reach_node(ReachSearch reach, i64 node, double time, i64 rank) except -1 nogil
 @cython.locals(first=i64, node=i64, place=i64, below=i64)
-cdef Py_ssize_t visit_first(Reach reach) except -1 nogil
+cdef Py_ssize_t visit_first(ReachSearch reach) except -1 nogil
 
 @cython.locals(edge=i64, latest=double, found=bint, at=i64, number=i64, cost=double)
-cpdef bint is_only_way(Roads roads, Reach reach, i64 source, i64 target) except -1 nogil
+cpdef bint is_only_way(RoadEdges roads, ReachSearch reach, i64 source, i64 target) except -1 nogil
 @cython.locals(edge=i64)
-cdef bint is_direct(Ways ways, i64 source, i64 target) except -1 nogil
+cdef bint is_direct(GoalPaths ways, i64 source, i64 target) except -1 nogil
 @cython.locals(at=i64, number=i64, edge=i64, cost=double, node=i64, place=i64)
-cpdef Py_ssize_t find_way(Ways ways, i64 row, i64 source, i64 goal) except -1 nogil
+cpdef Py_ssize_t find_way(GoalPaths ways, i64 row, i64 source, i64 goal) except -1 nogil
 @cython.locals(found=i64, number=i64, edge=i64, other=i64)
-cdef Py_ssize_t next_on_way(Ways ways, i64 node) except -2 nogil
+cdef Py_ssize_t next_on_way(GoalPaths ways, i64 node) except -2 nogil
 @cython.locals(place=i64, _=i64)
-cdef Py_ssize_t place_on_way(Ways ways, i64 row, i64 node, i64 goal) except -2 nogil
+cdef Py_ssize_t place_on_way(GoalPaths ways, i64 row, i64 node, i64 goal) except -2 nogil
 @cython.locals(place=i64)
-cpdef double distance(Ways ways, i64 row, i64 node, i64 goal) except? -1.0 nogil
+cpdef double distance(GoalPaths ways, i64 row, i64 node, i64 goal) except? -1.0 nogil
 @cython.locals(place=i64)
-cpdef Py_ssize_t following(Ways ways, i64 row, i64 node, i64 goal) except -1 nogil
+cpdef Py_ssize_t following(GoalPaths ways, i64 row, i64 node, i64 goal) except -1 nogil
 @cython.locals(place=i64, count=i64, first=i64, number=i64)
-cpdef Py_ssize_t put_route(Ways ways, Trips trips, i64 row, i64 node, i64 goal, i64 begin) except -1 nogil
+cpdef Py_ssize_t put_route(GoalPaths ways, TurnPaths trips, i64 row, i64 node, i64 goal, i64 begin) except -1 nogil
 
-cdef Py_ssize_t end_towards(Roads roads, i64 node, i64 edge, i64 target) except -1 nogil
+cdef Py_ssize_t end_towards(RoadEdges roads, i64 node, i64 edge, i64 target) except -1 nogil
 @cython.locals(cost=double)
-cpdef Py_ssize_t shorter_way(Roads roads, i64 edge, double share, double ahead, double behind) except -1 nogil
+cpdef Py_ssize_t shorter_way(RoadEdges roads, i64 edge, double share, double ahead, double behind) except -1 nogil
 
 cpdef int begin(
-    Trips trips, i64 row, i64 node, i64 edge, double share, i64 motion, double now, double speed, i64 left
+    TurnPaths trips, i64 row, i64 node, i64 edge, double share, i64 motion, double now, double speed, i64 left
 ) except -1 nogil
 @cython.locals(place=i64)
-cdef int add_leg(Trips trips, i64 row, i64 edge, double begin, double end, double until) except -1 nogil
+cdef int add_leg(TurnPaths trips, i64 row, i64 edge, double begin, double end, double until) except -1 nogil
 @cython.locals(share=double)
-cdef double turns_to_end(Roads roads, Trips trips, i64 row, i64 edge, i64 motion) except? -1.0 nogil
+cdef double turns_to_end(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, i64 motion) except? -1.0 nogil
 @cython.locals(first=double, last=double, part=double, stop=double)
-cdef double stop_before_end(Trips trips, i64 row, i64 motion, double takes) except? -1.0 nogil
+cdef double stop_before_end(TurnPaths trips, i64 row, i64 motion, double takes) except? -1.0 nogil
 @cython.locals(first=double, takes=double, until=double, stop=double, node=i64, place=i64)
-cdef bint cover(Roads roads, Trips trips, i64 row, i64 edge, i64 motion) except -1 nogil
-cpdef int stand(Trips trips, i64 row) except -1 nogil
+cdef bint cover(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, i64 motion) except -1 nogil
+cpdef int stand(TurnPaths trips, i64 row) except -1 nogil
 @cython.locals(first=i64, node=i64, stands=bint, leg=i64, place=i64)
-cpdef int go_in_part(Trips trips, i64 row, i64 part, i64 parts) except -1 nogil
-cdef int put_leg(Trips trips, i64 leg, i64 edge, double share, double since, double until) except -1 nogil
-cdef int copy_leg(Trips trips, i64 leg, Trips others, i64 other) except -1 nogil
+cpdef int go_in_part(TurnPaths trips, i64 row, i64 part, i64 parts) except -1 nogil
+cdef int put_leg(TurnPaths trips, i64 leg, i64 edge, double share, double since, double until) except -1 nogil
+cdef int copy_leg(TurnPaths trips, i64 leg, TurnPaths others, i64 other) except -1 nogil
 @cython.locals(number=i64)
-cpdef int copy_trip(Trips trips, i64 row, Trips others, i64 other) except -1 nogil
+cpdef int copy_trip(TurnPaths trips, i64 row, TurnPaths others, i64 other) except -1 nogil
 @cython.locals(at=i64, number=i64)
-cpdef Py_ssize_t without_edge(Roads roads, Trips trips, i64 node, i64 count) except -2 nogil
+cpdef Py_ssize_t without_edge(RoadEdges roads, TurnPaths trips, i64 node, i64 count) except -2 nogil
 @cython.locals(speed=double)
-cdef bint takes_all(Roads roads, Trips trips, i64 row) except -1 nogil
+cdef bint takes_all(RoadEdges roads, TurnPaths trips, i64 row) except -1 nogil
 @cython.locals(at=i64, left=i64, metres=double, edge=i64, number=i64)
-cdef int set_pace(Roads roads, Trips trips, i64 row, i64 motion, i64 count) except -1 nogil
+cdef int set_pace(RoadEdges roads, TurnPaths trips, i64 row, i64 motion, i64 count) except -1 nogil
 @cython.locals(number=i64, node=i64)
-cpdef bint go(Roads roads, Trips trips, i64 row, i64 motion, i64 count) except -1 nogil
+cpdef bint go(RoadEdges roads, TurnPaths trips, i64 row, i64 motion, i64 count) except -1 nogil
 @cython.locals(node=i64, edge=i64, motion=i64, needs_whole=bint, count=i64, before=i64, goes_on=bint)
-cpdef bint go_towards(Roads roads, Trips trips, Ways ways, i64 memory, i64 row, i64 target) except -1 nogil
+cpdef bint go_towards(RoadEdges roads, TurnPaths trips, GoalPaths ways, i64 memory, i64 row, i64 target) except -1 nogil
 @cython.locals(node=i64, edge=i64, motion=i64, ahead=double, behind=double)
 cdef Py_ssize_t motion_towards(
-    Roads roads, Trips trips, Ways ways, i64 memory, i64 row, i64 target
+    RoadEdges roads, TurnPaths trips, GoalPaths ways, i64 memory, i64 row, i64 target
 ) except -1 nogil
 
 @cython.locals(number=i64)
-cpdef int backs(Roads roads, const i64[::1] edges, i64[::1] found) except -1 nogil
+cpdef int backs(RoadEdges roads, const i64[::1] edges, i64[::1] found) except -1 nogil
 @cython.locals(used=i64, number=i64, count=i64, place=i64)
 cpdef Py_ssize_t reach_each(
-    Roads roads, Reach reach, i64 first, const i64[::1] node, const i64[::1] edge, const double[::1] share,
+    RoadEdges roads, ReachSearch reach, i64 first, const i64[::1] node, const i64[::1] edge, const double[::1] share,
     const i64[::1] motion, const double[::1] speed, const double[::1] now, bint goes_on,
     i64[::1] found, double[::1] times, i64[::1] counts
 ) except -1 nogil

@@ -18,7 +18,7 @@ BACK = 2
 STOPPED = 3
 
 
-class Roads:
+class RoadEdges:
     """The edges of a map.
 
     Attributes:
@@ -93,7 +93,7 @@ class Roads:
         return self.patch[self.patch_offsets[place] + number]
 
 
-class Reach:
+class ReachSearch:
     """The nodes that one agent can reach, and working memory of the search; all columns are (nodes,).
 
     Attributes:
@@ -155,7 +155,7 @@ class LegalCache:
         self.used = 0
 
 
-class Trips:
+class TurnPaths:
     """The paths of agents through a turn.
 
     Attributes:
@@ -222,7 +222,7 @@ class Trips:
         self.route = route
 
 
-class Ways:
+class GoalPaths:
     """Shortest paths of agents to goal nodes; the next nodes of one path per row are stored.
 
     Among paths of equal cost, one with the fewest edges is taken; further ties go, at each node, to the next node with
@@ -242,9 +242,9 @@ class Ways:
 
     def __init__(
         self,
-        roads: Roads,
-        back: Roads,
-        reach: Reach,
+        roads: RoadEdges,
+        back: RoadEdges,
+        reach: ReachSearch,
         direct: memoryview[int],
         most: int,
         goal: memoryview[int],
@@ -268,7 +268,7 @@ class Ways:
 # -- edges -----------------------------------------------------------------------------------------------------------
 
 
-def cheapest(roads: Roads, source: int, target: int) -> int:
+def cheapest(roads: RoadEdges, source: int, target: int) -> int:
     """Return the cheapest edge from one node to another, the first of equals; -1: none."""
     found = -1
     for number in range(roads.count(source)):
@@ -278,7 +278,7 @@ def cheapest(roads: Roads, source: int, target: int) -> int:
     return found
 
 
-def back(roads: Roads, edge: int) -> int:
+def back(roads: RoadEdges, edge: int) -> int:
     """Return the edge for turning around: the first edge back with equal length; -1: none."""
     node = roads.targets[edge]
     length = roads.lengths[edge]
@@ -289,7 +289,7 @@ def back(roads: Roads, edge: int) -> int:
     return -1
 
 
-def turns(roads: Roads, edge: int, share: float, speed: float) -> float:
+def turns(roads: RoadEdges, edge: int, share: float, speed: float) -> float:
     """Return the travel time of a share of an edge at a speed, in turns."""
     if speed != speed:  # noqa: PLR0124 - NaN
         return share
@@ -307,12 +307,12 @@ def turns(roads: Roads, edge: int, share: float, speed: float) -> float:
     return taken
 
 
-def is_endless(roads: Roads, speed: float) -> bool:
+def is_endless(roads: RoadEdges, speed: float) -> bool:
     """Return whether an agent of this speed can cover any distance in a turn."""
     return speed == INFINITE and len(roads.seconds) == 0
 
 
-def is_going(roads: Roads, edge: int, motion: int) -> bool:
+def is_going(roads: RoadEdges, edge: int, motion: int) -> bool:
     """Return whether an agent moves along an edge, or back where it can turn around."""
     return motion == FORWARD or (motion == BACK and back(roads, edge) >= 0)
 
@@ -321,8 +321,8 @@ def is_going(roads: Roads, edge: int, motion: int) -> bool:
 
 
 def reachable(
-    roads: Roads,
-    reach: Reach,
+    roads: RoadEdges,
+    reach: ReachSearch,
     node: int,
     edge: int,
     share: float,
@@ -381,7 +381,7 @@ def reachable(
     return reach.found
 
 
-def count_legal(roads: Roads, reach: Reach, known: LegalCache, agent: int, node: int, speed: float) -> int:
+def count_legal(roads: RoadEdges, reach: ReachSearch, known: LegalCache, agent: int, node: int, speed: float) -> int:
     """Return the number of legal nodes of an agent on a node at the start of a turn."""
     key = known.kinds[agent] * len(roads.ids) + node
     if known.counts[key] > 0:
@@ -396,13 +396,13 @@ def count_legal(roads: Roads, reach: Reach, known: LegalCache, agent: int, node:
     return count
 
 
-def legal_node(roads: Roads, reach: Reach, known: LegalCache, agent: int, node: int, number: int) -> int:
+def legal_node(roads: RoadEdges, reach: ReachSearch, known: LegalCache, agent: int, node: int, number: int) -> int:
     """Return legal node number `number` after a call of `count_legal`."""
     key = known.kinds[agent] * len(roads.ids) + node
     return known.nodes[known.first[key] + number] if known.counts[key] > 0 else reach.nodes[number]
 
 
-def list_node(reach: Reach, node: int, time: float) -> int:
+def list_node(reach: ReachSearch, node: int, time: float) -> int:
     """Append a node with its time, unless it is already listed."""
     if reach.listed[node] != reach.search:
         reach.listed[node] = reach.search
@@ -412,7 +412,7 @@ def list_node(reach: Reach, node: int, time: float) -> int:
     return 0
 
 
-def list_near(roads: Roads, reach: Reach, node: int) -> int:
+def list_near(roads: RoadEdges, reach: ReachSearch, node: int) -> int:
     """Append a node and its neighbors."""
     list_node(reach, node, 0.0)
     for number in range(roads.count(node)):
@@ -420,7 +420,7 @@ def list_near(roads: Roads, reach: Reach, node: int) -> int:
     return 0
 
 
-def list_around(roads: Roads, reach: Reach, node: int, speed: float, begun: float, left: float) -> int:
+def list_around(roads: RoadEdges, reach: ReachSearch, node: int, speed: float, begun: float, left: float) -> int:
     """Append the nodes that can be reached from a node in the rest of a turn, by Dijkstra's algorithm.
 
     They are in the order of arrival; if any distance can be covered, in the order of rows. `begun` is the arrival time
@@ -450,14 +450,14 @@ def list_around(roads: Roads, reach: Reach, node: int, speed: float, begun: floa
     return forget_seen(reach)
 
 
-def forget_seen(reach: Reach) -> int:
+def forget_seen(reach: ReachSearch) -> int:
     """Reset the working memory after a search."""
     for number in range(reach.count):
         reach.places[reach.seen[number]] = 0
     return 0
 
 
-def sort_seen(reach: Reach) -> int:
+def sort_seen(reach: ReachSearch) -> int:
     """Reset the working memory after a search, and sort the seen nodes by row."""
     forget_seen(reach)
     number = reach.count
@@ -470,14 +470,14 @@ def sort_seen(reach: Reach) -> int:
     return forget_seen(reach)
 
 
-def comes_before(reach: Reach, one: int, other: int) -> bool:
+def comes_before(reach: ReachSearch, one: int, other: int) -> bool:
     """Return whether a node comes before another in the heap, by time, then by rank."""
     if reach.when[one] != reach.when[other]:
         return reach.when[one] < reach.when[other]
     return reach.rank[one] < reach.rank[other]
 
 
-def reach_node(reach: Reach, node: int, time: float, rank: int) -> int:
+def reach_node(reach: ReachSearch, node: int, time: float, rank: int) -> int:
     """Add a node to the heap, or move it forward if the new time or rank is better."""
     place = reach.places[node]
     if place < 0:
@@ -503,7 +503,7 @@ def reach_node(reach: Reach, node: int, time: float, rank: int) -> int:
     return 0
 
 
-def visit_first(reach: Reach) -> int:
+def visit_first(reach: ReachSearch) -> int:
     """Remove the first node from the heap and return it."""
     first = reach.heap[0]
     reach.places[first] = -1
@@ -525,7 +525,7 @@ def visit_first(reach: Reach) -> int:
     return first
 
 
-def is_only_way(roads: Roads, reach: Reach, source: int, target: int) -> bool:
+def is_only_way(roads: RoadEdges, reach: ReachSearch, source: int, target: int) -> bool:
     """Return whether an edge is the shortest path from a node to another by more than rounding errors."""
     edge = cheapest(roads, source, target)
     if edge < 0 or not roads.costs[edge] < INFINITE:
@@ -550,7 +550,7 @@ def is_only_way(roads: Roads, reach: Reach, source: int, target: int) -> bool:
 # -- shortest paths --------------------------------------------------------------------------------------------------
 
 
-def is_direct(ways: Ways, source: int, target: int) -> bool:
+def is_direct(ways: GoalPaths, source: int, target: int) -> bool:
     """Return whether an edge is the only shortest path from one node to another."""
     edge = cheapest(ways.roads, source, target)
     if edge < 0 or source == target:
@@ -560,7 +560,7 @@ def is_direct(ways: Ways, source: int, target: int) -> bool:
     return ways.direct[edge] == 1
 
 
-def find_way(ways: Ways, row: int, source: int, goal: int) -> int:
+def find_way(ways: GoalPaths, row: int, source: int, goal: int) -> int:
     """Store the shortest path from a node to a goal; return the number of stored nodes, 0 if there is no path.
 
     The search starts at the goal, so that the costs do not depend on the start of the path.
@@ -588,7 +588,7 @@ def find_way(ways: Ways, row: int, source: int, goal: int) -> int:
     return ways.count[row]
 
 
-def next_on_way(ways: Ways, node: int) -> int:
+def next_on_way(ways: GoalPaths, node: int) -> int:
     """Return the next node on the path to the goal of a search; -1: the node is the goal."""
     found = -1
     for number in range(ways.roads.count(node)):
@@ -604,7 +604,7 @@ def next_on_way(ways: Ways, node: int) -> int:
     return found
 
 
-def place_on_way(ways: Ways, row: int, node: int, goal: int) -> int:
+def place_on_way(ways: GoalPaths, row: int, node: int, goal: int) -> int:
     """Return the index of a node on the stored path to a goal, after a search if necessary; -1: there is no path."""
     if ways.goal[row] == goal:
         place = ways.at[row]
@@ -617,7 +617,7 @@ def place_on_way(ways: Ways, row: int, node: int, goal: int) -> int:
     return 0 if find_way(ways, row, node, goal) > 0 else -1
 
 
-def distance(ways: Ways, row: int, node: int, goal: int) -> float:
+def distance(ways: GoalPaths, row: int, node: int, goal: int) -> float:
     """Return the cost of an agent's path from a node to a goal; infinity if there is no path."""
     if is_direct(ways, node, goal):
         return ways.roads.costs[cheapest(ways.roads, node, goal)]
@@ -625,7 +625,7 @@ def distance(ways: Ways, row: int, node: int, goal: int) -> float:
     return ways.far[row * ways.most + place] if place >= 0 else INFINITE
 
 
-def following(ways: Ways, row: int, node: int, goal: int) -> int:
+def following(ways: GoalPaths, row: int, node: int, goal: int) -> int:
     """Return the next node on an agent's path from a node to a goal; the node itself if there is no path."""
     if is_direct(ways, node, goal):
         return goal
@@ -633,7 +633,7 @@ def following(ways: Ways, row: int, node: int, goal: int) -> int:
     return ways.nodes[row * ways.most + place + 1] if place >= 0 and node != goal else node
 
 
-def put_route(ways: Ways, trips: Trips, row: int, node: int, goal: int, begin: int) -> int:
+def put_route(ways: GoalPaths, trips: TurnPaths, row: int, node: int, goal: int, begin: int) -> int:
     """Append the next nodes of an agent's path to a route that has `begin` nodes.
 
     Return the new number of nodes; it is unchanged at the goal and if there is no path.
@@ -652,7 +652,7 @@ def put_route(ways: Ways, trips: Trips, row: int, node: int, goal: int, begin: i
 # -- directions ------------------------------------------------------------------------------------------------------
 
 
-def end_towards(roads: Roads, node: int, edge: int, target: int) -> int:
+def end_towards(roads: RoadEdges, node: int, edge: int, target: int) -> int:
     """Return the motion on an edge toward a node that is an end of it; 0: it is not an end.
 
     `node` is the node that the agent passed last; it counts as an end if the agent can turn around.
@@ -664,7 +664,7 @@ def end_towards(roads: Roads, node: int, edge: int, target: int) -> int:
     return 0
 
 
-def shorter_way(roads: Roads, edge: int, share: float, ahead: float, behind: float) -> int:
+def shorter_way(roads: RoadEdges, edge: int, share: float, ahead: float, behind: float) -> int:
     """Return the motion on an edge toward the cheaper path; on a tie, forward; 0: no path.
 
     Args:
@@ -686,9 +686,9 @@ def shorter_way(roads: Roads, edge: int, share: float, ahead: float, behind: flo
 
 
 def begin(
-    trips: Trips, row: int, node: int, edge: int, share: float, motion: int, now: float, speed: float, left: int
+    trips: TurnPaths, row: int, node: int, edge: int, share: float, motion: int, now: float, speed: float, left: int
 ) -> int:
-    """Place an agent at its start; `Trips` describes the arguments."""
+    """Place an agent at its start; `TurnPaths` describes the arguments."""
     trips.node[row] = node
     trips.edge[row] = edge
     trips.share[row] = share if edge >= 0 else 0.0
@@ -704,7 +704,7 @@ def begin(
     return 0
 
 
-def add_leg(trips: Trips, row: int, edge: int, begin: float, end: float, until: float) -> int:
+def add_leg(trips: TurnPaths, row: int, edge: int, begin: float, end: float, until: float) -> int:
     """Add a leg along a part of an edge, from the current time until `until`."""
     place = row * trips.most + trips.legs[row]
     trips.edges[place] = edge
@@ -717,7 +717,7 @@ def add_leg(trips: Trips, row: int, edge: int, begin: float, end: float, until: 
     return 0
 
 
-def turns_to_end(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -> float:
+def turns_to_end(roads: RoadEdges, trips: TurnPaths, row: int, edge: int, motion: int) -> float:
     """Return the time that an agent needs to reach the end of its edge, in turns."""
     share = fabs((0.0 if motion == BACK else 1.0) - trips.share[row])
     if trips.pace[row] >= 0.0:
@@ -725,7 +725,7 @@ def turns_to_end(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -
     return turns(roads, edge, share, trips.speed[row])
 
 
-def stop_before_end(trips: Trips, row: int, motion: int, takes: float) -> float:
+def stop_before_end(trips: TurnPaths, row: int, motion: int, takes: float) -> float:
     """Return the share of an edge where an agent is at the end of the turn; -1.0: it covers nothing."""
     first = trips.share[row]
     last = 0.0 if motion == BACK else 1.0
@@ -734,7 +734,7 @@ def stop_before_end(trips: Trips, row: int, motion: int, takes: float) -> float:
     return stop if part > 0.0 and 0.0 < stop < 1.0 else -1.0
 
 
-def cover(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -> bool:
+def cover(roads: RoadEdges, trips: TurnPaths, row: int, edge: int, motion: int) -> bool:
     """Move an agent along an edge; return whether it reaches the end before the turn is over.
 
     Otherwise it stops on the edge. `motion` is BACK toward the source of the edge, else FORWARD.
@@ -765,7 +765,7 @@ def cover(roads: Roads, trips: Trips, row: int, edge: int, motion: int) -> bool:
     return True
 
 
-def stand(trips: Trips, row: int) -> int:
+def stand(trips: TurnPaths, row: int) -> int:
     """Keep an agent at its position for the rest of the turn."""
     trips.left[row] = 0
     if trips.edge[row] >= 0 and trips.now[row] < 1.0:
@@ -773,7 +773,7 @@ def stand(trips: Trips, row: int) -> int:
     return 0
 
 
-def go_in_part(trips: Trips, row: int, part: int, parts: int) -> int:
+def go_in_part(trips: TurnPaths, row: int, part: int, parts: int) -> int:
     """Fit the path of an agent into one of several equal parts of the turn; until then it waits at its start."""
     first = row * trips.most
     node = row * (trips.most + 1)
@@ -801,7 +801,7 @@ def go_in_part(trips: Trips, row: int, part: int, parts: int) -> int:
     return 0
 
 
-def put_leg(trips: Trips, leg: int, edge: int, share: float, since: float, until: float) -> int:
+def put_leg(trips: TurnPaths, leg: int, edge: int, share: float, since: float, until: float) -> int:
     """Write a leg of an agent that stands on an edge."""
     trips.edges[leg] = edge
     trips.begins[leg] = share
@@ -811,7 +811,7 @@ def put_leg(trips: Trips, leg: int, edge: int, share: float, since: float, until
     return 0
 
 
-def copy_leg(trips: Trips, leg: int, others: Trips, other: int) -> int:
+def copy_leg(trips: TurnPaths, leg: int, others: TurnPaths, other: int) -> int:
     """Copy a leg to the place of another."""
     others.edges[other] = trips.edges[leg]
     others.begins[other] = trips.begins[leg]
@@ -821,7 +821,7 @@ def copy_leg(trips: Trips, leg: int, others: Trips, other: int) -> int:
     return 0
 
 
-def copy_trip(trips: Trips, row: int, others: Trips, other: int) -> int:
+def copy_trip(trips: TurnPaths, row: int, others: TurnPaths, other: int) -> int:
     """Copy the path of an agent to a row of other trips."""
     others.node[other] = trips.node[row]
     others.edge[other] = trips.edge[row]
@@ -837,7 +837,7 @@ def copy_trip(trips: Trips, row: int, others: Trips, other: int) -> int:
     return 0
 
 
-def without_edge(roads: Roads, trips: Trips, node: int, count: int) -> int:
+def without_edge(roads: RoadEdges, trips: TurnPaths, node: int, count: int) -> int:
     """Return the index of the first route node that no edge reaches from the previous one; -1: there is none."""
     at = node
     for number in range(count):
@@ -847,13 +847,13 @@ def without_edge(roads: Roads, trips: Trips, node: int, count: int) -> int:
     return -1
 
 
-def takes_all(roads: Roads, trips: Trips, row: int) -> bool:
+def takes_all(roads: RoadEdges, trips: TurnPaths, row: int) -> bool:
     """Return whether the path of an agent takes the rest of the turn, whatever its length."""
     speed = trips.speed[row]
     return speed != speed or is_endless(roads, speed)  # noqa: PLR0124 - NaN
 
 
-def set_pace(roads: Roads, trips: Trips, row: int, motion: int, count: int) -> int:
+def set_pace(roads: RoadEdges, trips: TurnPaths, row: int, motion: int, count: int) -> int:
     """Compute the pace of an agent whose path takes the rest of the turn; `go` describes the arguments."""
     at = trips.node[row]
     left = trips.left[row]
@@ -872,7 +872,7 @@ def set_pace(roads: Roads, trips: Trips, row: int, motion: int, count: int) -> i
     return 0
 
 
-def go(roads: Roads, trips: Trips, row: int, motion: int, count: int) -> bool:
+def go(roads: RoadEdges, trips: TurnPaths, row: int, motion: int, count: int) -> bool:
     """Move an agent to an end of its edge, if it is on one, then along a route; return whether it may go on.
 
     An agent whose path takes the rest of the turn needs its whole route in one call.
@@ -898,7 +898,7 @@ def go(roads: Roads, trips: Trips, row: int, motion: int, count: int) -> bool:
     return trips.left[row] > 0
 
 
-def go_towards(roads: Roads, trips: Trips, ways: Ways, memory: int, row: int, target: int) -> bool:
+def go_towards(roads: RoadEdges, trips: TurnPaths, ways: GoalPaths, memory: int, row: int, target: int) -> bool:
     """Move an agent toward a node until the turn is over; return whether it can.
 
     An agent on an edge takes the shorter direction.
@@ -936,7 +936,7 @@ def go_towards(roads: Roads, trips: Trips, ways: Ways, memory: int, row: int, ta
     return True
 
 
-def motion_towards(roads: Roads, trips: Trips, ways: Ways, memory: int, row: int, target: int) -> int:
+def motion_towards(roads: RoadEdges, trips: TurnPaths, ways: GoalPaths, memory: int, row: int, target: int) -> int:
     """Return the motion of an agent on an edge toward a node; 0: it cannot go there."""
     node = trips.node[row]
     edge = trips.edge[row]
@@ -951,7 +951,7 @@ def motion_towards(roads: Roads, trips: Trips, ways: Ways, memory: int, row: int
 # -- many agents ----------------------------------------------------------------------------------------------------
 
 
-def backs(roads: Roads, edges: memoryview[int], found: memoryview[int]) -> int:
+def backs(roads: RoadEdges, edges: memoryview[int], found: memoryview[int]) -> int:
     """Write the edge for turning around on each edge of an array, see `back`; -1 stays -1."""
     for number in range(len(edges)):
         found[number] = back(roads, edges[number]) if edges[number] >= 0 else -1
@@ -959,8 +959,8 @@ def backs(roads: Roads, edges: memoryview[int], found: memoryview[int]) -> int:
 
 
 def reach_each(
-    roads: Roads,
-    reach: Reach,
+    roads: RoadEdges,
+    reach: ReachSearch,
     first: int,
     node: memoryview[int],
     edge: memoryview[int],

@@ -7,10 +7,10 @@ ctypedef long long i64
 
 @cython.final
 cdef class Player:
-    cdef rules.Games games
-    cdef moves.Movers movers
-    cdef by_edges.Walkers walkers
-    cdef by_metres.Travelers travelers
+    cdef rules.GameColumns games
+    cdef moves.OneEdgeMovers movers
+    cdef by_edges.EdgeMovers walkers
+    cdef by_metres.MetreMovers travelers
     cdef arrivals.Arrivals arrivals
     cdef rules.Rule first
     cdef bint has_rules, by_edges, by_metres, at_arrivals

@@ -51,10 +51,10 @@ class Player:
 
     def __init__(
         self,
-        games: rules.Games,
-        movers: moves.Movers,
-        walkers: by_edges.Walkers | None,
-        travelers: by_metres.Travelers | None,
+        games: rules.GameColumns,
+        movers: moves.OneEdgeMovers,
+        walkers: by_edges.EdgeMovers | None,
+        travelers: by_metres.MetreMovers | None,
         at_arrivals: arrivals.Arrivals | None,
         first: rules.Rule | None,
         until: memoryview[int],

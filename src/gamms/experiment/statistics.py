@@ -33,7 +33,7 @@ class Interval(NamedTuple):
     high: float
 
 
-class Paired(NamedTuple):
+class PairedComparison(NamedTuple):
     """A comparison of pairs.
 
     Attributes:
@@ -123,7 +123,7 @@ def rate_interval_of_seeds(rates: Sequence[float], games: int, confidence: float
     return rate_interval(rate * effective, effective, confidence)
 
 
-def paired(differences: Sequence[float] | FloatArray, confidence: float = 0.95) -> Paired:
+def paired(differences: Sequence[float] | FloatArray, confidence: float = 0.95) -> PairedComparison:
     """Compare two paired series by the differences of their pairs.
 
     The interval is that of `mean_interval`; d_z is of Cohen, Statistical Power Analysis, 1988, 2.3.5; p is that of the
@@ -136,10 +136,10 @@ def paired(differences: Sequence[float] | FloatArray, confidence: float = 0.95) 
     given = np.asarray(differences, float)
     interval = mean_interval(given, confidence)
     if len(given) < 2:
-        return Paired(*interval, np.nan, np.nan)
+        return PairedComparison(*interval, np.nan, np.nan)
     spread = float(given.std(ddof=1))
     if not given.any():
-        return Paired(*interval, 0.0, 1.0)
+        return PairedComparison(*interval, 0.0, 1.0)
     effect = interval.value / spread if spread else float(np.copysign(np.inf, interval.value))
     test = _stats().permutation_test(
         (given,),
@@ -150,7 +150,7 @@ def paired(differences: Sequence[float] | FloatArray, confidence: float = 0.95) 
         batch=max(1, _CELLS // len(given)),
         random_state=np.random.default_rng(_SEED),
     )
-    return Paired(*interval, effect, float(test.pvalue))
+    return PairedComparison(*interval, effect, float(test.pvalue))
 
 
 def seeds_needed(spread: float, difference: float, power: float, alpha: float) -> int:

@@ -17,14 +17,14 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_choice, as_flag, as_int, as_known, as_text
 from gamms.core import conflicts as core
-from gamms.core.agents import Moves
+from gamms.core.agents import MoveColumns
 from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.game.order import TurnOrder
 from gamms.ir.agents import as_ids
 from gamms.ir.graph import GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.text import Called, as_code, shown, shown_as_called
+from gamms.text import DescribedFunction, as_code, shown, shown_as_called
 from gamms.typing.context import HostContext
 from gamms.typing.game import EdgePlace, IConflicts, Move
 
@@ -200,7 +200,7 @@ def _own(conflicts: object) -> Conflicts | None:
 
 
 def _ranking_of(resolver: Resolver) -> Ranking | None:
-    inner = resolver.func if isinstance(resolver, Called) else resolver
+    inner = resolver.func if isinstance(resolver, DescribedFunction) else resolver
     return inner if isinstance(inner, Ranking) else None
 
 
@@ -232,7 +232,7 @@ class TurnConflicts:
         order: TurnOrder,
         turn: int,
         places: tuple[Sequence[Any], Sequence[Any]],
-        moves: Moves | None,
+        moves: MoveColumns | None,
         moves_of: Callable[[list[int]], Mapping[str, Move]],
         ctx: HostContext,
     ) -> list[int]:
@@ -324,7 +324,7 @@ class _Agents:
         self._limits = np.full(2 * most, UNLIMITED if conflicts._limits.number is None else conflicts._limits.number)
         self._numbers = np.zeros(most, np.int64)
         slots = 1 << most.bit_length()
-        self._numbering = core.Numbering(
+        self._numbering = core.NodeNumbering(
             self._numbers.data,
             np.zeros(most, np.int64).data,
             np.zeros(slots, np.int64).data,
@@ -340,12 +340,12 @@ class _Agents:
         moves = self._numbers[: len(names)].data, self._numbers[len(names) :].data
         counts = memoryview(bytes([1]) * len(names))
         offsets = memoryview(array("q", [2 * most * number.get(team, 0) for team in teams]))
-        self._requests = core.Requests(*moves, counts, offsets, self._limits.data, ranks.data)
+        self._requests = core.MoveRequests(*moves, counts, offsets, self._limits.data, ranks.data)
 
     def losers(
         self,
         places: tuple[Sequence[Any], Sequence[Any]],
-        moves: Moves | None,
+        moves: MoveColumns | None,
         turn: int,
         movers_of: MoversOf,
         ctx: HostContext,
@@ -375,7 +375,7 @@ class _Agents:
             return []
         return self._found()
 
-    def losers_of(self, moves: Moves, turn: int) -> list[int]:
+    def losers_of(self, moves: MoveColumns, turn: int) -> list[int]:
         """Return the numbers of the agents that stay, for moves between nodes; requires `is_ranked`."""
         # NOTE: each turn of most games with conflicts comes here (benchmarks: turns).
         if not core.resolve_moves(self._memory.contests, self._requests, self._numbering, moves, turn):
@@ -396,7 +396,7 @@ class _Agents:
         """Number the start and end places."""
         are_edges = [isinstance(place, EdgePlace) for place in (*starts, *ends)]
         nodes, ids = (as_ids([*map(_id_of, places)]) for places in (starts, ends))
-        self._numbering.number_moves(Moves(nodes, ids))
+        self._numbering.number_moves(MoveColumns(nodes, ids))
         self._numbers += self._most * np.array(are_edges, np.int64)
 
     def _ask_each(self, movers_of: MoversOf, ctx: HostContext) -> None:
@@ -460,7 +460,7 @@ def _rank_of(contest: Contest) -> tuple[bool, Any, str]:
 # -- turns of many agents or games ----------------------------------------------------------------------------------
 
 
-class Movers(Protocol):
+class ComparedMoves(Protocol):
     """The agents whose moves are compared, in the order of names."""
 
     @property
@@ -491,7 +491,7 @@ class ArrayMoves(NamedTuple):
         shared: returns an object that lasts for all turns on this map, from a key and a function that makes it.
     """
 
-    roster: Movers
+    roster: ComparedMoves
     columns: GraphColumns
     starts: IntArray
     ends: IntArray
@@ -521,7 +521,7 @@ class ConflictTable:
 
     purpose = _PURPOSE
 
-    def __init__(self, conflicts: Conflicts, roster: Movers, columns: GraphColumns, *, has_edges: bool) -> None:
+    def __init__(self, conflicts: Conflicts, roster: ComparedMoves, columns: GraphColumns, *, has_edges: bool) -> None:
         self.roster = roster
         ranking = _ranking_of(conflicts._resolver)
         assert ranking is not None  # noqa: S101 - they are `ranked`
@@ -535,9 +535,9 @@ class ConflictTable:
         if ranking.rank is not None:
             self.ranks = ranking.ranks(roster.names, [roster.teams[team] for team in roster.team_of.tolist()])
 
-    def requests(self, starts: memoryview, ends: memoryview, counts: memoryview, ranks: BitArray) -> core.Requests:
+    def requests(self, starts: memoryview, ends: memoryview, counts: memoryview, ranks: BitArray) -> core.MoveRequests:
         """Return the moves of games for the core; if ranks are drawn, `ranks` holds `first_key`s."""
-        return core.Requests(starts, ends, counts, self._places, self._limits, flat(ranks, np.uint64))
+        return core.MoveRequests(starts, ends, counts, self._places, self._limits, flat(ranks, np.uint64))
 
     @property
     def has_missing_ranks(self) -> bool:

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from gamms import kernels
-from gamms.core.agents import Moves
+from gamms.core.agents import MoveColumns
 from gamms.core.ask import ask_each
 from gamms.core.copies import copied
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, GammsError, nearest
 from gamms.game.facts import KnownFacts
 from gamms.game.legality import IllegalAction, Legality
-from gamms.game.order import Part, PlannedAgents
+from gamms.game.order import PlannedAgents, TurnPart
 from gamms.game.random_streams import TeamDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
@@ -238,7 +238,7 @@ class Decisions:
         slots: Sequence[AgentSlot],
         starts: MutableSequence[int] | memoryview,
         ends: Any = None,
-        moves: Moves | None = None,
+        moves: MoveColumns | None = None,
     ) -> Self:
         """Start a new part of a turn; return this object.
 
@@ -281,7 +281,7 @@ class Decisions:
         if slot.agent.strategy is not None:
             self._put(self._question(i, state))
 
-    def ask_each(self, part: Part, near: Mapping[int, tuple[int, ...]]) -> None:
+    def ask_each(self, part: TurnPart, near: Mapping[int, tuple[int, ...]]) -> None:
         """Call the strategies of the individuals of a part one by one; requires no channels and no time budget.
 
         After the call, the last agent is still deciding in the phase of the context.

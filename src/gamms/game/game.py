@@ -20,7 +20,7 @@ from gamms.game.result import Collectors, Result, misspelt_names, what_went_wron
 from gamms.game.rule_verbs import RuleVerbs
 from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet
 from gamms.game.slots import COUNTED
-from gamms.game.snapshots import GameInternals, Snapshot, SnapshotError, SnapshotTaker, Start, copy_game, own
+from gamms.game.snapshots import GameInternals, GameStart, Snapshot, SnapshotError, SnapshotTaker, copy_game, own
 from gamms.game.turn import TurnEngine
 from gamms.ir.game_state import GameState
 from gamms.progress import progress as progress_line
@@ -235,7 +235,7 @@ class Game(Surface, RuleVerbs):
         """Take the snapshot that `reset` restores."""
         state, snapshot = self._state, self._snapshots.take()
         seeds = (self.ctx.seed, self.ctx.rng_state()) if state.start is None else state.start.first_seed
-        state.start, state.has_begun = Start(snapshot, self.ctx.rng_state(), seeds), True
+        state.start, state.has_begun = GameStart(snapshot, self.ctx.rng_state(), seeds), True
 
     def _play(self) -> None:
         state, rules = self._state, self._ruleset

@@ -8,11 +8,11 @@ import numpy as np
 
 from gamms.errors import BadValue, GammsError, UnknownName
 from gamms.game.deeds import wanted_deeds
+from gamms.game.multi_edge_moves import MultiEdgeMoves
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.game.travel import ResolvedAction, Travel
-from gamms.game.walking import Walking
 from gamms.ir.graph import IntArray
 from gamms.typing.actions import as_node, flight, heading_in
 from gamms.typing.context import HostContext
@@ -39,9 +39,9 @@ class Legality:
     def __init__(self, ctx: HostContext, settings: Settings) -> None:
         self._ctx, self._settings = ctx, settings
         self.travel = Travel(ctx, settings)
-        self._streets: Streets | None = None  # of the last revision of the graph
-        self._walking: Walking | None = None
-        self._ids: tuple[Streets | None, tuple[int, ...]] = None, ()  # a map, and the ids of its nodes
+        self._streets: StreetGraph | None = None  # of the last revision of the graph
+        self._walking: MultiEdgeMoves | None = None
+        self._ids: tuple[StreetGraph | None, tuple[int, ...]] = None, ()  # a map, and the ids of its nodes
 
     def resolve(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
         """Return the move that an action leads to.
@@ -117,19 +117,19 @@ class Legality:
         return (here, *ids[:row], *ids[row + 1 :])
 
     @property
-    def streets(self) -> Streets:
+    def streets(self) -> StreetGraph:
         """The legal moves along one edge, as arrays."""
         columns = self._ctx.graph.graph.columns()
         if self._streets is None or self._streets.columns is not columns:
-            self._streets = Streets(columns, self._ctx.graph.routes)
+            self._streets = StreetGraph(columns, self._ctx.graph.routes)
         return self._streets
 
     @property
-    def walking(self) -> Walking:
+    def walking(self) -> MultiEdgeMoves:
         """The legal moves along several edges per turn."""
         streets = self.streets
         if self._walking is None or self._walking.streets is not streets:
-            self._walking = Walking(streets)
+            self._walking = MultiEdgeMoves(streets)
         return self._walking
 
     def reachable_each(self, movers: Sequence[AgentSlot], starts: Sequence[int]) -> tuple[IntArray, IntArray]:

@@ -38,7 +38,7 @@ _AT_ONCE = 1 << 20  # the maximum number of messages times agents per call of th
 _MOST_TERMS = 64  # the size of the cache of core channels
 
 
-class Scene(NamedTuple):
+class MessagePositions(NamedTuple):
     """The positions of agents after their moves, when messages are sent, in one or several games.
 
     Attributes:
@@ -66,7 +66,7 @@ class Scene(NamedTuple):
     place_of: Callable[[int], Sequence[Any]]
 
     @classmethod
-    def of(cls, ctx: HostContext, agents: Sequence[IAgent], turn: int) -> "Scene":
+    def of(cls, ctx: HostContext, agents: Sequence[IAgent], turn: int) -> "MessagePositions":
         """Return the current positions of the living agents of one game."""
         graph, block, ids = ctx.graph.graph, ctx.agent.block, [agent.current_node_id for agent in agents]
         xyz, near = np.zeros((1, len(agents), 3)), dict[tuple[int, int], BoolArray]()
@@ -115,7 +115,7 @@ def sent(ctx: HostContext, agents: Sequence[IAgent], outgoing: Sequence[Outgoing
     going = [one for one in outgoing if one.channel in channels and one.sender in row_of]
     if not going:
         return []
-    scene, fates = Scene.of(ctx, agents, turn), dict[str, Iterator[dict[str, Any]]]()
+    scene, fates = MessagePositions.of(ctx, agents, turn), dict[str, Iterator[dict[str, Any]]]()
     for name in dict.fromkeys(one.channel for one in going):
         messages = [one for one in going if one.channel == name]
         senders = np.array([row_of[one.sender] for one in messages])
@@ -161,7 +161,9 @@ class MessageOutcomes(NamedTuple):
             yield {"heard": heard, "overheard": overheard, "lost": [*lost], "jammed": [*jammed]}
 
 
-def outcomes_of(channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to: Sequence[Any]) -> MessageOutcomes:
+def outcomes_of(
+    channel: Channel, scene: MessagePositions, at: IntArray, senders: IntArray, to: Sequence[Any]
+) -> MessageOutcomes:
     """Return the outcomes of messages of one channel.
 
     Args:
@@ -200,7 +202,7 @@ class _Network:
         rows: working memory.
     """
 
-    def __init__(self, channel: Channel, scene: Scene, senders: IntArray) -> None:
+    def __init__(self, channel: Channel, scene: MessagePositions, senders: IntArray) -> None:
         games, agents = scene.alive.shape
         self._channel, self._scene = channel, scene
         names, jammers = tuple(scene.teams), tuple(place for one in channel.jammers for place in _places_of(one, scene))
@@ -220,7 +222,7 @@ class _Network:
         while True:
             columns = scene.xyz, scene.alive.view(np.uint8), scene.keys, self._purposes, scene.turns
             known = self._slots, self._awaited, self._reach
-            network = core.Network(*map(flat, (*columns, *known, self.rows, *self._bytes)))
+            network = core.ChannelNetwork(*map(flat, (*columns, *known, self.rows, *self._bytes)))
             number = core.spread_all(self._terms, network, messages)
             if not number:
                 break
@@ -228,7 +230,7 @@ class _Network:
             self._slots[transmitters] = len(self._reach) + np.arange(number)
             self._reach = np.concatenate((self._reach, self._reached(network, transmitters)))
 
-    def _reached(self, network: core.Network, transmitters: IntArray) -> ByteArray:
+    def _reached(self, network: core.ChannelNetwork, transmitters: IntArray) -> ByteArray:
         """Return which agents each transmitter reaches, (transmitters, agents)."""
         channel, scene, agents = self._channel, self._scene, len(self._scene.teams)
         reach = np.empty((len(transmitters), agents), np.uint8)
@@ -266,7 +268,7 @@ def _terms_of(
     )
 
 
-def _places_of(jammer: Jammer, scene: Scene) -> list[tuple[float, ...]]:
+def _places_of(jammer: Jammer, scene: MessagePositions) -> list[tuple[float, ...]]:
     """Return a jammer as tuples: the number of an agent, or -1 with x, y and z of a place; and the radius."""
     if jammer.at is None:
         wanted, known = (jammer.team, scene.teams.values()) if jammer.agent is None else (jammer.agent, scene.teams)

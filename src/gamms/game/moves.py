@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from gamms.core.agents import Moves
+from gamms.core.agents import MoveColumns
 from gamms.core.arrivals import short_of
 from gamms.game.order import TurnOrder
 from gamms.game.slots import LazySlots
@@ -78,14 +78,14 @@ class TurnMoves:
         starts: Nodes,
         ends: Nodes,
         actions: dict[int, ResolvedAction],
-        moves: Moves | None = None,
+        moves: MoveColumns | None = None,
     ) -> None:
         self.order, self.starts, self.ends, self.actions = order, starts, ends, actions
         self._moves = moves
         self.slots = order.slots
         self._by_name: dict[str, Move] | None = None
 
-    def in_core(self) -> Moves:
+    def in_core(self) -> MoveColumns:
         """Return the starts and ends of all moves as arrays of the core."""
         return moves_of(self.starts, self.ends) if self._moves is None else self._moves
 

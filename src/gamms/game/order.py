@@ -8,15 +8,15 @@ from typing import Any, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.core.agents import Moves, MovingAgents
-from gamms.core.ask import Sensing
+from gamms.core.agents import MoveColumns, MovingAgents
+from gamms.core.ask import SensorCall
 from gamms.core.block import INT64
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, UnknownName
 from gamms.game.settings import Plan, Settings
 from gamms.game.slots import AgentSlot, LazySlots
 from gamms.ir.agents import AgentBlock
-from gamms.ir.columns import Selection, Succession
+from gamms.ir.columns import AgentSetChange, Selection
 from gamms.ir.graph import IntArray, RowArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
@@ -60,7 +60,7 @@ class PlannedAgents:
         return self._draw_keys[1]
 
 
-class Part:
+class TurnPart:
     """Agents that decide and move simultaneously: all living agents, or those of some teams.
 
     Args:
@@ -238,20 +238,20 @@ class TurnOrder:
         settings: Settings,
         order: Sequence[Sequence[Any]] | None,
         before: "TurnOrder | None",
-        change: Succession | None,
+        change: AgentSetChange | None,
     ) -> None:
         self.slots, self.block, self.structure_version = slots, block, block.structure.version
         self.progress, self.rows_version = block.progress, block.rows.version
         self.groups = order
         self.has_channels, self.has_deeds = bool(settings.channels), bool(settings.deeds)
-        self.whole = Part(slots, None, block.progress, settings)
+        self.whole = TurnPart(slots, None, block.progress, settings)
         self.parts, self.unlisted = [self.whole], None
         if order is not None:
             all_teams = self.all_teams()
             listed = {team for teams in order for team in teams}
             self.unlisted = next((slots[i] for i, team in enumerate(all_teams) if team not in listed), None)
             members = [[i for i, team in enumerate(all_teams) if team in teams] for teams in order]
-            self.parts = [Part(slots, some, block.progress, settings) for some in members]
+            self.parts = [TurnPart(slots, some, block.progress, settings) for some in members]
         self.has_parts = len(self.parts) > 1
         self.selection = self.whole.ground
         if self.whole.on_ground is not None:
@@ -270,7 +270,7 @@ class TurnOrder:
         self.moving = MovingAgents(block, self.selection.buffer, self._moved.data)
         self._blank = array(INT64, bytes(16 * len(slots)))
 
-    def _follow(self, before: "TurnOrder", change: Succession) -> None:
+    def _follow(self, before: "TurnOrder", change: AgentSetChange) -> None:
         """Continue from an earlier order: take over its counts, and its names for agents that remain."""
         if isinstance(self.slots, LazySlots):
             before.update_some(change.gone)
@@ -334,7 +334,7 @@ class TurnOrder:
             return self.selection.of(self.block.node)
         return self.selection.listed(self.block.node)
 
-    def begin(self) -> tuple[Any, Any, Moves | None]:
+    def begin(self) -> tuple[Any, Any, MoveColumns | None]:
         """Return the node of each agent by slot, read-only; a writable copy; and both as arrays of the core.
 
         The last two are None if there are many agents, because one plan may move them all.
@@ -343,11 +343,11 @@ class TurnOrder:
             return self.nodes(), None, None
         agents, both = len(self.slots), memoryview(self._blank[:])
         starts, ends = both[:agents], both[agents:]
-        moves = Moves(starts, ends)
+        moves = MoveColumns(starts, ends)
         self.moving.begin(moves)
         return starts, ends, moves
 
-    def count_moves(self, moves: Moves, ends: Any) -> None:
+    def count_moves(self, moves: MoveColumns, ends: Any) -> None:
         """Count the moves; `ends` are the current nodes of the agents."""
         self.moving.count(moves)
         if self.is_lazy and not self.block.flyers:
@@ -389,13 +389,13 @@ class TurnOrder:
             self._blocked.fill(0)
 
 
-def _numbered(one: Sensing, first: dict[Hashable, tuple[int, ISensor]]) -> Sensing:
+def _numbered(one: SensorCall, first: dict[Hashable, tuple[int, ISensor]]) -> SensorCall:
     """Return a sensor with the number of its group of equal sensors, if it can share data."""
     key = getattr(one.sensor, "looks_alike", None)
     if key is None or not hasattr(one.sensor, "shared_look"):
         return one
     number, _ = first.setdefault(key, (len(first), one.sensor))
-    return Sensing(one.name, one.last, one.sensor.type, one.sensor, number)
+    return SensorCall(one.name, one.last, one.sensor.type, one.sensor, number)
 
 
 def left_out(name: str, team: Hashable) -> BadValue:

@@ -11,7 +11,7 @@ from numpy.random import Generator, Philox
 
 from gamms import kernels
 from gamms.arguments import as_array, as_one_shape
-from gamms.core.draws import Turns, TurnStream
+from gamms.core.draws import TurnCounter, TurnStream
 from gamms.errors import BadValue
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
@@ -22,13 +22,13 @@ from gamms.text import shown
 T = TypeVar("T")
 
 
-class _Moment(NamedTuple):
+class _FixedTurn(NamedTuple):
     """A constant turn, as the clock of copied draws."""
 
     turn: int
 
 
-class DrawTable(Turns):
+class DrawTable(TurnCounter):
     """The seed and the clock of all draws of the agents of a game.
 
     Args:
@@ -41,7 +41,7 @@ class DrawTable(Turns):
 
     __slots__ = ("seed",)
 
-    def __init__(self, seed: int, clock: GameState | _Moment) -> None:
+    def __init__(self, seed: int, clock: GameState | _FixedTurn) -> None:
         super().__init__(clock)
         self.seed = seed
 
@@ -66,7 +66,7 @@ class _CopiedTable(DrawTable):
     __slots__ = ("_first",)
 
     def __init__(self, first: int, turn: int) -> None:
-        super().__init__(0, _Moment(turn))
+        super().__init__(0, _FixedTurn(turn))
         self._first = first
 
     def first_key(self, name: str) -> int:  # noqa: ARG002 - there is one agent

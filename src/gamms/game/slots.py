@@ -8,19 +8,19 @@ from typing import Any
 
 from gamms import kernels
 from gamms.arguments import as_range
-from gamms.core.ask import Individual, Sensing
+from gamms.core.ask import DecidingAgent, SensorCall
 from gamms.errors import GammsError
 from gamms.game.facts import KnownFacts, PrivateForks
 from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
 from gamms.game.settings import Settings
 from gamms.ir.agents import AgentBlock
-from gamms.ir.columns import Selection, Succession
+from gamms.ir.columns import AgentSetChange, Selection
 from gamms.ir.game_state import GameState
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.readonly import copied
 from gamms.typing import AgentType
-from gamms.typing.agent_engine import Departure, IAgent, TurnAccess
+from gamms.typing.agent_engine import DeletedAgent, IAgent, TurnAccess
 from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import SensorType
 
@@ -83,7 +83,7 @@ class AgentSlot:
         self._draws: Draws | None = None
         self._rng: TurnGenerator | None = None
         self._template: dict[str, Any] | None = None
-        self._asked: Individual | None = None
+        self._asked: DecidingAgent | None = None
         self.foreign = [name for name, last, *_ in self.carried if type(last) is not list]
         looks = [look for *_, look in self.carried if look is not None]
         self.sees_world_only = all(getattr(look, "sees_world_only", False) for look in looks)
@@ -117,13 +117,13 @@ class AgentSlot:
         return self._template
 
     @property
-    def asked(self) -> Individual:
+    def asked(self) -> DecidingAgent:
         """The agent in the form of the core, for usual turns."""
         agent = self.agent
         if self._asked is None or self._asked.strategy is not agent.strategy:
             template = self.template if self.is_plain and agent.strategy is not None else None
-            sensors = tuple([Sensing(*one) for one in self.carried])
-            self._asked = Individual(agent, agent.strategy, template, sensors, self.last)
+            sensors = tuple([SensorCall(*one) for one in self.carried])
+            self._asked = DecidingAgent(agent, agent.strategy, template, sensors, self.last)
         return self._asked
 
     def _new_template(self) -> dict[str, Any]:
@@ -204,9 +204,9 @@ class LazySlots(Sequence[AgentSlot]):
         settings: Settings,
         make: Callable[[str, IAgent | None], AgentSlot],
         counts: dict[str, dict[str, int]],
-        departure: Departure,
+        departure: DeletedAgent,
         before: "LazySlots | None",
-        change: Succession,
+        change: AgentSetChange,
     ) -> None:
         kind, speed, progress = block.kind, block.speed, block.progress
         selection, names, teams = Selection([]), list[str](), list[Any]()
@@ -354,7 +354,7 @@ class SlotMaker:
 
     def of_living(
         self, before: Sequence[AgentSlot], names: Sequence[str], version: int | None
-    ) -> tuple[Sequence[AgentSlot], Succession | None]:
+    ) -> tuple[Sequence[AgentSlot], AgentSetChange | None]:
         """Return the slots of the living agents by name, and the change from the previous slots.
 
         With teams in arrays, slots are made on demand. Previous slots are reused if they are still valid.
@@ -373,11 +373,11 @@ class SlotMaker:
         self._table, given = table, (self._state, table, self._facts, self._settings, self._fork)
         all_agents, access_of = agents.agents, agents.storage.turn_access
         if since is None:
-            change = Succession((), range(len(block)), block.names, block.inactive)
+            change = AgentSetChange((), range(len(block)), block.names, block.inactive)
             known = {slot.name: slot for slot in made}
         else:
             rows, closed = since
-            change = Succession(names, rows, block.names, block.inactive, closed)
+            change = AgentSetChange(names, rows, block.names, block.inactive, closed)
             known = {names[i]: before[i] for i in change.gone if not isinstance(before, LazySlots) or before.is_made(i)}
 
         def make(name: str, departed: IAgent | None = None) -> AgentSlot:

@@ -18,7 +18,7 @@ from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
 from gamms.ir.game_state import COPY_OF, FIELDS, SAVED, GameState
 from gamms.ir.schema import Memo
-from gamms.text import Called
+from gamms.text import DescribedFunction
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 
@@ -95,7 +95,7 @@ class Snapshot:
         )
 
 
-class Start(NamedTuple):
+class GameStart(NamedTuple):
     """The start of a game, before its first turn."""
 
     snapshot: Snapshot
@@ -316,7 +316,7 @@ _REBOUND: dict[type, Callable[[Any, Memo], Any]] = {
     FunctionType: _rebound_function,
     MethodType: _rebound_method,
     partial: _rebound_partial,
-    Called: _rebound_partial,
+    DescribedFunction: _rebound_partial,
     tuple: _rebound_items,
     list: _rebound_items,
     dict: _rebound_values,

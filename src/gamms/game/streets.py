@@ -14,7 +14,7 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray, RowArray
 from gamms.readonly import locked
 
 
-class Ways(Protocol):
+class RouteSource(Protocol):
     """The part of `ctx.graph.routes` that this module needs."""
 
     def arcs(self, weight: str | None = "length", *, reverse: bool = False) -> kernels.Arcs:
@@ -27,7 +27,7 @@ class Ways(Protocol):
         """Return each node and its out-neighbors as offsets (nodes + 1,) and rows; the node itself comes first."""
 
 
-class Streets:
+class StreetGraph:
     """The nodes of a graph, and the legal moves from each along one edge.
 
     Args:
@@ -42,7 +42,7 @@ class Streets:
         targets: rows of nodes: for each node its own row, then its neighbors in the order of `state["legal"]`.
     """
 
-    def __init__(self, columns: GraphColumns, queries: Ways) -> None:
+    def __init__(self, columns: GraphColumns, queries: RouteSource) -> None:
         self.columns, self._queries, self.num_nodes = columns, queries, len(columns.node_ids)
         self.offsets, self.targets = map(locked, queries.neighborhoods())
         self.counts: IntArray = locked(np.diff(self.offsets))
@@ -63,7 +63,7 @@ class Streets:
         """Return the weight of each edge, (edges,)."""
         return self._queries.weights(weight)
 
-    def apart(self) -> "Streets":
+    def apart(self) -> "StreetGraph":
         """Return a copy that does not keep the graph in memory, for caches."""
         twin = copy(self)
         del twin._queries
@@ -110,14 +110,14 @@ class Streets:
         return as_numbers_of(rows, name, self.num_nodes, "nodes")
 
     @cached_property
-    def core(self) -> moves.Streets:
+    def core(self) -> moves.LegalMoves:
         """The same data in the form of the core."""
-        return moves.Streets(*self._memory())
+        return moves.LegalMoves(*self._memory())
 
     @cached_property
-    def core_with_all_legal(self) -> moves.Streets:
+    def core_with_all_legal(self) -> moves.LegalMoves:
         """The same data in the form of the core, for games in which every node is legal."""
-        return moves.Streets(*self._memory(), are_all_legal=True)
+        return moves.LegalMoves(*self._memory(), are_all_legal=True)
 
     def _memory(self) -> tuple[Any, Any]:
         """Return the buffers of `offsets` and `targets`."""
@@ -224,12 +224,12 @@ class LegalNodes:
     """
 
     def __init__(self, offsets: IntArray, targets: IntArray) -> None:
-        self._streets: Streets | None = None
+        self._streets: StreetGraph | None = None
         self._rows = np.arange(len(offsets) - 1)
         self.ragged = offsets, targets
 
     @classmethod
-    def along_streets(cls, streets: Streets, nodes: IntArray) -> "LegalNodes":
+    def along_streets(cls, streets: StreetGraph, nodes: IntArray) -> "LegalNodes":
         """Return the legal nodes of agents that move along one edge, from the ids of their nodes, (agents,)."""
         legal = cls.__new__(cls)
         legal._streets, legal._rows = streets, streets.rows(nodes)

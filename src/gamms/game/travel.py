@@ -1,7 +1,7 @@
 """Travel by metres: maps and paths in the form of `gamms.core.travel`, and moves of the game of a context by ids.
 
-`map_of`, `Reach` and `Trips` hold the data of the core, for one game or many, with rows of nodes and edges. `Travel`
-finds legal nodes and moves of agents in the game of a context, by ids.
+`map_of`, `ReachableNodes` and `TurnPaths` hold the data of the core, for one game or many, with rows of nodes and
+edges. `Travel` finds legal nodes and moves of agents in the game of a context, by ids.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,7 +41,7 @@ def map_of(
     turn_seconds: float,
     leaving: tuple[IntArray, IntArray] | None = None,
     patch: tuple[IntArray, IntArray, IntArray] = (_NOTHING, np.zeros(1, np.int64), _NOTHING),
-) -> core.Roads:
+) -> core.RoadEdges:
     """Return the edges of a graph in the form of the core.
 
     Args:
@@ -57,10 +57,10 @@ def map_of(
     floats = [columns.lengths, costs, np.zeros(0) if seconds is None else seconds]
     views: list[Any] = [np.ascontiguousarray(column, np.int64).data for column in ints]
     views += [np.ascontiguousarray(column, np.float64).data for column in floats]
-    return core.Roads(*[*views, turn_seconds])
+    return core.RoadEdges(*[*views, turn_seconds])
 
 
-class Reach:
+class ReachableNodes:
     """The nodes that an agent can reach, found by the core.
 
     Args:
@@ -75,11 +75,11 @@ class Reach:
         ints, floats = np.zeros((6, nodes), np.int64), np.zeros((2, nodes))
         self.nodes, self.times = ints[0], floats[0]
         listed, heap, places, rank, seen = (column.data for column in ints[1:])
-        self.core = core.Reach(self.nodes.data, self.times.data, listed, heap, places, floats[1].data, rank, seen)
+        self.core = core.ReachSearch(self.nodes.data, self.times.data, listed, heap, places, floats[1].data, rank, seen)
 
 
-class Trips:
-    """The paths of agents through a turn, written by the core; see `core.Trips` for the columns.
+class TurnPaths:
+    """The paths of agents through a turn, written by the core; see `core.TurnPaths` for the columns.
 
     Args:
         rows: the number of agents.
@@ -100,7 +100,7 @@ class Trips:
         self.begins, self.ends, self.since, self.until = parts
         columns = (*states, *shares, self.edges, *parts, self.nodes, self.times, self.route)
         views: list[Any] = [column.reshape(-1).data for column in columns]
-        self.core = core.Trips(most, *views)
+        self.core = core.TurnPaths(most, *views)
         # NOTE: items of memoryviews are numbers of Python, which arrays make in twice the time (benchmarks: travel).
         self._edge, self._motion, self._counts, self._passed = views[1], views[2], views[4], views[5]
         self._share = views[6]
@@ -167,18 +167,18 @@ class StoredPaths:
         twin._begin(rows, most)
         return twin
 
-    def ways(self, roads: core.Roads, reach: Reach) -> core.Ways:
+    def ways(self, roads: core.RoadEdges, reach: ReachableNodes) -> core.GoalPaths:
         """Return the paths in the form of the core, for one thread on a map."""
         columns: Any = [column.data for column in (*self._ints, self._nodes, self._far)]
         direct: Any = np.zeros(len(self._costs), np.uint8).data
-        return core.Ways(*[roads, self._back, reach.core, direct, self.most, *columns])
+        return core.GoalPaths(*[roads, self._back, reach.core, direct, self.most, *columns])
 
-    def plain_ways(self, reach: Reach) -> core.Ways:
+    def plain_ways(self, reach: ReachableNodes) -> core.GoalPaths:
         """Return the paths in the form of the core, on a map where only costs matter."""
         return self.ways(self._plain, reach)
 
 
-class Paths:
+class PathFinder:
     """The nodes of one revision of a graph by id, and the shortest paths of the agents of one game.
 
     Args:
@@ -195,9 +195,9 @@ class Paths:
         self._costs = costs
         self.ids: list[int] = columns.node_ids.tolist()
         self._row_of = {id: row for row, id in enumerate(self.ids)}
-        self.reach = Reach(len(self.ids))
+        self.reach = ReachableNodes(len(self.ids))
         self._found = self.reach.nodes.data
-        self._ways: core.Ways | None = None
+        self._ways: core.GoalPaths | None = None
         self._agents = 0  # the number of agents that `_ways` has room for
 
     def row(self, node: int) -> int:
@@ -216,7 +216,7 @@ class Paths:
         ids = self.ids
         return tuple([ids[row] for row in self._found[:count].tolist()])
 
-    def ways(self, agent: int) -> core.Ways:
+    def ways(self, agent: int) -> core.GoalPaths:
         """Return the paths of agents, with room for an agent of this row."""
         if self._ways is None or agent >= self._agents:
             self._agents = 2 * agent + 2
@@ -230,7 +230,7 @@ class EdgeIds(dict[int, tuple[int, int, int, int | None]]):
     NOTE: entries are cached, because each agent looks around in each turn (benchmarks: travel).
     """
 
-    def __init__(self, columns: GraphColumns, roads: core.Roads) -> None:
+    def __init__(self, columns: GraphColumns, roads: core.RoadEdges) -> None:
         super().__init__()
         self._columns, self._roads = columns, roads
 
@@ -242,7 +242,7 @@ class EdgeIds(dict[int, tuple[int, int, int, int | None]]):
         return found
 
 
-class Roads(Paths):
+class RoadMap(PathFinder):
     """The edges of one revision of a graph by id; of parallel edges the cheapest counts, then the first.
 
     Args:
@@ -345,13 +345,13 @@ class Travel:
 
     def __init__(self, ctx: HostContext, settings: Settings) -> None:
         self._ctx, self._settings = ctx, settings
-        self._roads: Roads | None = None
+        self._roads: RoadMap | None = None
         self._key: tuple[Any, ...] = ()
         self.now = 0.0
         self._make_room(0)
 
     @property
-    def roads(self) -> Roads:
+    def roads(self) -> RoadMap:
         """The edges of the current revision of the graph."""
         graph, settings = self._ctx.graph.graph, self._settings
         key = graph.revision, settings.weight, settings.speed_unit, settings.turn_seconds
@@ -359,7 +359,7 @@ class Travel:
             turn_seconds = settings.turn_seconds if settings.speed_unit == "metres_per_second" else 1.0
             has_speeds = settings.weight == "travel_time" and settings.speed_unit == "metres_per_second"
             seconds = graph.weights(settings.weight) if has_speeds else None
-            roads = Roads(graph, self._ctx.graph.columns(), settings.weight, seconds, turn_seconds)
+            roads = RoadMap(graph, self._ctx.graph.columns(), settings.weight, seconds, turn_seconds)
             self._roads, self._key = roads, key
             self._make_room(len(roads.ids) + _MORE_LEGS)
         return self._roads
@@ -463,25 +463,25 @@ class Travel:
 
     def _make_room(self, most: int) -> None:
         """Allocate memory for paths with `most` legs."""
-        self._written = trips = Trips(1, most)
+        self._written = trips = TurnPaths(1, most)
         self._most, self._trips = most, trips.core
         self._route = trips.route.data
 
-    def _begin(self, roads: Roads, place: Progress | None, here: int, speed: float | None) -> None:
+    def _begin(self, roads: RoadMap, place: Progress | None, here: int, speed: float | None) -> None:
         """Place an agent at the start of its path."""
         edge, share, motion = (-1, 0.0, 0) if place is None else (roads.of(place), place.share, place.motion)
         pace, most = nan if speed is None else speed, 1 if self._settings.decide == "arrival" else ENDLESS
         core.begin(self._trips, 0, roads.row(here), edge, share, motion, self.now, pace, most)
 
     def _go(
-        self, roads: Roads, place: Progress | None, here: int, speed: float | None, motion: int, count: int
+        self, roads: RoadMap, place: Progress | None, here: int, speed: float | None, motion: int, count: int
     ) -> ResolvedAction:
         """Return the move along the first `count` nodes of the route in the core."""
         self._begin(roads, place, here, speed)
         core.go(roads.map, self._trips, 0, motion, count)
         return self._ended(roads, place)
 
-    def _ended(self, roads: Roads, begun: Progress | None) -> ResolvedAction:
+    def _ended(self, roads: RoadMap, begun: Progress | None) -> ResolvedAction:
         """Return the path that the core has written."""
         return self._written.ended(0, roads.ids, roads.edge_ids, begun)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from gamms.core.agents import Moves
+from gamms.core.agents import MoveColumns
 from gamms.deciding import DecidePhase
 from gamms.errors import UnknownName
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
@@ -19,7 +19,7 @@ from gamms.game.facts import PrivateForks
 from gamms.game.legality import Legality
 from gamms.game.messages import Inboxes, Outboxes
 from gamms.game.moves import Refusals, TurnMoves
-from gamms.game.order import Part, TurnOrder, left_out, note_lost
+from gamms.game.order import TurnOrder, TurnPart, left_out, note_lost
 from gamms.game.random_streams import DrawTable
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, own_copy
@@ -29,7 +29,7 @@ from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code
-from gamms.typing.agent_engine import Departure, IAgent
+from gamms.typing.agent_engine import DeletedAgent, IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import AerialState, IConflicts, Move, State
 
@@ -73,7 +73,7 @@ class TurnEngine:
         self._loop: EventLoop | None = None
         self._order: TurnOrder | None = None
         self._order_key: tuple[Any, ...] = ()
-        self._departure: Departure | None = None  # the last deleted agent that is noted
+        self._departure: DeletedAgent | None = None  # the last deleted agent that is noted
         self._near: Mapping[int, tuple[int, ...]] = {}  # node -> the nodes legal along one edge, of `_order`
         self.is_deciding = self.is_playing = self.is_moving = False
         self.part = 0
@@ -332,7 +332,7 @@ class TurnEngine:
         spent["apply"] += perf_counter() - now
         return turn
 
-    def _do_deeds(self, turn: TurnMoves, part: Part, rules: RuleSet) -> TurnMoves:
+    def _do_deeds(self, turn: TurnMoves, part: TurnPart, rules: RuleSet) -> TurnMoves:
         """Let rules refuse moves and deeds, log the remaining deeds, and let rules execute them.
 
         Return the moves of the current agents. An agent that a rule has placed elsewhere stays there, and an agent
@@ -376,7 +376,7 @@ class TurnEngine:
     def _block(self, slot: AgentSlot, why: str) -> None:
         slot.set_blocked(self._state.blocked.add(slot.name, why))
 
-    def _ask(self, order: TurnOrder, part: Part, observers: list[Observer]) -> TurnMoves:
+    def _ask(self, order: TurnOrder, part: TurnPart, observers: list[Observer]) -> TurnMoves:
         """Return the moves that the agents of a part choose.
 
         Agents do not see each other's decisions: while a strategy runs, nothing can change, so all agents observe the
@@ -390,7 +390,7 @@ class TurnEngine:
             self._publish(order, part, decisions)
         return TurnMoves(order, decisions.starts, decisions.ends_to_write(), decisions.actions, decisions.moves)
 
-    def decide(self, order: TurnOrder, part: Part, observers: Sequence[Observer] = ()) -> Decisions:
+    def decide(self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer] = ()) -> Decisions:
         """Return the decisions of the agents of a part, without publishing them."""
         phase = self._phase
         decisions = self._decisions.begin(order.slots, *order.begin())
@@ -419,7 +419,7 @@ class TurnEngine:
             self.is_deciding = False
         return decisions
 
-    def _publish(self, order: TurnOrder, part: Part, decisions: Decisions) -> None:
+    def _publish(self, order: TurnOrder, part: TurnPart, decisions: Decisions) -> None:
         """Publish errors, team memories and messages, after all agents have decided."""
         unsent: Iterable[tuple[AgentSlot, str]] = ()
         if order.has_channels:
@@ -431,7 +431,7 @@ class TurnEngine:
         for slot, why in unsent:
             self._note_illegal(slot, why)
 
-    def ask_part(self, part: Part, decisions: Decisions, seed: int, seen: dict[int, Any] | None = None) -> None:
+    def ask_part(self, part: TurnPart, decisions: Decisions, seed: int, seen: dict[int, Any] | None = None) -> None:
         """Call the strategies of the agents of a part, and the plans of its teams.
 
         Args:
@@ -454,13 +454,13 @@ class TurnEngine:
                 indices = commanded.indices
                 decisions.ask_plan(commanded, [observe(slots[i]) if seen is None else seen[i] for i in indices])
 
-    def _ask_at_arrivals(self, order: TurnOrder, part: Part, observers: list[Observer]) -> TurnMoves:
+    def _ask_at_arrivals(self, order: TurnOrder, part: TurnPart, observers: list[Observer]) -> TurnMoves:
         """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""
         block, travel, slots = self._ctx.agent.block, self._legality.travel, order.slots
         places = {i: block.on_edge(slots[i].row) for i in part.paced if slots[i].travels}
         going = {i: place for i, place in places.items() if place is not None and travel.is_going(place)}
         resting = [i for i in part.members if i not in going]
-        turn = self._ask(order, Part(slots, resting, order.progress, self._settings), observers)
+        turn = self._ask(order, TurnPart(slots, resting, order.progress, self._settings), observers)
         turn.let_stand([i for i in places if i not in going], travel)
         for i, place in going.items():
             turn.go(i, travel.go_on(place, block.node[slots[i].row], slots[i].speed))
@@ -473,7 +473,7 @@ class TurnEngine:
             for now, here in arrivals.times():
                 travel.now, actions = now, dict[int, ResolvedAction]()
                 if now < 1.0:
-                    actions = self._ask(order, Part(slots, here, order.progress, self._settings), []).actions
+                    actions = self._ask(order, TurnPart(slots, here, order.progress, self._settings), []).actions
                 losers = self._give_way(turn, arrivals, here, actions)
                 for i in here:
                     asked[i] += 1
@@ -509,7 +509,7 @@ class TurnEngine:
         turn.go_on(i, action._replace(deeds=None))
         return bool(action.legs)
 
-    def _leave_closed_edges(self, order: TurnOrder, part: Part) -> None:
+    def _leave_closed_edges(self, order: TurnOrder, part: TurnPart) -> None:
         """Move agents on removed edges to the node that they passed last."""
         block, travel = self._ctx.agent.block, self._legality.travel
         for i in part.paced:
@@ -525,7 +525,7 @@ class TurnEngine:
         self._state.errors.append(error)
         self._block(slot, message)
 
-    def _forget_blocked(self, order: TurnOrder, part: Part) -> None:
+    def _forget_blocked(self, order: TurnOrder, part: TurnPart) -> None:
         blocked, slots, members = self._state.blocked, order.slots, part.members
         if len(members) == len(slots):
             blocked.drop_conflicts(order.names)
@@ -538,7 +538,9 @@ class TurnEngine:
             if not isinstance(slots, LazySlots) or slots.is_made(i):
                 slots[i].set_blocked(None)
 
-    def _observe_first(self, order: TurnOrder, part: Part, observers: Sequence[Observer]) -> dict[int, dict[str, Any]]:
+    def _observe_first(
+        self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer]
+    ) -> dict[int, dict[str, Any]]:
         """Return slot -> state, for parts in which all agents have to observe before any decides."""
         seen = {i: self.observation(order.slots[i]) for i in part.observing}
         for observe in observers:
@@ -603,7 +605,7 @@ class TurnEngine:
         self,
         turn: TurnMoves,
         places: tuple[list[Any], list[Any]],
-        moves: Moves | None,
+        moves: MoveColumns | None,
         named: Callable[[list[int]], Mapping[str, Move]],
     ) -> list[int]:
         """Return the slots of the agents that lose conflicts of moves between these places."""
@@ -618,7 +620,7 @@ class TurnEngine:
         """Add a note with the turn to an error of the conflict resolver."""
         error.add_note(f"In the conflicts {as_code(self._settings.conflicts)}, in turn {self._state.turn}.")
 
-    def _apply(self, turn: TurnMoves, part: Part) -> None:
+    def _apply(self, turn: TurnMoves, part: TurnPart) -> None:
         """Write the moves of a part to the columns of the agents."""
         order, ends, block = turn.order, turn.ends, turn.order.block
         block.move_all(part.ground, ends if part.on_ground is None else part.of_ground(ends))
@@ -629,7 +631,7 @@ class TurnEngine:
             rows = order.selection.rows
             block.placed.difference_update([rows[i] for i in part.members])
 
-    def _apply_actions(self, turn: TurnMoves, part: Part, block: AgentBlock) -> None:
+    def _apply_actions(self, turn: TurnMoves, part: TurnPart, block: AgentBlock) -> None:
         """Write positions on edges, headings and flights of a part to the columns of the agents."""
         for i in part.paced:
             block.set_progress(turn.slots[i].row, turn.actions[i].progress if i in turn.actions else None)

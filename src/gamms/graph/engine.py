@@ -523,10 +523,10 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         return self._obstacles
 
     def _open_database(self, path: "IPathLike | None") -> None:
-        from gamms.graph.map_file import STORE, MapDatabase, NoFile
+        from gamms.graph.map_file import STORE, InMemoryPath, MapDatabase
 
         self._is_kept = path is not None
-        path = path or NoFile()
+        path = path or InMemoryPath()
         self._database = MapDatabase(self._ctx.ictx.memory.create_store(StoreType.DATABASE, STORE, path))
         self._storage.put(self._database.read())
         self._saved = self._state()

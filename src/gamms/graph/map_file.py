@@ -31,7 +31,7 @@ from gamms.ir.graph import ClosedEdges, CodedValues, FloatArray, GraphColumns, I
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.ir.packing import Array
 from gamms.ir.scenery import Scenery, no_scenery
-from gamms.limits import Allowance
+from gamms.limits import MemoryBudget
 from gamms.plain import Plain, is_plain, why_not_plain
 from gamms.text import shown
 from gamms.typing.graph_engine import ObsFace
@@ -276,7 +276,7 @@ def unframed(data: bytes, magic: bytes, version: int) -> dict[str, Plain]:
     body = data[_HEAD.size :]
     if len(body) < size or zlib.crc32(body) != crc:
         raise BadFile("it is damaged or cut off")
-    state: dict[str, Plain] = packing.unpack(body, packing.Decoder(Allowance(len(data), "it")))
+    state: dict[str, Plain] = packing.unpack(body, packing.Decoder(MemoryBudget(len(data), "it")))
     return state
 
 
@@ -466,7 +466,7 @@ _KEY = 0
 _SCHEMA: Schema = {"id": int, "saves": int, "map": bytes}
 
 
-class NoFile(IPathLike):
+class InMemoryPath(IPathLike):
     """The path of a database in memory."""
 
     def as_str(self) -> str:

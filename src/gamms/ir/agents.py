@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.core.agents import AgentColumns, Moves, PointedColumns
+from gamms.core.agents import AgentColumns, MoveColumns, PointedColumns
 from gamms.core.block import INT64, Block
 from gamms.errors import BadValue
 from gamms.ir.columns import ChangeLog, RowsByName, Selection, StructureLog, copied_column, drop
@@ -504,11 +504,11 @@ def as_ids(nodes: Sequence[int]) -> memoryview[int]:
     return np.ascontiguousarray(nodes, np.int64).data
 
 
-def moves_of(starts: Sequence[int], ends: Sequence[int]) -> Moves:
+def moves_of(starts: Sequence[int], ends: Sequence[int]) -> MoveColumns:
     """Return moves in the form of the core: without copies if the arrays are writable 64-bit integers."""
     columns = [as_ids(one) for one in (starts, ends)]
     first, last = [copied_column(one) if one.readonly else one for one in columns]
-    return Moves(first, last)
+    return MoveColumns(first, last)
 
 
 class TurnPositions:

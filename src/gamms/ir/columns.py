@@ -149,7 +149,7 @@ class RowsByName:
         return rows
 
 
-class Succession:
+class AgentSetChange:
     """How the living agents, sorted by name, differ from those of an earlier moment.
 
     Args:
@@ -263,7 +263,7 @@ class Selection:
         self.rows = rows
         self._pick: Callable[[Sequence[Any]], Iterable[Any]] | None = None
 
-    def after(self, change: Succession) -> Selection:
+    def after(self, change: AgentSetChange) -> Selection:
         """Return the rows of the living agents after a change."""
         # NOTE: `array` exists if agents move as arrays (benchmarks: death, deletion).
         array = change.of_array(change.moved(self.array), change.rows)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir.packed_bytes import BEST, packed, steps, unpacked
-from gamms.limits import PER_BYTE, Allowance, Keys
+from gamms.limits import PER_BYTE, KeyBudget, MemoryBudget
 from gamms.plain import MOST_DIMENSIONS, Plain
 from gamms.text import reason, shown
 
@@ -269,7 +269,7 @@ def from_bytes(data: bytes) -> Plain:
     Raises:
         BadFile: the bytes are invalid.
     """
-    return Decoder(Allowance(len(data), "A value")).value(data)
+    return Decoder(MemoryBudget(len(data), "A value")).value(data)
 
 
 def cost_of(data: bytes) -> int:
@@ -313,9 +313,9 @@ class Decoder:
         keys: dict keys read before in this file.
     """
 
-    def __init__(self, allowance: Allowance) -> None:
+    def __init__(self, allowance: MemoryBudget) -> None:
         self.allowance = allowance
-        self.keys = Keys()
+        self.keys = KeyBudget()
         self.most_bytes = allowance.total // _OF_BYTE
 
     def value(self, data: bytes, *, is_new: bool = True) -> Plain:
@@ -380,7 +380,7 @@ def _count_of(data: bytes) -> int:
     return min(count, len(data))
 
 
-def _dict_of(items: list[Plain], keys: Keys) -> dict[Plain, Plain]:
+def _dict_of(items: list[Plain], keys: KeyBudget) -> dict[Plain, Plain]:
     names = items[::2]
     found = dict(zip(names if {str}.issuperset(map(type, names)) else map(keys.check, names), items[1::2], strict=True))
     if len(found) != len(names):
@@ -388,7 +388,7 @@ def _dict_of(items: list[Plain], keys: Keys) -> dict[Plain, Plain]:
     return found
 
 
-def _array_from(items: list[Plain], _: Keys) -> Array:
+def _array_from(items: list[Plain], _: KeyBudget) -> Array:
     name, data, *shape = items
     if len(shape) > MOST_DIMENSIONS or not all(type(length) is int and 0 <= length < 1 << 40 for length in shape):
         raise BadFile(f"an array has the invalid shape {shown(shape)}")
@@ -400,7 +400,7 @@ def _array_from(items: list[Plain], _: Keys) -> Array:
     return flat.reshape(shape)
 
 
-_MAKERS: dict[int, Callable[[list[Plain], Keys], Plain]] = {
+_MAKERS: dict[int, Callable[[list[Plain], KeyBudget], Plain]] = {
     _TUPLE: lambda items, keys: keys.check(tuple(items)),
     _LIST: lambda items, _: items,
     _DICT: _dict_of,

@@ -11,7 +11,7 @@ from gamms.ir.graph import FloatArray, IntArray
 
 
 @dataclass(slots=True, frozen=True, eq=False)
-class Sensed:
+class LookResults:
     """The results of many looks: look `i` has `values[offsets[i]:offsets[i + 1]]`.
 
     The values depend on the type of sensor: node ids (with edge ids in `edges`, also ragged); or, for agents, indices
@@ -20,12 +20,12 @@ class Sensed:
 
     offsets: IntArray  # (looks + 1,)
     values: "np.ndarray[Any, Any]"  # (values,)
-    _edges: "Sensed | Callable[[], Sensed] | None" = None
+    _edges: "LookResults | Callable[[], LookResults] | None" = None
     names: tuple[str, ...] = ()  # of agents
     places: "IntArray | FloatArray | None" = None  # (values,) node ids, or (values, 3): reported positions of agents
 
     @property
-    def edges(self) -> "Sensed | None":
+    def edges(self) -> "LookResults | None":
         """The seen edges, for sensors of the map; computed on access."""
         if callable(self._edges):
             object.__setattr__(self, "_edges", self._edges())
@@ -95,9 +95,9 @@ def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:
     return offsets, np.fromiter((value for row in rows for value in row), np.int64, int(offsets[-1]))
 
 
-def sensed_arrays(looks: Sequence[IntArray], edges: Callable[[], Sensed] | None = None) -> Sensed:
+def sensed_arrays(looks: Sequence[IntArray], edges: Callable[[], LookResults] | None = None) -> LookResults:
     """Return the results of looks, given as arrays."""
-    return Sensed(_offsets(looks), np.concatenate(looks) if looks else np.zeros(0, np.int64), edges)
+    return LookResults(_offsets(looks), np.concatenate(looks) if looks else np.zeros(0, np.int64), edges)
 
 
 def _offsets(rows: Sequence[Sized]) -> IntArray:

@@ -23,7 +23,7 @@ def group_rows(keys: IntArray, groups: int) -> tuple[IntArray, IntArray]:
 
 
 def ways_to(sources: IntArray, targets: IntArray, weights: FloatArray, size: int) -> tuple[Any, Any, Any]:
-    """Group weighted arcs by target row, in the order of their sources; see `gamms.core.belief.Ways`.
+    """Group weighted arcs by target row, in the order of their sources; see `gamms.core.belief.IncomingArcs`.
 
     Args:
         sources: (arcs,) rows.

@@ -76,7 +76,7 @@ class _SearchBuffers:
         self.last, self.before, self.path, self.seen = ints[:4]
         unused, listed, heap, places, rank = (column.data for column in ints[4:])
         far: Any = self.far.data
-        reach = travel.Reach(unused, far, listed, heap, places, far, rank, self.seen.data)
+        reach = travel.ReachSearch(unused, far, listed, heap, places, far, rank, self.seen.data)
         self.core = routes.Paths(reach, self.last.data, self.before.data, self.path.data)
 
 

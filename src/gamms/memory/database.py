@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from gamms.errors import BadFile
-from gamms.limits import Allowance
+from gamms.limits import MemoryBudget
 from gamms.text import shown
 
 _STEP = 1_000_000  # instructions of SQLite's virtual machine between two checks
@@ -67,7 +67,7 @@ class Database:
             sizes = "".join(f" + ifnull(length(CAST({name} AS BLOB)), 0)" for name in columns)
             # Only the contents of cells are charged: each cell takes an instruction, which `read` counts.
             ((size,),) = self.read(f"SELECT total(0{sizes}) FROM {table}")  # noqa: S608 - quoted names
-            allowance = Allowance(
+            allowance = MemoryBudget(
                 self._size() + _BYTES_PER_CHANGE * self.connection.total_changes, f"The database {self.path!r}"
             )
             allowance.charge(int(size))

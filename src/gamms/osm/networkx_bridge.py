@@ -190,7 +190,7 @@ def _deferred_class() -> Any:
     """Return the class of graphs that are filled on first access; networkx is slow to load."""
     import networkx as nx
 
-    class Deferred(nx.DiGraph):  # type: ignore[type-arg] # it cannot be subscripted when it runs
+    class LazyRoadGraph(nx.DiGraph):  # type: ignore[type-arg] # it cannot be subscripted when it runs
         """A graph of roads that becomes an ordinary DiGraph on first access."""
 
         def __init__(self, network: Any = None, about: Any = None, columns: Any = None, **others: Any) -> None:
@@ -218,9 +218,9 @@ def _deferred_class() -> Any:
             network, _, columns = object.__getattribute__(self, "__dict__")["pending"]
             return to_columns(network) if columns is None else columns, network.attribution
 
-    Deferred.__name__ = Deferred.__qualname__ = "DiGraph"
-    IGraphSource.register(Deferred)
-    return Deferred
+    LazyRoadGraph.__name__ = LazyRoadGraph.__qualname__ = "DiGraph"
+    IGraphSource.register(LazyRoadGraph)
+    return LazyRoadGraph
 
 
 def columns_in_waiting(graph: object, names: Collection[str]) -> tuple[GraphColumns, Mapping[str, Any]] | None:

@@ -15,7 +15,7 @@ from gamms.arguments import as_path
 from gamms.errors import BadFile, GammsError
 from gamms.ir.geometry import are_inside
 from gamms.ir.graph import FloatArray
-from gamms.limits import Allowance, refuse_above
+from gamms.limits import MemoryBudget, refuse_above
 from gamms.osm.areas import open_squares, rims_of, with_areas
 from gamms.osm.footprints import (
     RING_ROLES,
@@ -95,9 +95,9 @@ def file_format(file: Path) -> str:
     raise BadFile(f"{str(file)!r} is not an OpenStreetMap file: it starts with {shown(head[:16])}. {WAY_OUT}")
 
 
-def allowance_of(file: Path) -> Allowance:
+def allowance_of(file: Path) -> MemoryBudget:
     """Return the memory allowance for reading a map file; it is released before the next processing step."""
-    return Allowance(file.stat().st_size, repr(str(file)), is_streamed=True)
+    return MemoryBudget(file.stat().st_size, repr(str(file)), is_streamed=True)
 
 
 def _refuse_bomb(file: Path, unpack: type[gzip.GzipFile] | type[bz2.BZ2File]) -> None:
@@ -159,7 +159,7 @@ _SHOW_EVERY = 4096  # ways
 class _WayVertices:
     """The vertices of ways while they are being read, each way once."""
 
-    def __init__(self, allowance: Allowance) -> None:
+    def __init__(self, allowance: MemoryBudget) -> None:
         self.allowance = allowance
         self.offsets, self.refs = array("q", (0,)), array("q")
         self.x, self.y = array("q"), array("q")
@@ -464,7 +464,7 @@ def _is_area(way: "osm.Way", tags: Mapping[str, str]) -> bool:
 class _FootprintReader:
     """Reads footprints: collects the lines around them while a file is being read."""
 
-    def __init__(self, rules: AreaRules, allowance: Allowance, part: _ClippedNodes | None = None) -> None:
+    def __init__(self, rules: AreaRules, allowance: MemoryBudget, part: _ClippedNodes | None = None) -> None:
         self.rules, self.part = rules, part
         self.lines = _WayVertices(allowance)
         self.walls: list[object] = []
@@ -556,7 +556,7 @@ _BYTES_PER_CORNER = 100  # of memory, of a building of which only the outline is
 class _BuildingReader(_FootprintReader):
     """Reads only the outlines of buildings: osmium itself makes most of them, six times as fast."""
 
-    def __init__(self, rules: AreaRules, allowance: Allowance, part: _ClippedNodes | None) -> None:
+    def __init__(self, rules: AreaRules, allowance: MemoryBudget, part: _ClippedNodes | None) -> None:
         from osmium.geom import WKBFactory
 
         super().__init__(rules, allowance, part)

@@ -12,7 +12,7 @@ from gamms.arguments import as_key, signature_of
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, Duplicate, UnknownName
 from gamms.recorder import struct_types
-from gamms.recorder.errors import RecordingError, refusing
+from gamms.recorder.errors import RecordingError, reporting_damage
 from gamms.recorder.struct_types import FieldType
 from gamms.text import main_module, module_of, shown
 from gamms.typing import IContext
@@ -249,7 +249,7 @@ class Components(Guarded):
         struct = data.get("struct", {})
         if not isinstance(struct, dict) or len(struct) > _MOST_FIELDS:
             raise RecordingError(f"A component class is declared without a map with at most {_MOST_FIELDS} fields.")
-        with refusing(_IMPOSSIBLE, (BadType,)):
+        with reporting_damage(_IMPOSSIBLE, (BadType,)):
             fields = {checked_name(name): struct_types.parse(text) for name, text in struct.items()}
         kind = self._classes.get(key)
         is_other = kind is not None and kind.fields != fields
@@ -266,7 +266,7 @@ class Components(Guarded):
             raise RecordingError(f"The recording declares more than {_MOST_CLASSES} component classes.")
         module, qualname = key
         cls = type(qualname.rpartition(".")[2] or qualname, (), {"__module__": module, "__qualname__": qualname})
-        with refusing(_IMPOSSIBLE, (BadType,)):
+        with reporting_damage(_IMPOSSIBLE, (BadType,)):
             check_class(cls, fields)
         self._built += 1
         self._register(cls, fields, texts)
@@ -286,7 +286,7 @@ class Components(Guarded):
         """Return a component with all fields None; calls its author's `__init__` if this needs no arguments."""
         self._is_silent = True
         try:
-            with refusing(f"The component {shown(name)} of class {kind.key} cannot be made", (Exception,)):
+            with reporting_damage(f"The component {shown(name)} of class {kind.key} cannot be made", (Exception,)):
                 component = kind.cls.__new__(kind.cls)
                 kind.begin(component, name)
                 if takes_nothing(kind.original_init):

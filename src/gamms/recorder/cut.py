@@ -22,7 +22,7 @@ from gamms.ir.schema import Audience
 from gamms.plain import Plain
 from gamms.recorder import keyframes, sensed
 from gamms.recorder.detached import DetachedState
-from gamms.recorder.errors import DAMAGES, refusing
+from gamms.recorder.errors import DAMAGES, reporting_damage
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Writer
 from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe
@@ -568,13 +568,13 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
         return bool((name if team is None else team) == own)
 
     own = _team_of(reader, first[1], team)
-    with refusing("It cannot be cut", DAMAGES):
+    with reporting_damage("It cannot be cut", DAMAGES):
         cut = KnowledgeFilter(first[1], is_own, sensed.nearest_on(lambda: columns), reader.header.get("visuals"))
         header = cut_header(reader.header, cut)
     header |= {"seed": None, "audience": own, "sides": sides_of(reader.header, first[1], is_own)}
     writer = Writer(out, header, seconds=None)
     for turn in range(reader.turns):
-        with refusing(f"Turn {turn + 1} cannot be cut", DAMAGES):
+        with reporting_damage(f"Turn {turn + 1} cannot be cut", DAMAGES):
             complete = list(cut.add(reader.log(turn)))
         for given in complete:
             writer.add_turn(given)

@@ -14,7 +14,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.schema import ON_EDGES, RECORDED_NUMBERS, SETTABLE, VECTORS
 from gamms.plain import Plain
 from gamms.recorder import keyframes
-from gamms.recorder.errors import DAMAGES, Damaged, refusing
+from gamms.recorder.errors import DAMAGES, Damaged, reporting_damage
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe, checked_name
 from gamms.text import shown
@@ -81,10 +81,10 @@ class DetachedState(State):
     def apply_event(self, kind: int, data: Plain) -> None:
         """Apply an event; unknown kinds are ignored."""
         if kind in EVENTS:
-            try:  # NOTE: not `refusing`, which would take a quarter of the time of a seek
+            try:  # NOTE: not `reporting_damage`, which would take a quarter of the time of a seek
                 EVENTS[kind].apply(self, data)
             except DAMAGES:
-                with refusing(f"an event of kind {kind:#010x} does not fit", DAMAGES, Damaged, with_type=True):
+                with reporting_damage(f"an event of kind {kind:#010x} does not fit", DAMAGES, Damaged, with_type=True):
                     raise
 
     def advance(self, reader: Reader, start: int, stop: int) -> None:
@@ -298,7 +298,7 @@ class DetachedAgents(AgentsState):
         for name in LISTS:
             self.columns[name].extend([row[name] for row in new])
         for name in ARRAYS:
-            with refusing(f"a new agent has an invalid {shown(name)}", DAMAGES, Damaged):
+            with reporting_damage(f"a new agent has an invalid {shown(name)}", DAMAGES, Damaged):
                 self._resized(name, begin)[begin : self._size] = [row[name] for row in new]
             self.columns[name] = self._whole[name][: self._size]
 
@@ -429,5 +429,5 @@ def _grounded(name: str) -> Damaged:
     return Damaged(f"agent {shown(name)} flies, but is on the ground")
 
 
-def _restoring() -> refusing:
-    return refusing("the whole state is invalid", DAMAGES, Damaged, with_type=True)
+def _restoring() -> reporting_damage:
+    return reporting_damage("the whole state is invalid", DAMAGES, Damaged, with_type=True)

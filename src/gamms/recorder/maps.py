@@ -7,7 +7,7 @@ from typing import Any
 
 from gamms.arguments import as_path
 from gamms.errors import BadFile, BadType
-from gamms.recorder.errors import RecordingError, refusing
+from gamms.recorder.errors import RecordingError, reporting_damage
 from gamms.text import shown
 from gamms.typing.context import HostContext
 
@@ -125,5 +125,5 @@ def become(ctx: HostContext, name: str, packed: Callable[[], bytes], others: tup
             "graph: the recording brings its own."
         )
     if now != name:
-        with refusing("The map of this recording is damaged", (BadFile,)):
+        with reporting_damage("The map of this recording is damaged", (BadFile,)):
             ctx.graph.storage.unpack(packed())

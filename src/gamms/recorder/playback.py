@@ -10,7 +10,7 @@ from gamms.ir.events import COMPONENTS
 from gamms.ir.progress import Progress
 from gamms.ir.schema import ON_EDGES
 from gamms.recorder import keyframes
-from gamms.recorder.errors import RecorderBusy, refusing
+from gamms.recorder.errors import RecorderBusy, reporting_damage
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.recording import Recording
 from gamms.recorder.replaying import Replayer
@@ -116,7 +116,7 @@ class Playback(IPlayback):
         ctx = self._ctx
         state = self._replayer.state
         recording = self._recording
-        with refusing(f"Turn {turn} cannot be shown"):
+        with reporting_damage(f"Turn {turn} cannot be shown"):
             if recording.map_hash(turn) != recording.map_hash(min(self.turn, self.turns)):
                 ctx.graph.storage.unpack(recording.map_at(turn).packed)
             snapshot = recording.detached(turn).keyframe(turn) | history(self._reader, self._past, turn)

@@ -22,7 +22,7 @@ from gamms.ir.graph import read_only
 from gamms.ir.tables import frame_of, table_of, with_latlon
 from gamms.recorder import tables
 from gamms.recorder.detached import DetachedAgents, DetachedState
-from gamms.recorder.errors import Damaged, RecordingError, refusing
+from gamms.recorder.errors import Damaged, RecordingError, reporting_damage
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import become, given_map, has_map, hash_in, hash_of
 from gamms.recorder.states import State, state_of
@@ -197,7 +197,7 @@ class Recording(StreamOwner):
     def detached(self, turn: int) -> DetachedState:
         """Return the state after a number of turns, valid until the next call."""
         turn = self._as_turn(turn)
-        with refusing(f"The state after turn {turn} cannot be worked out", (Damaged,)):
+        with reporting_damage(f"The state after turn {turn} cannot be worked out", (Damaged,)):
             return self._computed(turn)
 
     def _computed(self, turn: int) -> DetachedState:

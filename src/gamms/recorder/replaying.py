@@ -26,7 +26,7 @@ from gamms.ir.journal import Journal, MutedJournal
 from gamms.ir.schema import ATTRIBUTES, CHANGE_EVENTS, ON_EDGES, VECTORS
 from gamms.plain import Plain
 from gamms.recorder import keyframes, maps, sensed
-from gamms.recorder.errors import UNFIT, Damaged, RecordingError, refusing
+from gamms.recorder.errors import UNFIT, Damaged, RecordingError, reporting_damage
 from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.keyframes import Keyframe
@@ -469,14 +469,14 @@ class Replayer:
             if code != kinds.SENSED:
                 self.apply(code, data)
                 continue
-            with refusing("The sensor data are damaged", with_type=True):
+            with reporting_damage("The sensor data are damaged", with_type=True):
                 if agent in map(self.state.agents.names.get, data["agents"].tolist()):
                     return data
         return None
 
     def _begin(self, header: dict[str, Any], snapshot: dict[str, Plain]) -> None:
         recording = self._recording()
-        with refusing("This recording cannot begin here"):
+        with reporting_damage("This recording cannot begin here"):
             is_adopted = recording is not None and recording.adopt(header, snapshot)
             with self.state.agents.unnoted():
                 self.state.restore(snapshot)
@@ -573,7 +573,7 @@ class Replayer:
             RecordingError: the visuals are invalid.
         """
         if visuals is not None:
-            with refusing("The visuals of this recording are invalid", with_type=True):
+            with reporting_damage("The visuals of this recording are invalid", with_type=True):
                 self.state.show(visuals)
                 for drawing in drawings:
                     self.state.draw(drawing)

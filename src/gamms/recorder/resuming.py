@@ -16,7 +16,7 @@ from gamms.ir.events import COMPONENTS, LOGGED, change
 from gamms.plugins import Registry
 from gamms.recorder import keyframes, sensed
 from gamms.recorder.detached import DetachedState
-from gamms.recorder.errors import UNFIT, RecordingError, refusing
+from gamms.recorder.errors import UNFIT, RecordingError, reporting_damage
 from gamms.recorder.replaying import Replayer
 from gamms.text import as_code, reason, shown
 from gamms.typing import SensorType
@@ -84,7 +84,7 @@ def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: i
     except UNFIT as error:
         raise RecordingError(f"Agent {shown(agent)} cannot be asked in turn {turn}: {reason(error)}.") from error
     numbers = {name: number for number, name in agents.names.items()}
-    with refusing(f"The sensor data of turn {turn} are damaged", with_type=True):
+    with reporting_damage(f"The sensor data of turn {turn} are damaged", with_type=True):
         looks = sensed.looks_of(found, numbers[agent])
         graph = ctx.graph.graph
         state["sensor"] = {
@@ -129,7 +129,7 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
     ctx.game.internals.state.begin_from_here()
     replayer = Replayer(ctx)
     past = EventHistory(reader)
-    with refusing(f"This game cannot go on from turn {turn}"):
+    with reporting_damage(f"This game cannot go on from turn {turn}"):
         known = history(reader, past, turn)
         known["facts"] = facts | known["facts"]  # keep facts that a recording cannot contain
         if is_fresh:
@@ -163,7 +163,7 @@ def strategies_of(then: DetachedState, given: Strategies) -> dict[str, Any]:
         RecordingError: the teams are invalid.
     """
     columns = then.agents.columns
-    with refusing("The teams of this recording are damaged"):
+    with reporting_damage("The teams of this recording are damaged"):
         teams = {*columns["teams"]}
     team_of = dict(zip(columns["names"], columns["teams"], strict=True))
     for name, strategy in given.items():

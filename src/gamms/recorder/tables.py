@@ -15,7 +15,7 @@ from gamms.ir.schema import ON_EDGES
 from gamms.ir.tables import table_of
 from gamms.plain import Plain
 from gamms.recorder import keyframes
-from gamms.recorder.errors import DAMAGES, RecordingError, refusing
+from gamms.recorder.errors import DAMAGES, RecordingError, reporting_damage
 from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.sensed import looks_of, seen_by
@@ -93,7 +93,7 @@ def _roster_after(
     kind: int, data: Mapping[str, Plain], names: dict[int, str], following: int
 ) -> tuple[dict[int, str], int]:
     """Return the names of agents by number, and the next number, after a creation or a snapshot."""
-    with refusing(f"An event of kind {KINDS[kind]} is damaged", DAMAGES, with_type=True):
+    with reporting_damage(f"An event of kind {KINDS[kind]} is damaged", DAMAGES, with_type=True):
         if kind == kinds.SNAPSHOT:
             numbers = data["numbers"].tolist()
             return dict(zip(numbers, data["names"], strict=True)), keyframes.checked_following(numbers, data["next"])
@@ -108,7 +108,9 @@ def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -
         UnknownName (KeyError): the table does not exist.
     """
     if as_name(name, "a table") in _TABLES:
-        with refusing(f"The table {shown(name)} cannot be made: an event in it is damaged", DAMAGES, with_type=True):
+        with reporting_damage(
+            f"The table {shown(name)} cannot be made: an event in it is damaged", DAMAGES, with_type=True
+        ):
             return _TABLES[name](reader, start, stop, names_at)
     rows = [event for event in events(reader, start, stop) if event["kind"] == name]
     if not rows:

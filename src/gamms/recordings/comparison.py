@@ -178,7 +178,7 @@ def verify(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = No
         raise RecordingError(f"Replayed and recorded again, it is another recording: {part} is not the same.")
 
 
-class _Walker(Reader):
+class _SequentialReader(Reader):
     """Reads no keyframe but the first, so that every state follows from all turns before."""
 
     def keyframe_before(self, turn: int) -> int:
@@ -192,7 +192,7 @@ class _Walker(Reader):
 
 def _check_keyframes(path: str | os.PathLike[str]) -> None:
     """Compare what every keyframe says with what follows from the turns before it."""
-    with Reader(path) as reader, _Walker(path) as walker:
+    with Reader(path) as reader, _SequentialReader(path) as walker:
         stored, computed = Recording(reader), Recording(walker)
         turns, turn = [], reader.keyframe_before(stored.turns)
         while turn > 0:
@@ -223,7 +223,7 @@ def _packed(value: Plain) -> bytes:
     return to_bytes(value, "The recording")
 
 
-class _Whole(io.BytesIO):
+class _FinalBuffer(io.BytesIO):
     """A buffer that is read only when the recording is finished, so that turns need not be written one by one."""
 
     def seekable(self) -> bool:
@@ -236,7 +236,7 @@ def re_recorded(path: str | os.PathLike[str], map: str | os.PathLike[str] | None
     Raises:
         RecordingError (ValueError): it cannot be replayed.
     """
-    stream = _Whole()
+    stream = _FinalBuffer()
     with with_map(map) as ctx:
         ctx.record.start(stream)
         try:

@@ -12,7 +12,7 @@ from gamms.game.batch import ArrayView
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.view import movement_in
 from gamms.game.deeds import DeclaredField
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
@@ -196,7 +196,7 @@ def choices_of(view: ArrayView, declared: Mapping[str, Mapping[str, DeclaredFiel
     return known[key]
 
 
-_known: WeakKeyDictionary[Streets, dict[str, DeedChoices]] = WeakKeyDictionary()
+_known: WeakKeyDictionary[StreetGraph, dict[str, DeedChoices]] = WeakKeyDictionary()
 
 
 def _options_of(

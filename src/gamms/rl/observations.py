@@ -16,7 +16,7 @@ from gamms.game.batch.roads import StreetsOfMaps
 from gamms.game.batch.vectors import room_for
 from gamms.game.batch.view import observers_in, views_by_map
 from gamms.game.conflicts import flat
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
 from gamms.rl.learners import Float32Array
@@ -42,7 +42,7 @@ class Neighbourhood:
 
     def __init__(self, hops: int, nodes: int | None) -> None:
         self.hops, self._most = hops, nodes
-        self._tables: WeakKeyDictionary[Streets, tuple[IntArray, IntArray, FloatArray]] = WeakKeyDictionary()
+        self._tables: WeakKeyDictionary[StreetGraph, tuple[IntArray, IntArray, FloatArray]] = WeakKeyDictionary()
 
     def __call__(self, view: ArrayView) -> Float32Array:
         """Return the entries of the nodes around the agents of a view."""
@@ -57,7 +57,7 @@ class Neighbourhood:
         near, far, places = self._tables[view.streets]
         return _observed(view, self.hops, near, far, places)
 
-    def _table(self, streets: Streets) -> tuple[IntArray, IntArray, FloatArray]:
+    def _table(self, streets: StreetGraph) -> tuple[IntArray, IntArray, FloatArray]:
         """Return for each node the rows of its neighborhood, their distances padded with -1, and all positions."""
         source, node, far = _around(streets, self.hops)
         counts = np.bincount(source, minlength=len(streets.counts))
@@ -156,7 +156,7 @@ def graph() -> MapGraph:
     return MapGraph()
 
 
-def _around(streets: Streets, hops: int) -> tuple[IntArray, IntArray, IntArray]:
+def _around(streets: StreetGraph, hops: int) -> tuple[IntArray, IntArray, IntArray]:
     """Return pairs of nodes up to `hops` edges apart and their distances, sorted by the first node and the distance.
 
     Equal distances are in the order of the actions that lead there.
@@ -180,7 +180,7 @@ def _around(streets: Streets, hops: int) -> tuple[IntArray, IntArray, IntArray]:
     return sources[order], targets[order], distances[order]
 
 
-def _places(streets: Streets) -> FloatArray:
+def _places(streets: StreetGraph) -> FloatArray:
     """Return positions of nodes, (nodes, 2), relative to the map's center, in halves of its longer side."""
     xy = streets.columns.xy
     low, high = xy.min(axis=0), xy.max(axis=0)
@@ -193,6 +193,6 @@ def _observed(view: ArrayView, hops: int, near: IntArray, far: IntArray, places:
     most, entries = (near.shape[1], len(NEAR)) if hops else (len(near), len(NODE))
     found = np.empty((*view.node.shape, most, entries), np.float32)
     columns: Any = flat(near, np.int64), flat(far, np.int64), flat(places, np.float64), found.reshape(-1).data
-    nodes = observe.Nodes(most, hops, *columns)
+    nodes = observe.NodeFeatures(most, hops, *columns)
     observe.observe_nodes_aside(observers_in(view), nodes, room_for(len(view.roster.names), 0), 0, len(found))
     return found

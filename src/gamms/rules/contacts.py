@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from gamms.arguments import as_context, as_flag, as_items, as_key, as_range
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
-from gamms.rules.meetings import Nearness, Side, in_air, turn_of
+from gamms.rules.meetings import ContactOptions, Side, in_air, turn_of
 from gamms.text import shown
 
 
@@ -92,7 +92,7 @@ def as_nearness(
     crossing: bool | None = None,
     air: bool = False,
     passing: bool = True,
-) -> Nearness:
+) -> ContactOptions:
     """Check the distance options passed by a caller.
 
     Raises:
@@ -105,7 +105,7 @@ def as_nearness(
         raise BadValue(f"Give one distance, not {several}.")
     on_edges = not given if crossing is None else as_flag(crossing, "crossing")
     unit, limit = next(((unit, as_range(distance, unit)) for unit, distance in given.items()), (None, 0.0))
-    return Nearness(unit, limit, on_edges, as_flag(air, "air"), as_flag(passing, "passing"))
+    return ContactOptions(unit, limit, on_edges, as_flag(air, "air"), as_flag(passing, "passing"))
 
 
 def as_side(side: Side) -> Side:
@@ -117,7 +117,7 @@ def as_side(side: Side) -> Side:
     return side if callable(side) else as_key(side, "A team")
 
 
-def found(ctx: Context, a: Side, b: Side, nearness: Nearness) -> list[Contact]:
+def found(ctx: Context, a: Side, b: Side, nearness: ContactOptions) -> list[Contact]:
     """Return all contacts of a turn, in the order of `contacts`; two agents may have several."""
     turn = turn_of(ctx)
     met = turn.find(ctx, a, b, nearness)

@@ -14,7 +14,7 @@ from gamms.game.batch.state import Arrays
 from gamms.game.conflicts import flat
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rules.meetings import Near, Nearness, ask, reach_of, search_for
+from gamms.rules.meetings import ContactOptions, Near, ask, reach_of, search_for
 
 _NOTHING = ints(0)
 _MOST_EXACT = 1 << 53  # of integers as floats
@@ -89,7 +89,7 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
     return rules.TagRule(making.games, making.events, number, behind, tags, making.steps, purpose, turn, purposes)
 
 
-def _near(nearness: Nearness, making: Making) -> Near:
+def _near(nearness: ContactOptions, making: Making) -> Near:
     """Return the distances between agents that count as contacts; None: agents must be on the same node.
 
     Raises:
@@ -107,7 +107,9 @@ def _near(nearness: Nearness, making: Making) -> Near:
         return kept_in(state.shared, ("reach", unit, limit, making.thread), make)
     if making.by_metres or (nearness.air and state.roster.flies.any()):
         raise GammsError(f"contacts within {limit:g} {unit} of agents that are not on nodes")
-    return contacts.Places(making.columns[0], flat(np.insert(state.streets.columns.xy, 2, 0.0, axis=1), np.float64))
+    return contacts.NodePositions(
+        making.columns[0], flat(np.insert(state.streets.columns.xy, 2, 0.0, axis=1), np.float64)
+    )
 
 
 def capture_flag(flags: FlagArguments, making: Making) -> rules.Rule:

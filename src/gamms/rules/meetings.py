@@ -17,7 +17,7 @@ from gamms.core import contacts as core
 from gamms.core import rules
 from gamms.game.batch.travelers import NO_LEGS
 from gamms.game.moves import TurnMoves
-from gamms.game.travel import Reach
+from gamms.game.travel import ReachableNodes
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
 from gamms.kernels.draws import BitArray
@@ -38,7 +38,7 @@ UNKNOWN_PLACE = 4
 Side = Annotated[Hashable | Callable[[IAgent], object], TEAMS]  # a team, or a function of an agent
 
 
-class Nearness(NamedTuple):
+class ContactOptions(NamedTuple):
     """The distance and options that define a contact; see `contacts`."""
 
     unit: str | None  # "hops", "metres" or "euclid"; None: on the same node
@@ -48,10 +48,10 @@ class Nearness(NamedTuple):
     passing: bool
 
 
-Near = core.NearNodes | core.Places | core.Lines | None
+Near = core.NearNodes | core.NodePositions | core.PathSegments | None
 
 
-def ask(found: core.Contacts, nearness: Nearness, near: Near, *columns: Any, by_metres: bool) -> None:
+def ask(found: core.Contacts, nearness: ContactOptions, near: Near, *columns: Any, by_metres: bool) -> None:
     """Configure a contact search in the core.
 
     Args:
@@ -64,8 +64,8 @@ def ask(found: core.Contacts, nearness: Nearness, near: Near, *columns: Any, by_
     found.ask(
         *columns,
         reach=near if isinstance(near, core.NearNodes) else _NO_REACH,
-        places=near if isinstance(near, core.Places) else _NO_PLACES,
-        lines=near if isinstance(near, core.Lines) else _NO_LINES,
+        places=near if isinstance(near, core.NodePositions) else _NO_PLACES,
+        lines=near if isinstance(near, core.PathSegments) else _NO_LINES,
         crossing=nearness.crossing,
         by_metres=by_metres,
     )
@@ -81,9 +81,9 @@ def column(kind: str, values: Iterable[float] = ()) -> Any:  # Any: memoryviews 
     return memoryview(array(kind, values))
 
 
-_NO_REACH = core.NearNodes(column("q", [0]), column("q"), column("d"), 0.0, Reach(0).core)
-_NO_PLACES = core.Places(column("q"), column("d"))
-_NO_LINES = core.Lines(column("q"), *[column("d")] * 4)
+_NO_REACH = core.NearNodes(column("q", [0]), column("q"), column("d"), 0.0, ReachableNodes(0).core)
+_NO_PLACES = core.NodePositions(column("q"), column("d"))
+_NO_LINES = core.PathSegments(column("q"), *[column("d")] * 4)
 _ON_NODES = core.SEARCHES["on nodes"]
 
 
@@ -168,7 +168,7 @@ class Roster:
         floats = np.zeros((2, agents))
         self.turn = column("q", [0])
         self.placed: Any = bytearray(agents)
-        self.games = rules.Games(
+        self.games = rules.GameColumns(
             agents,
             len(self.teams),
             node=ints[0].data,
@@ -186,7 +186,7 @@ class Roster:
         )
         columns: Any = ints[5:7].reshape(-1).data, floats.reshape(-1).data, ints[7].data
         self.columns: list[Any] = [*columns]
-        self.steps = rules.Steps(*columns)
+        self.steps = rules.AgentPaths(*columns)
         self.tags = rules.Tags(column("q", [0] * agents))
         self.kept: dict[Hashable, Any] = {}
         self._sides: dict[Hashable, Any] = {}
@@ -313,7 +313,7 @@ class TurnContacts:
             self.most_legs = max([0, *[len(track.legs) for track in tracks]])
             self.legs = _legs(self.edges, tracks, self.most_legs, number)
 
-    def find(self, ctx: Context, a: Side, b: Side, nearness: Nearness) -> core.Contacts | None:
+    def find(self, ctx: Context, a: Side, b: Side, nearness: ContactOptions) -> core.Contacts | None:
         """Find the contacts between two sides; return None if there are none."""
         # NOTE: searches for contacts on nodes are reused in each turn (benchmarks: turns).
         key = a, b, nearness
@@ -331,11 +331,11 @@ class TurnContacts:
             self._ready[key] = found = core.Contacts(self.scratch())
             self._ask(found, sides, nearness, near)
             return found if found.find(_ON_NODES, 0.0) else None
-        found = self.game.contacts(self.scratch(near.parts if isinstance(near, core.Lines) else 0))
+        found = self.game.contacts(self.scratch(near.parts if isinstance(near, core.PathSegments) else 0))
         self._ask(found, sides, nearness, near)
         return found if found.find(search_for(near, nearness, by_metres=self.by_metres), nearness.limit) else None
 
-    def scratch(self, parts: int = 0) -> core.Pieces:
+    def scratch(self, parts: int = 0) -> core.MotionIntervals:
         """Return buffers large enough for the moves of these agents, and for `parts` straight lines."""
         agents = len(self.roster.names)
         entries = 2 * agents * (self.most + 2 * self.most_legs + 1)  # of visits and legs, each with two ends
@@ -346,7 +346,7 @@ class TurnContacts:
         nodes, times, lengths = self.columns
         return core.Tracks(len(sides), self.most, nodes, times, lengths, sides, at_end=at_end)
 
-    def _ask(self, found: core.Contacts, sides: memoryview, nearness: Nearness, near: Near) -> None:
+    def _ask(self, found: core.Contacts, sides: memoryview, nearness: ContactOptions, near: Near) -> None:
         columns = self.legs, self.roster.keys, self.purpose, self.roster.turn
         tracks = self._tracks(sides, at_end=not nearness.passing)
         ask(found, nearness, near, tracks, *columns, by_metres=self.by_metres)
@@ -358,13 +358,13 @@ class TurnContacts:
             self._visits[passing] = self._tracks(sides, at_end=not passing)
         return self._visits[passing]
 
-    def xy_of(self, agent: int, time: float, node: int, nearness: Nearness, at: Position | None) -> Any:
+    def xy_of(self, agent: int, time: float, node: int, nearness: ContactOptions, at: Position | None) -> Any:
         """Return the map position (x, y) of an agent in a contact of a game by metres."""
         track = self.tracks[agent]
         # If agents pass each other at the end of a turn counted in edges, the way they came decides.
         return cast("TraveledEdges", self.edges).xy_at(track if nearness.passing else at_end(track), time, node, at)
 
-    def _near(self, sides: memoryview, nearness: Nearness, flying: Mapping[str, Position]) -> Near:
+    def _near(self, sides: memoryview, nearness: ContactOptions, flying: Mapping[str, Position]) -> Near:
         game = self.game
         unit = nearness.unit
         if unit != "euclid":
@@ -379,10 +379,10 @@ class TurnContacts:
         for agent, (side, at) in enumerate(zip(sides, places, strict=True)):
             path = nodes[self.most * agent : self.most * (agent + 1)] if side and at is None else ()
             xyz += [game.place(ids[node]) for node in path] or [at or _NOWHERE] * self.most
-        return core.Places(column("q", range(len(xyz))), column("d", chain.from_iterable(xyz)))
+        return core.NodePositions(column("q", range(len(xyz))), column("d", chain.from_iterable(xyz)))
 
 
-def in_air(ctx: Context, nearness: Nearness) -> dict[str, Position]:
+def in_air(ctx: Context, nearness: ContactOptions) -> dict[str, Position]:
     """Return agent -> position of flying agents, for straight-line distances."""
     if nearness.unit != "euclid" or not (nearness.air and ctx.agent.block.flyers):
         return {}
@@ -392,16 +392,16 @@ def in_air(ctx: Context, nearness: Nearness) -> dict[str, Position]:
 def reach_of(arcs: kernels.Arcs, limit: float) -> core.NearNodes:
     """Return a search for the nodes within a distance of a node, along the edges of a map."""
     offsets, heads, costs = _flat(arcs)
-    return core.NearNodes(offsets, heads, costs, limit, Reach(len(arcs.offsets) - 1).core)
+    return core.NearNodes(offsets, heads, costs, limit, ReachableNodes(len(arcs.offsets) - 1).core)
 
 
-def search_for(near: Near, nearness: Nearness, *, by_metres: bool) -> int:
+def search_for(near: Near, nearness: ContactOptions, *, by_metres: bool) -> int:
     """Return the code of the search method of the core."""
     if near is None:
         return _ON_NODES
     if isinstance(near, core.NearNodes):
         return core.SEARCHES["on ways" if by_metres and nearness.unit == "metres" else "by paths"]
-    return core.SEARCHES["near places" if isinstance(near, core.Places) else "on lines"]
+    return core.SEARCHES["near places" if isinstance(near, core.NodePositions) else "on lines"]
 
 
 class GameContacts:
@@ -419,7 +419,7 @@ class GameContacts:
         state: state of the game.
         numbers: as given.
         place: node id -> position of the node on the ground.
-        near: unit and limit of a `Nearness` -> nodes near each node.
+        near: unit and limit of a `ContactOptions` -> nodes near each node.
         pieces: the present buffers.
         keys: number of keys that fit in the buffers.
     """
@@ -447,7 +447,7 @@ class GameContacts:
         self._block: AgentBlock | None = None
         self._versions = 0, 0, 0, 0
 
-    def scratch(self, pieces: int, keys: int) -> core.Pieces:
+    def scratch(self, pieces: int, keys: int) -> core.MotionIntervals:
         """Return buffers with room for this many pieces and keys."""
         if pieces > self._most or keys > self.keys:
             self._most = 2 * pieces
@@ -455,7 +455,7 @@ class GameContacts:
             self.pieces = _pieces(self._most, self.keys)
         return self.pieces
 
-    def contacts(self, pieces: core.Pieces) -> core.Contacts:
+    def contacts(self, pieces: core.MotionIntervals) -> core.Contacts:
         """Return a new contact search."""
         if self._contacts is None or self._contacts.pieces is not pieces:
             self._contacts = core.Contacts(pieces)
@@ -557,11 +557,11 @@ def turn_of(ctx: Context) -> TurnContacts:
     return known.turn(ctx)
 
 
-def _pieces(pieces: int, keys: int) -> core.Pieces:
+def _pieces(pieces: int, keys: int) -> core.MotionIntervals:
     """Return new buffers with room for this many pieces and keys."""
     ints = np.empty((6, pieces), np.int64)
     floats = np.empty((4, pieces))
-    return core.Pieces(*_flat((*ints[:3], *floats, *ints[3:5], np.full(keys, -1), ints[5])))
+    return core.MotionIntervals(*_flat((*ints[:3], *floats, *ints[3:5], np.full(keys, -1), ints[5])))
 
 
 def _legs(edges: TraveledEdges, tracks: Sequence[Track], most: int, number: Callable[[int], int]) -> core.Legs:
@@ -598,7 +598,7 @@ def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:
 
 def _lines(
     edges: TraveledEdges, tracks: Sequence[Track], in_air: Sequence[Position | None], sides: Sequence[int]
-) -> core.Lines:
+) -> core.PathSegments:
     each = zip(tracks, in_air, sides, strict=True)
     rows = [list(edges.lines_of(track, at)) if side else [] for track, at, side in each]
     lines = [line for row in rows for line in row]
@@ -607,4 +607,4 @@ def _lines(
     until = column("d", [until for _, until, _, _ in lines])
     begins = column("d", chain.from_iterable([begin for _, _, begin, _ in lines]))
     ends = column("d", chain.from_iterable([end for _, _, _, end in lines]))
-    return core.Lines(offsets, since, until, begins, ends)
+    return core.PathSegments(offsets, since, until, begins, ends)

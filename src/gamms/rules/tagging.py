@@ -13,7 +13,7 @@ from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import all_know, as_teams, state_of
 from gamms.rules.in_core import fits_core, in_core
-from gamms.rules.meetings import Nearness, Side, TurnContacts, turn_of
+from gamms.rules.meetings import ContactOptions, Side, TurnContacts, turn_of
 from gamms.rules.territory import NO_TERRITORY, Territory, TerritorySource, as_territory
 from gamms.text import shown, shown_as_called
 from gamms.typing.game import TEAMS, Rule
@@ -86,7 +86,7 @@ class _TagRule(NamedTuple):
 
     taggers: Side
     tagged: Side
-    nearness: Nearness
+    nearness: ContactOptions
     then: str | Then
     score: float
     ground: TerritorySource | None

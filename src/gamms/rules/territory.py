@@ -11,7 +11,7 @@ from gamms.arguments import as_choice, as_int, as_known, as_name
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.settings import RuleSpec, declared
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.ir.graph import IntArray
 from gamms.rules.endings import all_know
 from gamms.rules.in_core import in_core
@@ -145,7 +145,7 @@ class TerritorySource(NamedTuple):
         owners = self.of(ctx.game.facts) if isinstance(self.given, str) else self.given
         return turn.roster.owners(owners, turn.numbers)
 
-    def rows(self, facts: Mapping[str, Any], streets: Streets, teams: Sequence[Hashable]) -> IntArray:
+    def rows(self, facts: Mapping[str, Any], streets: StreetGraph, teams: Sequence[Hashable]) -> IntArray:
         """Return the number of the team that owns each node, (nodes,); -1 for nodes of other teams."""
         owners = self.of(facts)
         numbers = np.full(streets.num_nodes, -1)

@@ -423,7 +423,7 @@ class Builder:
         of_edges = given.edge_capacity
         if isinstance(of_edges, dict):
             of_edges = {_as_node(edge, "conflicts.edge_capacity"): number for edge, number in of_edges.items()}
-        if isinstance(given.resolve, schema.ByPriority):
+        if isinstance(given.resolve, schema.PriorityOrder):
             resolve = rules.by_priority(given.resolve.by_priority)
         elif given.resolve in ("at_random", "nobody"):
             resolve = getattr(rules, given.resolve)()

@@ -12,7 +12,7 @@ from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.scenario.code import CodeLibrary, called, inside
 from gamms.scenario.documents import ScenarioError, at
-from gamms.scenario.spec import Code, Map, MapFile, MapPlace, Streets, Values, given_values, in_full
+from gamms.scenario.spec import Code, Map, MapFile, MapPlace, StreetMap, Values, given_values, in_full
 from gamms.text import shown
 
 _OF_OSM = {"osm_type", "buildings", "scenery", "tags"}  # options for OpenStreetMap files only
@@ -89,7 +89,7 @@ def mode_of(map: Map, folder: Path | None) -> osm.Mode | None:
         ScenarioError: the mode is unknown, or its file is missing, outside the folder or not valid.
     """
     kind, given = kind_of(map), map.file if map.place is None else map.place
-    if not isinstance(given, Streets) or (given.osm_type is None and given.modes is None):
+    if not isinstance(given, StreetMap) or (given.osm_type is None and given.modes is None):
         return None
     path, known = f"map.{kind}.modes", osm.modes()
     if given.modes is not None:

@@ -16,7 +16,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.limits import refuse_above
 from gamms.scenario.documents import ScenarioError, at, joined
-from gamms.scenario.spec import Agent, From, LatLon, Place, Spec, Team
+from gamms.scenario.spec import Agent, LatLon, Place, Spec, Team, TeamDistance
 from gamms.text import shown
 
 _AGENT_BYTES = 10_000  # of a playing agent with its memory; 5,000 measured
@@ -177,7 +177,7 @@ class _TeamPlacement:
 
     def __init__(self, map: NodePlaces, name: str, spec: Team, team: list[TeamMember]) -> None:
         self.map, self.name, self.spec, self.path = map, name, spec, f"teams.{name}"
-        self.away = [spec.from_] if isinstance(spec.from_, From) else spec.from_
+        self.away = [spec.from_] if isinstance(spec.from_, TeamDistance) else spec.from_
         self.members = team
 
     @cached_property

@@ -16,7 +16,7 @@ from gamms.game.batch.games import Batch, BatchSource, MostAgents
 from gamms.game.result import Result
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import GraphColumns, IntArray
-from gamms.readonly import Fixed
+from gamms.readonly import Immutable
 from gamms.recorder import Recording
 from gamms.recorder.resuming import builders
 from gamms.scenario import documents, maps
@@ -37,7 +37,7 @@ _PROBES, _AMONG = (
 _GALLERY = Path(__file__).parent.parent / "data" / "gallery"
 
 
-class Scenario(Fixed):
+class Scenario(Immutable):
     """A complete, immutable description of a game.
 
     Args:

@@ -87,7 +87,7 @@ class Helsinki(_Mapping, frozen=True, kw_only=True):
     bidirectional: bool = True
 
 
-class Streets(_Mapping, frozen=True, kw_only=True):
+class StreetMap(_Mapping, frozen=True, kw_only=True):
     """The keys of every map of real streets."""
 
     osm_type: Travel | None = None
@@ -104,13 +104,13 @@ class Streets(_Mapping, frozen=True, kw_only=True):
     scenery: bool = False
 
 
-class MapFile(Streets, frozen=True, kw_only=True):
+class MapFile(StreetMap, frozen=True, kw_only=True):
     """A map file in the folder of the scenario: OpenStreetMap, GeoJSON or .gamms."""
 
     path: Location
 
 
-class MapPlace(Streets, frozen=True, kw_only=True):
+class MapPlace(StreetMap, frozen=True, kw_only=True):
     """Streets by the name of a place."""
 
     location: str | dict[str, str] | list[str | dict[str, str]]
@@ -151,7 +151,7 @@ class Sensor(_Mapping, frozen=True, kw_only=True):
     delay_turns: Count | None = None
 
 
-class From(_Mapping, frozen=True, kw_only=True):
+class TeamDistance(_Mapping, frozen=True, kw_only=True):
     """A distance to every agent of an earlier team, in a straight line."""
 
     team: Name
@@ -184,7 +184,7 @@ class Team(Equipment, frozen=True, kw_only=True):
     near: Place | None = None
     within: Metres | None = None
     apart: Metres = 0.0
-    from_: From | list[From] = []
+    from_: TeamDistance | list[TeamDistance] = []
     plan: Reference | Plan | None = None
 
 
@@ -197,7 +197,7 @@ class Rule(_Mapping, frozen=True, kw_only=True):
     name: Name | None = None
 
 
-class ByPriority(_Mapping, frozen=True, kw_only=True):
+class PriorityOrder(_Mapping, frozen=True, kw_only=True):
     """The teams in the order in which they win."""
 
     by_priority: Annotated[list[Name], Meta(min_length=1)]
@@ -210,7 +210,7 @@ class Conflicts(_Mapping, frozen=True, kw_only=True):
     edge_capacity: Count | str | dict[str | int, Count] | None = None
     among: Literal["all", "team"] = "all"
     allow_swaps: bool = True
-    resolve: Reference | ByPriority = "at_random"
+    resolve: Reference | PriorityOrder = "at_random"
 
 
 class Settings(_Mapping, frozen=True, kw_only=True):

@@ -75,7 +75,7 @@ def check_sense(spec: Spec) -> None:
     for name, team in spec.teams.items():
         _check_team(f"teams.{name}", team, earlier, spec)
         earlier.add(name)
-    if spec.conflicts is not None and isinstance(spec.conflicts.resolve, schema.ByPriority):
+    if spec.conflicts is not None and isinstance(spec.conflicts.resolve, schema.PriorityOrder):
         for number, team_name in enumerate(spec.conflicts.resolve.by_priority):
             _known_team(team_name, spec, f"conflicts.resolve.by_priority.{number}")
     for number, group in enumerate(spec.settings.order or ()):
@@ -163,9 +163,9 @@ def _check_team(path: str, team: schema.Team, earlier: set[str], spec: Spec) -> 
     if (team.near is None) != (team.within is None):
         missing, given = ("within", "near") if team.within is None else ("near", "within")
         raise ScenarioError(f"{path}.{missing}", f"is missing: {given} needs it.")
-    for number, away in enumerate([team.from_] if isinstance(team.from_, schema.From) else team.from_):
+    for number, away in enumerate([team.from_] if isinstance(team.from_, schema.TeamDistance) else team.from_):
         if away.team not in earlier:
-            where = f"{path}.from.team" if isinstance(team.from_, schema.From) else f"{path}.from.{number}.team"
+            where = f"{path}.from.team" if isinstance(team.from_, schema.TeamDistance) else f"{path}.from.{number}.team"
             _known_team(away.team, spec, where)
             raise ScenarioError(where, f"{away.team!r} must stand before this team in the file: it is placed first.")
     for where, one in [(path, team), *((f"{path}.agents.{i}", agent) for i, agent in enumerate(team.agents))]:

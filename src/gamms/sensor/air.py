@@ -11,7 +11,7 @@ from gamms.arguments import as_ids, as_numbers, as_range
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensor_results import Sensed, SensorView, ragged
+from gamms.ir.sensor_results import LookResults, SensorView, ragged
 from gamms.kernels import Quaternion
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
@@ -172,11 +172,11 @@ class AerialSensor(FlyingSensor):
         nodes, edges = self._seen(pose)
         self._last[:] = {"nodes": nodes, "edges": edges}, pose
 
-    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense once for each node, always from the position of the sensor. `data` is unchanged."""
         nodes, edges = self._seen(self.pose())
         looks = len(as_ids(node_ids, "node_ids"))
-        return Sensed(*ragged([[*nodes]] * looks), Sensed(*ragged([[edge.id for edge in edges]] * looks)))
+        return LookResults(*ragged([[*nodes]] * looks), LookResults(*ragged([[edge.id for edge in edges]] * looks)))
 
     @of_data
     def last_view(self) -> SensorView:
@@ -236,7 +236,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         pose = self.pose()
         self._last[:] = self._seen(pose), pose
 
-    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense once for each node, always from the position of the sensor; values are indices in `names`.
 
         `data` is unchanged.

@@ -16,7 +16,7 @@ from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_decidi
 from gamms.errors import BadValue, nearest
 from gamms.ir.chances import as_chances, chances_at, chances_given
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensor_results import AgentLook, Coverage, Sensed, ragged
+from gamms.ir.sensor_results import AgentLook, Coverage, LookResults, ragged
 from gamms.sensor.sensor import ATTRIBUTES_OF, Sensor
 from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, Look, ReportableAgents, delayed, forget_delayed
 from gamms.typing import IContext
@@ -320,11 +320,11 @@ class DetectingSensor(Sensor):
     def _displaced(self, sightings: list[Any], errors: FloatArray) -> list[Any]:
         """Return the reported values of agents whose positions have errors (sightings, 3)."""
 
-    def _named(self, reports: list[dict[str, Any]]) -> Sensed:
+    def _named(self, reports: list[dict[str, Any]]) -> LookResults:
         """Return reports as arrays."""
         names = tuple(dict.fromkeys(chain(self.ctx.agent.positions.names, *reports)))  # of deleted agents, too
         rows = {name: row for row, name in enumerate(names)}
-        return Sensed(
+        return LookResults(
             *ragged([[rows[name] for name in report] for report in reports]),
             names=names,
             places=self._places([sighting for report in reports for sighting in report.values()]),

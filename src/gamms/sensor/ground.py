@@ -14,7 +14,7 @@ from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.positions import Positions
-from gamms.ir.sensor_results import Sensed, SensorView, ragged, sensed_arrays
+from gamms.ir.sensor_results import LookResults, SensorView, ragged, sensed_arrays
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.nearby import caches_of
@@ -216,11 +216,11 @@ class MapSensor(GroundSensor):
         last[1] = (place, radius, fov, heading)
 
     @refused_while_deciding
-    def shared_look(self) -> sight.Views:
+    def shared_look(self) -> sight.NodeViews:
         """Return the views shared by sensors that look alike, valid while agents decide."""
-        return sight.Views(self._memory.views.known(self.range), (self.range, self.fov, ALL_AROUND))
+        return sight.NodeViews(self._memory.views.known(self.range), (self.range, self.fov, ALL_AROUND))
 
-    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` is unchanged."""
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         is_usual = self.fov == FULL_CIRCLE and self.range < inf and self._at is None and not self._is_occluded
@@ -266,16 +266,16 @@ class NeighborSensor(Sensor):
         self._last[0] = []
         self._neighborhoods = ctx.graph.graph.neighborhoods
 
-    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are ids of nodes. `data` is unchanged."""
         near = self._neighborhoods
         nodes = as_ids(node_ids, "node_ids")
         if len(nodes) < _MANY:
-            return Sensed(*ragged([[*near[node_id]] for node_id in nodes]))
+            return LookResults(*ragged([[*near[node_id]] for node_id in nodes]))
         graph = self.ctx.graph
         offsets, targets = graph.routes.neighborhoods()
         places, ends = kernels.chosen_runs(offsets, graph.routes.rows(nodes))
-        return Sensed(ends, graph.columns().node_ids[targets[places]])
+        return LookResults(ends, graph.columns().node_ids[targets[places]])
 
     @property
     def neighborhoods(self) -> Mapping[int, Sequence[int]]:
@@ -361,11 +361,11 @@ class AgentSensor(DetectingSensor, GroundSensor):
         return super().looks_alike if self._notice is None or self._notice.reports_all else None
 
     @refused_while_deciding
-    def shared_look(self) -> sight.Sight | None:
+    def shared_look(self) -> sight.RangeSearch | None:
         """Return a search for agents that sensors which look alike share while agents decide; None if there is none."""
         return self._memory.nearby.shared_look(self.range)
 
-    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are indices in `names`. `data` is unchanged."""
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         own = self._owner if self._at is None else None
@@ -469,16 +469,16 @@ class OccludedAgentSensor(OccludedSensor, AgentSensor):
     __slots__ = ()
 
 
-def _edges_of(views: list[View]) -> Sensed:
+def _edges_of(views: list[View]) -> LookResults:
     return sensed_arrays([view.edge_ids for view in views])
 
 
-def _listed(positions: Positions, found: list[list[int]], own: str | None) -> Sensed:
+def _listed(positions: Positions, found: list[list[int]], own: str | None) -> LookResults:
     """Return the agents found by each look, as rows, except for one agent."""
     names = tuple(positions.names)
     left_out = names.index(own) if own is not None and own in names else -1
     offsets, rows = ragged([[row for row in some if row != left_out] for some in found])
-    return Sensed(offsets, rows, names=names, places=positions.node_ids[rows])
+    return LookResults(offsets, rows, names=names, places=positions.node_ids[rows])
 
 
 def _selected(rows: list[int], is_kept: "np.ndarray[Any, np.dtype[np.bool_]]") -> list[int]:

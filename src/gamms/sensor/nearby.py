@@ -91,8 +91,8 @@ class NearbyAgents:
         # (block, version, graph revision) of the last full update, if all agents were on nodes
         self._entered: tuple[AgentBlock, int, int | None] | None = None
         self.places_of_nodes = NodePositions(ctx)
-        self._agents = sight.Places(self.places_of_nodes)
-        self._sights: dict[float, sight.Sight] = {}
+        self._agents = sight.AgentPositions(self.places_of_nodes)
+        self._sights: dict[float, sight.RangeSearch] = {}
 
     def places(self) -> FloatArray:
         """Return the positions of all agents (agents, 2); agents on an edge are between its ends.
@@ -219,7 +219,7 @@ class NearbyAgents:
         nodes.pop(own or "", None)
         return nodes
 
-    def shared_look(self, radius: float) -> sight.Sight | None:
+    def shared_look(self, radius: float) -> sight.RangeSearch | None:
         """Return a search for agents around nodes, valid until an agent moves; None if agents are on edges."""
         if not self._follow() and self._catch_up().travellers:
             return None
@@ -278,12 +278,12 @@ class NearbyAgents:
             return coordinates(self._ctx, place)
         return self.places_of_nodes[place if type(place) is int else as_int(place, "The id of a node")]
 
-    def _sight(self, radius: float) -> sight.Sight:
+    def _sight(self, radius: float) -> sight.RangeSearch:
         found = self._sights.get(radius)
         if found is None:
             if len(self._sights) >= _MOST_RADII:
                 self._sights.clear()
-            found = self._sights[radius] = sight.Sight(self._agents, radius, (radius, FULL_CIRCLE, ALL_AROUND))
+            found = self._sights[radius] = sight.RangeSearch(self._agents, radius, (radius, FULL_CIRCLE, ALL_AROUND))
         return found
 
     def _catch_up(self) -> Positions:

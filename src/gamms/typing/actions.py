@@ -15,7 +15,7 @@ from gamms.arguments import annotations_of, as_float, as_function_of, as_int, as
 from gamms.deciding import Deciders, phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import UNTURNED, AgentBlock, Position, Quat
-from gamms.text import Called, as_code, shown
+from gamms.text import DescribedFunction, as_code, shown
 from gamms.typing.context import IContext
 from gamms.typing.graph_engine import IGraph
 
@@ -220,7 +220,7 @@ def plan_in(ctx: IContext, given: object) -> Any:
 
 def makes_strategies(given: object) -> bool | None:
     """Return whether a value makes strategies, without calling it; None if this is unknown."""
-    code = getattr(given.func if type(given) is Called else given, "__code__", None)
+    code = getattr(given.func if type(given) is DescribedFunction else given, "__code__", None)
     if code is not None and code.co_argcount and code.co_varnames[0] in _STATES:  # NOTE: called for each agent
         return False
     function = given if callable(given) else None
@@ -316,7 +316,9 @@ def _checked(ctx: IContext, strategy: Function) -> Any:
     Raises:
         BadValue: it was made for another context.
     """
-    if isinstance(strategy, Called) and any(isinstance(one, IContext) and one is not ctx for one in strategy.held()):
+    if isinstance(strategy, DescribedFunction) and any(
+        isinstance(one, IContext) and one is not ctx for one in strategy.held()
+    ):
         raise BadValue(
             f"{shown(strategy)} was made for another context and uses its map and agents. Make it with this context."
         )

@@ -141,7 +141,7 @@ class TurnAccess(NamedTuple):
     last: list[dict[str, Any]]  # one item: the last state given to the agent
 
 
-class Departure:
+class DeletedAgent:
     """A deleted agent, linked to the agent that was deleted next.
 
     All later deletions can be found from one object; earlier ones are freed unless something refers to them.
@@ -158,7 +158,7 @@ class Departure:
         self.agent: MaybeNone = agent
         self.team: Any = agent and agent.team
         self.node: MaybeNone = agent and agent.current_node_id
-        self.next: Departure | None = None
+        self.next: DeletedAgent | None = None
 
 
 class IAgentEngine(ABC):

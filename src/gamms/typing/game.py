@@ -18,7 +18,7 @@ from typing import (
 
 import numpy as np
 
-from gamms.core.ask import Key
+from gamms.core.ask import StateKey
 from gamms.ir.agents import Position, Quat
 from gamms.ir.graph import FloatArray
 from gamms.plain import Plain
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 
 T = TypeVar("T")
-Where = TypeVar("Where")  # where an agent is
-Wish = TypeVar("Wish")  # what it may do
+PositionT = TypeVar("PositionT")  # where an agent is
+ActionT = TypeVar("ActionT")  # what it may do
 
 NodeId = int | np.integer[Any]
 """Any type accepted as a node id; returned ids are ints."""
@@ -182,12 +182,12 @@ class ChannelOptions(TypedDict, total=False):
     eavesdroppers: Any  # as for `teams`; may include agents
 
 
-class _AgentState(dict[str, Any], Generic[Where, Wish]):
+class _AgentState(dict[str, Any], Generic[PositionT, ActionT]):
     """The common part of the states of all agents."""
 
     __slots__ = ()
 
-    curr_pos: Where
+    curr_pos: PositionT
     """The node id of the agent; for a flying agent its position `(x, y, z)`, map units."""
     sensor: dict[str, tuple[SensorType, Any]]
     """Name -> (type of sensor, its data); `docs/sensors.md` has the shape of the data for each type."""
@@ -230,7 +230,7 @@ class _AgentState(dict[str, Any], Generic[Where, Wish]):
     """The received messages; only if the game has channels."""
     outbox: list[OutgoingMessage]
     """The messages to send: append to it; only if the game has channels."""
-    action: Wish | None
+    action: ActionT | None
     """The action, for example a node id, or `(dx, dy, dz)` in the air: set by the strategy."""
 
     @property
@@ -241,7 +241,7 @@ class _AgentState(dict[str, Any], Generic[Where, Wish]):
     if TYPE_CHECKING:  # the keys have the same types as the attributes
 
         @overload  # type: ignore[override] # no other key is there
-        def __getitem__(self, key: Literal["curr_pos"], /) -> Where: ...
+        def __getitem__(self, key: Literal["curr_pos"], /) -> PositionT: ...
         @overload
         def __getitem__(self, key: Literal["quat"], /) -> Quat: ...
         @overload
@@ -279,10 +279,10 @@ class _AgentState(dict[str, Any], Generic[Where, Wish]):
         @overload
         def __getitem__(self, key: Literal["outbox"], /) -> list[OutgoingMessage]: ...
         @overload
-        def __getitem__(self, key: Literal["action"], /) -> Wish | None: ...
+        def __getitem__(self, key: Literal["action"], /) -> ActionT | None: ...
         def __getitem__(self, key: str, /) -> Any: ...
         @overload  # type: ignore[override] # as above
-        def __setitem__(self, key: Literal["action"], value: Wish | None, /) -> None: ...
+        def __setitem__(self, key: Literal["action"], value: ActionT | None, /) -> None: ...
         @overload
         def __setitem__(self, key: Literal["memory", "team_memory"], value: dict[Any, Any], /) -> None: ...
         @overload
@@ -317,7 +317,7 @@ class AerialState(_AgentState[Position, tuple[float, float, float] | FloatArray 
 
 for _class in (_AgentState, State, AerialState):
     for _name in _class.__annotations__:
-        setattr(_class, _name, Key("curr_pos" if _name == "node" else _name))
+        setattr(_class, _name, StateKey("curr_pos" if _name == "node" else _name))
 
 Strategy = Callable[[State], None]
 """A function that decides for an agent on the ground: it reads the state and sets `state["action"]`."""

@@ -10,7 +10,7 @@ import numpy as np
 from gamms.arguments import as_ids, with_options
 from gamms.errors import BadType, BadValue, NotOffered
 from gamms.ir.graph import FloatArray
-from gamms.ir.sensor_results import Coverage, Sensed, SensorView
+from gamms.ir.sensor_results import Coverage, LookResults, SensorView
 from gamms.text import shown
 
 
@@ -111,7 +111,7 @@ class ISensor(ABC):
     sees_world_only: bool = False  # whether it reads only the graph and the agents
     looks_alike: Hashable = None  # equal for built-in sensors that share results; None: it looks by itself
 
-    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
+    def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Look from many nodes: returns exactly the results of `sense` from each of them.
 
         This default looks one by one: `values` are the `data` of each look, and `data` is that of the last look.
@@ -124,7 +124,7 @@ class ISensor(ABC):
         for look, node_id in enumerate(ids):
             self.sense(node_id)
             values[look] = self.data
-        return Sensed(np.arange(len(values) + 1), values)
+        return LookResults(np.arange(len(values) + 1), values)
 
     def reset(self) -> None:  # noqa: B027 - most sensors of a user's own have nothing to forget
         """Clear all data and draws, as for a new sensor; called when a game is reset."""

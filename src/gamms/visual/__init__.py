@@ -6,7 +6,7 @@ does not declare its graph; `camera.py` has cameras; `pictures.py` saves picture
 the parts around the map, `captions.py` the text below it, and `labels.py` the names beside agents. Drawers (`drawers/`)
 draw one kind of thing each, with data of the turn from `shown_turn.py`; backends (`backends/`) convert draw commands to
 files; `scene.py` paints frames of films and of the window (`window/`) fast. Colors are in `appearance.py` and
-`themes.py`, the font in `lettering.py`, legends and values in `legend.py`, recorded drawings in `recorded_drawings.py`,
+`themes.py`, the font in `font.py`, legends and values in `legend.py`, recorded drawings in `recorded_drawings.py`,
 and names of 1.0.0's window in `compat.py`. May import: `gamms.typing`, `gamms.kernels`, `gamms.ir`, `gamms.plugins`,
 `gamms.arguments`, `gamms.errors`. To draw something new, add one function to `drawers/`; to add an output format, add
 one file to `backends/` and one line to its `__init__`. Drawing only reads the scenario.

@@ -9,8 +9,8 @@ from gamms.text import as_digits, as_text
 from gamms.typing import IContext
 from gamms.visual.appearance import Rgb, color_group
 from gamms.visual.drawing import Drawing, drawing_of
+from gamms.visual.font import shortened, words_width
 from gamms.visual.legend import Pen
-from gamms.visual.lettering import shortened, words_width
 
 MOST_LINES = 2  # at once
 CAPTION_SECONDS = 2.0  # for which a line is shown

@@ -12,7 +12,7 @@ from gamms.visual.artists import Artists
 from gamms.visual.backends.pygame_backend import load
 from gamms.visual.camera import Point, WindowCamera, clipped, inside
 from gamms.visual.drawing import Drawing
-from gamms.visual.window.display import Pace, window_surface
+from gamms.visual.window.display import FrameTiming, window_surface
 from gamms.visual.window.input import Question
 
 _HALF_WIDTH = 15.0  # world units, of a camera that was not pointed anywhere
@@ -110,7 +110,7 @@ class WindowNames:
 
     ctx: IContext
     camera: RenderManager
-    pace: Pace
+    pace: FrameTiming
     artists: Artists
     drawing: Drawing
     question: Question | None

@@ -47,8 +47,8 @@ from gamms.visual.drawers.standings import (
 )
 from gamms.visual.drawers.streets import has_tunnels, median, render_tunnels
 from gamms.visual.drawing import drawing_of
-from gamms.visual.legend import SIGN, Row, Rows, legend_only
-from gamms.visual.shown_turn import Sight, has_content
+from gamms.visual.legend import SIGN, LegendRow, LegendRows, legend_only
+from gamms.visual.shown_turn import ShownView, has_content
 from gamms.visual.themes import Theme
 
 MOST_SENSORS = 20  # more of them would hide what happens
@@ -218,7 +218,7 @@ class DefaultScene:
     def _sensors(self, declared: Mapping[str, IArtist]) -> dict[str, IArtist]:
         """Return artists of the present sensor views."""
         nodes = len(self._ctx.graph.columns().node_ids)
-        found = dict[str, list[Sight]]()
+        found = dict[str, list[ShownView]]()
         for sight in drawing_of(self._ctx).carriers.sights(MOST_SENSORS):
             if sight.view is None or _is_worth_drawing(sight.view, nodes):
                 found.setdefault(sight.sensor.sensor_id, []).append(sight)
@@ -283,19 +283,21 @@ def artists_of_sights(
     return artists
 
 
-def legend_of_sights(given: Iterable[tuple[Rgb, SensorView | None]]) -> Rows | None:
+def legend_of_sights(given: Iterable[tuple[Rgb, SensorView | None]]) -> LegendRows | None:
     """Return legend rows for the signs of views, in grey, because views have the colors of their agents."""
     sights = list(given)
     views = [view for _, view in sights if view is not None]
     rows = [
-        Row(SIGN, words, sign=sign) for part, words, sign in _VIEWS if any(len(getattr(view, part)) for view in views)
+        LegendRow(SIGN, words, sign=sign)
+        for part, words, sign in _VIEWS
+        if any(len(getattr(view, part)) for view in views)
     ]
     if any(color == _WITHOUT_CARRIER for color, _ in sights):
-        rows.append(Row(_WITHOUT_CARRIER, "sensor of no agent", sign="disc"))
-    return Rows("", tuple(rows))
+        rows.append(LegendRow(_WITHOUT_CARRIER, "sensor of no agent", sign="disc"))
+    return LegendRows("", tuple(rows))
 
 
-def team_rows(ctx: IContext) -> Rows | None:
+def team_rows(ctx: IContext) -> LegendRows | None:
     """Return the legend of the teams: colour, name and score; None where there are not two."""
     colors = drawing_of(ctx).group_colors()
     teams = dict.fromkeys(ctx.agent.positions.teams)
@@ -305,9 +307,10 @@ def team_rows(ctx: IContext) -> Rows | None:
         return None
     heading = "" if ctx.current_game is None else "score"
     rows = tuple(
-        Row(colors[as_text(team)], as_text(team), _score(scores.get(team, 0)) if heading else "") for team in named
+        LegendRow(colors[as_text(team)], as_text(team), _score(scores.get(team, 0)) if heading else "")
+        for team in named
     )
-    return Rows("", rows, heading)
+    return LegendRows("", rows, heading)
 
 
 def _score(score: object) -> str:

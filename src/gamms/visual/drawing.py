@@ -18,7 +18,7 @@ from gamms.text import as_text, shown
 from gamms.typing import IAgent, IContext
 from gamms.visual.appearance import AnyColor, Color, Rgb, in_order, rgba, team_colors
 from gamms.visual.camera import Viewpoint, shifted_points
-from gamms.visual.shown_turn import Motion, PastTurns, SensorCarriers, TurnEvents
+from gamms.visual.shown_turn import LastMoves, PastTurns, SensorCarriers, TurnEvents
 from gamms.visual.themes import THEMES, Theme
 
 _ONE = array("q", (1,))  # point, of as many commands as it is repeated
@@ -360,7 +360,7 @@ class Drawing:
         self._held_image = held_image or image_path
         self.turns = PastTurns(ctx)
         self.carriers = SensorCarriers(ctx)
-        self.motion = Motion(ctx, self.turns)
+        self.motion = LastMoves(ctx, self.turns)
         self.events = TurnEvents(ctx, self.turns)
         self.viewpoint = Viewpoint(ctx, self.motion.position_of)
         self.team_colors: Mapping[str, Rgb] = {}

@@ -42,7 +42,7 @@ Asked = tuple[int | None, int | None]
 """A width and a height in pixels; None: as the map needs."""
 
 
-class Sheet(NamedTuple):
+class PictureTarget(NamedTuple):
     """The size that is asked of a picture, and the backend that paints it."""
 
     asked: Asked
@@ -50,7 +50,7 @@ class Sheet(NamedTuple):
     backend: Backend
 
 
-def sheet(name: str | os.PathLike[str], width: int | None, height: int | None, dpi: float) -> Sheet:
+def sheet(name: str | os.PathLike[str], width: int | None, height: int | None, dpi: float) -> PictureTarget:
     """Check everything that can be checked before drawing; the suffix of a name, or a mere suffix, is the format.
 
     Raises:
@@ -60,7 +60,7 @@ def sheet(name: str | os.PathLike[str], width: int | None, height: int | None, d
     asked = sides(width, height)
     if not 0.0 < (dpi := as_float(dpi, "dpi")) <= _FINEST_DPI:
         raise BadValue(f"A picture needs between 0 and {_FINEST_DPI:g} pixels per inch, not dpi={dpi:g}.")
-    return Sheet(asked, dpi, _backend(path))
+    return PictureTarget(asked, dpi, _backend(path))
 
 
 def sides(width: int | None, height: int | None, bytes_per_pixel: int = _PICTURE_BYTES) -> Asked:
@@ -98,7 +98,7 @@ def _backend(path: Path) -> Backend:
         raise BadValue(f"A picture cannot be saved as {path.suffix or path.name!r}: use {known}.") from None
 
 
-def painted(source: "FrameSource", sheet: Sheet, style: PageStyle) -> bytes:
+def painted(source: "FrameSource", sheet: PictureTarget, style: PageStyle) -> bytes:
     """Return a picture of the present state, with everything around the map, as the bytes of a file."""
     artists = source.artists.shown(style.trails, sensors=style.sensors)
     viewpoint = source.drawing.viewpoint

@@ -31,7 +31,7 @@ from gamms.visual.drawers.rules import flags_in, render_flags, territories_in
 from gamms.visual.drawers.streets import one_way_each, polylines
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import legend_only
-from gamms.visual.shown_turn import Sight
+from gamms.visual.shown_turn import ShownView
 
 _OPEN = (render_base_map, render_obstacles, render_input_overlay, legend_only)  # drawers of what every team knows
 # as broad as in other pictures
@@ -149,7 +149,7 @@ class Fog:
         node = self._ctx.graph.graph.get_node(agent.current_node_id)  # by which sensors report it
         return _rounded([node.x, node.y]) in found
 
-    def _show_sights(self, sights: list[Sight]) -> None:
+    def _show_sights(self, sights: list[ShownView]) -> None:
         """Draw the views of the team's sensors, if they are few, and no others."""
         color = drawing_of(self._ctx).group_colors()[self.team]
         found = dict[str, list[Any]]()

@@ -26,7 +26,7 @@ from gamms.visual.drawers.agents import RING, RING_PX
 from gamms.visual.drawers.marks import drawn_marks
 from gamms.visual.drawers.streets import classes_of, in_metres, levels_of, one_way_each, polylines
 from gamms.visual.drawing import Commands, drawing_of
-from gamms.visual.lettering import EM, MIDDLE, words_width
+from gamms.visual.font import EM, MIDDLE, words_width
 
 if TYPE_CHECKING:
     from gamms.visual.backends.pygame_backend import Canvas

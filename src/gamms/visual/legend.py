@@ -29,7 +29,7 @@ from gamms.visual.appearance import (
 )
 from gamms.visual.camera import Camera
 from gamms.visual.drawing import Commands
-from gamms.visual.lettering import MIDDLE, words_width
+from gamms.visual.font import MIDDLE, words_width
 
 _FONT_PX = 21.0
 _TITLE_PX = 22.0
@@ -73,7 +73,7 @@ _MOST_COLORS = 1024
 _RIM = (255, 255, 255)
 
 
-class Bar(NamedTuple):
+class ColorScale(NamedTuple):
     """A scale: its colours from low to high, and the words at its low end, middle and high end."""
 
     title: str
@@ -83,7 +83,7 @@ class Bar(NamedTuple):
     high: str
 
 
-class Row(NamedTuple):
+class LegendRow(NamedTuple):
     """A row of a legend: a color or a sign, its meaning, and a value to the right."""
 
     color: Rgb
@@ -92,15 +92,15 @@ class Row(NamedTuple):
     sign: str = "disc"  # or ring, dot, field, line, band, flag, cross, tag, goal, arc, square, gauge, curve
 
 
-class Rows(NamedTuple):
+class LegendRows(NamedTuple):
     """A block of legend rows with colors and signs; blocks without a title are shown together."""
 
     title: str
-    rows: tuple[Row, ...]
+    rows: tuple[LegendRow, ...]
     heading: str = ""  # what the values are
 
 
-Block = Bar | Rows
+Block = ColorScale | LegendRows
 
 
 def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...]:
@@ -118,7 +118,7 @@ def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...
         for block in legend if isinstance(legend, list) else [legend]:
             if block is None:
                 continue
-            if not isinstance(block, Bar | Rows):
+            if not isinstance(block, ColorScale | LegendRows):
                 raise BadType(
                     f"The legend of artist {shown(name)} must be a Bar or Rows, or a list of such, not {shown(block)}."
                 )
@@ -129,16 +129,16 @@ def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...
 def together(blocks: Iterable[Block]) -> tuple[Block, ...]:
     """Return blocks with all rows that have no title, and no values but scores, in one, each of them once."""
     found = list[Block | None]()
-    rows = dict[tuple[object, ...], Row]()
+    rows = dict[tuple[object, ...], LegendRow]()
     heading = ""
     for block in blocks:
-        if isinstance(block, Bar) or not _is_open(block):
+        if isinstance(block, ColorScale) or not _is_open(block):
             found.append(block)
             continue
         found += [None] * (None not in found)
         rows |= {(row.color, row.name, row.sign): row for row in block.rows}
         heading = heading or block.heading
-    return tuple(Rows("", tuple(rows.values()), heading) if block is None else block for block in found)
+    return tuple(LegendRows("", tuple(rows.values()), heading) if block is None else block for block in found)
 
 
 def grown(before: tuple[Block, ...], now: tuple[Block, ...]) -> tuple[Block, ...]:
@@ -153,7 +153,7 @@ def grown(before: tuple[Block, ...], now: tuple[Block, ...]) -> tuple[Block, ...
 def _is_open(block: Block) -> bool:
     """Return whether rows may be shown with others: rows without a title, and without values except scores."""
     return (
-        isinstance(block, Rows)
+        isinstance(block, LegendRows)
         and not block.title
         and (bool(block.heading) or not any(row.value for row in block.rows))
     )
@@ -161,7 +161,7 @@ def _is_open(block: Block) -> bool:
 
 def plain_block(block: Block) -> dict[str, Any]:
     """Return a block as plain values, for a recording."""
-    if isinstance(block, Bar):
+    if isinstance(block, ColorScale):
         return {"title": block.title, "colors": list(block.colors), "ends": [block.low, block.middle, block.high]}
     rows = [tuple(row) if row.sign != _DISC else tuple(row)[:3] for row in block.rows]
     return {"title": block.title, "rows": rows} | ({"heading": block.heading} if block.heading else {})
@@ -178,12 +178,12 @@ def block_from_plain(plain: dict[str, Any]) -> Block:
     if not all(isinstance(word, str) for word in words):
         raise BadType("The words of a recorded legend must be str.")
     if "rows" in plain:
-        return Rows(words[0], tuple(Row(rgba(color)[:3], *row) for color, *row in plain["rows"]), words[-1])
+        return LegendRows(words[0], tuple(LegendRow(rgba(color)[:3], *row) for color, *row in plain["rows"]), words[-1])
     low, middle, high = words[1:-1]
     colors = tuple(rgba(color)[:3] for color in plain["colors"])
     if not 0 < len(colors) <= _MOST_COLORS:
         raise BadValue(f"The bar of a recorded legend has between 1 and {_MOST_COLORS} colours, not {len(colors)}.")
-    return Bar(words[0], colors, low, middle, high)
+    return ColorScale(words[0], colors, low, middle, high)
 
 
 class Legend:
@@ -229,7 +229,7 @@ class Legend:
         pen = pen.zoomed(self._zoom, left, top)
         top = 0.0
         for block in self._blocks:
-            if isinstance(block, Bar):
+            if isinstance(block, ColorScale):
                 _draw_bar(pen, block, top)
             else:
                 _draw_rows(pen, block, top)
@@ -310,13 +310,15 @@ def _with_signs(blocks: tuple[Block, ...], signs: tuple[str, ...]) -> tuple[Bloc
     """Return a legend of colors, and of these signs."""
     kept = _DISC, *signs
     few = [
-        block if isinstance(block, Bar) else block._replace(rows=tuple(row for row in block.rows if row.sign in kept))
+        block
+        if isinstance(block, ColorScale)
+        else block._replace(rows=tuple(row for row in block.rows if row.sign in kept))
         for block in blocks
     ]
-    return tuple(block for block in few if isinstance(block, Bar) or block.title or block.rows)
+    return tuple(block for block in few if isinstance(block, ColorScale) or block.title or block.rows)
 
 
-def _draw_bar(pen: Pen, bar: Bar, top: float) -> None:
+def _draw_bar(pen: Pen, bar: ColorScale, top: float) -> None:
     top += _draw_title(pen, bar.title, top)
     step = _BAR_HEIGHT_PX / len(bar.colors)
     bottom = top + _BAR_HEIGHT_PX
@@ -327,7 +329,7 @@ def _draw_bar(pen: Pen, bar: Bar, top: float) -> None:
         pen.text(words, _BAR_PX + 8.0, y, _FONT_PX)
 
 
-def _draw_rows(pen: Pen, block: Rows, top: float) -> None:
+def _draw_rows(pen: Pen, block: LegendRows, top: float) -> None:
     top += _draw_title(pen, block.title, top)
     end = _values_end(block)
     if block.heading:
@@ -428,13 +430,15 @@ def _title_height(title: str) -> float:
 
 def _height(block: Block) -> float:
     body = (
-        _BAR_HEIGHT_PX if isinstance(block, Bar) else _LINE_PX * len(_shown(block)) + _HEADING_PX * bool(block.heading)
+        _BAR_HEIGHT_PX
+        if isinstance(block, ColorScale)
+        else _LINE_PX * len(_shown(block)) + _HEADING_PX * bool(block.heading)
     )
     return _title_height(block.title) + body
 
 
 def _width(block: Block) -> float:
-    if isinstance(block, Bar):
+    if isinstance(block, ColorScale):
         body = _BAR_PX + 8.0 + max(words_width(words, _FONT_PX) for words in (block.low, block.middle, block.high))
     else:
         names = max((words_width(row.name, _FONT_PX) for row in _shown(block)), default=0.0)
@@ -442,7 +446,7 @@ def _width(block: Block) -> float:
     return max(body, words_width(block.title, _TITLE_PX))
 
 
-def _values_end(block: Rows) -> float:
+def _values_end(block: LegendRows) -> float:
     """Return where the column of values ends; it is beside the names that have one, as broad as numbers may become."""
     valued = [row for row in block.rows if row.value]
     if not valued:
@@ -453,11 +457,11 @@ def _values_end(block: Rows) -> float:
     return _NAME_PX + max(words_width(row.name, _FONT_PX) for row in valued) + _PAD_PX + max(values)
 
 
-def _shown(block: Rows) -> tuple[Row, ...]:
+def _shown(block: LegendRows) -> tuple[LegendRow, ...]:
     """Return the rows that fit, without the rest."""
     if len(block.rows) <= _MOST_ROWS:
         return block.rows
-    return (*block.rows[: _MOST_ROWS - 1], Row(PAPER, f"and {len(block.rows) - _MOST_ROWS + 1} more"))
+    return (*block.rows[: _MOST_ROWS - 1], LegendRow(PAPER, f"and {len(block.rows) - _MOST_ROWS + 1} more"))
 
 
 def legend_only(ctx: IContext, data: dict[str, Any]) -> None:
@@ -474,7 +478,7 @@ _HUGE = 1e7
 
 
 @dataclass(frozen=True, eq=False)
-class Values:
+class ColoredValues:
     """Ids with the indices of their colors; ids without a value (NaN) are left out.
 
     Attributes:
@@ -499,7 +503,7 @@ def checked(
     cmap: str | Colorize,
     span: tuple[float | None, float | None],
     title: str,
-) -> Values:
+) -> ColoredValues:
     """Check the values that a caller gave, and return them in colours.
 
     Args:
@@ -527,10 +531,10 @@ def checked(
     if callable(cmap):
         colors, places = colorized(cmap, values)
         low, high = _span(values, span)
-        return Values(of, ids, tuple(colors), places, _key_of_function(cmap, values, low, high, title))
+        return ColoredValues(of, ids, tuple(colors), places, _key_of_function(cmap, values, low, high, title))
     colors, (low, high) = list(table(cmap)), _span(values, span, is_even=cmap == DIVERGING)
     bar = _bar(title, colors, low, high) if len(values) else None
-    return Values(of, ids, tuple(colors), levels(values, low, high), bar)
+    return ColoredValues(of, ids, tuple(colors), levels(values, low, high), bar)
 
 
 def _numbers(values: Iterable[Any], of: str) -> FloatArray:
@@ -569,7 +573,9 @@ def _key_of_function(colorize: Colorize, values: FloatArray, low: float, high: f
     if len(distinct) == 0:
         return None
     if len(distinct) <= _FEW_COLORS:
-        return Rows(title, tuple(Row(rgba(colorize(value))[:3], f"{value:g}") for value in distinct.tolist()))
+        return LegendRows(
+            title, tuple(LegendRow(rgba(colorize(value))[:3], f"{value:g}") for value in distinct.tolist())
+        )
     shown = distinct[np.rint(np.linspace(0, len(distinct) - 1, min(_STEPS, len(distinct)))).astype(int)]
     if (
         np.isfinite(distinct).all() and high > low
@@ -581,9 +587,9 @@ def _key_of_function(colorize: Colorize, values: FloatArray, low: float, high: f
 
 def _bar(title: str, colors: list[Rgb], low: float, high: float) -> Block:
     if high <= low:
-        return Rows(title, (Row(colors[LEVELS // 2 if len(colors) == LEVELS else 0], f"{low:g}"),))
+        return LegendRows(title, (LegendRow(colors[LEVELS // 2 if len(colors) == LEVELS else 0], f"{low:g}"),))
     thinned = [colors[place] for place in np.rint(np.linspace(0, len(colors) - 1, _STEPS)).astype(int).tolist()]
-    return Bar(title, tuple(thinned), *map(_tick, (low, (low + high) / 2, high)))
+    return ColorScale(title, tuple(thinned), *map(_tick, (low, (low + high) / 2, high)))
 
 
 def _tick(value: float) -> str:

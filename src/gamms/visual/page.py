@@ -21,9 +21,9 @@ from gamms.visual.appearance import PAPER, Rgb, Rgba, inks, rgba
 from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, Point, fit_box
 from gamms.visual.captions import LINE_PX, CaptionBar, ResultCard, draw_caption_bar, draw_card
 from gamms.visual.drawers.streets import in_metres
+from gamms.visual.font import shortened, words_width
 from gamms.visual.labels import AUTO, Choice, Label, Labels, Rectangle, StreetName, StreetNames, as_choice, box_of
 from gamms.visual.legend import Block, Legend, Pen
-from gamms.visual.lettering import shortened, words_width
 from gamms.visual.shown_turn import as_turns
 from gamms.visual.themes import THEMES, Theme, theme_called
 

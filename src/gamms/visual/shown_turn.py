@@ -23,7 +23,7 @@ from gamms.typing.recorder import Step
 _Point = tuple[float, float]
 
 
-class Paths(NamedTuple):
+class MovePaths(NamedTuple):
     """Polylines of moves, and how far along them each of their points lies, from 0.0 to 1.0."""
 
     points: FloatArray  # (points, 2)
@@ -31,7 +31,7 @@ class Paths(NamedTuple):
     offsets: IntArray  # (paths + 1,)  path `i` is `points[offsets[i]:offsets[i + 1]]`
 
     @classmethod
-    def through(cls, straight: FloatArray, bends: Sequence[FloatArray]) -> "Paths":
+    def through(cls, straight: FloatArray, bends: Sequence[FloatArray]) -> "MovePaths":
         """Make paths from start to end, (paths, 2, 2), then paths along polylines, (points, 2) each."""
         counts = np.array([*[2] * len(straight), *map(len, bends)], np.int64)
         is_long = (straight[:, 0] != straight[:, 1]).any(axis=1)
@@ -65,14 +65,14 @@ def _shares(points: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(lengths)]) / (float(lengths.sum()) or 1.0)
 
 
-class Moves(NamedTuple):
+class MovedAgents(NamedTuple):
     """The agents that moved in a turn, each with the row of its path."""
 
     rows: dict[str, int]
-    paths: Paths
+    paths: MovePaths
 
 
-_NO_MOVES = Moves({}, Paths.through(np.empty((0, 2, 2)), ()))
+_NO_MOVES = MovedAgents({}, MovePaths.through(np.empty((0, 2, 2)), ()))
 MOST_TURNS = 200  # that are remembered
 _MOST_PLACES = 1 << 20  # that are: of 100,000 agents 10 turns
 
@@ -112,7 +112,7 @@ class PastTurns:
 
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
-        self.entries: deque[_Turn | Moves] = deque()
+        self.entries: deque[_Turn | MovedAgents] = deque()
         self.latest: _Turn | None = None
         self.count = 0
         self._names: Sequence[str] | None = None  # of the agents for which the number of entries is bounded
@@ -142,7 +142,7 @@ class PastTurns:
         if not number:
             self.count += 1
 
-    def forget(self, past: Iterable[Moves] = (), events: int = 0) -> None:
+    def forget(self, past: Iterable[MovedAgents] = (), events: int = 0) -> None:
         """Forget all turns, and restart with these positions before the next turn, after this number of events."""
         self.latest = None
         self._events = events
@@ -164,7 +164,7 @@ class PastTurns:
         return names, before, 0, self._events, names, before, self._events
 
 
-class Motion:
+class LastMoves:
     """The last move of every agent, from the start of a turn's frames to their end, and where they were before.
 
     Attributes:
@@ -179,29 +179,29 @@ class Motion:
         self._now: tuple[float, FloatArray] | None = None  # where all that moved are after a share
         self._columns: GraphColumns | None = None
         self._sorted: IntArray = np.empty(0, np.int64)  # node rows by id
-        self._paths: tuple[Sequence[str], Moves, IntArray] | None = None  # of the agents that were asked for last
+        self._paths: tuple[Sequence[str], MovedAgents, IntArray] | None = None  # of the agents that were asked for last
         self._shown: _Turn | None = None  # the turn that is shown
         self._on_edges: tuple[Any, dict[str, _Point]] = (None, {})
 
-    def past(self, turns: int) -> list[Moves]:
+    def past(self, turns: int) -> list[MovedAgents]:
         """Return the moves of the last turns, so many at most, the latest first."""
         self._turns.forget_those_of_another_game()
         entries = self._turns.entries
         places = range(max(len(entries) - turns, 0), len(entries))
-        recent = [place for place in places if not isinstance(entries[place], Moves)]
+        recent = [place for place in places if not isinstance(entries[place], MovedAgents)]
         placed = self._placed_since(entries[recent[0]]) if recent else set()
         for place in recent:
             entry = entries[place]
-            if not isinstance(entry, Moves):
+            if not isinstance(entry, MovedAgents):
                 (was, now), number = _by_name(entry), entry[2]
                 steps = {name: (was.get(name, at), at) for name, at in now.items() if (number, name) not in placed}
                 entries[place] = self.moves_between({}, steps)
-        return [moves for moves in reversed(entries) if isinstance(moves, Moves)][:turns]
+        return [moves for moves in reversed(entries) if isinstance(moves, MovedAgents)][:turns]
 
-    def _placed_since(self, entry: _Turn | Moves) -> set[tuple[int, str]]:
+    def _placed_since(self, entry: _Turn | MovedAgents) -> set[tuple[int, str]]:
         """Return the turn and the name of each agent that was put elsewhere in a turn or later."""
         game = self._ctx.current_game
-        if game is None or isinstance(entry, Moves):
+        if game is None or isinstance(entry, MovedAgents):
             return set()
         later = takewhile(lambda event: event["turn"] >= entry[2], reversed(game.events))
         return {(event["turn"], event["agent"]) for event in later if event["kind"] == "respawned"}
@@ -228,7 +228,7 @@ class Motion:
     def _travels(self, steps: Mapping[str, Step]) -> dict[str, Step]:
         """Return the moves of the last turn that began or ended on an edge, but for agents that were put elsewhere."""
         last = self._turns.entries[-1] if self._turns.entries else None
-        if last is None or isinstance(last, Moves):
+        if last is None or isinstance(last, MovedAgents):
             return {}
         listed = (places for places in (last[5], last[1]) if isinstance(places, list))  # arrays hold nodes alone
         if not any(type(place) is Progress for places in listed for place in places):
@@ -249,7 +249,7 @@ class Motion:
         self._now = None
         self.moves = _NO_MOVES
 
-    def moves_between(self, before: Mapping[str, Step], steps: Mapping[str, Step]) -> Moves:
+    def moves_between(self, before: Mapping[str, Step], steps: Mapping[str, Step]) -> MovedAgents:
         """Return how agents moved in a turn, by the last move of each before and after it."""
         moved = {name: step for name, step in steps.items() if step[0] != step[1] and before.get(name) != step}
         others = {name: step for name, step in moved.items() if any(isinstance(end, tuple) for end in step)}
@@ -271,7 +271,7 @@ class Motion:
         order = [*flights, *(names[row] for row in (*straight, *bends)), *travels]
         row_of = {name: row for row, name in enumerate(order)}
         rows = {name: row_of[name] for name in moved if name in row_of}
-        return Moves(rows, Paths.through(lines, [*bends.values(), *travels.values()]))
+        return MovedAgents(rows, MovePaths.through(lines, [*bends.values(), *travels.values()]))
 
     def _travelled(self, before: Any, now: Any) -> FloatArray | None:
         """Return the points between two places, at least one of them on an edge; None if the edge was removed."""
@@ -457,7 +457,7 @@ class TurnEvents:
         return {name: has_arrived for name, has_arrived in self._ends.items() if name in missing}
 
 
-class Sight(NamedTuple):
+class ShownView(NamedTuple):
     """The view of a sensor for the agent that carries it, or its last view if none does."""
 
     sensor: ISensor
@@ -490,7 +490,7 @@ class SensorCarriers:
         carriers = self.of(sensor)
         return bool(carriers) and not any(agent.alive for agent in carriers)
 
-    def sights(self, most: int) -> list[Sight]:
+    def sights(self, most: int) -> list[ShownView]:
         """Return the views of sensors that have looked; empty if there are more than the limit."""
         found = list(islice(self._looking(), most + 1))
         return [] if len(found) > most else [self.sight(*one) for one in found]
@@ -506,17 +506,17 @@ class SensorCarriers:
                 yield from ((sensor, agent) for agent in living)
 
     @staticmethod
-    def sight(sensor: ISensor, agent: IAgent | None) -> Sight:
+    def sight(sensor: ISensor, agent: IAgent | None) -> ShownView:
         """Return the view of a sensor for an agent; None: its last view, or its present view from there."""
         look = getattr(sensor, "view_from", None)  # a class that is no child of ISensor has none
         place, name = (None, None) if agent is None else (agent.current_node_id, agent.name)
         try:
             view = view_of(sensor) if look is None else look(place, name)
-            return Sight(sensor, name, view if isinstance(view, SensorView) else None)
+            return ShownView(sensor, name, view if isinstance(view, SensorView) else None)
         except NotOffered:
-            return Sight(sensor, name, SensorView())
+            return ShownView(sensor, name, SensorView())
         except Exception:  # noqa: BLE001 - a sensor is user code; its artist will fail likewise, which is logged
-            return Sight(sensor, name, None)
+            return ShownView(sensor, name, None)
 
 
 def view_of(sensor: ISensor) -> SensorView:

@@ -15,7 +15,7 @@ from gamms.graph.map_file import VERSION, base_map_of, scenery_called, unframed
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.packing import to_bytes
 from gamms.plain import Plain
-from gamms.web.knowledge import Sensed
+from gamms.web.knowledge import SensedTurn
 
 MAGIC = b"GAMMSPLY"
 THERE, ALIVE, FLIES = 1, 2, 4  # bits of the status of an agent
@@ -80,7 +80,7 @@ class Turn(NamedTuple):
     changes: Sequence[Change]
     facts: Sequence[Fact]
     captions: Sequence[Mapping[str, Plain]]
-    sensed: Sensed | None
+    sensed: SensedTurn | None
 
 
 def frame(value: Plain) -> bytes:
@@ -90,7 +90,7 @@ def frame(value: Plain) -> bytes:
 
 
 def part_of(
-    first: int, turns: Sequence[Turn], step: float, *, is_whole: bool = False, rest: Sensed | None = None
+    first: int, turns: Sequence[Turn], step: float, *, is_whole: bool = False, rest: SensedTurn | None = None
 ) -> dict[str, Plain]:
     """Return turns as a part.
 
@@ -202,7 +202,7 @@ def _messages(turns: Sequence[Turn], row_of: Mapping[str, int]) -> "np.ndarray[A
     return narrow(np.array(found, np.int64).reshape(-1, 4).T)
 
 
-def _sensed(sensed: Sequence[Sensed | None], row_of: Mapping[str, int]) -> dict[str, Plain]:
+def _sensed(sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> dict[str, Plain]:
     """Return what was sensed at the beginning of each turn, and behind the last one."""
     found = [one for one in sensed if one is not None]
     shapes: dict[int, int] = {}
@@ -238,7 +238,7 @@ def _sensed(sensed: Sequence[Sensed | None], row_of: Mapping[str, int]) -> dict[
     }
 
 
-def _sights(side: str, sensed: Sequence[Sensed | None], row_of: Mapping[str, int]) -> dict[str, Plain]:
+def _sights(side: str, sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> dict[str, Plain]:
     """Return what a side sees: of the nodes those that it sees and did not before, or the other way around."""
     before = np.zeros(0, np.int64)
     changed, agents = list[IntArray](), list[list[int]]()

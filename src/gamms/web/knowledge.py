@@ -16,7 +16,7 @@ from gamms.ir.events import Log, events_of
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.recorder.detached import DetachedState
-from gamms.recorder.errors import refusing
+from gamms.recorder.errors import reporting_damage
 from gamms.recorder.sensed import Look, looks_of, parts_of
 from gamms.text import as_digits, as_text
 from gamms.typing import IAgent, ISensor
@@ -45,7 +45,7 @@ Facts = dict[tuple[str, str], str]
 # -- what is sensed -----------------------------------------------------------------------------------------------
 
 
-class Shape(NamedTuple):
+class FieldOutline(NamedTuple):
     """The outline of a field of view.
 
     Attributes:
@@ -57,7 +57,7 @@ class Shape(NamedTuple):
     corners: IntArray
 
 
-class Seen(NamedTuple):
+class SensorLook(NamedTuple):
     """What one sensor of an agent saw.
 
     Attributes:
@@ -75,7 +75,7 @@ class Seen(NamedTuple):
     agent: str
     sensor: str
     kind: str
-    shape: Shape | None
+    shape: FieldOutline | None
     field: IntArray
     nodes: IntArray
     edges: IntArray
@@ -83,21 +83,21 @@ class Seen(NamedTuple):
     words: str | None
 
 
-class Sight(NamedTuple):
+class SideKnowledge(NamedTuple):
     """What a side sees: ascending rows of nodes, and the names of agents of others."""
 
     nodes: IntArray
     agents: Sequence[str]
 
 
-class Sensed(NamedTuple):
+class SensedTurn(NamedTuple):
     """What was sensed at one moment."""
 
-    looks: Sequence[Seen]
-    sides: Mapping[str, Sight]
+    looks: Sequence[SensorLook]
+    sides: Mapping[str, SideKnowledge]
 
 
-class Sights:
+class KnowledgeTracker:
     """Works out what agents sense in a context that follows a game.
 
     Args:
@@ -108,7 +108,7 @@ class Sights:
     def __init__(self, ctx: HostContext, step: Callable[[], float]) -> None:
         self._ctx, self._step = ctx, step
         self._covered: dict[Any, IntArray] = {}
-        self._shapes: dict[Any, Shape | None] = {}
+        self._shapes: dict[Any, FieldOutline | None] = {}
         self._columns: GraphColumns | None = None
         self._rows: dict[str, tuple[IntArray, IntArray]] = {}
         self._on_edges: Mapping[str, tuple[float, float]] = {}  # where agents are that are on none of the nodes
@@ -135,7 +135,7 @@ class Sights:
         found: IntArray = np.where(known[places] == wanted, order[places], -1)
         return found
 
-    def sensed(self, looked: Sequence[Mapping[str, Any]], state: DetachedState) -> Sensed:
+    def sensed(self, looked: Sequence[Mapping[str, Any]], state: DetachedState) -> SensedTurn:
         """Return what was sensed, where the game stands.
 
         Args:
@@ -146,12 +146,12 @@ class Sights:
         self._on_edges = self._ctx.visual.drawing.motion.on_edges()
         nodes = self.rows("nodes", state.agents.columns["node"]).tolist()
         at = dict(zip(state.agents.columns["names"], nodes, strict=True))
-        with refusing("What was sensed is not right", with_type=True):
+        with reporting_damage("What was sensed is not right", with_type=True):
             found = [pair for data in looked for pair in looks_of(data)]
             looks = [self._seen(names[number], look, names, at) for number, look in found if number in names]
-        return Sensed(looks, self._sides(looks, state))
+        return SensedTurn(looks, self._sides(looks, state))
 
-    def _seen(self, name: str, look: Look, names: Mapping[int, str], now: Mapping[str, int]) -> Seen:
+    def _seen(self, name: str, look: Look, names: Mapping[int, str], now: Mapping[str, int]) -> SensorLook:
         nodes, edges, agents, other = parts_of(look)
         rows, edge_rows = self.rows("nodes", nodes), self.rows("edges", edges)
         at = self.rows("nodes", [node for _, node in agents]).tolist()
@@ -165,11 +165,11 @@ class Sights:
         field = self._field(agent, sensor, pose) if has_end else _NONE
         words = None if other is None else words_of(other)
         found = rows[rows >= 0], edge_rows[edge_rows >= 0], seen
-        return Seen(name, as_text(look.sensor), as_text(look.kind), shape, field, *found, words)
+        return SensorLook(name, as_text(look.sensor), as_text(look.kind), shape, field, *found, words)
 
     # -- fields of view -----------------------------------------------------------------------------------------
 
-    def _shape(self, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> Shape | None:
+    def _shape(self, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> FieldOutline | None:
         """Return the outline of what a sensor covers; None where obstacles leave no polygon of it."""
         if sensor.type.name.startswith("OCCLUDED"):
             return None
@@ -180,7 +180,7 @@ class Sights:
             self._shapes[key] = None if view is None else self._outline(view.outline, sensor, place)
         return self._shapes[key]
 
-    def _outline(self, outline: FloatArray, sensor: ISensor, place: "int | Sequence[float]") -> Shape | None:
+    def _outline(self, outline: FloatArray, sensor: ISensor, place: "int | Sequence[float]") -> FieldOutline | None:
         if len(outline) < 3 or not np.isfinite(outline).all():
             return None
         is_carried = getattr(sensor, "at", None) is None
@@ -188,7 +188,7 @@ class Sights:
             node = self._ctx.graph.graph.get_node(place)
             place = node.x, node.y
         corners = np.rint((outline - place[:2] if is_carried else outline) / self._step())
-        return Shape(is_carried, corners.astype(np.int64).T)
+        return FieldOutline(is_carried, corners.astype(np.int64).T)
 
     def _field(self, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> IntArray:
         """Return the rows of the nodes that a sensor covers which reports agents alone."""
@@ -208,7 +208,7 @@ class Sights:
 
     # -- sides --------------------------------------------------------------------------------------------------
 
-    def _sides(self, looks: Sequence[Seen], state: DetachedState) -> dict[str, Sight]:
+    def _sides(self, looks: Sequence[SensorLook], state: DetachedState) -> dict[str, SideKnowledge]:
         """Return what each side sees."""
         columns = state.agents.columns
         names = columns["names"]
@@ -239,7 +239,7 @@ class Sights:
             standing = np.flatnonzero(is_on_node & mask[nodes]).tolist()
             found[side].update(dict.fromkeys(names[row] for row in standing))
             others = [name for name in found[side] if side_of.get(name) != side]
-            sights[side] = Sight(np.flatnonzero(mask), others)
+            sights[side] = SideKnowledge(np.flatnonzero(mask), others)
         return sights
 
 

@@ -1,7 +1,7 @@
 """A game that is served while it is played: `serve`, and the handle that it returns.
 
-The thread that plays hands each turn to `Streams`, waits as `Pace` says, and goes on; the thread of the server sends
-what is there. `Live` connects both: it is the `Talk` of the server and a follower of `ctx.record`.
+The thread that plays hands each turn to `Streams`, waits as `TurnPacing` says, and goes on; the thread of the server
+sends what is there. `Live` connects both: it is the `SocketHandler` of the server and a follower of `ctx.record`.
 
 To build on it: `Live.handlers` has what is done with messages of clients by their `type`, and others may be added;
 `Live.when_joined` is called with each connection that opens; `Live.link` makes a link for any `Grant`; `Live.streams`
@@ -91,7 +91,7 @@ def serve(game: Context | Scenario, **options: Unpack[ServeOptions]) -> "Live":
     return Live(game, options)
 
 
-class Pace:
+class TurnPacing:
     """When turns are played: at some speed, one by one, or not at all.
 
     Attributes:
@@ -188,7 +188,7 @@ class Live(Handle):
         of_scenarios = [name for name in ("seed", "strategies", "record", "watch") if options.get(name) is not None]
         if of_scenarios and not is_scenario:
             raise BadValue(f"{of_scenarios[0]}= is for a scenario; the game of a context is played by the program.")
-        self.pace = Pace(
+        self.pace = TurnPacing(
             _speed(options.get("speed", 4.0)), is_paused=as_bool(options.get("is_paused", False), "is_paused")
         )
         self.scenario: Scenario | None = game if isinstance(game, Scenario) else None

@@ -27,7 +27,7 @@ from gamms.visual.artist import ArtistGroup, state_of
 from gamms.visual.captions import captions_of, ending
 from gamms.visual.drawers.marks import drawn_marks
 from gamms.visual.drawers.rules import teams_of_rules
-from gamms.visual.legend import Row, blocks_of, plain_block
+from gamms.visual.legend import LegendRow, blocks_of, plain_block
 from gamms.visual.recorded_drawings import RecordedDrawer
 from gamms.visual.themes import THEMES
 from gamms.web.bundle import VIEWER_THEMES
@@ -45,7 +45,7 @@ from gamms.web.columns import (
     in_steps,
     part_of,
 )
-from gamms.web.knowledge import AgentFacts, Sensed, Sights, sides_in
+from gamms.web.knowledge import AgentFacts, KnowledgeTracker, SensedTurn, sides_in
 
 _STEPS = 1 << 15  # of the larger side of the map: on a city some centimetres
 _PIXEL_STEP = 2.0**-4
@@ -124,7 +124,7 @@ class Painter:
         self._slots: dict[str, bytes] = {}  # what is so at present
         self._values: dict[str, Plain] = {}  # the same, of those that are compared
         self._facts = AgentFacts(self._state)
-        self._sights = Sights(self._ctx, self._step)
+        self._sights = KnowledgeTracker(self._ctx, self._step)
         self._looked: list[Mapping[str, Any]] = []  # what was sensed last
         self._turns: list[Turn] = []  # that are in no part
         self._last: Turn | None = None
@@ -207,7 +207,7 @@ class Painter:
         changes: Sequence[Change],
         facts: Sequence[Fact],
         captions: Sequence[Drawn],
-        sensed: Sensed | None,
+        sensed: SensedTurn | None,
     ) -> Turn:
         """Return how the turn has ended."""
         columns = self._state.agents.columns
@@ -442,5 +442,5 @@ def _with_letters(block: dict[str, Any]) -> dict[str, Any]:
     """Return a block of a legend whose rows have letters for signs."""
     if "rows" not in block:
         return block
-    rows = [Row(*row) for row in block["rows"]]
+    rows = [LegendRow(*row) for row in block["rows"]]
     return {**block, "rows": [(list(row.color), row.name, row.value, _SIGNS.get(row.sign, "")) for row in rows]}

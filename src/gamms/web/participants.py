@@ -32,7 +32,7 @@ _PATTERN = re.compile(r"[A-Za-z0-9._*-]{1,64}")
 Line = dict[str, Any]
 
 
-class _Agreed(TypedDict):
+class _ConsentLine(TypedDict):
     """The line of a participant who has agreed, or whose code was released."""
 
     participant: str
@@ -40,7 +40,7 @@ class _Agreed(TypedDict):
     secret: str | None
 
 
-class _Formed(TypedDict):
+class _GroupLine(TypedDict):
     """The line of a group that has come together."""
 
     group: int
@@ -49,13 +49,13 @@ class _Formed(TypedDict):
     place: NotRequired[int]
 
 
-class _Out(TypedDict):
+class _RemovalLine(TypedDict):
     """The line of a code that was taken out."""
 
     out: str
 
 
-class _Played(TypedDict):
+class _RoundLine(TypedDict):
     """The line of a round that begins."""
 
     group: int
@@ -154,18 +154,18 @@ class Participants:
             BadFile: it does not fit the lines before it.
         """
         if "participant" in line:
-            self._apply_agreed(as_kind(line, _Agreed))
+            self._apply_agreed(as_kind(line, _ConsentLine))
         elif "out" in line:
-            code = as_kind(line, _Out)["out"]
+            code = as_kind(line, _RemovalLine)["out"]
             if code not in self.by_code:
                 raise BadFile(f"there is no participant {code!r}")
             self._remove(code)
         elif "members" in line:
-            self._apply_formed(as_kind(line, _Formed))
+            self._apply_formed(as_kind(line, _GroupLine))
         else:
-            self._apply_played(as_kind(line, _Played))
+            self._apply_played(as_kind(line, _RoundLine))
 
-    def _apply_agreed(self, line: _Agreed) -> None:
+    def _apply_agreed(self, line: _ConsentLine) -> None:
         secret = line["secret"]
         if secret is not None and not _DIGEST.fullmatch(secret):
             raise BadFile("its secret is no digest")
@@ -173,7 +173,7 @@ class Participants:
         self.by_code.setdefault(one.code, one).secret = secret
         self._agreed = max(self._agreed, one.number + 1)
 
-    def _apply_formed(self, line: _Formed) -> None:
+    def _apply_formed(self, line: _GroupLine) -> None:
         members = [self.by_code.get(code) for code in line["members"]]
         is_known = line["condition"] in self._conditions and None not in members
         if not is_known or len(members) != self._size or line["group"] != len(self.groups):
@@ -185,7 +185,7 @@ class Participants:
             if member is not None:
                 member.group = group
 
-    def _apply_played(self, line: _Played) -> None:
+    def _apply_played(self, line: _RoundLine) -> None:
         if not 0 <= line["group"] < len(self.groups):
             raise BadFile("there is no such group")
         group = self.groups[line["group"]]
@@ -276,7 +276,7 @@ class Participants:
         return names[int(kernels.stream(self._seed, "study", block).permutation(len(names))[place])]
 
 
-class AgreedLately:
+class ConsentRateLimit:
     """Bounds how many agree from one network address in a minute; of addresses nothing is kept for longer.
 
     Args:
@@ -305,7 +305,7 @@ class AgreedLately:
         times.append(now)
 
 
-class TakenOut:
+class RemovedCodes:
     """The codes that were taken out of a study, in a file of its folder, to which another program may add.
 
     Args:
@@ -327,7 +327,7 @@ class TakenOut:
         if size == self._size:
             return False
         self._size = size
-        self._patterns = [line["out"] for line in lines_in(self._file, "a code that was taken out", _Out)]
+        self._patterns = [line["out"] for line in lines_in(self._file, "a code that was taken out", _RemovalLine)]
         return True
 
     def has(self, code: str) -> bool:

@@ -7,14 +7,14 @@ Three clients build on it: a live game (`live.py`), people who play in one, and 
   sent: an `Audience` of everything, of a team, or of agents by name.
 * A **site** (`Site`) is what is served: `pages` by path; `calls` by path, functions that a page calls by POST with JSON
   and the header `Authorization: Bearer TOKEN`; and `talk`, what is behind the WebSocket at `/live`.
-* A **talk** (`Talk`) hears who joins and leaves, gets each message of a client, and says what a client is sent next. It
-  is called in the thread of the server, and never waits.
+* A **talk** (`SocketHandler`) hears who joins and leaves, gets each message of a client, and says what a client is sent
+  next. It is called in the thread of the server, and never waits.
 * A **connection** (`Connection`) is one browser. What a handler has checked of its messages goes into its bounded
   `inbox`, from which the thread that plays takes it; `tell` sends it JSON, of each type the latest.
 
 What every request goes through, before any of these: the host must be the one that is served (else another site could
 be renamed to it), the origin of calls and WebSockets must be the page of this server, and sizes, rates and numbers of
-connections are limited; those that ask for nothing are ended (`Idle`). An address other than loopback needs
+connections are limited; those that ask for nothing are ended (`IdleTimeout`). An address other than loopback needs
 `allow_network=True`. Tokens are compared in constant time and never logged.
 """
 
@@ -91,7 +91,7 @@ class Connection:
         self._told: dict[str, str] = {}
         self._woken = asyncio.Event()
         self._loop = asyncio.get_running_loop()
-        self._rate = _Rate()
+        self._rate = _RateLimit()
 
     def put(self, message: Json) -> None:
         """Put a checked message into the inbox.
@@ -126,7 +126,7 @@ class Connection:
         return list(told.values())
 
 
-class Talk(Protocol):
+class SocketHandler(Protocol):
     """What is behind a WebSocket. All is called in the thread of the server, and must not wait."""
 
     def joined(self, connection: Connection) -> None:
@@ -183,7 +183,7 @@ class Site:
     links: Links = field(default_factory=Links)
     pages: dict[str, Page] = field(default_factory=dict)
     calls: dict[str, Call] = field(default_factory=dict)
-    talk: Talk | None = None
+    talk: SocketHandler | None = None
 
 
 # -- the server ---------------------------------------------------------------------------------------------------
@@ -225,11 +225,11 @@ class Server:
         port = listener.getsockname()[1]
         name = f"[{host}]" if ":" in host else host
         self.address, self.links = f"http://{name}:{port}", site.links
-        self._hub, idle = _Hub(site), Idle(_MOST_QUIET, _QUIET_S)
+        self._hub, idle = _SiteRouter(site), IdleTimeout(_MOST_QUIET, _QUIET_S)
         guard = _Guard(self._hub.application(), _own_names(port) if is_local else None, idle)
 
-        def protocol(**keywords: Any) -> Watched:  # what uvicorn hands over
-            return Watched(H11Protocol(**keywords), idle)
+        def protocol(**keywords: Any) -> WatchedConnection:  # what uvicorn hands over
+            return WatchedConnection(H11Protocol(**keywords), idle)
 
         config = uvicorn.Config(
             guard,
@@ -314,7 +314,7 @@ def _listener(host: str, port: int) -> socket.socket:
     return listener
 
 
-class Idle:
+class IdleTimeout:
     """Ends connections that are quiet: too long, or too many; of many, the oldest of the address that has most.
 
     So a client that opens connections and says nothing ends its own, and keeps no other client out. For the thread of
@@ -374,15 +374,15 @@ class Idle:
             self._look_later()
 
 
-class Watched(asyncio.Protocol):
-    """A connection as its protocol handles it, until that hands it to another one; `Idle` notes what it does.
+class WatchedConnection(asyncio.Protocol):
+    """A connection as its protocol handles it, until that hands it to another one; `IdleTimeout` notes what it does.
 
     Args:
         protocol: handles it.
         idle: ends it.
     """
 
-    def __init__(self, protocol: asyncio.Protocol, idle: Idle) -> None:
+    def __init__(self, protocol: asyncio.Protocol, idle: IdleTimeout) -> None:
         self._protocol, self._idle = protocol, idle
         self._client: Client = "", 0
 
@@ -425,7 +425,7 @@ class _Guard:
         idle: hears which connections ask for something.
     """
 
-    def __init__(self, application: "ASGIApp", names: frozenset[str] | None, idle: Idle) -> None:
+    def __init__(self, application: "ASGIApp", names: frozenset[str] | None, idle: IdleTimeout) -> None:
         self._application, self._names, self._idle = application, names, idle
 
     async def __call__(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
@@ -484,13 +484,13 @@ async def _refuse(scope: "Scope", receive: "Receive", send: "Send") -> None:
     await send({"type": "http.response.body", "body": b"This is not the page of this server."})
 
 
-class _Hub:
+class _SiteRouter:
     """The routes of a site, and its connections."""
 
     def __init__(self, site: Site) -> None:
         self._site = site
         self.open: dict[Connection, None] = {}
-        self._strangers = Idle(_MOST_STRANGERS, _JOIN_S)
+        self._strangers = IdleTimeout(_MOST_STRANGERS, _JOIN_S)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._news: asyncio.Event
         self._pump: asyncio.Task[None]
@@ -606,7 +606,7 @@ class _Hub:
             del self.open[connection]
             talk.left(connection)
 
-    async def _hear_all(self, websocket: "WebSocket", connection: Connection, talk: Talk) -> None:
+    async def _hear_all(self, websocket: "WebSocket", connection: Connection, talk: SocketHandler) -> None:
         """Hear what a client says until it leaves, or has to."""
         while (message := await websocket.receive())["type"] == "websocket.receive":
             if not connection.may_speak():
@@ -614,7 +614,7 @@ class _Hub:
                 return
             self._hear(connection, talk, message.get("text"))
 
-    def _hear(self, connection: Connection, talk: Talk, text: object) -> None:
+    def _hear(self, connection: Connection, talk: SocketHandler, text: object) -> None:
         try:
             message = _as_message(text)
         except Refused:
@@ -640,7 +640,7 @@ class _Hub:
                 connection._woken.set()
 
 
-async def _send_all(websocket: "WebSocket", connection: Connection, talk: Talk) -> None:
+async def _send_all(websocket: "WebSocket", connection: Connection, talk: SocketHandler) -> None:
     """Send a client what is new, whenever it is woken, as fast as it takes it."""
     from starlette.websockets import WebSocketDisconnect
 
@@ -689,7 +689,7 @@ def _is_shallow(value: object, most: int) -> bool:
     return True
 
 
-class _Rate:
+class _RateLimit:
     """Bounds how many messages, or other frames, a connection sends in a second."""
 
     def __init__(self) -> None:
@@ -712,7 +712,7 @@ def counting_frames(protocol: type[Any]) -> type[Any]:  # classes of uvicorn, wh
 
     class Counting(protocol):  # type: ignore[misc] # of any class
         def connection_made(self, transport: asyncio.BaseTransport) -> None:
-            self._rate = _Rate()
+            self._rate = _RateLimit()
             super().connection_made(transport)
 
         def _may_come(self) -> bool:

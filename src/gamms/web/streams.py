@@ -40,15 +40,15 @@ _PIECE = 1 << 18  # bytes that become one message, and that are sent at once
 Keyframe = dict[str, Any]
 
 
-class Place(NamedTuple):
+class StreamPosition(NamedTuple):
     """How far a connection is in what it is sent."""
 
-    stream: "Stream"
+    stream: "AudienceStream"
     number: int  # of the next part
     turns: int  # that come before it
 
 
-class Stream:
+class AudienceStream:
     """What one audience is sent, from some turn of one game on.
 
     Args:
@@ -77,7 +77,7 @@ class Stream:
         self._lock = Lock()
         self._parts: deque[tuple[list[bytes], int]] = deque()  # messages, and how many turns are over behind them
         self._first = 0  # number of the first part
-        self.last_keyframe = Place(self, 0, turns)
+        self.last_keyframe = StreamPosition(self, 0, turns)
         self._size = self._since_keyframe = 0  # bytes
         self._add_keyframe()
 
@@ -136,19 +136,19 @@ class Stream:
             self._size += size
             self._since_keyframe = 0 if is_keyframe else self._since_keyframe + size
             if is_keyframe:
-                self.last_keyframe = Place(self, self._first + len(self._parts) - 1, self._turns)
+                self.last_keyframe = StreamPosition(self, self._first + len(self._parts) - 1, self._turns)
             while self._size > _MOST_BYTES and self._first < self.last_keyframe.number:
                 self._size -= sum(map(len, self._parts.popleft()[0]))
                 self._first += 1
 
-    def read(self, place: Place) -> tuple[list[bytes], Place, int]:
+    def read(self, place: StreamPosition) -> tuple[list[bytes], StreamPosition, int]:
         """Return the next messages from a place on, the place behind them, and how many turns were dropped."""
         found = list[bytes]()
         with self._lock:
             begin = after = self.last_keyframe if place.number < self._first else place
             for messages, turns in islice(self._parts, begin.number - self._first, None):
                 found += messages
-                after = Place(self, after.number + 1, turns)
+                after = StreamPosition(self, after.number + 1, turns)
                 if sum(map(len, found)) > _PIECE:
                     break
         return found, after, begin.turns - place.turns
@@ -177,7 +177,7 @@ class Streams:
         self._header: Keyframe = {}
         self._drawings: dict[str, Any] = {}  # what artists draw now, by their names
         self._sides: Callable[[Callable[[str, Any], bool]], Any]  # that are known to agents
-        self._streams: dict[Audience, Stream | None] = {}  # of those who follow; None before there is a game
+        self._streams: dict[Audience, AudienceStream | None] = {}  # of those who follow; None before there is a game
 
     def begin(self, header: Keyframe, state: Keyframe) -> None:
         """Begin with all audiences; see `Follower`."""
@@ -220,7 +220,7 @@ class Streams:
         for stream in streams:
             stream.write()
 
-    def _add(self, state: DetachedState, streams: list[Stream], log: Log, is_over: bool) -> None:
+    def _add(self, state: DetachedState, streams: list[AudienceStream], log: Log, is_over: bool) -> None:
         self._since += log
         if is_over:
             state.apply(self._since)
@@ -242,7 +242,7 @@ class Streams:
             for stream in filter(None, self._streams.values()):
                 stream.end()
 
-    def of(self, audience: Audience) -> Stream | None:
+    def of(self, audience: Audience) -> AudienceStream | None:
         """Return the stream of an audience, which begins now if there was none; None before there is a game."""
         with self._lock:
             self._catch_up()
@@ -272,12 +272,12 @@ class Streams:
         for stream in filter(None, self._streams.values()):
             stream.close()
 
-    def _begun(self, audience: Audience) -> Stream:
+    def _begun(self, audience: Audience) -> AudienceStream:
         assert self._state is not None  # noqa: S101 - callers look
         state = self._state.keyframe(self._turns)
         sides = self._sides(lambda name, team: audience.is_everything or audience.has(name, team))
         header = self._header | {"sides": sides, "drawings": list(self._drawings.values())}
-        stream = Stream(audience, header, state, self._turns, nearest_on(self._columns))
+        stream = AudienceStream(audience, header, state, self._turns, nearest_on(self._columns))
         if self._since:
             stream.hear(self._since, self._since, is_over=False)
             stream.write()

@@ -42,7 +42,7 @@ from gamms.web.choices import CHOSEN, EVENT
 from gamms.web.links import Grant, Handle, Links, Refused
 from gamms.web.live import Live, ServeOptions
 from gamms.web.pages import live_page
-from gamms.web.participants import AgreedLately, Group, Line, Participant, Participants, TakenOut, take_out
+from gamms.web.participants import ConsentRateLimit, Group, Line, Participant, Participants, RemovedCodes, take_out
 from gamms.web.people import People, human
 from gamms.web.server import Connection, Json, Page, Server, Site
 from gamms.workers import SIGNALS_S
@@ -151,7 +151,7 @@ class Study(Handle):
         self._seed = as_int(options.get("seed", 0), "seed")
         self._practice = as_count(options.get("practice", 1), "practice", 0)
         self._rounds = as_count(options.get("rounds", 1), "rounds")
-        self._agreed = AgreedLately(as_count(options.get("per_minute", 60), "per_minute"))
+        self._agreed = ConsentRateLimit(as_count(options.get("per_minute", 60), "per_minute"))
         self._partner_within = as_positive(options.get("partner_within", 300.0), "partner_within")
         given = as_mapping(options.get("conditions") or {"all": {}}, "conditions")
         self._variants = {
@@ -179,7 +179,7 @@ class Study(Handle):
             name: self._links.add(Grant(f"participants {name}"))
             for name in ((_ALL,) if self.codes is None else self.codes)
         }
-        self._taken_out = TakenOut(self.folder)
+        self._taken_out = RemovedCodes(self.folder)
         pages = {"/": Page(_page(title)), "/play": Page(live_page(title))}
         site = Site(self._links, pages, {"/participant": self._answer}, talk=self)
         keywords: Any = {name: options[name] for name in ("port", "host", "allow_network") if name in options}
@@ -408,7 +408,7 @@ class Study(Handle):
             "speed": None,
             "title": self._title,
         }
-        live = Live(self._variants[group.condition], keywords, _Room(self._server, self._links, group.members))
+        live = Live(self._variants[group.condition], keywords, _GroupHost(self._server, self._links, group.members))
         group.live = live
         group.has_joined = False
         group.began_at = monotonic()
@@ -583,7 +583,7 @@ def _page(title: str) -> bytes:
     return page.replace("{title}", escape(title)).encode()
 
 
-class _Room:
+class _GroupHost:
     """The part of a server that a group has: what `Live` needs of it."""
 
     def __init__(self, server: Server, links: Links, codes: tuple[str, ...]) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gamms.visual.legend import Row, Rows
+from gamms.visual.legend import LegendRow, LegendRows
 from gamms.visual.window import overlay
 
 YELLOW = (253, 231, 37)  # the last colour of viridis
@@ -53,7 +53,9 @@ def test_teams_and_colour_bars_are_explained_as_in_pictures(open_window, seen, s
 def test_what_is_declared_explains_itself_and_nothing_else_is_explained(ctx, said):
     ctx.visual.set_graph_visual()
     assert frame(ctx, said).isdisjoint({"red", "blue"})
-    artist = ctx.visual.add_artist("fire", {"drawer": lambda *_: None, "legend": Rows("", (Row((200, 0, 0), "fire"),))})
+    artist = ctx.visual.add_artist(
+        "fire", {"drawer": lambda *_: None, "legend": LegendRows("", (LegendRow((200, 0, 0), "fire"),))}
+    )
     assert "fire" in frame(ctx, said)
     artist.set_visible(False)
     ctx.visual.update()

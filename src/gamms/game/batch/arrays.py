@@ -43,7 +43,7 @@ from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView, asked_view
 from gamms.game.deeds import checked_value
 from gamms.game.legality import IllegalAction
-from gamms.game.messages import ANTENNA, Scene
+from gamms.game.messages import ANTENNA, MessagePositions
 from gamms.game.order import left_out
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan, as_called
@@ -733,7 +733,7 @@ def _groups(roster: Roster, settings: Mapping[str, Any], movement: Movement) -> 
     return groups
 
 
-def _scene_of(game: PlayedGame, state: GameArrays, radio: Radio, games: IntArray) -> Scene:
+def _scene_of(game: PlayedGame, state: GameArrays, radio: Radio, games: IntArray) -> MessagePositions:
     """Return where the agents of some games are when all have moved.
 
     Args:
@@ -753,7 +753,7 @@ def _scene_of(game: PlayedGame, state: GameArrays, radio: Radio, games: IntArray
         found: BoolArray = movement.routes(None).distances(node[at, transmitters][:, None], node[at]) <= hops
         return found
 
-    return Scene(
+    return MessagePositions(
         teams=radio.teams,
         keys=state.roster.keys,
         turns=state.turn[games] - 1,

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from gamms.game.batch.movement import AIMS, LIMITED, Movement
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.game.travel import SLACK
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -41,9 +41,9 @@ class ByEdges(Movement):
 
     def __init__(
         self,
-        streets: Streets,
+        streets: StreetGraph,
         speeds: Sequence[float | None],
-        whole: Streets | None = None,
+        whole: StreetGraph | None = None,
         closed: ClosedEdges | None = None,
     ) -> None:
         super().__init__(streets, whole, closed)

@@ -11,7 +11,7 @@ from gamms.core import messages as core
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import Failure, GameLog, Roster, joined_rows, places_of, some_rows
 from gamms.game.channels import Channel, Outgoing, bytes_of, flaw_of, receivers_of, refusals, size_of
-from gamms.game.messages import MessageOutcomes, Scene, outcomes_of
+from gamms.game.messages import MessageOutcomes, MessagePositions, outcomes_of
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.plain import to_plain, why_not_plain
@@ -207,7 +207,7 @@ class Radio(GameLog[list[_Sent]]):
         """Return whether there are messages to send in this turn."""
         return len(self._admitted) > 0
 
-    def send(self, games: IntArray, scene: Scene) -> None:
+    def send(self, games: IntArray, scene: MessagePositions) -> None:
         """Find the outcomes of the messages of these games; messages of dead agents are dropped."""
         number, sent = places_of(games, len(self._of_game)), list[_Sent]()
         for name in self.channels:

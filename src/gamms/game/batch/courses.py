@@ -10,7 +10,7 @@ from gamms.core import moves, rules
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.movement import Legs, Paths
 from gamms.game.batch.travel import ByMetres
-from gamms.game.travel import EdgeIds, ResolvedAction, Trips
+from gamms.game.travel import EdgeIds, ResolvedAction, TurnPaths
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
@@ -37,7 +37,7 @@ class Routes:
         rows = shape[0] * shape[1]
         self._nodes = np.zeros(rows * room, np.int64)
         self._counts, self._motions = np.zeros((2, rows), np.int64)
-        self.core = moves.Routes(room, self._nodes.data, self._counts.data, self._motions.data)
+        self.core = moves.ChosenRoutes(room, self._nodes.data, self._counts.data, self._motions.data)
         self._chosen: list[tuple[int, int, int]] = []  # row, how many nodes, motion
         self._ids: list[int] = []  # of the nodes, one way after the other
 
@@ -119,7 +119,7 @@ class EdgeCourses:
         self._lengths = np.ones(shape, np.int64)
         self._ahead[:] = -1
         views: list[Any] = [one.reshape(-1).data for one in (self._nodes, self._times, self._lengths)]
-        self.core = rules.Steps(*views)
+        self.core = rules.AgentPaths(*views)
         self.routes = Routes(by, shape, most)
 
     def columns(self) -> list[np.ndarray[Any, Any]]:
@@ -169,7 +169,7 @@ class MetreCourses:
         self._by = by
         self._part_of = part_of
         self._shape = shape
-        self._trips = Trips(shape[0] * shape[1], most, 0)
+        self._trips = TurnPaths(shape[0] * shape[1], most, 0)
         self._trips.passed[:] = 1
         self._trips.edge[:] = -1
         self.core = self._trips.core

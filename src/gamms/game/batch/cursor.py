@@ -25,7 +25,7 @@ from gamms.game.conflicts import ranked
 from gamms.game.decisions import Decisions
 from gamms.game.messages import Inboxes
 from gamms.game.moves import TurnMoves
-from gamms.game.order import Part, TurnOrder
+from gamms.game.order import TurnOrder, TurnPart
 from gamms.game.random_streams import DrawTable
 from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule, as_called
@@ -161,7 +161,7 @@ class _Asked(NamedTuple):
         templates: the names of the living ones, and their states.
     """
 
-    part: Part
+    part: TurnPart
     places: list[int]
     members: list[tuple[int, str]]
     templates: list[tuple[str, dict[str, Any]]]
@@ -943,7 +943,7 @@ class Cursor:
             members = [(i, name) for i, name in zip(places, named, strict=True) if i >= 0]
             part = order.whole
             if len(members) < len(order.slots):
-                part = Part(order.slots, [i for i, _ in members], order.progress, self._parts.settings)
+                part = TurnPart(order.slots, [i for i, _ in members], order.progress, self._parts.settings)
             templates = [(name, order.slots[i].template) for i, name in members]
             asked = known.asked[which] = _Asked(part, places, members, templates)
         return asked

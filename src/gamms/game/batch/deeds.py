@@ -10,7 +10,7 @@ from gamms.arguments import as_array, as_int, as_key, as_one_shape
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import GameLog, Roster, joined_rows, places_of, some_rows
 from gamms.game.deeds import DeclaredField, field_of
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
@@ -72,7 +72,7 @@ class DeclaredDeeds:
         declared: Mapping[str, Mapping[str, Any]],
         check: Check | None,
         roster: Roster,
-        streets: Streets,
+        streets: StreetGraph,
         are_open: Callable[[IntArray, IntArray], BoolArray] | None = None,
     ) -> None:
         self.declared = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared.items()}

@@ -7,9 +7,9 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_array, as_count, as_float, as_int, as_key, as_one_shape, as_range
-from gamms.core.belief import Ways, predict
+from gamms.core.belief import IncomingArcs, predict
 from gamms.errors import BadValue, TooLarge
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
@@ -31,9 +31,9 @@ class Flows:
         streets: the graph.
     """
 
-    def __init__(self, streets: Streets) -> None:
+    def __init__(self, streets: StreetGraph) -> None:
         self._streets = streets
-        self._walks: dict[float | None, Ways] = {}
+        self._walks: dict[float | None, IncomingArcs] = {}
         self._searches: dict[str | None, _Searches] = {}
 
     def walks(self, nodes: IntArray, turns: int, seed: int = 0) -> IntArray:
@@ -95,7 +95,7 @@ class Flows:
         predict(self._walks[chance], sums, values, 0, values, 0, found.size // max(nodes, 1), steps)
         return found.astype(masses.dtype, copy=False)
 
-    def _walk(self, stay: float | None) -> Ways:
+    def _walk(self, stay: float | None) -> IncomingArcs:
         """Return where random walks lead."""
         streets = self._streets
         counts, ends = streets.counts, streets.targets
@@ -104,7 +104,7 @@ class Flows:
         stays = 1.0 / (ways + 1.0) if stay is None else np.where(ways, stay, 1.0)
         going = (1.0 - stays) / np.maximum(ways, 1)
         chances = np.where(starts == ends, stays[starts], going[starts])
-        return Ways(*kernels.ways_to(starts, ends, chances, len(counts)))
+        return IncomingArcs(*kernels.ways_to(starts, ends, chances, len(counts)))
 
     def within(self, nodes: IntArray, limit: float, weight: str | None = "length") -> BoolArray:
         """Return which nodes paths from nodes reach that are at most so long, as `graph.distances(source=, cutoff=)`.
@@ -200,7 +200,7 @@ class _Searches:
         weight: of the edges.
     """
 
-    def __init__(self, streets: Streets, weight: str | None) -> None:
+    def __init__(self, streets: StreetGraph, weight: str | None) -> None:
         self._arcs, nodes = streets.ways(weight), max(1, len(streets.counts))
         kind = np.dtype(
             np.float32 if weight is None else np.float64

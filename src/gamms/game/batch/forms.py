@@ -16,9 +16,9 @@ class CoreStep(NamedTuple):
     Attributes:
         kind: one of `gamms.core.strategies.KINDS`.
         nodes: ids of those to go to; None: all.
-        number, following: see `gamms.core.strategies.Steps`.
+        number, following: see `gamms.core.strategies.StrategySteps`.
         key: under which the agent remembers something in `state["memory"]`.
-        chance: see `gamms.core.strategies.Steps`.
+        chance: see `gamms.core.strategies.StrategySteps`.
     """
 
     kind: str

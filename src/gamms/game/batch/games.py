@@ -26,7 +26,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
 from gamms.progress import progress as progress_line
 from gamms.progress import uninterrupted
-from gamms.readonly import Fixed, locked
+from gamms.readonly import Immutable, locked
 from gamms.text import shown
 
 MostAgents = int | Mapping[Any, int | Sequence[str]]
@@ -61,7 +61,7 @@ class _Alone(NamedTuple):
     game: PlayedGame
 
 
-class Batch(Fixed):
+class Batch(Immutable):
     """Many games of one kind, each with a seed of its own: `scenario.batch(1000)`, `ctx.game.batch(1000)`.
 
     Game i is the one that `scenario.play(seed=seeds[i])` plays. The core plays games of which it has all parts, and

@@ -75,7 +75,7 @@ class Making:
     def __init__(
         self,
         state: GameArrays,
-        games: rules.Games,
+        games: rules.GameColumns,
         events: rules.Events,
         travel: ThreadTravel | None,
         known: list[PlayedRule],
@@ -92,7 +92,7 @@ class Making:
         if travel is None:
             self._most_nodes, most_legs, keys = 2, 0, streets.num_nodes
             self.columns: tuple[Any, Any, Any] = ints(2 * agents), floats(2 * agents), ints(agents)
-            self.steps: rules.Steps = rules.Steps(*self.columns)
+            self.steps: rules.AgentPaths = rules.AgentPaths(*self.columns)
         else:
             self._most_nodes, most_legs = travel.most, travel.most_legs
             keys = max(streets.num_nodes, len(state.movement.columns.edge_ids))
@@ -100,7 +100,7 @@ class Making:
         room = 2 * agents * (self._most_nodes + 2 * most_legs + 1)  # visits and legs, each with two entries
         places: Any = [ints(room) for _ in range(3)] + [floats(room) for _ in range(4)]
         found: Any = ints(room), ints(room), np.full(keys, -1).data, ints(room)
-        self.pieces = contacts.Pieces(*places, *found)
+        self.pieces = contacts.MotionIntervals(*places, *found)
         self.rules = known
         self.agents_in: list[IntArray] = []
 
@@ -376,7 +376,7 @@ class CoreGames:
         self._deciding = self._decides_by.copy()
         streets = state.streets
         self._streets = streets.core_with_all_legal if isinstance(state.movement, Anywhere) else streets.core
-        self._first_node = np.zeros(len(state), np.int64)  # see `rules.Games`
+        self._first_node = np.zeros(len(state), np.int64)  # see `rules.GameColumns`
         self._tables: RoadTables | None = None  # of the games, once a rule has closed roads
         self._until = np.zeros(len(state), np.int64)
         self._here = state.node  # see `note_places`
@@ -384,7 +384,7 @@ class CoreGames:
         self.part_of = state.roster.part_of(settings["order"])
         self.num_parts = len(settings["order"] or [()])
         self._made: list[tuple[turn.Player, Making]] = []  # of each thread
-        self._movers: list[moves.Movers] = []  # likewise
+        self._movers: list[moves.OneEdgeMovers] = []  # likewise
         self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions
         self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
         self._counts = ints(state.node.size)  # that threads share
@@ -478,7 +478,7 @@ class CoreGames:
         if self._tables is not roads.tables:
             self._tables = tables = roads.tables
             self._first_node[:] = tables.first
-            streets = moves.Streets(flat(tables.offsets, np.int32), flat(tables.targets, np.int32))
+            streets = moves.LegalMoves(flat(tables.offsets, np.int32), flat(tables.targets, np.int32))
             for movers in self._movers:
                 movers.take(streets)
             if self._by_steps is not None:
@@ -514,7 +514,7 @@ class CoreGames:
         """Make what one more thread plays with."""
         state, roster, block = self._state, self._state.roster, self._block
         columns = self._columns = self._columns or self._new_columns()
-        games = rules.Games(
+        games = rules.GameColumns(
             len(roster.names),
             len(roster.teams),
             node=memory_of(state.node),
@@ -546,7 +546,7 @@ class CoreGames:
             "part": block.part.data,
             "parts": self.num_parts,
         }
-        walks = draws.Choices(flat(state.draw_keys(), np.uint64), shared["counts"], shared["ends"])
+        walks = draws.RandomChoices(flat(state.draw_keys(), np.uint64), shared["counts"], shared["ends"])
         some_walk = bool((self._decides_by == moves.RANDOM_WALK).any())
         given = memory_of(block.given)
         contests, requests = self._conflicting()
@@ -555,7 +555,7 @@ class CoreGames:
         by_steps = None if self._by_steps is None else self._by_steps.of_thread(games, len(self._made))
         routes = None if self.courses is None else self.courses.routes.core
         of_movers = {**shared, "by_steps": by_steps, "routes": routes}
-        movers = moves.Movers(
+        movers = moves.OneEdgeMovers(
             self._streets, self._deciding.data, walks, some_walk, given, contests, requests, **of_movers
         )
         self._movers.append(movers)
@@ -596,7 +596,7 @@ class CoreGames:
             return EdgeColumns(self._state, by, self.part_of, go_by_steps=go_by_steps, keeps_courses=keeps_courses)
         return None
 
-    def _conflicting(self) -> tuple[conflicts.Contests | None, conflicts.Requests | None]:
+    def _conflicting(self) -> tuple[conflicts.Contests | None, conflicts.MoveRequests | None]:
         """Return what finds those who give way; None: there are no conflicts."""
         if self._conflicts is None:
             return None, None

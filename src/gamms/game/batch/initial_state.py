@@ -21,7 +21,7 @@ from gamms.game.batch.state import STOPPED, Arrays, GameArrays, NotTakenUp
 from gamms.game.batch.travel import ByMetres
 from gamms.game.settings import as_called
 from gamms.game.slots import COUNTED
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.ir.graph import IntArray, locked_columns
 from gamms.ir.progress import Motion
 from gamms.ir.schema import NUMBERS
@@ -59,8 +59,8 @@ def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False, i
     """
     settings, graph = game.settings(), game.ctx.graph
     columns, routes = graph.storage.detached() if is_detached else (graph.columns(), graph.routes)
-    streets, closed = Streets(locked_columns(columns), routes), graph.storage.roads()[1] if may_reopen else {}
-    whole = Streets(*graph.storage.reopened()) if closed else None
+    streets, closed = StreetGraph(locked_columns(columns), routes), graph.storage.roads()[1] if may_reopen else {}
+    whole = StreetGraph(*graph.storage.reopened()) if closed else None
     speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
     made = movement_type(game, roster)
     if issubclass(made, ByMetres):

@@ -11,7 +11,7 @@ from gamms.arguments import as_key
 from gamms.errors import BadValue
 from gamms.game.batch.roads import OpenRoads, RoadMap, refuse_several_maps
 from gamms.game.batch.routes import RouteTable, shared_routes
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
@@ -106,7 +106,9 @@ class Movement:
     roads: OpenRoads | None = None
     _at_start: "Movement | None" = None  # on the map of the start, where this is on another one
 
-    def __init__(self, streets: Streets, whole: Streets | None = None, closed: ClosedEdges | None = None) -> None:
+    def __init__(
+        self, streets: StreetGraph, whole: StreetGraph | None = None, closed: ClosedEdges | None = None
+    ) -> None:
         self.streets, self.whole, self.closed = streets, streets if whole is None else whole, closed or {}
         self.edge = np.zeros((0, 0), np.int64)  # in games by metres, see `ByMetres`
         self.share, self.motion, self.now = np.zeros((0, 0)), np.zeros((0, 0), np.int64), np.zeros(0)

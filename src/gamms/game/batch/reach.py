@@ -8,8 +8,8 @@ import numpy as np
 from gamms import kernels
 from gamms.core import travel as core
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.streets import Streets
-from gamms.game.travel import SLACK, Reach
+from gamms.game.streets import StreetGraph
+from gamms.game.travel import SLACK, ReachableNodes
 from gamms.ir.graph import FloatArray, IntArray
 
 _MOST_KNOWN = 1 << 22  # nodes that are kept
@@ -35,7 +35,7 @@ class TravelTerms(NamedTuple):
     decides_at_arrivals: bool = False
 
     @classmethod
-    def of(cls, game: PlayedGame, streets: Streets) -> "TravelTerms":
+    def of(cls, game: PlayedGame, streets: StreetGraph) -> "TravelTerms":
         """Return those of a game by metres, on such streets."""
         settings = game.settings()
         weight, is_by_seconds = settings["weight"], settings["speed_unit"] == "metres_per_second"
@@ -77,11 +77,11 @@ class Choices:
         goes_on: whether agents on their way go on until they arrive.
     """
 
-    def __init__(self, roads: core.Roads, streets: Streets, speeds: FloatArray, *, goes_on: bool) -> None:
+    def __init__(self, roads: core.RoadEdges, streets: StreetGraph, speeds: FloatArray, *, goes_on: bool) -> None:
         self._roads = roads
         self._streets = streets
         self._nodes = streets.num_nodes
-        self._speeds, self._goes_on, self._reach = speeds, goes_on, Reach(self._nodes)
+        self._speeds, self._goes_on, self._reach = speeds, goes_on, ReachableNodes(self._nodes)
         self._forget()
 
     def _forget(self) -> None:

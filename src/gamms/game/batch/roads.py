@@ -15,7 +15,7 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadValue
 from gamms.game.conflicts import flat
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, locked_columns, with_edges
 from gamms.ir.obstacles import BoolArray
 
@@ -93,9 +93,9 @@ class RoadMap:
         return _OpenWays(self._whole, self).arcs("length", reverse=True)
 
     @cached_property
-    def streets(self) -> Streets:
+    def streets(self) -> StreetGraph:
         """Where agents may go here."""
-        return Streets(locked_columns(self.columns()), _OpenWays(self._whole, self))
+        return StreetGraph(locked_columns(self.columns()), _OpenWays(self._whole, self))
 
     def columns(self) -> GraphColumns:
         """Return the graph."""
@@ -114,7 +114,7 @@ def _others(rows: IntArray, size: int) -> IntArray:
 class _OpenWays:
     """The ways of a map on which other roads are open."""
 
-    def __init__(self, whole: Streets, roads: RoadMap) -> None:
+    def __init__(self, whole: StreetGraph, roads: RoadMap) -> None:
         self._whole, self._roads = whole, roads
 
     def weights(self, weight: str | None) -> FloatArray:
@@ -154,7 +154,7 @@ class OpenRoads:
 
     are_counted = False
 
-    def __init__(self, streets: Streets, whole: Streets, closed: ClosedEdges, games: int) -> None:
+    def __init__(self, streets: StreetGraph, whole: StreetGraph, closed: ClosedEdges, games: int) -> None:
         self.streets, self.whole, self._closed, self.are_closed = streets, whole, closed, False
         self.number = np.zeros(games, np.int64)
         self._maps: list[RoadMap | None] = [None] * games
@@ -295,14 +295,14 @@ class _NodesAlone:
         return getattr(self._columns, name)
 
 
-class StreetsOfMaps(Streets):
+class StreetsOfMaps(StreetGraph):
     """The nodes of maps that differ in the roads that are open; it refuses to say where these lead.
 
     Attributes:
         whole: the streets of the map on which all roads are open that were at the start.
     """
 
-    def __init__(self, whole: Streets) -> None:
+    def __init__(self, whole: StreetGraph) -> None:
         self.whole = whole
         vars(self).update({name: value for name, value in vars(whole).items() if name not in _OF_ROADS})
         self.columns: Any = _NodesAlone(whole.columns)

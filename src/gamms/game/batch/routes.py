@@ -10,7 +10,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_array, as_one_shape
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 
@@ -23,7 +23,7 @@ _lock = RLock()  # one batch at a time reads and extends tables
 _shared: OrderedDict[bytes, "RouteTable"] = OrderedDict()  # by the graph and the weight; what was used last is last
 
 
-def shared_routes(streets: Streets, weight: str | None) -> "RouteTable":
+def shared_routes(streets: StreetGraph, weight: str | None) -> "RouteTable":
     """Return the tables of a graph, which all batches on equal streets with equal weights share."""
     arcs = streets.ways_to(weight)
     parts = (streets.columns.node_ids, streets.offsets, streets.targets, *arcs)
@@ -51,7 +51,7 @@ class RouteTable:
         weight: of the edges, see `IGraph`.
     """
 
-    def __init__(self, streets: Streets, weight: str | None) -> None:
+    def __init__(self, streets: StreetGraph, weight: str | None) -> None:
         self._streets = streets.apart()
         self._arcs = streets.ways_to(weight)
         nodes = len(streets.counts)
@@ -226,7 +226,7 @@ class RouteTable:
         return self._entries
 
 
-def _has_triangle(streets: Streets) -> BoolArray:
+def _has_triangle(streets: StreetGraph) -> BoolArray:
     """Return from which nodes two edges lead to nodes of which one is a neighbour of the other, (nodes,)."""
     nodes = len(streets.counts)
     sources = np.repeat(np.arange(nodes), streets.counts)

@@ -20,7 +20,7 @@ from gamms.game.batch.roads import RoadMap, StreetsOfMaps
 from gamms.game.batch.scores import Scores
 from gamms.game.decisions import COUNT_OF
 from gamms.game.slots import COUNTED
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.schema import NUMBERS
@@ -246,7 +246,7 @@ class World(NamedTuple):
         shared: what was worked out for this map, or these.
     """
 
-    streets: Streets
+    streets: StreetGraph
     movement: Movement
     shared: dict[Hashable, Any]
 

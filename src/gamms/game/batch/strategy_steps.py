@@ -15,7 +15,7 @@ from gamms.game.batch.forms import CoreStep
 from gamms.game.batch.roads import RoadMap, RoadTables
 from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
 from gamms.game.conflicts import flat
-from gamms.game.travel import Reach
+from gamms.game.travel import ReachableNodes
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensor_results import AgentLook
 from gamms.text import shown
@@ -164,7 +164,7 @@ class StrategySteps:
         self._ways: list[_ThreadWays] = []  # of each thread
         self._maps: list[RoadMap | None] = [None]  # on which they lead; see `RoadTables`
 
-    def _made_steps(self, steps: Sequence[Sequence[CoreStep]]) -> strategies.Steps:
+    def _made_steps(self, steps: Sequence[Sequence[CoreStep]]) -> strategies.StrategySteps:
         rows, listed = self._state.streets.rows, [step for one in steps for step in one]
         nodes: list[IntArray] = [np.zeros(0, np.int64)]
         following: list[Sequence[int]] = [()]
@@ -180,7 +180,7 @@ class StrategySteps:
                 nodes.append(np.arange(self._state.streets.num_nodes) if step.nodes is None else rows(step.nodes))
                 following.append(step.following or np.zeros(len(nodes[-1]), np.int64).tolist())
         sizes = [self._state.streets.num_nodes if step.nodes is None else len(step.nodes) for step in listed]
-        return strategies.Steps(
+        return strategies.StrategySteps(
             _column([0, *accumulate(map(len, steps))], np.int64),
             _column([strategies.KINDS.index(step.kind) for step in listed], np.uint8),
             _column([first[step.nodes, step.following] for step in listed], np.int64),
@@ -192,7 +192,7 @@ class StrategySteps:
             _column([*chain.from_iterable(following)], np.int64),
         )
 
-    def of_thread(self, games: rules.Games, thread: int) -> strategies.Strategies:
+    def of_thread(self, games: rules.GameColumns, thread: int) -> strategies.Strategies:
         """Return the strategies as a thread of a number plays them."""
         if thread == len(self._ways):
             self._ways.append(self._new_ways())
@@ -208,7 +208,7 @@ class StrategySteps:
         far, following = np.zeros((room, nodes)), np.zeros((room, nodes), np.int64)
         ids = _column(streets.columns.node_ids, np.int64)
         tables: Any = far.reshape(-1).data, following.reshape(-1).data
-        paths = routes.Paths(Reach(nodes).core, *(_column(np.zeros(nodes), np.int64) for _ in range(3)))
+        paths = routes.Paths(ReachableNodes(nodes).core, *(_column(np.zeros(nodes), np.int64) for _ in range(3)))
         return _ThreadWays(strategies.PathTables(ids, *arcs, paths, *tables), far, following)
 
     def take_memories(self, games: IntArray) -> None:

@@ -19,7 +19,7 @@ from gamms.game.batch.movement import (
     Places,
 )
 from gamms.game.batch.reach import Choices, TravelTerms
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.game.travel import map_of
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -49,10 +49,10 @@ class ByMetres(Movement):
 
     def __init__(
         self,
-        streets: Streets,
+        streets: StreetGraph,
         speeds: Sequence[float | None],
         terms: TravelTerms,
-        whole: Streets | None = None,
+        whole: StreetGraph | None = None,
         closed: ClosedEdges | None = None,
     ) -> None:
         super().__init__(streets, whole, closed)
@@ -65,7 +65,7 @@ class ByMetres(Movement):
         self.begin((0, len(speeds)))
 
     @cached_property
-    def map(self) -> core.Roads:
+    def map(self) -> core.RoadEdges:
         """The map as the core takes it."""
         columns, terms = self.streets.columns, self.terms
         leaving = columns.offsets, columns.out_edges

@@ -12,7 +12,7 @@ from gamms.game.batch.courses import EdgeCourses, MetreCourses
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import ByMetres
 from gamms.game.conflicts import flat
-from gamms.game.travel import ENDLESS, Reach, StoredPaths, Trips
+from gamms.game.travel import ENDLESS, ReachableNodes, StoredPaths, TurnPaths
 from gamms.ir.graph import IntArray
 from gamms.limits import refuse_above
 
@@ -71,17 +71,17 @@ class ThreadTravel(NamedTuple):
         most_legs: of an agent.
     """
 
-    walkers: by_edges.Walkers | None
-    travelers: by_metres.Travelers | None
+    walkers: by_edges.EdgeMovers | None
+    travelers: by_metres.MetreMovers | None
     arrivals: arrivals.Arrivals | None
-    course: rules.Steps
+    course: rules.AgentPaths
     tracks: tuple[Any, Any, Any]
     legs: contacts.Legs
     most: int
     most_legs: int
 
 
-def in_parts(movers: moves.Movers, agents: int) -> ThreadTravel:
+def in_parts(movers: moves.OneEdgeMovers, agents: int) -> ThreadTravel:
     """Return what one thread plays games with whose agents go along one edge, each in its part of the turn."""
     nodes: Any = np.zeros(agents * 3, np.int64).data
     times: Any = np.zeros(agents * 3).data
@@ -126,13 +126,13 @@ class EdgeColumns:
     def thread(
         self,
         number: int,  # noqa: ARG002
-        movers: moves.Movers,
+        movers: moves.OneEdgeMovers,
         by_steps: strategies.Strategies | None,
         events: rules.Events,  # noqa: ARG002
     ) -> ThreadTravel:
         """Return what one thread plays with; see `MetreColumns`."""
         by, most = self._by, self._most
-        reach = Reach(by.streets.num_nodes)
+        reach = ReachableNodes(by.streets.num_nodes)
         nodes: Any = np.zeros(self._agents * most, np.int64).data
         times: Any = np.zeros(self._agents * most).data
         lengths: Any = np.zeros(self._agents, np.int64).data
@@ -149,7 +149,7 @@ class EdgeColumns:
         if by_steps is not None:
             by_steps.go_far(self._ways.plain_ways(reach))
         after: tuple[Any, Any] = (self._ahead.reshape(-1).data, self._covered.reshape(-1).data)
-        walkers = by_edges.Walkers(movers, walks, *after)
+        walkers = by_edges.EdgeMovers(movers, walks, *after)
         return ThreadTravel(walkers, None, None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
 
 
@@ -165,7 +165,7 @@ class MetreColumns:
 
     Attributes:
         courses: how agents go in all games, if functions are called.
-        on_edges: where agents are, as `rules.Games` has it.
+        on_edges: where agents are, as `rules.GameColumns` has it.
         ends: the places where moves begin and end, as conflicts compare them, (games, agents) each; None: nodes.
     """
 
@@ -183,7 +183,7 @@ class MetreColumns:
         self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
         self._longest = max(8, self._most if by.is_endless else 0)
         self._slots = 1 << max(6, (_MOST_NEAR // self._longest).bit_length() - 1)
-        self._learned: list[tuple[travel.Ways, travel.Ways, travel.LegalCache]] = []  # of each thread
+        self._learned: list[tuple[travel.GoalPaths, travel.GoalPaths, travel.LegalCache]] = []  # of each thread
         rows = state.node.size if go_by_steps else 0
         self._memories = StoredPaths(by.columns, by.terms.costs, rows, _remembered(rows))
         edges, ids = np.arange(len(by.columns.edge_ids)), by.columns.edge_ids
@@ -198,14 +198,14 @@ class MetreColumns:
         room: Any = np.empty(_MOST_LEGAL, np.int64)
         return travel.LegalCache(flat(kinds, np.int64), tables[0].data, tables[1].data, room.data)
 
-    def _learner(self) -> tuple[travel.Ways, travel.Ways, travel.LegalCache]:
+    def _learner(self) -> tuple[travel.GoalPaths, travel.GoalPaths, travel.LegalCache]:
         """Return what one thread learns of the map: ways of agents that go by steps, other ways, and what is legal."""
-        roads, reach = self._by.map, Reach(self._by.streets.num_nodes)
+        roads, reach = self._by.map, ReachableNodes(self._by.streets.num_nodes)
         ways, near = self._memories.ways(roads, reach), self._memories.apart(self._slots, self._longest)
         return ways, near.ways(roads, reach), self._known()
 
     def thread(
-        self, number: int, movers: moves.Movers, by_steps: strategies.Strategies | None, events: rules.Events
+        self, number: int, movers: moves.OneEdgeMovers, by_steps: strategies.Strategies | None, events: rules.Events
     ) -> ThreadTravel:
         """Return what one thread plays with, of a number from 0; events get what agents cannot do."""
         by, most, roads = self._by, self._most, self._by.map
@@ -213,9 +213,9 @@ class MetreColumns:
             self._learned.append(self._learner())
         if by_steps is not None:
             by_steps.go_far(self._learned[number][0])
-        trips = Trips(self._agents, most, max(self._memories.most, most))
+        trips = TurnPaths(self._agents, most, max(self._memories.most, most))
         kept = None if self.courses is None else self.courses.core
-        travelers = by_metres.Travelers(
+        travelers = by_metres.MetreMovers(
             movers,
             *self._learned[number],
             trips.core,

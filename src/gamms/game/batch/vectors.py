@@ -10,7 +10,7 @@ import numpy as np
 from gamms.core import observe
 from gamms.game.batch.columns import in_threads
 from gamms.game.conflicts import flat
-from gamms.game.streets import Streets
+from gamms.game.streets import StreetGraph
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
@@ -51,7 +51,7 @@ class Encoder:
         actions: how many actions are in a vector.
     """
 
-    def __init__(self, streets: Streets, agents: int, others: int, actions: int) -> None:
+    def __init__(self, streets: StreetGraph, agents: int, others: int, actions: int) -> None:
         xy = streets.columns.xy
         low, high = (xy.min(axis=0), xy.max(axis=0)) if len(xy) else (np.zeros(2), np.zeros(2))
         self._scale = float((high - low).max()) / 2.0 or 1.0
@@ -108,7 +108,7 @@ class Encoder:
             vectors.counts.reshape(-1).data,
         )
         entries, chosen = vectors.values.shape[-1], flat(places, np.int64)
-        core = observe.Vectors(self._places, own, self._actions, self._others, entries, *written)
+        core = observe.VectorObservations(self._places, own, self._actions, self._others, entries, *written)
 
         def observe_part(_: int, begin: int, end: int) -> None:
             observe.observe_aside(observers, core, room_for(self._agents, self._others), chosen, begin, end)
@@ -125,8 +125,8 @@ def legal_of(offsets: IntArray, targets: IntArray) -> tuple[Any, Any]:
     return flat(offsets, np.int32), flat(targets, np.int32)
 
 
-def room_for(agents: int, others: int) -> observe.Found:
+def room_for(agents: int, others: int) -> observe.NearestAgents:
     """Return what a thread notes those in that an agent sees, of so many agents, and so many of them the nearest."""
     seen: Any = np.zeros(agents, np.int64).data, np.zeros(agents, np.uint8).data
     nearest: Any = np.zeros(others + 1).data, np.zeros(others + 1, np.int64).data
-    return observe.Found(*seen, *nearest)
+    return observe.NearestAgents(*seen, *nearest)

@@ -375,7 +375,7 @@ class ArrayView(Mapping[str, Any]):
             counts = np.bincount(found.at * self.node.shape[1] + found.viewers, minlength=number)
             first = np.concatenate(([0], np.cumsum(counts)))
             pairs = flat(first, np.int64), flat(found.nodes, np.int64), flat(self._are_mates(found), np.uint8)
-        seen = observe.Seen(
+        seen = observe.VisibleAgents(
             looks,
             *pairs,
             viewers=flat(self.agents, np.int64),

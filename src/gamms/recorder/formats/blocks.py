@@ -13,7 +13,7 @@ from typing import BinaryIO, NamedTuple
 from gamms.errors import BadFile, BadValue
 from gamms.ir import packing
 from gamms.plain import Plain
-from gamms.recorder.errors import DAMAGES, RecordingError, refusing
+from gamms.recorder.errors import DAMAGES, RecordingError, reporting_damage
 from gamms.text import shown
 
 MAGIC = b"MMGR\0\0\0\3"  # the last four bytes are the format version, big-endian as in older versions
@@ -105,9 +105,9 @@ class FileContents(NamedTuple):
     warning: str | None  # None of a finished one
 
 
-def at_byte(at: int) -> refusing:
+def at_byte(at: int) -> reporting_damage:
     """Return a context manager that adds the position of a block to errors."""
-    return refusing(f"This recording is damaged at byte {at}", (*DAMAGES, MemoryError, RecursionError))
+    return reporting_damage(f"This recording is damaged at byte {at}", (*DAMAGES, MemoryError, RecursionError))
 
 
 class BlockSource:

@@ -12,7 +12,7 @@ from gamms.arguments import as_path
 from gamms.errors import BadFile, BadValue
 from gamms.ir.graph import IntArray
 from gamms.ir.packing import Decoder, unpack
-from gamms.limits import Allowance
+from gamms.limits import MemoryBudget
 from gamms.plain import Plain
 from gamms.recorder.formats import blocks, chunks
 from gamms.recorder.formats.blocks import BlockHead, BlockSource, FileContents, at_byte, contents_of, turns_of
@@ -44,7 +44,7 @@ class Reader(StreamOwner):
         super().__init__(as_path(source, "path").open("rb") if isinstance(source, str | os.PathLike) else None)
         try:
             self._input = BlockSource(self._owned or source)  # type: ignore[arg-type]  # a path would have been opened
-            self._decoder = Decoder(Allowance(self._input.size, "it", is_streamed=True))
+            self._decoder = Decoder(MemoryBudget(self._input.size, "it", is_streamed=True))
             self._take(contents_of(self._input, self._decoder))
         except BaseException:
             self.close()

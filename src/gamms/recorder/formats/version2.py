@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 
 from gamms.errors import BadFile, BadType
 from gamms.ir.events import EVENTS
-from gamms.limits import Keys
+from gamms.limits import KeyBudget
 from gamms.plain import Plain
 from gamms.recorder.errors import RecordingError
 from gamms.typing.recorder import MAGIC_NUMBER, OpCodes
@@ -87,9 +87,9 @@ class CborReader:
         keys: dict keys read before in this file.
     """
 
-    def __init__(self, data: bytes | bytearray, position: int = 0, keys: Keys | None = None) -> None:
+    def __init__(self, data: bytes | bytearray, position: int = 0, keys: KeyBudget | None = None) -> None:
         self._data = data
-        self._keys = keys or Keys()
+        self._keys = keys or KeyBudget()
         self.position = position
         self._begin = position
         self._items = 0
@@ -237,7 +237,7 @@ class _StreamWindow:
         self._behind = 0  # bytes of the stream before `data`
         self.data = b""
         self.position = 0
-        self.keys = Keys()
+        self.keys = KeyBudget()
 
     @property
     def offset(self) -> int:

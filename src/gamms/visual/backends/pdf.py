@@ -12,9 +12,9 @@ from gamms.ir.draw import DrawCommands, DrawKind
 from gamms.plugins import needing
 from gamms.visual.appearance import Rgba
 from gamms.visual.backends.pillow_backend import image_size
-from gamms.visual.backends.vectors import SMALLEST_RADIUS_PX, Sheet, sheet_of
+from gamms.visual.backends.vectors import SMALLEST_RADIUS_PX, VectorCommands, sheet_of
 from gamms.visual.camera import CSS_DPI, Camera
-from gamms.visual.lettering import ASCENT, FONT, warn_of_boxes
+from gamms.visual.font import ASCENT, FONT, warn_of_boxes
 
 if TYPE_CHECKING:
     from reportlab.pdfgen.canvas import Canvas
@@ -59,7 +59,7 @@ def pdf(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba,
 class _Painter:
     """Paints on a PDF page, with y up; all units are pixels."""
 
-    def __init__(self, page: "Canvas", sheet: Sheet, camera: Camera) -> None:
+    def __init__(self, page: "Canvas", sheet: VectorCommands, camera: Camera) -> None:
         self._page = page
         self._sheet = sheet
         self._width = camera.width

@@ -24,7 +24,7 @@ from gamms.visual.appearance import PAPER, Rgb, Rgba, is_dark
 from gamms.visual.backends.coverage import ByteArray, Patch, PixelArray
 from gamms.visual.backends.pillow_backend import image_size
 from gamms.visual.camera import extent
-from gamms.visual.lettering import ASCENT, EM, FONT, warn_of_boxes, words_width
+from gamms.visual.font import ASCENT, EM, FONT, warn_of_boxes, words_width
 
 if TYPE_CHECKING:
     from pygame import Surface

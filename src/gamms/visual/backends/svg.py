@@ -15,9 +15,9 @@ from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind
 from gamms.text import as_xml
 from gamms.visual.appearance import Rgba
-from gamms.visual.backends.vectors import SMALLEST_RADIUS_PX, Sheet, sheet_of
+from gamms.visual.backends.vectors import SMALLEST_RADIUS_PX, VectorCommands, sheet_of
 from gamms.visual.camera import CSS_DPI, Camera
-from gamms.visual.lettering import ASCENT, FAMILIES
+from gamms.visual.font import ASCENT, FAMILIES
 
 _HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'
 _NEEDLESS = re.compile(r" (?=[-a-z])|(?<=[a-z]) |(?<!\d)(?<!\.)0(?=\.)")  # in a path
@@ -57,7 +57,7 @@ def _opening(camera: Camera, dpi: float) -> str:
     )
 
 
-def _group(sheet: Sheet, begin: int, end: int) -> str:
+def _group(sheet: VectorCommands, begin: int, end: int) -> str:
     """Return the elements of one run; empty if all are too small to be seen."""
     kind = DrawKind(int(sheet.kind[begin]))
     if kind is DrawKind.LINE:
@@ -67,7 +67,7 @@ def _group(sheet: Sheet, begin: int, end: int) -> str:
     return f"<g{_style(sheet, begin, kind)}>{body}</g>" if body else ""
 
 
-def _style(sheet: Sheet, row: int, kind: DrawKind) -> str:
+def _style(sheet: VectorCommands, row: int, kind: DrawKind) -> str:
     red, green, blue, alpha = sheet.color[row].tolist()
     width = int(sheet.width[row])
     if kind is DrawKind.LINE or width > 0:
@@ -81,7 +81,7 @@ def _paint(role: str, color: Rgba) -> str:
     return f' {role}="#{red:02x}{green:02x}{blue:02x}"{opacity}'
 
 
-def _lines(sheet: Sheet, begin: int, end: int) -> str:
+def _lines(sheet: VectorCommands, begin: int, end: int) -> str:
     """Return one path through all lines of a run, in connected chains, without lines that shrank to a point."""
     offsets = (sheet.offsets[begin : end + 1] - sheet.offsets[begin]).tolist()
     points = list(map(tuple, sheet.points[sheet.offsets[begin] : sheet.offsets[end]].tolist()))
@@ -148,43 +148,43 @@ def _number(tenths: int) -> str:
 # -- single elements ----------------------------------------------------------------------------------------
 
 
-def _circle(sheet: Sheet, row: int) -> str:
+def _circle(sheet: VectorCommands, row: int) -> str:
     (x, y), radius = sheet.points_of(row)[0], int(sheet.size[row])
     if radius < 10 * SMALLEST_RADIUS_PX:
         return ""
     return f'<circle cx="{_number(x)}" cy="{_number(y)}" r="{_number(radius)}"/>'
 
 
-def _rectangle(sheet: Sheet, row: int) -> str:
+def _rectangle(sheet: VectorCommands, row: int) -> str:
     (x, y), (width, height) = sheet.points_of(row)
     return f'<rect x="{_number(x)}" y="{_number(y)}" width="{_number(width)}" height="{_number(height)}"/>'
 
 
-def _polygon(sheet: Sheet, row: int) -> str:
+def _polygon(sheet: VectorCommands, row: int) -> str:
     points = sheet.points_of(row)
     points = points[1:] if points[0] == points[1] else points  # for a polygon in pixels, see `on_screen`
     steps = [_step(x - old_x, y - old_y) for (old_x, old_y), (x, y) in pairwise([(0, 0), *points])]
     return f'<path d="{_joined(["m", *steps, "z"])}"/>'
 
 
-def _text(sheet: Sheet, row: int) -> str:
+def _text(sheet: VectorCommands, row: int) -> str:
     ((x, y),), size = sheet.points_of(row), int(sheet.size[row])
     baseline = _number(y + round(ASCENT * size))
     place = f'x="{_number(x)}" y="{baseline}" font-size="{_number(size)}"{_turned(sheet, row)}{_halo(sheet, row)}'
     return f"<text {place}>{as_xml(sheet.text[row])}</text>"
 
 
-def _turned(sheet: Sheet, row: int) -> str:
+def _turned(sheet: VectorCommands, row: int) -> str:
     """Return the attribute that rotates an element around its point."""
     ((x, y),), angle = sheet.points_of(row), float(sheet.angle[row])
     return f' transform="rotate({-angle:.6g} {_number(x)} {_number(y)})"' if angle else ""
 
 
-def _halo(sheet: Sheet, row: int) -> str:
+def _halo(sheet: VectorCommands, row: int) -> str:
     return _HALO.format(*sheet.paper) if sheet.has_halo(row) else ""
 
 
-def _image(sheet: Sheet, row: int) -> str:
+def _image(sheet: VectorCommands, row: int) -> str:
     ((x, y),), half = sheet.points_of(row), int(sheet.size[row])
     turned = _turned(sheet, row)
     side = _number(2 * half)
@@ -201,7 +201,7 @@ def _embedded(path: Path) -> str:
     return f"data:image/{_IMAGE_TYPES[path.suffix.lower()]};base64,{b64encode(path.read_bytes()).decode()}"
 
 
-_ELEMENTS: dict[DrawKind, Callable[[Sheet, int], str]] = {
+_ELEMENTS: dict[DrawKind, Callable[[VectorCommands, int], str]] = {
     DrawKind.CIRCLE: _circle,
     DrawKind.RECTANGLE: _rectangle,
     DrawKind.POLYGON: _polygon,

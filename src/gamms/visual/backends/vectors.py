@@ -11,13 +11,13 @@ from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.appearance import Rgb, Rgba, is_dark
 from gamms.visual.camera import FAINTEST_PX, Camera, on_screen, touching
-from gamms.visual.lettering import EM
+from gamms.visual.font import EM
 
 SMALLEST_RADIUS_PX = 0.5
 _BEYOND_PX = 8.0  # drawings this far outside may still reach into the picture
 
 
-class Sheet(NamedTuple):
+class VectorCommands(NamedTuple):
     """All commands in painting order and in tenths of pixels, the unit of rounding."""
 
     kind: IntArray  # (commands,)
@@ -48,7 +48,7 @@ class Sheet(NamedTuple):
         yield from pairwise([0, *changes.tolist(), len(style)])
 
 
-def sheet_of(commands: DrawCommands, camera: Camera, background: Rgba) -> Sheet:
+def sheet_of(commands: DrawCommands, camera: Camera, background: Rgba) -> VectorCommands:
     """Return the view of a camera on draw commands over a background."""
     rows = _seen(commands, camera)
     take, offsets = kernels.chosen_runs(commands.offsets, rows)
@@ -57,7 +57,7 @@ def sheet_of(commands: DrawCommands, camera: Camera, background: Rgba) -> Sheet:
     scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
     font_scale = np.where(commands.kind == DrawKind.TEXT, EM, 1.0)
     points[commands.offsets[boxes] + 1] = commands.points[commands.offsets[boxes] + 1] * scale[boxes, None]
-    return Sheet(
+    return VectorCommands(
         kind=commands.kind[rows],
         color=commands.color[rows],
         size=_tenths(commands.size * scale * font_scale)[rows],

@@ -13,7 +13,7 @@ from gamms.visual.appearance import AnyColor, GraphData, Rgb, Rgba, rgba
 from gamms.visual.camera import inside
 from gamms.visual.drawers.streets import median, polylines
 from gamms.visual.drawing import Drawing, drawing_of
-from gamms.visual.legend import Values
+from gamms.visual.legend import ColoredValues
 from gamms.visual.themes import WallTones
 
 # radius of a disc and width of a line, in lengths of a typical edge
@@ -26,7 +26,7 @@ _EDGE_PX = 3.0
 
 def render_values(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw `data['values']`, the highest on top; values of removed nodes and edges are left out."""
-    values: Values = data["values"]
+    values: ColoredValues = data["values"]
     columns = ctx.graph.columns()
     order = np.argsort(values.places, kind="stable")
     known = columns.node_ids if values.of == "nodes" else columns.edge_ids

@@ -16,7 +16,7 @@ from gamms.typing import IArtist, IContext
 from gamms.visual.appearance import AgentData, AnyColor, Rgba, color_group, rgba
 from gamms.visual.constants import Layer
 from gamms.visual.drawing import drawing_of
-from gamms.visual.legend import SIGN, Row, Rows
+from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
 TAG_TURNS = 5  # for which a tag is shown
 # half of a cross or a tick, and the ring around the cross of a tag
@@ -142,16 +142,16 @@ def _draw(ctx: IContext, marks: Sequence[_AgentMark], data: dict[str, Any]) -> N
     ]
 
 
-def _rows_of_tags(ctx: IContext) -> Rows | None:
+def _rows_of_tags(ctx: IContext) -> LegendRows | None:
     is_marked = bool(_tags(ctx, None, drawing_of(ctx).events.out()))
-    return Rows("", (Row(SIGN, "tagged", sign="tag"),)) if is_marked else None
+    return LegendRows("", (LegendRow(SIGN, "tagged", sign="tag"),)) if is_marked else None
 
 
-def rows_of_eliminated(out: Mapping[str, bool]) -> Rows:
+def rows_of_eliminated(out: Mapping[str, bool]) -> LegendRows:
     """Return the legend of the agents that are out, where these arrived or not."""
     words = ((False, "out", "cross"), (True, "arrived", "tick"))
-    return Rows(
-        "", tuple(Row(SIGN, name, sign=sign) for has_arrived, name, sign in words if has_arrived in out.values())
+    return LegendRows(
+        "", tuple(LegendRow(SIGN, name, sign=sign) for has_arrived, name, sign in words if has_arrived in out.values())
     )
 
 

@@ -11,7 +11,7 @@ from gamms.ir.messages import ARRIVALS
 from gamms.typing import IContext
 from gamms.visual.appearance import color_group, rgba
 from gamms.visual.drawing import drawing_of
-from gamms.visual.legend import SIGN, Row, Rows
+from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
 _MOST = 2000  # arcs
 _OLDEST = 200  # turns that a message may have been under way
@@ -76,10 +76,10 @@ def _arc(start: tuple[float, float], end: tuple[float, float]) -> FloatArray:
     return first + _BEND[:, None] * way + (4.0 * _BEND * (1.0 - _BEND))[:, None] * aside
 
 
-def legend_of_messages(ctx: IContext, of: Collection[str] | None = None) -> Rows | None:
+def legend_of_messages(ctx: IContext, of: Collection[str] | None = None) -> LegendRows | None:
     """Return the legend rows of message arcs, if there are any; `of` is as for `render_messages`."""
     is_any = next(_arriving(ctx, of), None) is not None
-    return Rows("", (Row(SIGN, "message", sign="curve"),)) if is_any else None
+    return LegendRows("", (LegendRow(SIGN, "message", sign="curve"),)) if is_any else None
 
 
 render_messages.__dict__["legend"] = legend_of_messages

@@ -20,12 +20,12 @@ from gamms.visual.constants import Layer
 from gamms.visual.drawers.graph import typical_edge_length
 from gamms.visual.drawers.streets import one_way_each, polylines
 from gamms.visual.drawing import drawing_of
-from gamms.visual.legend import SIGN, Row, Rows
+from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
 GOALS = "goals of reach"  # likewise: team -> ids of its nodes, as text
-_FLAGS = Rows("", (Row(SIGN, "flag", sign="flag"), Row(SIGN, "home of a flag", sign="ring")))
-_GOALS = Rows("", (Row(SIGN, "goal", sign="goal"),))
+_FLAGS = LegendRows("", (LegendRow(SIGN, "flag", sign="flag"), LegendRow(SIGN, "home of a flag", sign="ring")))
+_GOALS = LegendRows("", (LegendRow(SIGN, "goal", sign="goal"),))
 _MOST = 100  # flags, territories, and teams that have them
 _TINT = 70
 _DOT_PX = 5.0
@@ -193,7 +193,7 @@ class TerritoryDrawer(KeyedDrawer):
     once_a_turn = True
     settles_in = 0
     layer = Layer.TERRITORIES
-    legend = Rows("", (Row(SIGN, "territory", sign="band"),))
+    legend = LegendRows("", (LegendRow(SIGN, "territory", sign="band"),))
 
     def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
         super().__init__(key, colors)

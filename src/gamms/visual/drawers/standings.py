@@ -20,7 +20,7 @@ from gamms.visual.appearance import color_group
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.rules import game_data, in_text, team_colors_of
 from gamms.visual.drawing import drawing_of
-from gamms.visual.legend import SIGN, Row, Rows
+from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
 # in `ctx.game.data`
 HELD = "held"
@@ -169,25 +169,29 @@ def _marked(ctx: IContext, numbers: dict[Any, Any], data: dict[str, Any]) -> Ite
             yield agent, visual.position_of(name, share), number
 
 
-def _rows_of_amounts(ctx: IContext) -> Rows | None:
-    rows = tuple(Row(SIGN, f"{name} left", sign="gauge") for name in counted_in(ctx, RESOURCES))
-    return Rows("", rows) if rows else None
+def _rows_of_amounts(ctx: IContext) -> LegendRows | None:
+    rows = tuple(LegendRow(SIGN, f"{name} left", sign="gauge") for name in counted_in(ctx, RESOURCES))
+    return LegendRows("", rows) if rows else None
 
 
-def _rows_of_cooldowns(ctx: IContext) -> Rows | None:
-    rows = tuple(Row(SIGN, f"{deed} not ready", sign="arc") for deed in counted_in(ctx, COOLDOWNS))
-    return Rows("", rows) if rows else None
+def _rows_of_cooldowns(ctx: IContext) -> LegendRows | None:
+    rows = tuple(LegendRow(SIGN, f"{deed} not ready", sign="arc") for deed in counted_in(ctx, COOLDOWNS))
+    return LegendRows("", rows) if rows else None
 
 
 render_held.__dict__.update(
-    artist="held", layer=Layer.GOALS, is_mark=True, once_a_turn=True, legend=Rows("", (Row(SIGN, "held", sign="arc"),))
+    artist="held",
+    layer=Layer.GOALS,
+    is_mark=True,
+    once_a_turn=True,
+    legend=LegendRows("", (LegendRow(SIGN, "held", sign="arc"),)),
 )
 render_discovered.__dict__.update(
     artist="discovered",
     layer=Layer.GOALS,
     is_mark=True,
     once_a_turn=True,
-    legend=Rows("", (Row(SIGN, "discovered", sign="square"),)),
+    legend=LegendRows("", (LegendRow(SIGN, "discovered", sign="square"),)),
 )
 render_amounts.__dict__.update(
     artist="resources", layer=Layer.FLAGS, is_mark=True, legend=_rows_of_amounts, facts=_facts_of_amounts

@@ -11,7 +11,7 @@ from gamms.visual.appearance import rgba
 from gamms.visual.artist import Artist, looks_of
 from gamms.visual.constants import Layer
 from gamms.visual.drawing import drawing_of
-from gamms.visual.shown_turn import Moves
+from gamms.visual.shown_turn import MovedAgents
 
 _ALPHA = 150
 # so many are drawn broad; more of them fast
@@ -49,7 +49,7 @@ def artists_of_trails(ctx: IContext, artists: Mapping[str, IArtist], turns: int)
     return trails
 
 
-def _draw(ctx: IContext, moves: Moves, share: float, colors: Mapping[str, Any], alpha: int) -> None:
+def _draw(ctx: IContext, moves: MovedAgents, share: float, colors: Mapping[str, Any], alpha: int) -> None:
     by_color: dict[Any, list[list[tuple[float, float]]]] = {}
     paths = moves.paths
     ends = [(x, y) for x, y in moves.paths.at(share).tolist()]

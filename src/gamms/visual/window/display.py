@@ -129,7 +129,7 @@ def _default_environment(name: str) -> Iterator[None]:
 _SPEEDS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 
 
-class Pace:
+class FrameTiming:
     """The frame rate of a window, and how fast turns are shown.
 
     Args:

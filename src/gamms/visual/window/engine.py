@@ -34,7 +34,7 @@ from gamms.visual.legend import blocks_of
 from gamms.visual.scene import FrameBudget, Scene
 from gamms.visual.shown_turn import as_turns
 from gamms.visual.themes import theme_called
-from gamms.visual.window.display import Pace, close_window, is_watched, open_window, window_surface
+from gamms.visual.window.display import FrameTiming, close_window, is_watched, open_window, window_surface
 from gamms.visual.window.framing import Framing
 from gamms.visual.window.input import Handlers, Input, NodeChoice, Question, question
 from gamms.visual.window.overlay import Overlay
@@ -112,7 +112,7 @@ class WindowEngine(WindowNames, PictureEngine):
         super().__init__(ctx, simulation_time_constant=simulation_time_constant, drawing=drawing)
         width, height = size(width, height)
         self.camera = RenderManager(ctx, screen_width=width, screen_height=height)
-        self.pace = Pace(max_fps)
+        self.pace = FrameTiming(max_fps)
         self._background = theme_.background
         self.overlay = Overlay(ctx, self.drawing, self.artists, self.camera, self.pace, theme_)
         self.overlay.keep_trails(as_turns(trails))

@@ -41,7 +41,7 @@ from gamms.visual.labels import (
 )
 from gamms.visual.page import noted
 from gamms.visual.themes import Theme
-from gamms.visual.window.display import Pace
+from gamms.visual.window.display import FrameTiming
 from gamms.visual.window.input import NodeChoice, Question
 from gamms.visual.window.panels import BADGE_PX, EDGE_PX, Hud, HudLines
 from gamms.visual.window.timeline import FOOT_PX, Timeline
@@ -84,7 +84,7 @@ class Overlay(Guarded):
     _called = "ctx.visual.overlay"
 
     def __init__(
-        self, ctx: IContext, drawing: Drawing, artists: Artists, camera: WindowCamera, pace: Pace, theme: Theme
+        self, ctx: IContext, drawing: Drawing, artists: Artists, camera: WindowCamera, pace: FrameTiming, theme: Theme
     ) -> None:
         self._phase = phase_of(ctx)
         self._ctx = ctx

@@ -10,8 +10,8 @@ from gamms.visual.backends.pygame_backend import Canvas, load, painted_transpare
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, Point
 from gamms.visual.captions import CaptionLine
+from gamms.visual.font import shortened, words_width
 from gamms.visual.legend import Block, Legend, Pen
-from gamms.visual.lettering import shortened, words_width
 from gamms.visual.themes import Theme
 from gamms.visual.window.input import HELP
 

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.errors import BadValue
-from gamms.game.streets import Streets
-from gamms.game.walking import Walking
+from gamms.game.multi_edge_moves import MultiEdgeMoves
+from gamms.game.streets import StreetGraph
 from gamms.graph import Graph
 from gamms.graph.routes import CachedRoutes
 from gamms.ir.progress import Progress
@@ -23,7 +23,7 @@ def graph_of(ids, ends):
         graph.add_node({"id": id, "x": 0.0, "y": 0.0})
     for id, (a, b) in enumerate(ends):
         graph.add_edge({"id": id, "source": ids[a % len(ids)], "target": ids[b % len(ids)], "length": 1.0})
-    return graph, Walking(Streets(graph._store.columns(), CachedRoutes(graph._store)))
+    return graph, MultiEdgeMoves(StreetGraph(graph._store.columns(), CachedRoutes(graph._store)))
 
 
 @given(ids=NODES, ends=ENDS, speed=st.sampled_from([0.0, 0.5, 1.0, 2.0, 3.0, 4.5, inf]))

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 
 from gamms.core import by_edges as core
-from gamms.core.travel import Ways
+from gamms.core.travel import GoalPaths
 from gamms.errors import BadValue, NoPath
-from gamms.game.streets import Streets
-from gamms.game.travel import Paths, ResolvedAction
+from gamms.game.streets import StreetGraph
+from gamms.game.travel import PathFinder, ResolvedAction
 from gamms.ir.progress import Progress
 
 _MORE_NODES = 3  # room in addition to the nodes of a path
 
 
-class Walking(Paths):
+class MultiEdgeMoves(PathFinder):
     """Finds moves along several edges per turn, on one revision of a graph.
 
     Args:
@@ -26,13 +26,13 @@ class Walking(Paths):
         streets: see the argument.
     """
 
-    def __init__(self, streets: Streets) -> None:
+    def __init__(self, streets: StreetGraph) -> None:
         super().__init__(streets.columns, np.ones(len(streets.columns.edge_ids)))
         self.streets = streets
         self._most = streets.num_nodes + _MORE_NODES
         self._take_ways(self.ways(0))
 
-    def _take_ways(self, hops: Ways) -> None:
+    def _take_ways(self, hops: GoalPaths) -> None:
         """Use these shortest paths in the core, with new buffers."""
         nodes: list[Any] = [one.data for one in np.zeros((2, self._most), np.int64)]
         times: Any = np.zeros(self._most).data

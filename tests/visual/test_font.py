@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import gamms
-from gamms.visual import lettering
+from gamms.visual import font
 from gamms.visual.backends.pygame_backend import Canvas
-from gamms.visual.lettering import EM, words_width
+from gamms.visual.font import EM, words_width
 
 
 def inked(words: str, font_px: int) -> np.ndarray:
@@ -49,8 +49,8 @@ def test_a_letter_that_the_font_lacks_has_a_width():
 
 @pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
 def test_letters_that_the_font_lacks_are_warned_about_once_where_they_are_boxes(suffix, caplog, monkeypatch):
-    monkeypatch.setattr(lettering, "_warned", [])
-    lettering.warn_of_boxes.cache_clear()
+    monkeypatch.setattr(font, "_warned", [])
+    font.warn_of_boxes.cache_clear()
     with gamms.create_context(logger_config={"level": "WARNING"}) as ctx, caplog.at_level("WARNING", "gamms"):
         monkeypatch.setattr(logging.getLogger("gamms"), "propagate", True)
         ctx.graph.add_nodes([0, 1], x=[0, 9], y=[0, 0])
