@@ -140,6 +140,7 @@ def test_it_sees_deeds_in_every_phase(phase, order):
         ctx.game.add(count)
         with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
             games.run()
+            assert games.is_in_arrays, games.slow
             for number, seed in enumerate(SEEDS):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())

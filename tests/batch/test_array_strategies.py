@@ -252,3 +252,11 @@ def test_a_form_may_use_what_changes_between_turns():
         for _ in range(5):
             games.step()
             weights += 1.0
+
+
+def test_with_a_time_budget_it_is_asked_game_by_game_in_the_core(same_as_one_by_one):
+    scenario = scene(settings={"time_budget": 60.0}, **SEEING)
+    with scenario.batch(2, strategies={"red": hunt}) as games:
+        assert games.is_in_arrays
+        assert "hunt" in games.slow
+    same_as_one_by_one(scenario, [1, 2, 3], {"red": hunt})

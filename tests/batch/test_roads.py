@@ -248,3 +248,37 @@ def test_a_form_names_an_edge_that_is_open_in_its_game():
             play()
             with pytest.raises(UnknownName, match="Unknown edge as 'road' of the deed 'mark': 0"):
                 play()
+
+
+@gamms.array_rule
+def barrier(turn):
+    """Close a road in every other game, and open it two turns later."""
+    last = turn.keep("barrier", lambda games: {"edge": np.full(games, -1)})["edge"]
+    for at in np.flatnonzero((turn.seeds + turn.turn) % 2 == 0).tolist():
+        game = turn.games[at]
+        if last[game] >= 0:
+            turn.open_roads([at], [int(last[game])])
+            last[game] = -1
+        else:
+            last[game] = (turn.seeds[at] * 7 + turn.turn[at]) % 79
+            turn.close_roads([at], [int(last[game])])
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+@pytest.mark.parametrize("settings", [{}, {"order": [["blue"], ["red"]]}, {"legal": "any"}])
+@pytest.mark.parametrize("strategies", [{}, {"red": gamms.array_strategy(count_legal)}])
+def test_games_in_which_an_array_rule_closes_roads_stay_in_the_core(phase, settings, strategies):
+    team = {"count": 3, "sensors": ["next"], "strategy": "gamms.strategies:random_walk"}
+    scenario = scene(teams={"red": team, "blue": team}, sensors={"next": {"type": "NEIGHBOR"}}, settings=settings)
+    check(scenario, strategies, rules=(barrier, audit), phase=phase, closed=[79], turns=3, stays=True)
+
+
+def test_an_array_rule_that_closes_a_road_that_is_not_there_is_refused():
+    @gamms.array_rule
+    def wrong(turn):
+        turn.close_roads([0, 1], [999])
+
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(wrong)
+        with ctx.game.batch(2) as games, pytest.raises(UnknownName, match="999"):
+            games.run()

@@ -373,12 +373,19 @@ def test_agents_may_be_out_and_have_scores_from_the_start():
                 assert plain(games.result(number)) == plain(alone.game.run())
 
 
-def test_where_a_game_has_begun_what_keeps_it_from_arrays_is_named():
-    with scene([rule("time_limit", turns=2)], side=4).build(seed=1) as ctx:
-        ctx.game.step()
-        ctx.game.step()
+@pytest.mark.parametrize("more", [[rule("time_limit", turns=2)], []])
+def test_a_batch_of_a_game_without_further_turns_is_over_at_once(more):
+    with scene(more, side=4, max_turns=2).build(seed=1) as ctx:
+        over = ctx.game.run()
         with ctx.game.batch(2) as games:
-            assert games.slow == "a game that is over"
+            assert games.is_in_arrays
+            assert games.is_over.tolist() == [True, True]
+            games.step()
+            games.reset([1], seeds=[5])
+            games.run()
+            for number in range(2):
+                assert plain(games.result(number)) | {"seed": 1} == plain(over)
+                assert games.context(number).game.turn == 2
 
 
 def test_a_score_is_an_integer_where_no_other_number_was_added_in_its_own_game():

@@ -161,7 +161,7 @@ def _world(ctx: HostContext, roster: Roster) -> _World:
     known: _World | None = cache.get(_CACHE)
     if known is None or revision is None or known.version != version:
         shared = known.shared if known is not None and revision is not None and known.revision == revision else {}
-        known = cache[_CACHE] = _World(version, movement_of(ctx.game, roster), revision, shared)
+        known = cache[_CACHE] = _World(version, movement_of(ctx.game, roster, may_reopen=True), revision, shared)
     return known
 
 

@@ -30,9 +30,9 @@ from gamms.game.batch.cursor import (
     is_plain_rule,
 )
 from gamms.game.batch.deeds import DeclaredDeeds, DeedLog, deed_log_of
-from gamms.game.batch.forms import key_of, strategy_spec_of
+from gamms.game.batch.forms import decides_in_arrays, key_of, strategy_spec_of
 from gamms.game.batch.given import Given
-from gamms.game.batch.in_core import Block, CoreGames
+from gamms.game.batch.in_core import Block, CoreGames, is_function
 from gamms.game.batch.initial_state import InitialState, goes_along_one_edge, movement_of
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.pointed import PointedContext
@@ -106,8 +106,6 @@ class GamesOnMap:
         self.state = state
         roster = state.roster
         settings = game.settings()
-        if any(one.spec.is_array_function and one.phase == "deeds" for one in as_called(game.rules)):
-            raise NotTakenUp("an array rule of the phase 'deeds'")
         if settings["team_memory"]:
             state.share_memories()
         check = partial(checked_value, ctx=game.ctx)
@@ -127,6 +125,7 @@ class GamesOnMap:
         take_up_sensors(state, asked)
         pointed = PointedContext(game, state)
         state.look = partial(look, game, state, pointed)
+        state.change_roads = pointed.change_roads
         state.facts.update(game.facts)
         for one in rules:
             if one.spec.prepare_arrays is not None:
@@ -301,8 +300,11 @@ class GamesOnMap:
         """Call the rules of the phase "deeds"; return the games in which roads were closed or opened."""
         roads = self.state.roads
         before = [roads.of(game) for game in games.tolist()]
+        lived = self.state.alive[games]
         for named in self.deeds:
             self.call(named, games, part)
+        fell = lived & ~self.state.alive[games]
+        self.state.fell[games] = self.state.fell[games] | fell if part else fell
         are_other = [roads.of(game) is not one for game, one in zip(games.tolist(), before, strict=True)]
         return games[np.array(are_other, np.bool_)]
 
@@ -330,8 +332,6 @@ class GamesOnMap:
         """Call an array rule for some games."""
         form: Any = named.spec.array_form
         turn = ArrayTurn(self.state, games)
-        if self.state.deed_log is not None:
-            turn._deeds = self.state.deed_log.done_in(games)
         turn._is_moving = part is not None
         last = None if turn._is_moving else self._initial.last_turn
         if last is not None and self.state.turn[games[0]] == self._initial.turn:
@@ -340,6 +340,8 @@ class GamesOnMap:
         else:
             moves = self.core.last_moves(games) if part is None else self.core.next_moves(games, part)
             turn.starts, turn.ends, turn.took_part = moves
+            if self.state.deed_log is not None:
+                turn._deeds = self.state.deed_log.done_in(games, turn.took_part, is_moving=turn._is_moving)
             if part is None:
                 turn.paths = self.core.paths(games)
             elif self.core.courses is not None:
@@ -691,7 +693,7 @@ class ArrayEngine:
 
 
 def movement_in_core(game: PlayedGame, roster: Roster) -> Movement:
-    """Return how the agents of a game move in the core, where plain functions may close and open roads.
+    """Return how the agents of a game move in the core, where rules may close and open roads.
 
     Raises:
         NotTakenUp: an agent flies, or may come.
@@ -701,7 +703,8 @@ def movement_in_core(game: PlayedGame, roster: Roster) -> Movement:
     for agent in roster.agents:
         if agent.type is AgentType.AERIAL:
             raise NotTakenUp(f"agent {shown(agent.name)}, which flies")
-    may_change = goes_along_one_edge(game, roster) and first_called(game, roster) is not None
+    are_functions = first_called(game, roster) is not None or any(map(is_function, as_called(game.rules)))
+    may_change = goes_along_one_edge(game, roster) and are_functions
     return movement_of(game, roster, may_reopen=may_change, is_detached=may_change)
 
 
@@ -717,13 +720,10 @@ def _groups(roster: Roster, settings: Mapping[str, Any], movement: Movement) -> 
         for one in preparing(agent, plans):
             raise NotTakenUp(f"{as_code(one)}, with what it prepares in a game")
         decider = decider_of(agent, plans)
-        spec = strategy_spec_of(decider)
-        if spec.array_form is not None:
+        if decides_in_arrays(decider, settings):
             if isinstance(movement, ByMetres) and movement.terms.decides_at_arrivals:
                 raise NotTakenUp(f"the array strategy {as_code(decider)}, of agents that decide at arrivals")
-            if settings["time_budget"] is not None:
-                raise NotTakenUp(f"the array strategy {as_code(decider)}, with a time budget")
-            found.setdefault(key_of(spec.array_form), []).append(number)
+            found.setdefault(key_of(strategy_spec_of(decider).array_form), []).append(number)
     groups = []
     for numbers in found.values():
         decider = decider_of(roster.agents[numbers[0]], plans)

@@ -14,7 +14,7 @@ from gamms.deciding import phase_of
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of, kept_in
 from gamms.game.batch.courses import Routes
-from gamms.game.batch.forms import strategy_spec_of
+from gamms.game.batch.forms import decides_in_arrays
 from gamms.game.batch.in_core import CoreGames, core_form_of
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.scores import fits_float
@@ -1032,13 +1032,12 @@ def _keys_in_core(game: PlayedGame) -> Iterator[str]:
 
 
 def asked_of(game: PlayedGame, roster: Roster) -> list[int]:
-    """Return the numbers of the agents whose strategies, or the plans of whose teams, are plain functions."""
-    plans = game.settings()["plans"]
+    """Return the numbers of the agents whose strategies, or the plans of whose teams, are called game by game."""
+    settings = game.settings()
     found = []
     for number, agent in enumerate(roster.agents):
-        decider = decider_of(agent, plans)
-        is_array_function = strategy_spec_of(decider).array_form is not None
-        if core_form_of(game.settings(), roster, number) is None and not is_array_function:
+        decider = decider_of(agent, settings["plans"])
+        if core_form_of(settings, roster, number) is None and not decides_in_arrays(decider, settings):
             found.append(number)
     return found
 

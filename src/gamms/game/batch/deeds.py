@@ -281,11 +281,17 @@ class DeedLog(GameLog[list[_Done]]):
         each = zip(deeds.at.tolist(), deeds.agents.tolist(), strict=True)
         return np.array([(*one, deeds.kind) not in self._refused for one in each], np.bool_)
 
-    def done_in(self, games: IntArray) -> list[ArrayDeeds]:
-        """Return the deeds of some games in this turn; in it, a game is numbered by its place among these."""
+    def done_in(self, games: IntArray, took_part: BoolArray, *, is_moving: bool) -> list[ArrayDeeds]:
+        """Return the deeds of some games in this turn; in it, a game is numbered by its place among these.
+
+        Args:
+            games: their numbers.
+            took_part: (games, agents) whose deeds count.
+            is_moving: whether agents of the last part of the turn are about to move; only their deeds count then.
+        """
         number = places_of(games, len(self._of_game))
-        found = [one.deeds._replace(at=number[one.deeds.at]) for one in self._last]
-        return [deeds.those(deeds.at >= 0) for deeds in found]
+        found = [one.deeds._replace(at=number[one.deeds.at]) for one in (self._now if is_moving else self._last)]
+        return [deeds.those((deeds.at >= 0) & took_part[deeds.at, deeds.agents]) for deeds in found]
 
     def plain_of(self, game: int) -> dict[int, dict[str, dict[str, Any]]]:
         """Return what agents of a game do in this turn: the number of each -> deed -> its fields."""

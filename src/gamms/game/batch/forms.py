@@ -1,6 +1,6 @@
 """How batches play strategies, rules and checks: what these declare, and how it is found."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
@@ -66,6 +66,11 @@ def strategy_spec_of(strategy: object) -> StrategySpec:
     spec: StrategySpec = getattr(strategy, _SPEC, _UNDECLARED)
     wrapped = getattr(strategy, "__wrapped__", None)
     return _UNDECLARED if spec is getattr(wrapped, _SPEC, None) else spec
+
+
+def decides_in_arrays(decider: object, settings: Mapping[str, Any]) -> bool:
+    """Return whether a decider is called once for all games: an array function whose calls are not timed one by one."""
+    return strategy_spec_of(decider).array_form is not None and settings["time_budget"] is None
 
 
 def key_of(form: Any) -> Hashable:

@@ -92,14 +92,12 @@ class InitialState:
     """
 
     def __init__(self, game: PlayedGame, state: GameArrays, columns: Block, games: IntArray) -> None:
-        _refuse_ended(game)
-        _refuse_departed(game)
-        if game.turn:
-            _refuse_unknown_places(game, state.movement)
+        _refuse_unknown(game, state.movement)
         block, values, rows = game.ctx.agent.block, game.internals.state, state.streets.rows
         names, known = state.roster.names, game.ctx.agent.agents
         self.turn = game.turn
         self._parts_played = values.parts_played
+        self._over = game.over
         self._scores = dict(values.scores)
         self._errors = [*values.errors]
         self._events = [*values.events]
@@ -180,6 +178,10 @@ class InitialState:
             state.counts[kind][games] = numbers
         for key, points in self._scores.items():
             state.scores.add(key, games, points)
+        if self._over is not None:
+            for game in games.tolist():
+                state.over[game] = dict(self._over)
+            state.is_going[games] = False
         self._put_logs(state, games)
         columns.begin(games)
         if self._parts_played:
@@ -207,15 +209,13 @@ def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | N
     state.first_by |= dict.fromkeys(found, named)
 
 
-def _refuse_ended(game: PlayedGame) -> None:
-    """Refuse a game of which no turn is left, and scores that are not numbers."""
-    last = game.settings()["max_turns"]
-    if last is not None and game.turn >= last:
-        raise NotTakenUp("a game of no more turns")
-    if game.over is not None:
-        raise NotTakenUp("a game that is over")
+def _refuse_unknown(game: PlayedGame, movement: Movement) -> None:
+    """Refuse a state that columns cannot hold."""
     if not all(map(fits_float, game.scores.values())):
         raise NotTakenUp("scores that are no numbers")
+    _refuse_departed(game)
+    if game.turn:
+        _refuse_unknown_places(game, movement)
 
 
 def _refuse_departed(game: PlayedGame) -> None:

@@ -48,11 +48,12 @@ class OneByOneEngine:
         self._beyond_arrays = dict[int, UnknownName]()  # games with agents at or next to nodes that rules have added
         self._acting = Acting(game, roster)
         self._results: list[Result | None] = [None] * len(seeds)
-        self._over: list[dict[str, Any] | None] = [None] * len(seeds)
         self._first = game.turn, dict(game.scores)  # of games that have begun
         self._turns = np.full(len(seeds), game.turn)
         self._scores: list[dict[Any, float]] = [dict(game.scores) for _ in seeds]
         self._last: int | None = game.settings()["max_turns"]
+        self._first_over = self._how_over()
+        self._over = [self._first_over] * len(seeds)
         self._observed = self._nothing_observed()
         self._is_watched = False  # whether games were observed, and probably will be after each turn
         self._is_observed = np.zeros(len(seeds), np.bool_)
@@ -84,7 +85,8 @@ class OneByOneEngine:
         """Forget what has become of a game."""
         if game == self.loaded:
             self.loaded = None
-        self._snapshots[game] = self._results[game] = self._over[game] = None
+        self._snapshots[game] = self._results[game] = None
+        self._over[game] = self._first_over
         self.ran_from.pop(game, None)
         self._beyond_arrays.pop(game, None)
         self._is_observed[game] = False
@@ -362,17 +364,20 @@ class OneByOneEngine:
         """Keep what has become of the game that the context has."""
         game = self._game
         self._turns[number], self._scores[number], self._results[number] = game.turn, dict(game.scores), None
-        is_late = self._last is not None and game.turn >= self._last
-        if game.over is not None:
-            self._over[number] = dict(game.over)
-        elif is_late:
-            self._over[number] = {"reason": "max_turns", "winner": None, "truncated": True}
+        self._over[number] = self._how_over()
         self._is_observed[number] = False
         if self._is_watched or self._over[number] is not None:
             self._observe(number)
         if self._over[number] is not None:
             self._acting.end()
             self._results[number] = self._result()
+
+    def _how_over(self) -> dict[str, Any] | None:
+        """Return how the game that the context has is over; None: it goes on."""
+        if self._game.over is not None:
+            return dict(self._game.over)
+        is_late = self._last is not None and self._game.turn >= self._last
+        return {"reason": "max_turns", "winner": None, "truncated": True} if is_late else None
 
     def _result(self) -> Result:
         result = self._game.result()

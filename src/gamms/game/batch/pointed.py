@@ -1,6 +1,6 @@
 """Points the context of one game at each game of a batch in turn."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -11,7 +11,7 @@ from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.roads import RoadMap
-from gamms.game.batch.state import GameArrays
+from gamms.game.batch.state import GameArrays, NotTakenUp
 from gamms.game.snapshots import Snapshot
 from gamms.ir.agents import show_game, show_lives, show_progress
 from gamms.ir.graph import IntArray
@@ -139,6 +139,27 @@ class PointedContext:
         """Whether the graph of the context was changed since the game was shown."""
         changed: bool = self._graph.revision != self._revision
         return changed
+
+    def change_roads(self, games: IntArray, verb: str, edges: Sequence[int]) -> None:
+        """Close or open roads in some games.
+
+        Args:
+            games: their numbers.
+            verb: the name of the method of `ctx.graph`.
+            edges: ids.
+
+        Raises:
+            UnknownName (KeyError): an edge does not exist in a game.
+            NotTakenUp: the core cannot close roads in these games.
+        """
+        change = getattr(self._game.ctx.graph, verb)
+        with self.held():
+            for number in self.each(games):
+                change(edges)
+                if not self.take_roads(number):
+                    raise NotTakenUp("roads that an array rule closes or opens")
+        if self._state.roads.are_counted and self._state.roads.are_closed:
+            raise NotTakenUp("roads that an array rule closes, along which a rule of the core counts distances")
 
     def take_roads(self, number: int) -> bool:
         """Let a game have the map of the context; return False, and do nothing, if more than roads was changed."""

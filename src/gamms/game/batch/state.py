@@ -277,11 +277,13 @@ class GameArrays:
         covered: game and agent -> a sensor that turns with it -> the rows of the nodes on which it would show agents.
         look: asks these sensors in some games; None: they were asked.
         reading: the context in which sensors are called.
+        change_roads: closes or opens roads in some games; see `PointedContext.change_roads`.
         over: of each game how it ended: reason, winner, truncated; None while it goes on.
         is_going: (games,) which have not ended.
         roads: which are open in each game.
         stops: (games, agents) how often an agent was tagged, put back or eliminated.
         placed: (games, agents) which were put where they are since they moved in this turn.
+        fell: (games, agents) which rules of the phase "deeds" have eliminated in this turn.
         numbers: the further numbers of agents, name -> (games, agents); see `ir.schema.NUMBERS`.
         kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
         first, first_by: what they remember of a game that has begun, likewise, as arrays of one game; and which does.
@@ -311,7 +313,7 @@ class GameArrays:
         self.errors: list[list[dict[str, Any]]] = [[] for _ in seeds]
         self.over, self.is_going = list[dict[str, Any] | None]([None] * games), np.ones(games, np.bool_)
         self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
-        self.placed = np.zeros(shape, np.bool_)
+        self.placed, self.fell = np.zeros((2, *shape), np.bool_)
         self.numbers = {one.name: np.full(shape, one.initial, one.kind) for one in NUMBERS}
         self.events = EventLog(games, roster.names)
         self.radio: Radio | None = None
@@ -343,6 +345,7 @@ class GameArrays:
         self.covered: dict[tuple[int, int], dict[str, IntArray]] = {}
         self.look: Callable[[IntArray], None] | None = None
         self.reading: Callable[[], AbstractContextManager[None]] = nullcontext
+        self.change_roads: Callable[[IntArray, str, Sequence[int]], None] | None = None
         self.memory_of = locked(np.arange(len(self.roster.names)))
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
 

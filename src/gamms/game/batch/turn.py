@@ -154,7 +154,7 @@ class ArrayTurn:
     @property
     def is_playing(self) -> BoolArray:
         """Whether each agent is alive, or was at the start of the turn, (games, agents)."""
-        return np.asarray(self.alive | self.took_part)
+        return np.asarray(self.alive | self.took_part | self._state.fell[self.games])
 
     @property
     def is_out(self) -> BoolArray:
@@ -360,15 +360,18 @@ class ArrayTurn:
         Raises:
             UnknownName (KeyError): an edge does not exist in a game.
         """
-        self._change_roads(at, edges)
+        self._change_roads("close_roads", at, edges)
 
     def open_roads(self, at: IntArray, edges: Sequence[int]) -> None:
         """Reopen closed roads in each of these games; see `close_roads`."""
-        self._change_roads(at, edges)
+        self._change_roads("open_roads", at, edges)
 
-    def _change_roads(self, at: IntArray, edges: Sequence[int]) -> None:
-        if len(at) and len(edges):
-            raise NotTakenUp("roads that an array rule closes or opens")
+    def _change_roads(self, verb: str, at: IntArray, edges: Sequence[int]) -> None:
+        games = self.games[np.unique(self._as_at(at))]
+        if len(games) and len(edges) and self._state.change_roads is not None:
+            self._close()
+            self._state.change_roads(games, verb, tuple(edges))
+            self._find_roads()
 
     def in_air(self) -> tuple[IntArray, FloatArray]:
         """Return the numbers of the agents that fly, ascending, and their positions, (games, flying agents, 3)."""
