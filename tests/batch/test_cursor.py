@@ -805,6 +805,35 @@ def test_sensors_of_programs_are_asked_in_the_game_of_their_agent(way):
         check(ctx, seeds=[1, 2, 3])
 
 
+@gamms.array_strategy
+def heed(view):
+    """Go by all that sensors show of agents and nodes."""
+    votes = np.zeros(view.node.shape, np.int64)
+    for shown in view["sensor"].values():
+        np.add.at(votes, (shown.at, shown.viewers), shown.nodes)
+    return (votes + view.covered().sum(axis=-1)) % view.counts
+
+
+@pytest.mark.parametrize("way", [None, "several edges", "metres"])
+@pytest.mark.parametrize("strategy", [None, gamms.strategies.random_walk, heed, attend])
+def test_sensors_look_in_each_turn_whoever_decides_for_their_agents(strategy, way):
+    sensors = {f"eye {number}": on_streets(KINDS[number]) for number in (3, 4, 8, 12, 15)}
+    sensors["sky"] = {"type": "AERIAL_AGENT", "sensor_range": 50.0, "at": (20.0, 20.0, 9.0), "delay_turns": 1}
+
+    with open_with_sensors(sensors, way) as ctx:
+
+        def log(node_id, agent):
+            ctx.game.data.setdefault("log", []).append([agent.name, node_id])
+            ctx.game.scores["log"] += len(ctx.game.data["log"])
+            return len(ctx.game.data["log"])
+
+        for agent in ctx.agent.create_iter():
+            agent.register_sensor("log", ctx.sensor.from_function(f"log of {agent.name}", log))
+            if agent.team == "red":
+                agent.strategy = heed(ctx) if strategy is heed else strategy
+        check(ctx, seeds=[1, 2, 3])
+
+
 def test_a_sensor_that_changes_agents_is_asked_in_games_that_are_played_alone():
     def jolt(node_id, agent):
         if node_id == 7:

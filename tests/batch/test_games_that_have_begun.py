@@ -122,11 +122,7 @@ def delete_team(ctx):
     ("delete", "delay_turns", "why"),
     [
         (delete_carrier, 0, "agents that were deleted, of which rules still know"),
-        (
-            lambda ctx: ctx.agent.delete_agent("red_1"),
-            2,
-            "the sensor 'near' of agent 'blue_0', which reports late",
-        ),
+        (lambda ctx: ctx.agent.delete_agent("red_1"), 2, "the strategy chase(ctx)"),
         (delete_team, 0, "a team whose agents were deleted"),
         (lambda ctx: ctx.agent.delete_agent("red_1"), 0, None),
     ],

@@ -36,7 +36,7 @@ from gamms.game.batch.in_core import Block, CoreGames, is_function
 from gamms.game.batch.initial_state import InitialState, goes_along_one_edge, movement_of
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.pointed import PointedContext
-from gamms.game.batch.sensing import look, take_up_sensors
+from gamms.game.batch.sensing import called_each_turn, carried_by, look, note_sensors, turns_with_agent
 from gamms.game.batch.state import GameArrays, NotTakenUp
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.turn import ArrayTurn
@@ -58,12 +58,11 @@ _DECIDE, _SETTLE, _MOVE = PHASES_OF_CORE
 
 
 class Group(NamedTuple):
-    """Agents that one array function decides for, or those that plain functions decide for."""
+    """Agents that one array function decides for."""
 
     name: str
     agents: IntArray  # numbers in the roster
     form: ArrayStrategy
-    is_of_arrays: bool = True
 
 
 class Numbers(NamedTuple):
@@ -120,9 +119,13 @@ class GamesOnMap:
         self.acts = acts_before_moves(game)
         self._groups = _groups(roster, settings, state.movement)
         collects = len(game.internals.parts.collectors.by_name) > 0
-        calls_each = self.acts or collects or len(asked) > 0 or any(map(is_plain_rule, rules))
+        observing = [number for number, agent in enumerate(roster.agents) if called_each_turn(agent)]
+        self._observing = np.isin(np.arange(len(roster.names)), observing)
+        self._is_asked = np.isin(np.arange(len(roster.names)), asked)
+        calls_each = self.acts or collects or len(asked + observing) > 0 or any(map(is_plain_rule, rules))
         self._initial = InitialState(game, state, block, games)
-        take_up_sensors(state, asked)
+        carried = [sensor for agent in roster.agents for sensor in carried_by(agent).values()]
+        note_sensors(state, range(len(roster.names)), with_nodes=any(map(turns_with_agent, carried)))
         pointed = PointedContext(game, state)
         state.look = partial(look, game, state, pointed)
         state.change_roads = pointed.change_roads
@@ -134,10 +137,8 @@ class GamesOnMap:
         self.cursor: Cursor | None = None
         if calls_each:
             has_arrays = len(self._groups) > 0 or any(one.spec.is_array_function for one in rules)
-            self.cursor = Cursor(game, pointed, state, self.core, asked, has_array_functions=has_arrays)
-        if self.cursor is not None and asked:
-            named = as_code(decider_of(roster.agents[asked[0]], settings["plans"]))
-            self._groups.append(Group(named, np.array(asked), self.cursor.decide, is_of_arrays=False))
+            self.cursor = Cursor(game, pointed, state, self.core, asked, observing, has_array_functions=has_arrays)
+        self._called = as_code(decider_of(roster.agents[asked[0]], settings["plans"])) if asked else ""
 
     @property
     def functions(self) -> list[Callable[..., object]]:
@@ -189,14 +190,14 @@ class GamesOnMap:
     def take(self, games: IntArray, given: Mapping[Hashable, Given], numbers: Numbers | None) -> BoolArray | None:
         """Write the actions that are given into the block; return which agents take them, (agents,).
 
-        Return None where no agent does, and none is asked by a function.
+        Return None where no agent does, and none observes or is asked by a function.
 
         Args:
             games: that are played.
             given: team -> what its agents do, in place of what their strategies decide.
             numbers: what other agents do, which is in the block.
         """
-        if numbers is None and not given and not self._groups:
+        if numbers is None and not given and not self._groups and not (self._is_asked | self._observing).any():
             return None
         state, actions = self.state, self._block.given
         is_given = np.zeros(len(state.roster.names), np.bool_)
@@ -222,20 +223,35 @@ class GamesOnMap:
     def decide(self, games: IntArray, part: int, is_given: BoolArray) -> None:
         """Write the actions of agents of a part of the turn for which functions decide into the block, too."""
         actions = self._block.given
+        self._call_each(games, part, is_given)
         for group in self._groups:
             agents = group.agents[~is_given[group.agents] & (self.core.part_of[group.agents] == part)]
             if len(agents):
-                for some in self._by_roads(games) if group.is_of_arrays else [games]:
+                for some in self._by_roads(games):
                     view = asked_view(self.state, some, agents)
                     try:
-                        found = group.form(view)
-                        is_checked = group.is_of_arrays
-                        actions[np.ix_(some, agents)] = view._checked(found, group.name) if is_checked else found
+                        actions[np.ix_(some, agents)] = view._checked(group.form(view), group.name)
                         self._take_acts(view)
                     except Exception as error:
                         error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
                         raise
                 is_given[agents] = True
+
+    def _call_each(self, games: IntArray, part: int, is_given: BoolArray) -> None:
+        """Call plain functions that decide, and the sensors that are called in each turn, game by game."""
+        are_next = self.core.part_of == part
+        asked = np.flatnonzero(self._is_asked & are_next & ~is_given)
+        observing = np.flatnonzero(self._observing & are_next & (is_given | ~self._is_asked))
+        if self.cursor is None or not len(asked) + len(observing):
+            return
+        view = ArrayView(self.state, games, asked)
+        try:
+            self._block.given[np.ix_(games, asked)] = self.cursor.decide(view, observing)
+        except Exception as error:
+            if len(asked):
+                error.add_note(f"In the strategy {self._called} of a batch, {in_turns(view.turn, view.games)}.")
+            raise
+        is_given[asked] = True
 
     def _by_roads(self, games: IntArray) -> Iterator[IntArray]:
         """Yield the games for which an array function is called at once: those in which the same roads are open."""
@@ -422,12 +438,12 @@ class ArrayEngine:
     @property
     def may_leave(self) -> bool:
         """Whether games may leave the core: because of functions, or because actions come from outside."""
-        return self._at_arrivals or len(self.functions) > 0
+        return self._at_arrivals or self.calls_each or len(self.functions) > 0
 
     @property
     def plays_by_phases(self) -> bool:
         """Whether functions are called, or messages are sent, between phases of a turn."""
-        return self._radio is not None or len(self.functions) > 0
+        return self._radio is not None or self.calls_each or len(self.functions) > 0
 
     @property
     def calls_each(self) -> bool:

@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import lru_cache, partial
 from itertools import chain
 from operator import itemgetter
@@ -18,6 +19,7 @@ from gamms.game.batch.forms import decides_in_arrays
 from gamms.game.batch.in_core import CoreGames, core_form_of
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.scores import fits_float
+from gamms.game.batch.sensing import called_each_turn
 from gamms.game.batch.state import STOPPED, GameArrays, NotTakenUp
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.view import ArrayView
@@ -38,7 +40,7 @@ from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
 from gamms.plain import is_plain, is_same
-from gamms.text import as_code
+from gamms.text import as_code, shown
 from gamms.typing.sensor_engine import owner_of
 
 # made when they are read
@@ -199,12 +201,12 @@ class _Living(NamedTuple):
     Attributes:
         order: the order.
         table: the keys of their draws.
-        asked: by numbers of agents in the roster.
+        asked: by numbers in the roster of agents that are asked, and of others that observe.
     """
 
     order: TurnOrder
     table: DrawTable
-    asked: dict[bytes, _Asked]
+    asked: dict[tuple[bytes, bytes], _Asked]
 
 
 class Cursor:
@@ -220,6 +222,7 @@ class Cursor:
         state: of all games.
         core: plays them.
         asked: the numbers in the roster of agents whose strategies and plans are called.
+        observing: the numbers of agents whose sensors are called in each turn.
         has_array_functions: whether array functions are called, too.
 
     Attributes:
@@ -239,13 +242,14 @@ class Cursor:
         state: GameArrays,
         core: CoreGames,
         asked: Sequence[int],
+        observing: Sequence[int],
         *,
         has_array_functions: bool,
     ) -> None:
-        _refuse_calls_while_moving(game, state, asked)
+        _refuse_calls_while_moving(game, state, [*asked, *observing])
         parts = game.internals.parts
         self._game = game
-        self._asked_names = {state.roster.names[number] for number in asked}
+        self._observing_names = {state.roster.names[number] for number in (*asked, *observing)}
         self._pointed = pointed
         self._state = state
         self._core = core
@@ -376,10 +380,10 @@ class Cursor:
         )
 
     def _take_sensors(self) -> None:
-        """Find the sensors of agents that are asked, and which of them count their looks."""
+        """Find the sensors that are called, and which of them count their looks."""
         self._sensors = [sensor for agent in self._agents for sensor in agent.sensors.values()]
-        asked = (agent for agent in self._agents if agent.name in self._asked_names)
-        carried = [sensor for agent in asked for sensor in agent.sensors.values()]
+        observing = (agent for agent in self._agents if agent.name in self._observing_names)
+        carried = [sensor for agent in observing for sensor in agent.sensors.values()]
         looks = [(one, one.in_arrays()) for one in carried if hasattr(one, "in_arrays")]
         self._notices = [one.notice for one, look in looks if look is not None and not look.is_plain]
         self._sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
@@ -459,7 +463,8 @@ class Cursor:
         """Let some games begin again."""
         self._pointed.forget(games)
         first = self._first
-        undone = {name: why for name, why in first.blocked.items() if name in self._asked_names}
+        asked = {self._state.roster.names[number] for number in self._asked_agents}
+        undone = {name: why for name, why in first.blocked.items() if name in asked}
         for number in games.tolist():
             self._data[number] = self._facts_of[number] = self._attributes[number] = None
             self._private_facts[number] = copied(first.private_facts) if any(first.private_facts) else None
@@ -808,29 +813,14 @@ class Cursor:
 
     # -- strategies ---------------------------------------------------------------------------------------------
 
-    def decide(self, view: ArrayView) -> IntArray:
-        """Return the actions of agents that are asked game by game."""
-        state, turns = self._state, self._turns
-        games, agents = view.games, view.agents
-        are_blocked = np.any(state.blocked[games][:, agents], axis=1).tolist()
-        ends = list[int]()
-        self._deeds = []
-        which = agents.tobytes()
+    @contextmanager
+    def _deciding(self) -> Iterator[None]:
+        """Let agents observe and decide in the games that the context is pointed at."""
+        turns = self._turns
         self._begin()
-        if self._core.courses is not None:
-            self._core.courses.routes.forget()
         turns.is_playing = turns.is_moving = True
         try:
-            for number, is_blocked in zip(self._each(games), are_blocked, strict=True):
-                self._living.table.rekey(state.seeds[number])
-                asked = self._asked(which, agents)
-                if not asked.members:
-                    ends += [self._block.node[0]] * len(agents)
-                    continue
-                told = self._tell_blocked(asked) if is_blocked or number in self._undone else ()
-                ends += self._ask(asked)
-                for slot in told:
-                    slot.set_blocked(None)
+            yield
         except Exception as error:
             if not isinstance(error, NotTakenUp):
                 self._refuse_changes()
@@ -840,6 +830,32 @@ class Cursor:
             turns.is_playing = turns.is_moving = False
             self._forget_looks()
         self._refuse_changes()
+
+    def decide(self, view: ArrayView, observing: IntArray) -> IntArray:
+        """Return the actions of agents that are asked game by game.
+
+        Args:
+            view: the agents.
+            observing: the numbers of other agents, whose sensors are called.
+        """
+        state = self._state
+        games, agents = view.games, view.agents
+        are_blocked = np.any(state.blocked[games][:, agents], axis=1).tolist()
+        ends = list[int]()
+        self._deeds = []
+        if self._core.courses is not None:
+            self._core.courses.routes.forget()
+        with self._deciding():
+            for number, is_blocked in zip(self._each(games), are_blocked, strict=True):
+                self._living.table.rekey(state.seeds[number])
+                asked = self._asked(agents, observing)
+                if not asked.part.observing:
+                    ends += [self._block.node[0]] * len(agents)
+                    continue
+                told = self._tell_blocked(asked) if is_blocked or number in self._undone else ()
+                ends += self._ask(asked)
+                for slot in told:
+                    slot.set_blocked(None)
         if state.deed_log is not None:
             state.deed_log.want(state.deeds, state.deeds.from_plain(self._deeds, state.node), state.turn)
         if self._core.courses is not None:
@@ -932,9 +948,9 @@ class Cursor:
             undone, name = self._undone.setdefault(game, {}), self._state.roster.names[agent]
             undone[name] = f"{undone[name]}; {why}" if name in undone else why
 
-    def _asked(self, which: bytes, agents: IntArray) -> _Asked:
-        """Return what asking some agents needs, of those that live now."""
-        known = self._living
+    def _asked(self, agents: IntArray, observing: IntArray) -> _Asked:
+        """Return the living ones of agents that are asked, and of others that only observe."""
+        known, which = self._living, (agents.tobytes(), observing.tobytes())
         asked = known.asked.get(which)
         if asked is None:
             order, names = known.order, self._state.roster.names
@@ -944,6 +960,10 @@ class Cursor:
             part = order.whole
             if len(members) < len(order.slots):
                 part = TurnPart(order.slots, [i for i, _ in members], order.progress, self._parts.settings)
+            others = {order.index_of.get(names[number], -1) for number in observing.tolist()} - {-1}
+            if others:
+                part.observing = sorted(others.union(part.observing))
+                part.see_world_only = False  # all of them observe before any decides
             templates = [(name, order.slots[i].template) for i, name in members]
             asked = known.asked[which] = _Asked(part, places, members, templates)
         return asked
@@ -1052,10 +1072,15 @@ def first_called(game: PlayedGame, roster: Roster) -> str | None:
     plans = game.settings()["plans"]
     deciders = (f"the strategy {as_code(decider_of(roster.agents[i], plans))}" for i in asked_of(game, roster))
     collectors = (f"the collector {name!r}" for name in game.internals.parts.collectors.by_name)
-    return next(chain(rules, deciders, collectors), None)
+    sensors = (
+        f"the sensor {shown(name)} of agent {shown(agent.name)}"
+        for agent in roster.agents
+        for name in called_each_turn(agent)
+    )
+    return next(chain(rules, deciders, collectors, sensors), None)
 
 
-def _refuse_calls_while_moving(game: PlayedGame, state: GameArrays, asked: Sequence[int]) -> None:
+def _refuse_calls_while_moving(game: PlayedGame, state: GameArrays, called: Sequence[int]) -> None:
     """Refuse functions that are called when some agents have moved in a turn, and others have not."""
     movement = state.movement
     first = first_called(game, state.roster)
@@ -1064,7 +1089,7 @@ def _refuse_calls_while_moving(game: PlayedGame, state: GameArrays, asked: Seque
         raise NotTakenUp(f"{first}, before agents with speeds move in an order of play")
     if not isinstance(movement, ByMetres) or not movement.terms.decides_at_arrivals:
         return
-    if asked:
+    if called:
         raise NotTakenUp(f"{first}, with agents that decide at arrivals")
     if has_function_of_conflicts(game):
         raise NotTakenUp(f"{first}, with conflicts at arrivals")

@@ -15,7 +15,7 @@ from gamms.core import observe, strategies
 from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.game.batch.columns import PlayedGame, places_of, some_rows
 from gamms.game.batch.pointed import PointedContext
-from gamms.game.batch.state import GameArrays, NotTakenUp
+from gamms.game.batch.state import GameArrays
 from gamms.game.batch.strategy_steps import MOST_LOOKING, has_plain_looks, looks_of
 from gamms.game.conflicts import flat
 from gamms.ir.graph import FloatArray, IntArray
@@ -24,7 +24,7 @@ from gamms.ir.sensor_results import AgentLook
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.sensor_engine import FROM_AIR, IN_AIR, ON_GROUND, ISensor, SensorType
+from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor, SensorType
 
 SHOWING_AGENTS = ON_GROUND | IN_AIR
 SHOWING_NODES = {SensorType.NEIGHBOR, SensorType.MAP, SensorType.RANGE, SensorType.ARC, SensorType.OCCLUDED_MAP}
@@ -147,38 +147,17 @@ def noted_node_sensors(agent: IAgent) -> list[str]:
     return [name for name, one in nodes.items() if one.type is SensorType.NEIGHBOR or turns_with_agent(one)]
 
 
-def take_up_sensors(state: GameArrays, called: Collection[int]) -> None:
-    """Note the sensors of all agents that are asked in a context; the core has all others.
+def called_each_turn(agent: IAgent) -> list[str]:
+    """Return the sensors of an agent that are called in each turn, even if nothing asks for their data.
 
-    Args:
-        state: of all games.
-        called: the numbers of the agents that decide by a plain function, which gets what sensors show in a context.
-
-    Raises:
-        NotTakenUp: a sensor sees more of a game than what the core has.
+    These are the sensors that report earlier turns, and those whose code may do more than look at the world.
     """
-    agents = state.roster.agents
-    for number, agent in enumerate(agents):
-        for name, why in _unknown_sensors(agent, is_called=number in called):
-            raise NotTakenUp(f"the sensor {shown(name)} of agent {shown(agent.name)}, which {why}")
-    carried = [sensor for agent in agents for sensor in carried_by(agent).values()]
-    note_sensors(state, range(len(agents)), with_nodes=any(map(turns_with_agent, carried)))
-
-
-def _unknown_sensors(agent: IAgent, *, is_called: bool) -> Iterator[tuple[str, str]]:
-    """Yield the sensors of an agent that see more of a game than what the core has, and why, in words."""
+    found = []
     for name, sensor in carried_by(agent).items():
         look: AgentLook | None = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
-        if sensor.type in IN_AIR | FROM_AIR:
-            yield name, "looks from the air"
-        elif is_called:
-            continue
-        elif turns_with_agent(sensor):
-            yield name, "turns with it"
-        elif sensor.type in ON_GROUND and look is None:
-            yield name, "is of a class of its own"
-        elif look is not None and look.is_late:
-            yield name, "reports late"
+        if not getattr(sensor, "sees_world_only", False) or (look is not None and look.is_late):
+            found.append(name)
+    return found
 
 
 def note_sensors(state: GameArrays, agents: Sequence[int], *, with_nodes: bool) -> None:
