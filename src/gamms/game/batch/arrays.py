@@ -34,7 +34,7 @@ from gamms.game.batch.forms import decides_in_arrays, key_of, strategy_spec_of
 from gamms.game.batch.given import Given
 from gamms.game.batch.in_core import Block, CoreGames, is_function
 from gamms.game.batch.initial_state import InitialState, goes_along_one_edge, movement_of
-from gamms.game.batch.movement import Movement
+from gamms.game.batch.movement import Movement, MovementOnMaps
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.sensing import called_each_turn, carried_by, look, note_sensors, turns_with_agent
 from gamms.game.batch.state import GameArrays, NotTakenUp
@@ -92,7 +92,7 @@ class GamesOnMap:
         game, state: see above.
         before, deeds: the rules of the phases "before" and "deeds".
         acts: whether functions are called between decisions and moves.
-        unlisted: (agents,) which are of teams that the order of play leaves out.
+        leaves_out: whether the order of play leaves out the team of an agent.
         core: plays them.
         cursor: calls plain functions; None: there are none.
 
@@ -110,7 +110,8 @@ class GamesOnMap:
         check = partial(checked_value, ctx=game.ctx)
         state.deeds = DeclaredDeeds(settings["deeds"], check, roster, state.streets, state.roads.are_open)
         self._block = block
-        self.unlisted = roster.unlisted(settings["order"])
+        self._unlisted = roster.unlisted(settings["order"])
+        self.leaves_out = bool(self._unlisted.any())
         rules, asked = as_called(game.rules), asked_of(game, roster)
         self.before = [one for one in rules if one.phase == "before"]
         self.deeds = [one for one in rules if one.phase == "deeds"]
@@ -141,6 +142,11 @@ class GamesOnMap:
         self._called = as_code(decider_of(roster.agents[asked[0]], settings["plans"])) if asked else ""
 
     @property
+    def asks_functions(self) -> bool:
+        """Whether functions decide for agents, or agents observe by sensors that are called."""
+        return len(self._groups) > 0 or bool((self._is_asked | self._observing).any())
+
+    @property
     def functions(self) -> list[Callable[..., object]]:
         """The functions that are called."""
         rules = [one.spec.array_form for one in as_called(self.game.rules) if one.spec.is_array_function]
@@ -151,7 +157,7 @@ class GamesOnMap:
         """Yield a function that takes back what happens from now on, where functions may raise after rules or moves."""
         if self.cursor is not None:
             yield self.cursor.checkpoint()
-        elif ((self._groups or self.state.radio is not None) and self.core.num_parts > 1) or self.unlisted.any():
+        elif ((self._groups or self.state.radio is not None) and self.core.num_parts > 1) or self.leaves_out:
             yield self.state.checkpoint(self.core.moves)
 
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
@@ -167,7 +173,7 @@ class GamesOnMap:
         Raises:
             BadValue: there is one.
         """
-        lives = self.state.alive[games] & self.unlisted
+        lives = self.state.alive[games] & self._unlisted
         if lives.any():
             at, agent = np.argwhere(lives)[0].tolist()
             roster, number = self.state.roster, int(games[at])
@@ -176,8 +182,7 @@ class GamesOnMap:
             raise error
 
     def check_given(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
-        """Refuse what is not legal before a rule is called."""
-        self._take(games, given)
+        """Refuse deeds and messages that are not legal before a rule is called."""
         for team, wanted in given.items():
             wanted.act(asked_view(self.state, games, self.state.roster.members(team)))
 
@@ -187,38 +192,33 @@ class GamesOnMap:
         for named in self.before:
             self.call(named, games[self.state.is_going[games]])  # a game that one of them ends is over for the others
 
-    def take(self, games: IntArray, given: Mapping[Hashable, Given], numbers: Numbers | None) -> BoolArray | None:
-        """Write the actions that are given into the block; return which agents take them, (agents,).
-
-        Return None where no agent does, and none observes or is asked by a function.
+    def take(self, games: IntArray, given: Mapping[Hashable, Given], numbers: Numbers | None) -> None:
+        """Take what agents are given besides their moves, which are in the block.
 
         Args:
             games: that are played.
             given: team -> what its agents do, in place of what their strategies decide.
-            numbers: what other agents do, which is in the block.
+            numbers: what other agents do.
         """
-        if numbers is None and not given and not self._groups and not (self._is_asked | self._observing).any():
-            return None
         state, actions = self.state, self._block.given
-        is_given = np.zeros(len(state.roster.names), np.bool_)
         if numbers is not None:
-            is_given |= numbers.is_given
             if self.before:  # a rule may have moved the agents
-                counts = asked_view(self.state, games, np.arange(len(is_given))).counts
+                counts = asked_view(state, games, np.arange(actions.shape[1])).counts
                 actions[games] *= (actions[games] >= 0) & (actions[games] < counts)
-            agents = np.flatnonzero(is_given)
-            self._note_given(games, agents)
-            if numbers.deeds:
-                view = asked_view(self.state, games, agents)
-                Given(actions[:, agents], numbers.deeds, {}).act(view)
-                self._take_acts(view)
-        self._take(games, given)
+            if self.cursor is not None or numbers.deeds:
+                agents = np.flatnonzero(numbers.is_given)
+                self._take_acts_of(games, agents, Given(actions[:, agents], numbers.deeds, {}))
         for team, wanted in given.items():
-            is_given[state.roster.members(team)] = True
-            view = asked_view(self.state, games, state.roster.members(team))
-            wanted.act(view)
-            self._take_acts(view)
-        return is_given
+            if self.cursor is not None or wanted.deeds or wanted.messages:
+                self._take_acts_of(games, state.roster.members(team), wanted)
+
+    def _take_acts_of(self, games: IntArray, agents: IntArray, given: Given) -> None:
+        """Take the deeds and messages that agents are given, and note their actions."""
+        view = asked_view(self.state, games, agents)
+        if self.cursor is not None:
+            self.cursor.note_given(view)
+        given.act(view)
+        self._take_acts(view)
 
     def decide(self, games: IntArray, part: int, is_given: BoolArray) -> None:
         """Write the actions of agents of a part of the turn for which functions decide into the block, too."""
@@ -269,20 +269,6 @@ class GamesOnMap:
             return
         has_moved = self.state.turn[games] > self._initial.turn
         yield from filter(len, (games[has_moved], games[~has_moved]))
-
-    def _take(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
-        """Write moves that were given into the block."""
-        for team, wanted in given.items():
-            agents = self.state.roster.members(team)
-            view = asked_view(self.state, games, agents)
-            moves = view._checked(wanted.moves_in(view, wanted.moves[games]), f"team {shown(team)}")
-            self._block.given[np.ix_(games, agents)] = moves
-            self._note_given(games, agents)
-
-    def _note_given(self, games: IntArray, agents: IntArray) -> None:
-        """Note the actions that agents were given."""
-        if self.cursor is not None:
-            self.cursor.note_given(ArrayView(self.state, games, agents))
 
     def _take_acts(self, view: ArrayView) -> None:
         """Take what the agents of a view do besides moving."""
@@ -425,10 +411,22 @@ class ArrayEngine:
         ]
         self._num_parts = self._maps[0].core.num_parts
         self._acts = self._maps[0].acts
+        self._asks_functions = self._maps[0].asks_functions
+        self._leaves_out = self._maps[0].leaves_out
+        self._of_all_maps: GameArrays | None = None  # see `_by_legal_moves`
+        if all(type(movement) is Movement for movement in movements):
+            self._of_all_maps = self._state.on_map(MovementOnMaps(movements, self._map_of), rosters[0])
 
     def _find_games(self) -> None:
         """Find the games that are on each map."""
-        self._on = [np.flatnonzero(self._map_of == number) for number in range(self._num_maps)]
+        self._is_on = self._map_of == np.arange(self._num_maps)[:, None]
+        self._on = [np.flatnonzero(is_on) for is_on in self._is_on]
+
+    def _each(self, which: BoolArray) -> Iterator[tuple[GamesOnMap, IntArray]]:
+        """Yield each map with those of its games that are chosen by a mask, (games,)."""
+        are_all = bool(which.all())
+        for one, games in zip(self._maps, self._on, strict=True):
+            yield one, games if are_all else games[which[games]]
 
     @property
     def functions(self) -> list[Callable[..., object]]:
@@ -478,11 +476,6 @@ class ArrayEngine:
         over = ~self._state.is_going
         return over if self._last is None else over | (self._state.turn >= self._last)
 
-    def _playing(self) -> list[IntArray]:
-        """Return the games that are not over, of each map."""
-        goes_on = ~self.is_over
-        return [games[goes_on[games]] for games in self._on]
-
     # -- playing ------------------------------------------------------------------------------------------------
 
     def play(self, turns: int, threads: int) -> int:
@@ -490,13 +483,13 @@ class ArrayEngine:
 
         Only where there are no array functions.
         """
-        if any(one.unlisted.any() for one in self._maps):  # who may be dead
+        if self._leaves_out:  # who may be dead
             self.step({})
             return 1
         before = self._state.turn.copy()
         last = before + turns
         until = last if self._last is None else np.minimum(last, self._last)
-        self._play(self._playing(), until * self._num_parts, [None] * len(self._maps), threads)
+        self._play(~self.is_over, until * self._num_parts, None, threads)
         return int((self._state.turn - before).max())
 
     def step(self, given: Mapping[Hashable, Given], numbers: Numbers | None = None, threads: int = 1) -> None:
@@ -510,8 +503,8 @@ class ArrayEngine:
         Raises:
             NotTakenUp: a function asks for what the core does not have.
         """
-        playing = self._playing()
-        undoing = [*chain(*(one.checkpoints() for one in self._maps))] if sum(map(len, playing)) > 1 else []
+        playing = ~self.is_over
+        undoing = [*chain(*(one.checkpoints() for one in self._maps))] if np.count_nonzero(playing) > 1 else []
         try:
             self._play_turn(playing, given, numbers, threads)
         except NotTakenUp:
@@ -522,20 +515,18 @@ class ArrayEngine:
             raise
 
     def _play_turn(
-        self, playing: list[IntArray], given: Mapping[Hashable, Given], numbers: Numbers | None, threads: int
+        self, playing: BoolArray, given: Mapping[Hashable, Given], numbers: Numbers | None, threads: int
     ) -> None:
-        """Play one turn; the games of all maps come to the end of a phase before the next begins."""
+        """Play one turn of some games; those of all maps come to the end of a phase before the next begins."""
         if self._at_arrivals and (given or numbers is not None):
             raise NotTakenUp("actions from outside, of agents that decide at arrivals")
         for log in self._logs_of_turn:
             log.begin_turn()
         if any(one.before for one in self._maps):
             playing = self._call_before(playing, given)
-        for one, games in zip(self._maps, playing, strict=True):
+        for one, games in self._each(playing) if self._leaves_out else ():
             one.refuse_unlisted(games)
-        if numbers is not None:
-            self._block.given[:] = numbers.actions
-        are_given = [one.take(games, given, numbers) for one, games in zip(self._maps, playing, strict=True)]
+        are_given = self._take(playing, given, numbers)
         first = self._block.part.copy()
         try:
             self._play_parts(playing, first, are_given, threads)
@@ -545,15 +536,56 @@ class ArrayEngine:
             raise
         self._finish(playing)
 
+    def _take(
+        self, playing: BoolArray, given: Mapping[Hashable, Given], numbers: Numbers | None
+    ) -> list[BoolArray] | None:
+        """Write the actions that are given into the block; return which agents take them on each map, (agents,).
+
+        Return None where no agent does, and none observes or is asked by a function.
+
+        Args:
+            playing: (games,) which are played.
+            given: team -> what its agents do, in place of what their strategies decide.
+            numbers: what other agents do.
+        """
+        if numbers is None and not given and not self._asks_functions:
+            return None
+        roster = self._state.roster
+        is_given = np.zeros(len(roster.names), np.bool_)
+        if numbers is not None:
+            self._block.given[:] = numbers.actions
+            is_given |= numbers.is_given
+        self._take_moves(playing, given)
+        for one, games in self._each(playing):
+            one.take(games, given, numbers)
+        for team in given:
+            is_given[roster.members(team)] = True
+        return [is_given.copy() for _ in self._maps]
+
+    def _take_moves(self, playing: BoolArray, given: Mapping[Hashable, Given]) -> None:
+        """Write moves that were given into the block, if they are legal."""
+        for state, games in self._by_legal_moves(playing) if given else ():
+            for team, wanted in given.items():
+                agents = state.roster.members(team)
+                view = asked_view(state, games, agents)
+                moves = view._checked(wanted.moves_in(view, wanted.moves[games]), f"team {shown(team)}")
+                self._block.given[np.ix_(games, agents)] = moves
+
+    def _by_legal_moves(self, playing: BoolArray) -> list[tuple[GameArrays, IntArray]]:
+        """Return the games in which one table has all legal moves, with their state."""
+        if self._of_all_maps is None or any(one.state.roads.are_closed for one in self._maps):
+            return [(one.state, games) for one, games in self._each(playing)]
+        return [(self._of_all_maps, np.flatnonzero(playing))]
+
     def _play_parts(
-        self, playing: list[IntArray], first: IntArray, are_given: Sequence[BoolArray | None], threads: int
+        self, playing: BoolArray, first: IntArray, are_given: Sequence[BoolArray] | None, threads: int
     ) -> None:
         """Let agents decide and move, part by part; of each game those from the first part on that was not played."""
         begun = self._state.turn * self._num_parts
         for part in range(self._num_parts):
-            now = [games[(first[games] <= part) & self._state.is_going[games]] for games in playing]
-            for one, games, is_given in zip(self._maps, now, are_given, strict=True):
-                if is_given is not None and len(games):
+            now = playing & (first <= part) & self._state.is_going
+            if are_given is not None and self._asks_functions:
+                for (one, games), is_given in zip(self._each(now), are_given, strict=True):
                     one.decide(games, part, is_given)
             flaws, turns, until = self._admit(part), self._state.turn.copy(), begun + part + 1
             if self._deed_log is not None:
@@ -563,30 +595,30 @@ class ArrayEngine:
                 self._maps[self._map_of[flaw.game]].note_unsent(flaw, int(turns[flaw.game]))
             self._act(now, part, partial(self._play, now, until, are_given, threads))
 
-    def _act(self, playing: list[IntArray], part: int, play: Callable[[int], None]) -> None:
+    def _act(self, playing: BoolArray, part: int, play: Callable[[int], None]) -> None:
         """Call the functions between the decisions of agents and their moves, and let agents move then.
 
         Args:
-            playing: the games of each map that are played.
+            playing: (games,) which are played.
             part: of the turn.
             play: plays a phase in the core.
         """
-        for one, games in zip(self._maps if self._acts else (), playing, strict=False):
+        for one, games in self._each(playing) if self._acts else ():
             one.check(games, part)
         if self._deed_log is not None:
             self._deed_log.note()
         if not self._acts:
             return
         play(_SETTLE)
-        changed = [one.do_deeds(games, part) for one, games in zip(self._maps, playing, strict=True)]
+        changed = [one.do_deeds(games, part) for one, games in self._each(playing)]
         play(_SETTLE)
-        for one, games, of_map in zip(self._maps, playing, changed, strict=True):
+        for (one, games), of_map in zip(self._each(playing), changed, strict=True):
             one.stop(games, of_map, part)
         play(_MOVE)
 
-    def _finish(self, playing: list[IntArray]) -> None:
+    def _finish(self, playing: BoolArray) -> None:
         """Send messages, and call rules and collectors, in games that have moved."""
-        for one, games in zip(self._maps, playing, strict=True):
+        for one, games in self._each(playing):
             one.send(games)
             for named in one.core.play_rules(games):
                 one.call(named, games)
@@ -610,34 +642,36 @@ class ArrayEngine:
             raise error
         return flaws
 
-    def _call_before(self, playing: list[IntArray], given: Mapping[Hashable, Given]) -> list[IntArray]:
-        """Call the rules before the turn; return the games of each map that go on."""
-        for one, games in zip(self._maps, playing, strict=True):
+    def _call_before(self, playing: BoolArray, given: Mapping[Hashable, Given]) -> BoolArray:
+        """Call the rules before the turn; return which games go on."""
+        self._take_moves(playing, given)
+        for one, games in self._each(playing):
             one.check_given(games, given)
-        for one, games in zip(self._maps, playing, strict=True):
+        for one, games in self._each(playing):
             one.call_before(games)
-        return self._playing()
+        return ~self.is_over
 
     def _play(
         self,
-        playing: list[IntArray],
+        playing: BoolArray,
         until: IntArray,
-        are_given: Sequence[BoolArray | None],
+        are_given: Sequence[BoolArray] | None,
         threads: int,
         phase: int | None = None,
     ) -> None:
-        """Play games of each map in the core.
+        """Play games in the core.
 
         Args:
-            playing: these games.
+            playing: (games,) which are played.
             until: (games,) until so many parts of the turns of each game are played.
             are_given: (agents,) of each map which agents take the actions in the block; None: none do.
             threads: how many play.
             phase: of a part of the turn, see `gamms.core.turn`; None: all of them.
         """
         cores = [one.core for one in self._maps]
-        for core, games, is_given in zip(cores, playing, are_given, strict=True):
-            core.prepare(games, until[games], is_given, threads)
+        np.multiply(self._is_on, np.where(playing, until, 0), out=self._block.until)
+        for number, core in enumerate(cores):
+            core.prepare(None if are_given is None else are_given[number], threads)
 
         def play_part(thread: int, begin: int, end: int) -> None:
             for core in cores:

@@ -155,6 +155,7 @@ class Block:
         ends: (games, agents) where agents go in the part of a turn that is under way.
         wanted: (games, agents) where agents wanted to go that conflicts have stopped, as these compare places.
         held: (games, agents) which agents may not do what they have decided.
+        until: (maps, games) until so many parts of the turns of each game on a map are played.
         part: (games,) how many parts of the turn that is under way were played.
         over: (games,) which games have ended.
         score: (games, teams)
@@ -169,6 +170,7 @@ class Block:
         shape = state.node.shape
         self.given, self.start, self.ends, self.went, self.wanted = np.zeros((5, *shape), np.int64)
         self.takes_part, self.held = np.zeros((2, *shape), np.uint8)
+        self.until = np.zeros((len(states), shape[0]), np.int64)
         self.part = np.zeros(shape[0], np.int64)
         self.over = np.zeros(shape[0], np.uint8)
         self.score = np.zeros((shape[0], len(state.roster.teams)))
@@ -177,6 +179,11 @@ class Block:
         self._ids = np.concatenate([one.streets.columns.node_ids for one in states])
         self._first = np.cumsum([0, *(one.streets.num_nodes for one in states)])  # the place of each map in `_ids`
         self.begin(np.arange(shape[0]))
+
+    def until_of(self, state: GameArrays) -> IntArray:
+        """Return the row of `until` of the map of a state."""
+        found: IntArray = self.until[[one is state for one in self._states].index(True)]
+        return found
 
     def begin(self, games: IntArray) -> None:
         """Begin games, whose agents have not moved."""
@@ -378,7 +385,7 @@ class CoreGames:
         self._streets = streets.core_with_all_legal if isinstance(state.movement, Anywhere) else streets.core
         self._first_node = np.zeros(len(state), np.int64)  # see `rules.GameColumns`
         self._tables: RoadTables | None = None  # of the games, once a rule has closed roads
-        self._until = np.zeros(len(state), np.int64)
+        self._until = block.until_of(state)
         self._here = state.node  # see `note_places`
         self._games = np.zeros(0, np.int64)  # that are played
         self.part_of = state.roster.part_of(settings["order"])
@@ -448,12 +455,10 @@ class CoreGames:
         beyond = place - len(columns.node_ids)
         return int(columns.node_ids[place]) if beyond < 0 else EdgePlace(int(columns.edge_ids[beyond]))
 
-    def prepare(self, games: IntArray, until: IntArray, is_given: BoolArray | None, threads: int) -> None:
-        """Prepare to play games.
+    def prepare(self, is_given: BoolArray | None, threads: int) -> None:
+        """Prepare to play the games that `Block.until` says.
 
         Args:
-            games: those of this map that are played.
-            until: (games,) until so many parts of the turns of each are played.
             is_given: (agents,) which agents take the actions in the block; the others decide themselves; None: all do.
             threads: how many play.
         """
@@ -464,11 +469,9 @@ class CoreGames:
         if is_given is not None:
             self._deciding[is_given] = moves.GIVEN
         self._made[0][1].refuse_unknown_agents()
-        self._until.fill(0)
-        self._until[games] = until
-        self._games = games
         if self._by_steps is not None:
-            self._by_steps.take_memories(games)
+            self._games = np.flatnonzero(self._until)
+            self._by_steps.take_memories(self._games)
 
     def _take_roads(self) -> None:
         """Let agents move, and find ways, on the roads that are open in each game."""

@@ -1,6 +1,7 @@
 """Where actions lead in many games at once: to nodes one edge away, or anywhere; see also `by_edges` and `travel`."""
 # ruff: noqa: ARG002 - a movement reads no arguments that only others need
 
+from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
 from typing import Any, NamedTuple, Self
@@ -252,6 +253,30 @@ class Movement:
         if as_key(weight, "weight") not in self._tables:
             self._tables[weight] = shared_routes(self.streets, weight)
         return self._tables[weight]
+
+
+class MovementOnMaps(Movement):
+    """The legal moves along one edge in games on several maps.
+
+    Args:
+        movements: of the games on each map.
+        map_of: (games,) the number of the map of each game; it may change.
+    """
+
+    def __init__(self, movements: Sequence[Movement], map_of: IntArray) -> None:
+        super().__init__(movements[0].streets)
+        self._map_of = map_of
+        self._counts = np.concatenate([one.streets.counts for one in movements])
+        self._first = np.cumsum([0, *(one.streets.num_nodes for one in movements)])
+
+    def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the numbers of the choices of agents."""
+        found: IntArray = self._first[self._map_of[which[0]]] + node
+        return found
+
+    def counts(self, choices: IntArray) -> IntArray:
+        """Return how many nodes are legal."""
+        return self._counts[choices]
 
 
 class Anywhere(Movement):

@@ -7,7 +7,7 @@ import numpy as np
 
 from gamms.core import observe
 from gamms.game.batch.roads import OpenRoads
-from gamms.game.batch.vectors import Encoder, Vectors
+from gamms.game.batch.vectors import Encoder, Vectors, write_vectors
 from gamms.game.batch.view import ArrayView, lasting_in
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -18,11 +18,13 @@ class Part(NamedTuple):
 
     Attributes:
         games: these games.
-        encoder, observers: see `Encoder.write`.
+        places: all of them, among those of the observers.
+        encoder, observers: see `write_vectors`.
         roads: which are open in them.
     """
 
     games: IntArray
+    places: IntArray
     encoder: Encoder
     observers: observe.Observers
     roads: OpenRoads
@@ -65,9 +67,11 @@ class Writers(NamedTuple):
             found.values[:] = known.values
             found.legal[:] = known.legal
             found.counts[:] = known.counts
-        for games, encoder, observers, _ in self.parts:
-            places = np.arange(len(games)) if which is None else np.flatnonzero(np.isin(games, which))
-            encoder.write(observers, found, places, threads=self.threads)
+        parts = []
+        for part in self.parts:
+            places = part.places if which is None else np.flatnonzero(np.isin(part.games, which))
+            parts.append((part.observers, part.encoder.output(found), places))
+        write_vectors(self.parts[0].encoder, parts, self.threads)
         return found
 
 
@@ -91,5 +95,5 @@ def writers_of(views: Sequence[ArrayView], agents: IntArray, others: int, more: 
         if found is None:
             return None
         encoder, observers, alive, roads = found
-        parts.append(Part(view.games, encoder, observers, roads))
+        parts.append(Part(view.games, np.arange(len(view.games)), encoder, observers, roads))
     return Writers(alive, agents, mask, parts, more, threads)

@@ -3,6 +3,7 @@
 Lengths and offsets are shares of the map: of half of the longer side of the box around its nodes.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -83,23 +84,12 @@ class Encoder:
         is_legal = np.empty((*mask.shape, self._actions), np.bool_)
         return Vectors(values, self.names, mask, is_legal, np.empty(mask.shape, np.int64))
 
-    def write(
-        self,
-        observers: observe.Observers,
-        vectors: Vectors,
-        places: IntArray,
-        *,
-        xy: FloatArray | None = None,
-        threads: int = 1,
-    ) -> None:
-        """Write the vectors of some agents.
+    def output(self, vectors: Vectors, xy: FloatArray | None = None) -> observe.VectorObservations:
+        """Return vectors of some agents as the core writes them.
 
         Args:
-            observers: they.
             vectors: that are written.
-            places: of the games among those of the observers.
-            xy: (games, agents, 2) where they are; None: on their nodes.
-            threads: how many write them, each those of some games.
+            xy: (games, agents, 2) where the agents are; None: on their nodes.
         """
         own = self._on_nodes if xy is None else self._placed(xy)
         written: Any = (
@@ -107,13 +97,14 @@ class Encoder:
             vectors.legal.view(np.uint8).reshape(-1).data,
             vectors.counts.reshape(-1).data,
         )
-        entries, chosen = vectors.values.shape[-1], flat(places, np.int64)
-        core = observe.VectorObservations(self._places, own, self._actions, self._others, entries, *written)
+        return observe.VectorObservations(
+            self._places, own, self._actions, self._others, vectors.values.shape[-1], *written
+        )
 
-        def observe_part(_: int, begin: int, end: int) -> None:
-            observe.observe_aside(observers, core, room_for(self._agents, self._others), chosen, begin, end)
-
-        in_threads(observe_part, len(places), threads)
+    @property
+    def room(self) -> observe.NearestAgents:
+        """What a thread notes those in that an agent sees."""
+        return room_for(self._agents, self._others)
 
     def _placed(self, xy: FloatArray) -> Any:
         """Return places, (…, 2), in shares of the map from its centre, as the core takes them."""
@@ -130,3 +121,24 @@ def room_for(agents: int, others: int) -> observe.NearestAgents:
     seen: Any = np.zeros(agents, np.int64).data, np.zeros(agents, np.uint8).data
     nearest: Any = np.zeros(others + 1).data, np.zeros(others + 1, np.int64).data
     return observe.NearestAgents(*seen, *nearest)
+
+
+def write_vectors(
+    encoder: Encoder, parts: Sequence[tuple[observe.Observers, observe.VectorObservations, IntArray]], threads: int
+) -> None:
+    """Write the vectors of agents.
+
+    Args:
+        encoder: of any of the maps.
+        parts: of each map, the agents, their vectors, and the places of the games that are written.
+        threads: how many write them, each those of some games.
+    """
+    each = [(observers, vectors, flat(places, np.int64)) for observers, vectors, places in parts]
+
+    def observe_part(thread: int, _: int, __: int) -> None:
+        found = encoder.room
+        for observers, vectors, places in each:
+            first, last = (len(places) * one // threads for one in (thread, thread + 1))
+            observe.observe_aside(observers, vectors, found, places, first, last)
+
+    in_threads(observe_part, threads, threads)

@@ -19,7 +19,7 @@ from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sensing import SHOWING_AGENTS, SHOWING_NODES, Seen, SeenNodes, covered, names_of, seen, seen_nodes
 from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
 from gamms.game.batch.strategy_steps import made_looks
-from gamms.game.batch.vectors import Encoder, Vectors, legal_of
+from gamms.game.batch.vectors import Encoder, Vectors, legal_of, write_vectors
 from gamms.game.conflicts import flat
 from gamms.game.random_streams import ViewDraws
 from gamms.ir.graph import FloatArray, IntArray
@@ -342,7 +342,7 @@ class ArrayView(Mapping[str, Any]):
         xy = self._places().xy if self._movement.leaves_nodes else None
         places = np.arange(len(self.games))
         observers = self._observers(self.mask, places * len(self.agents), are_looking=others > 0)
-        encoder.write(observers, found, places, xy=xy, threads=threads)
+        write_vectors(encoder, [(observers, encoder.output(found, xy), places)], threads)
         return found
 
     def _encoder(self, others: int) -> Encoder:
