@@ -332,16 +332,6 @@ def test_agents_of_no_team_neither_lead_nor_are_the_last_team():
     assert core.leader(floats([1.0, 9.0]), 1) == -1
 
 
-def test_courses_copy_what_agents_of_one_game_did_from_columns_of_several():
-    block = Block([[0, 0]] * 3, [[1, 2]] * 3, [RED, BLUE])
-    few, more, moments = ints([0] * 2), ints([0]), floats([0.0] * 2)
-    behind = core.CopiedPaths(ints([-1, 1, 0]), ints([7, 8]), floats([]), more, floats([]), None)
-    course = core.CopiedPaths(ints([-1, 1, 0]), ints([1, 2, 3, 4]), floats([0.1, 0.2, 0.3, 0.4]), few, moments, behind)
-    for game, copied in ((1, [3, 4, 8, 0.3, 0.4]), (2, [1, 2, 7, 0.1, 0.2])):
-        core.fill_steps(course, block.games, game)
-        assert [*few, *more, *moments] == copied
-
-
 def test_the_leader_is_one_of_several_alone():
     assert core.leader(floats([1.0, 2.0])) == 1
     assert core.leader(floats([2.0, 2.0])) == -1

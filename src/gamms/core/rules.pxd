@@ -59,17 +59,6 @@ cdef class AgentPaths:
     cdef int fill(self, GameColumns games, i64 game) except -1 nogil
 
 
-cdef class CopiedPaths(AgentPaths):
-    cdef const i64[::1] places
-    cdef i64[::1] all_ints
-    cdef double[::1] all_floats
-    cdef AgentPaths behind
-    cdef bint is_last
-
-    @cython.locals(begin=i64)
-    cdef int fill(self, GameColumns games, i64 game) except -1 nogil
-
-
 cpdef int fill_steps(AgentPaths steps, GameColumns games, i64 game) except -1 nogil
 
 @cython.locals(agent=i64)

@@ -307,44 +307,6 @@ class AgentPaths:
         return 0
 
 
-class CopiedPaths(AgentPaths):
-    """Paths computed elsewhere for several games; `fill` copies those of one game.
-
-    Args:
-        places: (games,) the index of each game of the block in the source columns.
-        all_ints, all_floats: the source columns, game by game.
-        ints, floats: receive the part of one game.
-        behind: fills further columns of the game; None: there are none.
-    """
-
-    def __init__(
-        self,
-        places: memoryview[int],
-        all_ints: memoryview[int],
-        all_floats: memoryview[float],
-        ints: memoryview[int],
-        floats: memoryview[float],
-        behind: AgentPaths | None,
-    ) -> None:
-        super().__init__(ints, floats, ints)
-        self.places = places
-        self.all_ints = all_ints
-        self.all_floats = all_floats
-        self.behind = behind
-        self.is_last = behind is None
-        self.are_one_edge = not self.is_last and self.behind.are_one_edge  # type: ignore[union-attr] # there is one
-
-    def fill(self, games: GameColumns, game: int) -> int:
-        """Copy the columns of a game."""
-        begin = self.places[game] * len(self.nodes)
-        self.nodes[:] = self.all_ints[begin : begin + len(self.nodes)]
-        begin = self.places[game] * len(self.times)
-        self.times[:] = self.all_floats[begin : begin + len(self.times)]
-        if not self.is_last:
-            self.behind.fill(games, game)  # type: ignore[union-attr] # it is not the last
-        return 0
-
-
 def fill_steps(steps: AgentPaths, games: GameColumns, game: int) -> int:
     """Write the paths of the agents of a game."""
     return steps.fill(games, game)
