@@ -59,7 +59,19 @@ def test_games_in_which_other_roads_are_closed_stay_in_arrays(speed, settings, s
     near = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
     team = {"count": 3, "strategy": f"gamms.strategies:{strategy}", "sensors": ["near"], **speed}
     tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "metres": 11}}
-    check(scene([tag], teams={"red": team, "blue": team}, sensors=near, settings=settings))
+    check(scene([tag], teams={"red": team, "blue": team}, sensors=near, settings=settings), stays=not speed)
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+@pytest.mark.parametrize("limit", [{"hops": 2}, {"metres": 21.0}, {"hops": 1, "passing": False}])
+@pytest.mark.parametrize("settings", [{}, {"order": [["blue"], ["red"]]}, {"legal": "any"}])
+def test_distances_are_counted_along_the_roads_that_are_open_in_each_game(limit, settings, phase):
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "respawn", **limit}}
+    some = {"rule": "tag", "with": {"taggers": "blue", "tagged": "red", "hops": 1}}
+    results = check(
+        scene([tag, some], settings=settings), rules=(dig,), phase=phase, closed=range(0, 60, 3), stays=True
+    )
+    assert len({tuple(sorted(result.scores.items())) for result in results}) > 1
 
 
 def count_legal(view):

@@ -38,14 +38,16 @@ cdef class NearNodes:
     cdef travel.ReachSearch search
     cdef i64[::1] offsets, counts, ends
     cdef double[::1] far
-    cdef i64 used
+    cdef i64 used, first
 
+    @cython.locals(places=i64)
+    cpdef int take(self, const i64[::1] arcs, const i64[::1] heads, const double[::1] costs) except -1
     cpdef int make_room(self, i64 room) except -1 with gil
-    @cython.locals(node=i64)
+    @cython.locals(place=i64)
     cdef int begin(self) except -1 nogil
-    @cython.locals(at=i64, arc=i64, far=double, number=i64, end=i64)
+    @cython.locals(place=i64, at=i64, arc=i64, far=double, number=i64, end=i64)
     cdef Py_ssize_t learn(self, i64 node) except -1 nogil
-
+    cdef Py_ssize_t after(self, i64 node) except -1 nogil
     @cython.locals(first=i64, beyond=i64, last=i64, middle=i64)
     cdef double ahead(self, i64 start, i64 end) except -1.0 nogil
 

@@ -120,12 +120,14 @@ class NearNodes:
     """The nodes within a distance of each node, along edges, computed on first use.
 
     Attributes:
-        arcs: (nodes + 1,) where the edges out of each node begin in `heads`.
+        arcs: (places + 1,) where the edges out of the node at each place begin in `heads`; the nodes of several maps
+            may follow each other.
         heads, costs: (edges,) the node at the end and the length of each edge.
         limit: the distance.
         search: working memory.
-        offsets: (nodes,) where the entries of a node begin; -1: they are not computed yet.
-        counts: (nodes,) the number of entries.
+        first: the place of the first node of the map to search.
+        offsets: (places,) where the entries of a node begin; -1: they are not computed yet.
+        counts: (places,) the number of entries.
         ends: (room,) numbers of nodes, ascending for each start node.
         far: (room,) their distances.
         used: the number of entries.
@@ -139,17 +141,23 @@ class NearNodes:
         limit: float,
         search: travel.ReachSearch,
     ) -> None:
-        nodes = len(arcs) - 1
+        self.limit = limit
+        self.search = search
+        self.first = 0
+        self.ends: memoryview[int] = memoryview(array("q"))
+        self.far: memoryview[float] = memoryview(array("d"))
+        self.take(arcs, heads, costs)
+
+    def take(self, arcs: memoryview[int], heads: memoryview[int], costs: memoryview[float]) -> int:
+        """Switch to other maps, and drop all entries."""
+        places = len(arcs) - 1
         self.arcs = arcs
         self.heads = heads
         self.costs = costs
-        self.limit = limit
-        self.search = search
-        self.offsets = memoryview(array("q", [-1] * nodes))
-        self.counts = memoryview(array("q", bytes(8 * nodes)))
+        self.offsets = memoryview(array("q", [-1] * places))
+        self.counts = memoryview(array("q", bytes(8 * places)))
         self.used = 0
-        self.ends: memoryview[int] = memoryview(array("q"))
-        self.far: memoryview[float] = memoryview(array("d"))
+        return 0
 
     def make_room(self, room: int) -> int:
         """Make room for `room` entries, and keep the existing ones."""
@@ -166,27 +174,28 @@ class NearNodes:
         """Drop all entries if there are many."""
         if self.used > MOST_NEAR:
             self.used = 0
-            for node in range(len(self.offsets)):
-                self.offsets[node] = -1
+            for place in range(len(self.offsets)):
+                self.offsets[place] = -1
         return 0
 
     def learn(self, node: int) -> int:
         """Find the nodes near a node by Dijkstra's algorithm; return where its entries begin."""
-        if self.offsets[node] >= 0:
-            return self.offsets[node]
+        place = self.first + node
+        if self.offsets[place] >= 0:
+            return self.offsets[place]
         self.search.size = 0
         self.search.count = 0
         travel.reach_node(self.search, node, 0.0, 0)
         while self.search.size > 0:
             at = travel.visit_first(self.search)
             self.search.times[at] = self.search.when[at]
-            for arc in range(self.arcs[at], self.arcs[at + 1]):
+            for arc in range(self.arcs[self.first + at], self.arcs[self.first + at + 1]):
                 far = self.search.when[at] + self.costs[arc]
                 if far <= self.limit:
                     travel.reach_node(self.search, self.heads[arc], far, 0)
         travel.sort_seen(self.search)
-        self.offsets[node] = self.used
-        self.counts[node] = self.search.count
+        self.offsets[place] = self.used
+        self.counts[place] = self.search.count
         if self.used + self.search.count > len(self.ends):
             self.make_room(2 * (self.used + self.search.count))
         for number in range(self.search.count):
@@ -194,12 +203,16 @@ class NearNodes:
             self.ends[self.used + number] = end
             self.far[self.used + number] = self.search.times[end]
         self.used += self.search.count
-        return self.offsets[node]
+        return self.offsets[place]
+
+    def after(self, node: int) -> int:
+        """Return where the entries of a node end, which are computed."""
+        return self.offsets[self.first + node] + self.counts[self.first + node]
 
     def ahead(self, start: int, end: int) -> float:
         """Return the distance from a node to another; infinity if it is beyond the limit."""
         first = self.learn(start)
-        beyond = first + self.counts[start]
+        beyond = self.after(start)
         last = beyond
         while first < last:
             middle = (first + last) >> 1
@@ -822,7 +835,7 @@ class Contacts:
                     continue
                 node = self.pieces.nodes[piece]
                 begin = self.reach.learn(node)
-                for entry in range(begin, begin + self.reach.counts[node]):
+                for entry in range(begin, self.reach.after(node)):
                     other = self.pieces.first[self.reach.ends[entry]]
                     if other < 0:
                         continue
@@ -1034,7 +1047,7 @@ class Contacts:
         The lengths of these paths change linearly while both intervals last.
         """
         first = self.reach.learn(node)
-        for row in range(first, first + self.reach.counts[node]):
+        for row in range(first, self.reach.after(node)):
             entry = self.pieces.first[self.reach.ends[row]]
             while entry >= 0:
                 other = entry >> 1

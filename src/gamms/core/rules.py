@@ -563,6 +563,7 @@ class Tagging:
     def collect(self, tags: Tags, games: GameColumns, game: int, number: int) -> int:
         """Add the contacts of this tagging, numbered `number`, and of all later taggings of the chain."""
         fill_sides(games, game, self.plays, self.sides)
+        self.contacts.reach.first = games.first_node[game]
         if self.contacts.find(self.search, self.limit) > 0:
             tags.add(self.contacts, number, self.mutual, self.owners, games.team)
         if not self.is_last:

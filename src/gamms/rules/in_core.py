@@ -99,10 +99,12 @@ def _near(nearness: ContactOptions, making: Making) -> Near:
     if unit is None:
         return None
     if unit != "euclid":
-        state.roads.are_counted = True
+        weight = None if unit == "hops" else "length"
 
         def make() -> contacts.NearNodes:
-            return reach_of(state.streets.ways(None if unit == "hops" else "length"), limit)
+            near = reach_of(state.streets.ways(weight), limit)
+            state.roads.searches.append((weight, near))
+            return near
 
         return kept_in(state.shared, ("reach", unit, limit, making.thread), make)
     if making.by_metres or (nearness.air and state.roster.flies.any()):

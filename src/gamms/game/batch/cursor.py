@@ -754,11 +754,8 @@ class Cursor:
 
     def _take_roads(self) -> None:
         """Let the game have the roads that a function has left open."""
-        roads = self._state.roads
         if not self._pointed.take_roads(self._number):
             self._leave("changes more of the map than which roads are open")
-        if roads.are_counted and roads.are_closed:
-            self._leave("closes roads, along which a rule of the core counts distances")
 
     def _note_events(self, entries: Sequence[dict[str, Any]]) -> None:
         """Let the core find events that are in the log of a game already."""
@@ -1083,7 +1080,7 @@ def first_called(game: PlayedGame, roster: Roster) -> str | None:
 def _refuse_calls_while_moving(game: PlayedGame, state: GameArrays, called: Sequence[int]) -> None:
     """Refuse functions that are called when some agents have moved in a turn, and others have not."""
     movement = state.movement
-    first = first_called(game, state.roster)
+    first = first_called(game, state.roster) or "an array rule of the phase 'deeds'"
     is_in_parts = game.settings()["order"] is not None and len(movement.remembers) > 0
     if is_in_parts and acts_before_moves(game):
         raise NotTakenUp(f"{first}, before agents with speeds move in an order of play")

@@ -474,18 +474,21 @@ class CoreGames:
             self._by_steps.take_memories(self._games)
 
     def _take_roads(self) -> None:
-        """Let agents move, and find ways, on the roads that are open in each game."""
+        """Let agents move, find ways and meet on the roads that are open in each game."""
         roads = self._state.roads
-        if self._streets.are_all_legal or (self._tables is None and not roads.are_closed):
+        if (self._tables is None and not roads.are_closed) or self._tables is roads.tables:
             return
-        if self._tables is not roads.tables:
-            self._tables = tables = roads.tables
-            self._first_node[:] = tables.first
-            streets = moves.LegalMoves(flat(tables.offsets, np.int32), flat(tables.targets, np.int32))
-            for movers in self._movers:
-                movers.take(streets)
-            if self._by_steps is not None:
-                self._by_steps.take_roads(tables)
+        self._tables = tables = roads.tables
+        self._first_node[:] = tables.first
+        for weight, search in roads.searches:
+            search.take(*roads.arcs_of(tables.maps, weight, reverse=False))
+        if self._streets.are_all_legal:
+            return
+        streets = moves.LegalMoves(flat(tables.offsets, np.int32), flat(tables.targets, np.int32))
+        for movers in self._movers:
+            movers.take(streets)
+        if self._by_steps is not None:
+            self._by_steps.take_roads(tables)
 
     def play_part(self, thread: int, begin: int, end: int, phase: int | None) -> None:
         """Play those of the games from `begin` to `end - 1` that are on this map, or a phase; None: all phases."""
@@ -510,6 +513,7 @@ class CoreGames:
                 yield part
             else:
                 self._block.give()
+                self._take_roads()
                 rules.play_games(part, numbers)
                 self._block.take_in()
 

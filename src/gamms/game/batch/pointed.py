@@ -158,8 +158,6 @@ class PointedContext:
                 change(edges)
                 if not self.take_roads(number):
                     raise NotTakenUp("roads that an array rule closes or opens")
-        if self._state.roads.are_counted and self._state.roads.are_closed:
-            raise NotTakenUp("roads that an array rule closes, along which a rule of the core counts distances")
 
     def take_roads(self, number: int) -> bool:
         """Let a game have the map of the context; return False, and do nothing, if more than roads was changed."""

@@ -13,6 +13,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from gamms import kernels
+from gamms.core.contacts import NearNodes
 from gamms.errors import BadValue
 from gamms.game.conflicts import flat
 from gamms.game.streets import StreetGraph
@@ -62,6 +63,7 @@ class RoadMap:
     def __init__(self, roads: "OpenRoads", number: int, gone: IntArray, opened: IntArray, closed: ClosedEdges) -> None:
         self._whole, self._at_start, self.number = roads.whole, len(roads.streets.columns.edge_ids), number
         self.gone, self.opened, self.closed = gone, opened, closed
+        self._arcs: dict[tuple[str | None, bool], kernels.Arcs] = {}
         self.shared: dict[Hashable, Any] = {}
         self.world: Any = None  # of the games that have it; see `GameArrays.world`
         self.snapshot: Any = None
@@ -87,10 +89,12 @@ class RoadMap:
         """The legal nodes of each node, as offsets (nodes + 1,) and rows."""
         return _OpenWays(self._whole, self).neighborhoods()
 
-    @cached_property
-    def arcs(self) -> kernels.Arcs:
-        """The edges that lead to each node, with their lengths."""
-        return _OpenWays(self._whole, self).arcs("length", reverse=True)
+    def arcs(self, weight: str | None, *, reverse: bool) -> kernels.Arcs:
+        """Return the edges with their weights, those that lead to each node if `reverse`; computed once."""
+        key = weight, reverse
+        if key not in self._arcs:
+            self._arcs[key] = _OpenWays(self._whole, self).arcs(weight, reverse=reverse)
+        return self._arcs[key]
 
     @cached_property
     def streets(self) -> StreetGraph:
@@ -149,10 +153,8 @@ class OpenRoads:
         number: (games,) the number of the map of each; 0: that of the start.
         are_closed: whether that is not so in all games.
         shared: what was worked out for all maps, and follows from none alone.
-        are_counted: whether rules in the core count distances along the roads of the start.
+        searches: the searches by which rules in the core find distances along roads, each with its weight.
     """
-
-    are_counted = False
 
     def __init__(self, streets: StreetGraph, whole: StreetGraph, closed: ClosedEdges, games: int) -> None:
         self.streets, self.whole, self._closed, self.are_closed = streets, whole, closed, False
@@ -165,6 +167,7 @@ class OpenRoads:
         self._order: IntArray | None = None
         self._tables: RoadTables | None = None
         self.shared: dict[Hashable, Any] = {}
+        self.searches: list[tuple[str | None, NearNodes]] = []
 
     def use(self, roads: RoadMap) -> None:
         """Note that a map is asked for what is worked out for it; those that were not for longest forget it."""
@@ -198,9 +201,16 @@ class OpenRoads:
 
         return undo
 
-    def arcs_of(self, maps: Sequence[RoadMap | None]) -> tuple[Any, Any, Any]:
-        """Return the edges that lead to the nodes of some maps, as `strategies.PathTables` takes them."""
-        each = [self.streets.ways_to("length") if one is None else one.arcs for one in maps]
+    def arcs_of(self, maps: Sequence[RoadMap | None], weight: str | None, *, reverse: bool) -> tuple[Any, Any, Any]:
+        """Return the edges of some maps, one map after the other: offsets, rows of nodes, and weights.
+
+        Args:
+            maps: the maps.
+            weight: of the edges.
+            reverse: whether to return the edges that lead to each node, and not those that lead away.
+        """
+        at_start = self.streets.ways_to if reverse else self.streets.ways
+        each = [at_start(weight) if one is None else one.arcs(weight, reverse=reverse) for one in maps]
         counts = np.concatenate([np.diff(arcs.offsets) for arcs in each])
         offsets: Any = np.concatenate(([0], np.cumsum(counts)))
         tails, weights = (

@@ -203,7 +203,7 @@ class StrategySteps:
     def _new_ways(self) -> _ThreadWays:
         streets = self._state.streets
         nodes = streets.num_nodes
-        arcs = self._state.roads.arcs_of(self._maps)
+        arcs = self._state.roads.arcs_of(self._maps, "length", reverse=True)
         room = _room(nodes, len(arcs[0]) - 1)
         far, following = np.zeros((room, nodes)), np.zeros((room, nodes), np.int64)
         ids = _column(streets.columns.node_ids, np.int64)
@@ -236,7 +236,7 @@ class StrategySteps:
         first = {id(one): nodes * slot for slot, one in enumerate(tables.maps)}
         moved = _column([first.get(id(one), -1) for one in self._maps], np.int64)
         self._maps = tables.maps
-        arcs = roads.arcs_of(self._maps)
+        arcs = roads.arcs_of(self._maps, "length", reverse=True)
         room = _room(nodes, len(arcs[0]) - 1)
         for number, known in enumerate(self._ways):
             far, following = _longer(known.far, room), _longer(known.following, room)
