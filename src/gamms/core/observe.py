@@ -75,6 +75,8 @@ class Observers:
         is_asked: (rows,) 1: the agent is alive; 0: all its numbers are 0.
         choice: (rows,) the legal nodes of a row are `targets[offsets[choice]:offsets[choice + 1]]`, its own node first;
             if the array is empty, the choice is the node of the agent.
+        first_node: (all games,) the first node of the map of each game, among the nodes of several maps; `choice` and
+            the positions of nodes are numbered by these.
         turn: (all games,) the number of turns played.
         seen: the visible agents.
     """
@@ -89,6 +91,7 @@ class Observers:
         offsets: memoryview[int],
         targets: memoryview[int],
         *,
+        first_node: memoryview[int],
         turn: memoryview[int],
         seen: VisibleAgents,
     ) -> None:
@@ -100,6 +103,7 @@ class Observers:
         self.are_by_node = len(choice) == 0
         self.offsets = offsets
         self.targets = targets
+        self.first_node = first_node
         self.turn = turn
         self.seen = seen
 
@@ -246,7 +250,8 @@ def observe(o: Observers, v: VectorObservations, found: NearestAgents, game: int
 def _write(o: Observers, v: VectorObservations, found: NearestAgents, game: int, agent: int) -> int:
     """Write the vector of a living agent; return the number of legal actions."""
     row = o.rows[game] + agent
-    here = node_of(o, game, agent)
+    base = o.first_node[o.games[game]]
+    here = base + node_of(o, game, agent)
     own_x = v.places[2 * here] if v.are_on_nodes else v.own[2 * row]
     own_y = v.places[2 * here + 1] if v.are_on_nodes else v.own[2 * row + 1]
     at = row * v.entries
@@ -259,7 +264,7 @@ def _write(o: Observers, v: VectorObservations, found: NearestAgents, game: int,
     num_legal = o.offsets[choice + 1] - first
     count = min(v.actions, num_legal)
     for action in range(count):
-        node = o.targets[first + action]
+        node = base + o.targets[first + action]
         v.values[at] = 1.0
         v.values[at + 1] = v.places[2 * node] - own_x
         v.values[at + 2] = v.places[2 * node + 1] - own_y
@@ -290,21 +295,22 @@ def _write(o: Observers, v: VectorObservations, found: NearestAgents, game: int,
 def look(o: Observers, found: NearestAgents, game: int, agent: int) -> int:
     """Find the agents that an observer sees, in the game at a place."""
     row = o.rows[game] + agent
+    base = o.first_node[o.games[game]]
     found.count = 0
     if not o.seen.has_looks:
         for pair in range(o.seen.first[row], o.seen.first[row + 1]):
-            found.nodes[found.count] = o.seen.nodes[pair]
+            found.nodes[found.count] = base + o.seen.nodes[pair]
             found.mates[found.count] = o.seen.mates[pair]
             found.count += 1
         return 0
     at = o.games[game] * o.seen.agents
     viewer = o.seen.viewers[agent]
-    here = o.seen.node[at + viewer]
+    here = base + o.seen.node[at + viewer]
     own = o.seen.team[viewer]
     for other in range(o.seen.agents):
         if other == viewer or not o.seen.alive[at + other]:
             continue
-        node = o.seen.node[at + other]
+        node = base + o.seen.node[at + other]
         if strategies.shows(o.seen.looks, viewer, o.seen.team[other], here, node):  # type: ignore[arg-type]
             found.nodes[found.count] = node
             found.mates[found.count] = o.seen.team[other] == own and o.seen.are_mates[own]

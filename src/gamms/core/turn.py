@@ -46,7 +46,7 @@ class Player:
         travelers: moves by metres; None: not used.
         arrivals: moves by metres with decisions on arrival; None: not used.
         first: the first rule, if `has_rules`.
-        until: (games,) the number of parts of turns after which the game stops.
+        until: (games,) the number of parts of turns after which the game stops; 0: it is not played.
     """
 
     def __init__(
@@ -128,6 +128,8 @@ def play(p: Player, begin: int, end: int) -> int:
     """Play the games `begin` to `end - 1`, each until it is over or its number of turns is reached."""
     parts = p.movers.parts
     for game in range(begin, end):
+        if p.until[game] == 0:  # it is on another map
+            continue
         while not p.games.over[game] and p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
             decide(p, game)
             move(p, game)

@@ -382,8 +382,8 @@ class Learners:
         self.games.reset(which, seeds=seeds)
         self.has_begun = True
         self._prefix.begin(which)
-        if self.games.num_maps > 1:
-            self._begin_writing()
+        if self._writers is not None:
+            self._writers.move(self.games.maps)
         self._remember(which)
 
     def carried(self) -> GamesCheckpoint:
@@ -451,12 +451,12 @@ class Learners:
         return [games.observe(team, map=number) for team in self.teams]
 
     def _begin_writing(self) -> None:
-        """Choose whether the core writes the observations, for the maps of the current games."""
+        """Choose whether the core writes the observations."""
         self._writers: Writers | None = None
         if self.observation is default_observation and self.games.is_in_arrays:
-            views = self._seen_now()[0]
+            views = [self._views(number)[0] for number in range(self.games.num_maps)]
             others = min(len(views[0].roster.names) - 1, _MOST_OTHERS)
-            self._writers = writers_of(views, self._members, others, 1, self._threads)
+            self._writers = writers_of(views, self.games.maps, self._members, others, 1, self._threads)
 
     def _seen_now(self) -> list[tuple[ArrayView, ...]]:
         """Return for each team a view for each map that has games."""

@@ -419,7 +419,7 @@ class ArrayEngine:
 
     def _find_games(self) -> None:
         """Find the games that are on each map."""
-        self._is_on = self._map_of == np.arange(self._num_maps)[:, None]
+        self._is_on = (self._map_of == np.arange(self._num_maps)[:, None]).astype(np.int64)  # (maps, games) 1 or 0
         self._on = [np.flatnonzero(is_on) for is_on in self._is_on]
 
     def _each(self, which: BoolArray) -> Iterator[tuple[GamesOnMap, IntArray]]:

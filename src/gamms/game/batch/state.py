@@ -295,6 +295,7 @@ class GameArrays:
         blocked: (games, agents) whether conflicts have stopped an agent in the last turn.
         shared: what was worked out once for all games, from what does not change, by what it is.
         now: what was worked out of how the games are now, by what it is; emptied when they change.
+        no_node: (games,) 0: the number of the first node in games on one map.
         memory_of: (agents,) the number of the memory that an agent shares with its team, or has for itself.
     """
 
@@ -347,6 +348,7 @@ class GameArrays:
         self.reading: Callable[[], AbstractContextManager[None]] = nullcontext
         self.change_roads: Callable[[IntArray, str, Sequence[int]], None] | None = None
         self.memory_of = locked(np.arange(len(self.roster.names)))
+        self.no_node = np.zeros(len(self), np.int64)
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
 
     def on_map(self, movement: Movement, roster: Roster) -> Self:

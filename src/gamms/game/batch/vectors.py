@@ -11,7 +11,6 @@ import numpy as np
 from gamms.core import observe
 from gamms.game.batch.columns import in_threads
 from gamms.game.conflicts import flat
-from gamms.game.streets import StreetGraph
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
@@ -43,26 +42,24 @@ class Vectors(NamedTuple):
 
 
 class Encoder:
-    """Makes vectors for agents on some streets.
+    """Makes vectors for agents on one map, or on several.
 
     Args:
-        streets: the graph.
+        xy: (nodes, 2) the positions of the nodes of each map.
         agents: how many agents there are in a game.
         others: how many of those that one sees are in a vector: the nearest.
         actions: how many actions are in a vector.
     """
 
-    def __init__(self, streets: StreetGraph, agents: int, others: int, actions: int) -> None:
-        xy = streets.columns.xy
-        low, high = (xy.min(axis=0), xy.max(axis=0)) if len(xy) else (np.zeros(2), np.zeros(2))
-        self._scale = float((high - low).max()) / 2.0 or 1.0
-        self._centre = (low + high) / 2.0
+    def __init__(self, xy: Sequence[FloatArray], agents: int, others: int, actions: int) -> None:
+        self._boxes = [_box_of(one) for one in xy]
         self._agents = agents
         self._others = others
         self._actions = actions
         refuse_above(200.0 * (actions + others), f"Vectors of {others} others")  # of their names
-        self._places = self._placed(xy)
-        self._on_nodes = self._placed(np.zeros((0, 2)))
+        shares = [(one - centre) / scale for one, (centre, scale) in zip(xy, self._boxes, strict=True)]
+        self._places = flat(np.concatenate(shares), np.float64)
+        self._on_nodes = flat(np.zeros(0), np.float64)
         self.names = (
             *OWN,
             *(f"action_{number}.{name}" for number in range(actions) for name in MOVE),
@@ -89,9 +86,12 @@ class Encoder:
 
         Args:
             vectors: that are written.
-            xy: (games, agents, 2) where the agents are; None: on their nodes.
+            xy: (games, agents, 2) where the agents are, on one map; None: on their nodes.
         """
-        own = self._on_nodes if xy is None else self._placed(xy)
+        own = self._on_nodes
+        if xy is not None:
+            centre, scale = self._boxes[0]
+            own = flat((xy - centre) / scale, np.float64)
         written: Any = (
             vectors.values.reshape(-1).data,
             vectors.legal.view(np.uint8).reshape(-1).data,
@@ -106,9 +106,11 @@ class Encoder:
         """What a thread notes those in that an agent sees."""
         return room_for(self._agents, self._others)
 
-    def _placed(self, xy: FloatArray) -> Any:
-        """Return places, (…, 2), in shares of the map from its centre, as the core takes them."""
-        return flat((xy - self._centre) / self._scale, np.float64)
+
+def _box_of(xy: FloatArray) -> tuple[FloatArray, float]:
+    """Return the center of the box around nodes, and half of its longer side; 1 if that is 0."""
+    low, high = (xy.min(axis=0), xy.max(axis=0)) if len(xy) else (np.zeros(2), np.zeros(2))
+    return (low + high) / 2.0, float((high - low).max()) / 2.0 or 1.0
 
 
 def legal_of(offsets: IntArray, targets: IntArray) -> tuple[Any, Any]:
@@ -124,21 +126,20 @@ def room_for(agents: int, others: int) -> observe.NearestAgents:
 
 
 def write_vectors(
-    encoder: Encoder, parts: Sequence[tuple[observe.Observers, observe.VectorObservations, IntArray]], threads: int
+    encoder: Encoder, observers: observe.Observers, output: observe.VectorObservations, places: IntArray, threads: int
 ) -> None:
     """Write the vectors of agents.
 
     Args:
-        encoder: of any of the maps.
-        parts: of each map, the agents, their vectors, and the places of the games that are written.
+        encoder: of the vectors.
+        observers: the agents.
+        output: their vectors; see `Encoder.output`.
+        places: the games that are written, as indices in those of the observers.
         threads: how many write them, each those of some games.
     """
-    each = [(observers, vectors, flat(places, np.int64)) for observers, vectors, places in parts]
+    chosen = flat(places, np.int64)
 
-    def observe_part(thread: int, _: int, __: int) -> None:
-        found = encoder.room
-        for observers, vectors, places in each:
-            first, last = (len(places) * one // threads for one in (thread, thread + 1))
-            observe.observe_aside(observers, vectors, found, places, first, last)
+    def observe_part(_: int, begin: int, end: int) -> None:
+        observe.observe_aside(observers, output, encoder.room, chosen, begin, end)
 
-    in_threads(observe_part, threads, threads)
+    in_threads(observe_part, len(places), threads)

@@ -1,6 +1,6 @@
 """The argument of array strategies, also used by learners: the agents of one strategy in all games at once."""
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from typing import Any, Self, TypeVar
 
@@ -18,7 +18,7 @@ from gamms.game.batch.roads import OpenRoads
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sensing import SHOWING_AGENTS, SHOWING_NODES, Seen, SeenNodes, covered, names_of, seen, seen_nodes
 from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
-from gamms.game.batch.strategy_steps import made_looks
+from gamms.game.batch.strategy_steps import looks_of, made_looks
 from gamms.game.batch.vectors import Encoder, Vectors, legal_of, write_vectors
 from gamms.game.conflicts import flat
 from gamms.game.random_streams import ViewDraws
@@ -342,14 +342,14 @@ class ArrayView(Mapping[str, Any]):
         xy = self._places().xy if self._movement.leaves_nodes else None
         places = np.arange(len(self.games))
         observers = self._observers(self.mask, places * len(self.agents), are_looking=others > 0)
-        write_vectors(encoder, [(observers, encoder.output(found, xy), places)], threads)
+        write_vectors(encoder, observers, encoder.output(found, xy), places, threads)
         return found
 
     def _encoder(self, others: int) -> Encoder:
         """Return an encoder for vectors with `others` other agents."""
         agents, actions = len(self.roster.names), self._movement.width
         key = "encoder", agents, others, actions
-        return kept_in(self._shared, key, lambda: Encoder(self.streets, agents, others, actions))
+        return kept_in(self._shared, key, lambda: Encoder([self.streets.columns.xy], agents, others, actions))
 
     def _observers(self, mask: BoolArray, rows: IntArray, *, are_looking: bool = True) -> observe.Observers:
         """Return the agents in the form of the core.
@@ -359,7 +359,7 @@ class ArrayView(Mapping[str, Any]):
             rows: (games,) the first row of each game.
             are_looking: whether they see other agents.
         """
-        roster, state, streets = self.roster, self._state, self.streets
+        streets = self.streets
         choice = _NO_CHOICES
         if self._movement.are_plain(self.agents):
             offsets, targets = kept_in(self._shared, "along edges", lambda: legal_of(streets.offsets, streets.targets))
@@ -375,18 +375,45 @@ class ArrayView(Mapping[str, Any]):
             counts = np.bincount(found.at * self.node.shape[1] + found.viewers, minlength=number)
             first = np.concatenate(([0], np.cumsum(counts)))
             pairs = flat(first, np.int64), flat(found.nodes, np.int64), flat(self._are_mates(found), np.uint8)
-        seen = observe.VisibleAgents(
-            looks,
-            *pairs,
+        games = flat(self.games, np.int64), flat(rows, np.int64)
+        return self._made_observers(mask, games, (choice, offsets, targets), (looks, *pairs), self._state.no_node)
+
+    def _made_observers(
+        self,
+        mask: BoolArray,
+        games: tuple[Any, Any],
+        legal: tuple[Any, Any, Any],
+        seen: tuple[Any, ...],
+        first: IntArray,
+    ) -> observe.Observers:
+        """Return the agents of the view in the form of the core; see `observe.Observers`.
+
+        Args:
+            mask: the living agents, in rows of the output.
+            games: the numbers of the games, and the first row of each.
+            legal: the legal nodes.
+            seen: the sensors, and the pairs of agents.
+            first: (all games,) the first node of the map of each game.
+        """
+        roster, state = self.roster, self._state
+        visible = observe.VisibleAgents(
+            *seen,
             viewers=flat(self.agents, np.int64),
             node=flat(state.node, np.int64),
             alive=flat(state.alive.view(np.uint8), np.uint8),
             team=flat(roster.team_of, np.int64),
             are_mates=flat(roster.are_teams(), np.uint8),
         )
-        columns = flat(self.games, np.int64), flat(rows, np.int64), flat(mask.view(np.uint8), np.uint8)
-        turn = flat(state.turn, np.int64)
-        return observe.Observers(len(self.agents), *columns, choice, offsets, targets, turn=turn, seen=seen)
+        is_asked = flat(mask.view(np.uint8), np.uint8)
+        return observe.Observers(
+            len(self.agents),
+            *games,
+            is_asked,
+            *legal,
+            first_node=first.data,
+            turn=flat(state.turn, np.int64),
+            seen=visible,
+        )
 
     def _plain_looks(self) -> strategies.SensorTable | None:
         """Return the sensors of all agents in the form of the core; None: some have no such form."""
@@ -538,29 +565,46 @@ def observers_in(view: ArrayView) -> observe.Observers:
 
 
 def lasting_in(
-    view: ArrayView, agents: IntArray, others: int, mask: BoolArray
-) -> tuple[Encoder, observe.Observers, BoolArray, OpenRoads] | None:
-    """Return an encoder with observers that can be reused after any turn, while the games stay on their map.
+    views: Sequence[ArrayView], agents: IntArray, others: int, mask: BoolArray, first: IntArray
+) -> tuple[Encoder, observe.Observers] | None:
+    """Return an encoder and observers for the games on all maps, which can be reused after any turn.
 
     Args:
-        view: the games.
+        views: a view of the games on each map.
         agents: numbers in the roster, in any order.
         others: the number of other agents in a vector.
-        mask: (all games, agents) the living agents, in rows of the output; it may change.
+        mask: (games, agents) the living agents, in rows of the output; it may change.
+        first: (games,) the first node of the map of each game, among the nodes of all maps; it may change.
 
     Returns:
-        The encoder, the observers, (all games, all agents) who is alive, and the open roads. None: reuse is impossible,
-        because turns change other columns that affect observations.
+        None: reuse is impossible, because turns change other columns that affect observations, or sensors differ
+        between maps.
     """
-    those = view.of(agents)
-    if not those._movement.are_plain(agents) or those._plain_looks() is None:
+    those = [view.of(agents) for view in views]
+    if not all(one._movement.are_plain(agents) and one._plain_looks() is not None for one in those):
         return None
-    return (
-        those._encoder(others),
-        those._observers(mask, view.games * len(agents)),
-        view._state.alive,
-        view._state.roads,
-    )
+    looks = [looks_of(one.roster, [True] * len(one.roster.names)) for one in those]
+    if any(one != looks[0] for one in looks):
+        return None
+    own, streets = those[0], [one.streets for one in those]
+    xy = [one.columns.xy for one in streets]
+    sensors = strategies.SensorTable(*looks[0], len(own.roster.teams), flat(np.concatenate(xy), np.float64))
+    ends = np.cumsum(np.concatenate([one.counts for one in streets]))
+    legal = legal_of(np.concatenate(([0], ends)), np.concatenate([one.targets for one in streets]))
+    games = np.arange(len(mask))
+    numbers = flat(games, np.int64), flat(games * len(agents), np.int64)
+    observers = own._made_observers(mask, numbers, (_NO_CHOICES, *legal), (sensors, *_NO_PAIRS), first)
+    return Encoder(xy, len(own.roster.names), others, own._movement.width), observers
+
+
+def alive_in(view: ArrayView) -> BoolArray:
+    """Return which agents are alive in all games of the batch, (all games, all agents); turns change it."""
+    return view._state.alive
+
+
+def roads_in(view: ArrayView) -> OpenRoads:
+    """Return the open roads of the games on the map of a view."""
+    return view._state.roads
 
 
 class _ByName(Mapping[str, T]):
