@@ -23,7 +23,14 @@ def test_a_new_game_can_be_played_at_once(folder, options, agents):
     done = run("new", "hunt", *options)
     assert done.exit_code == 0
     assert sorted(path.name for path in (folder / "hunt").iterdir()) == ["hunt.yaml", "strategies.py"]
-    assert "gamms run hunt/hunt.yaml" in done.stdout
+    for command in (
+        "gamms run hunt/hunt.yaml --out hunt/first ",
+        "gamms run hunt/hunt.yaml --window ",
+        "gamms render hunt/first/game.ggr hunt.html ",
+        "gamms render hunt/first/game.ggr hunt.mp4 ",
+        "gamms run hunt/hunt.yaml --seeds 0:50 ",
+    ):
+        assert f"\n  {command}" in done.stdout
     game = scenario.load("hunt/hunt.yaml")
     assert game.spec.name == "hunt"
     assert game.warnings() == []

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gamms.cli.output import echo
+from gamms.cli.output import RECORDING, echo
 from gamms.errors import BadValue
 from gamms.folders import made_folder, write_whole
 
@@ -52,8 +52,18 @@ def new(
                 one.unlink()
             raise
     *most, last = [f"{scenario} (the game)", *(f"{name / copy} ({_WHAT[copy]})" for copy in files)]
-    echo(f"Wrote {', '.join(most)}{' and ' if most else ''}{last}. Go on with\n")
-    echo(f"  gamms run {scenario} --out {name / 'first'}\n  gamms run {scenario} --seeds 0:20")
+    echo(f"Wrote {', '.join(most)}{' and ' if most else ''}{last}. What next:\n")
+    recording = name / "first" / RECORDING
+    next_commands = {
+        f"gamms run {scenario} --out {name / 'first'}": "play it: a result, a picture, a recording",
+        f"gamms run {scenario} --window": "watch it in a window (extra viz)",
+        f"gamms render {recording} {name.name}.html": "a page that replays it in any browser",
+        f"gamms render {recording} {name.name}.mp4": "a film (extra video)",
+        f"gamms run {scenario} --seeds 0:50": "play fifty games and count who wins",
+    }
+    width = max(map(len, next_commands))
+    for command, what in next_commands.items():
+        echo(f"  {command:<{width}}  # {what}")
 
 
 def _code_of(game: "Scenario") -> dict[str, Path]:
