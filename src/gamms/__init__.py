@@ -11,11 +11,11 @@ Packages and names are loaded when they are first used. Start reading at `contex
 others.
 """
 
-import sys as _sys
 import typing as _typing
 from importlib import import_module as _import_module
 
 from gamms import compat
+from gamms.errors import UnknownAttribute as _UnknownAttribute
 
 if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names come on first use
     # ruff: isort: off
@@ -100,8 +100,7 @@ if not _typing.TYPE_CHECKING:  # which would take every misspelt name for one th
             return found
         found = _import_module(f"gamms.{name}") if name in _MODULES else compat.resolve(name)
         if found is None:
-            message = f"module {__name__!r} has no attribute {name!r}"
-            raise AttributeError(message, name=name, obj=_sys.modules[__name__])  # Python names the nearest one
+            raise _UnknownAttribute(__name__, name, () if name.startswith("_") else {*_HOMES, *_MODULES})
         return found
 
 

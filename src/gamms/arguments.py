@@ -6,14 +6,14 @@ import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from enum import Enum
-from functools import lru_cache
+from functools import lru_cache, update_wrapper, wraps
 from itertools import islice
 from numbers import Real
 from operator import index
-from typing import TYPE_CHECKING, Any, TypeVar, cast, get_args
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast, get_args
 
 from gamms.errors import BadType, BadValue, MissingFolder, UnknownName, nearest
-from gamms.text import shown
+from gamms.text import DescribedFunction, as_code, shown
 
 if TYPE_CHECKING:
     from inspect import Signature
@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, np.dtype[Any]]
 
+P = ParamSpec("P")
 T = TypeVar("T")
+F = TypeVar("F", bound=Callable[..., Any])
 E = TypeVar("E", bound=Enum)
 Documented = TypeVar("Documented", bound=Callable[..., Any])
 
@@ -227,6 +229,42 @@ def refuse_keywords(given: Iterable[str], known: Collection[str], taker: str, hi
         if name not in known:
             way_out = nearest(name, known) or hint or f" There are: {', '.join(known)}."
             raise BadType(f"{taker} takes no keyword {shown(name)}.{way_out}")
+
+
+def names_keywords(function: Callable[P, T]) -> Callable[P, T]:
+    """Let a function name the keyword that is most like an unknown one, as Python 3.13 does."""
+    code: Any = getattr(function, "__code__", None)
+    known = [name for name in code.co_varnames[: code.co_argcount + code.co_kwonlyargcount] if name != "self"]
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        refuse_keywords(kwargs, known, function.__name__)
+        return function(*args, **kwargs)
+
+    return call
+
+
+def shown_as_called(make: Callable[P, F]) -> Callable[P, F]:
+    """Let the functions that a function makes, such as rules, print as the call that made them; see `names_keywords`.
+
+    An argument `ctx`, which has to be the first, prints as that word.
+    """
+    code: Any = getattr(make, "__code__", None)
+    words = ["ctx"] if code.co_varnames[:1] == ("ctx",) else []
+    checked = names_keywords(make)
+
+    @wraps(make)
+    def call(*args: P.args, **kwargs: P.kwargs) -> F:
+        function: Any = checked(*args, **kwargs)
+        made: Any = update_wrapper(DescribedFunction(function), function)
+        del made.__wrapped__
+        made.__name__ = getattr(function, "__name__", make.__name__)
+        given = [*(words if args else ()), *map(as_code, args[len(words) :])]
+        named = [f"{name}={name if name in words else as_code(value)}" for name, value in kwargs.items()]
+        made.call = f"{make.__name__}({', '.join([*given, *named])})"
+        return cast("F", made)
+
+    return call
 
 
 def as_float(value: object, name: str) -> float:

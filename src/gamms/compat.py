@@ -13,7 +13,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from gamms.errors import NotYetAttribute, NotYetImportable
+from gamms.errors import NotYetAttribute, NotYetImportable, UnknownAttribute
 
 _OLD_PATHS: dict[tuple[str, ...], str] = {
     ("gamms.agent",): "AgentEngine AgentEngine.agent_engine",
@@ -141,7 +141,7 @@ class Surface:
             moved = MOVED.get(f"{self._called}.{name}")
             if moved is not None:
                 raise AttributeError(f"{self._called}.{name} is {moved} now.")
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}", name=name, obj=self)
+            raise UnknownAttribute(self._called, name, () if name.startswith("_") else dir(self))
 
 
 def install() -> None:

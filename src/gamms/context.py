@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
-from gamms.arguments import as_int, as_mapping, as_member, as_path, as_text
+from gamms.arguments import as_int, as_mapping, as_member, as_path, as_text, names_keywords
 from gamms.compat import Surface
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownEngine
@@ -384,6 +384,7 @@ class Context(Surface, Guarded, typing.IContext):
             error.add_note(f"The context could not be closed properly either: {failure}")
 
 
+@names_keywords
 def create_context(
     graph_engine: "graph.Engine | str" = graph.Engine.MEMORY,
     vis_engine: "visual.Engine | str" = visual.Engine.NO_VIS,

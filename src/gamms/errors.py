@@ -2,6 +2,7 @@
 
 GammsError
 ├─ UnknownName (KeyError)          a name or id that no sensor, agent, node, edge or store has
+├─ UnknownAttribute (AttributeError) a name that a package or a part of the context lacks
 ├─ UnknownType (ValueError)        a type that this call does not know
 ├─ UnknownEngine (NotImplementedError) a visual engine that is not there
 ├─ Duplicate (ValueError)          a name that is already taken
@@ -34,9 +35,9 @@ ScenarioError (scenario), RecordingError, RecorderBusy and Damaged (recorder), U
 """
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import islice
-from typing import Any
+from typing import Any, NoReturn
 
 from gamms.text import shown
 
@@ -90,12 +91,34 @@ class UnknownName(GammsError, KeyError):
     """A name or id that nothing has."""
 
     def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
-        names = list(islice(known, _MANY))
-        others = ", among others" if len(names) > _FEW else ""
-        verb = "is" if len(names) == 1 else "are"
-        few = f" There {verb}{others}: {', '.join(map(shown, names[:_FEW]))}." if names else ""
-        guess = "" if isinstance(name, int) else nearest(name, names)
-        super().__init__(f"Unknown {kind} {shown(name)}.{guess or few}")
+        super().__init__(f"Unknown {kind} {shown(name)}.{_way_out(name, known)}")
+
+
+class UnknownAttribute(GammsError, AttributeError):
+    """A name that a package or a part of the context lacks."""
+
+    def __init__(self, owner: str, name: str, known: Iterable[str]) -> None:
+        public = [one for one in known if not one.startswith("_")]
+        super().__init__(f"{owner} has no attribute {name!r}.{_way_out(name, public)}")
+
+
+def no_attribute(package: str, known: Iterable[str]) -> Callable[[str], NoReturn]:
+    """Return the `__getattr__` of a package with these names, which says what is most like an unknown one."""
+
+    def refuse(name: str) -> NoReturn:
+        raise UnknownAttribute(package, name, () if name.startswith("_") else known)
+
+    return refuse
+
+
+def _way_out(name: object, known: Iterable[object]) -> str:
+    """Return the known names most like `name`, else the first few."""
+    names = list(islice(known, _MANY))
+    others = ", among others" if len(names) > _FEW else ""
+    verb = "is" if len(names) == 1 else "are"
+    few = f" There {verb}{others}: {', '.join(map(shown, names[:_FEW]))}." if names else ""
+    guess = "" if isinstance(name, int) else nearest(name, names)
+    return guess or few
 
 
 class UnknownType(GammsError, ValueError):

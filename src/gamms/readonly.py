@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NoReturn, TypeVar, cast
 
 import numpy as np
 
-from gamms.errors import BadType, BadValue, GammsError
+from gamms.errors import BadType, BadValue, GammsError, UnknownName
 
 _SCALARS = frozenset({str, bytes, int, float, complex, bool, NoneType})
 _IMMUTABLE = (str, bytes, int, float, complex, Enum, range, slice, type)
@@ -53,7 +53,10 @@ class ReadOnlyMapping(Mapping[Any, Any]):
         self._values = values
 
     def __getitem__(self, key: object) -> Any:
-        return self._values[key]
+        try:
+            return self._values[key]
+        except KeyError:
+            raise UnknownName("key", key, self._values) from None
 
     def __iter__(self) -> Iterator[Any]:
         return iter(self._values)

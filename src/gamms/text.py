@@ -2,15 +2,13 @@
 
 import ast
 import re
-from collections.abc import Callable, Iterator
-from functools import partial, update_wrapper, wraps
+from collections.abc import Iterator
+from functools import partial
 from reprlib import Repr
 from threading import Lock
 from types import FunctionType
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import Any, TypeVar
 
-P = ParamSpec("P")
-F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
 
 _LONG = 200  # bits
@@ -71,28 +69,6 @@ class DescribedFunction(partial[Any]):
                 yield one
                 if isinstance(one, DescribedFunction):
                     yield from one.held()
-
-
-def shown_as_called(make: Callable[P, F]) -> Callable[P, F]:
-    """Let the functions that a function makes, such as rules, print as the call that made them.
-
-    An argument `ctx`, which has to be the first, prints as that word.
-    """
-    code: Any = getattr(make, "__code__", None)
-    words = ["ctx"] if code.co_varnames[:1] == ("ctx",) else []
-
-    @wraps(make)
-    def call(*args: P.args, **kwargs: P.kwargs) -> F:
-        function: Any = make(*args, **kwargs)
-        made: Any = update_wrapper(DescribedFunction(function), function)
-        del made.__wrapped__
-        made.__name__ = getattr(function, "__name__", make.__name__)
-        given = [*(words if args else ()), *map(as_code, args[len(words) :])]
-        named = [f"{name}={name if name in words else as_code(value)}" for name, value in kwargs.items()]
-        made.call = f"{make.__name__}({', '.join([*given, *named])})"
-        return cast("F", made)
-
-    return call
 
 
 def as_code(value: object) -> str:

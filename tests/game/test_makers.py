@@ -94,7 +94,10 @@ def test_a_strategy_is_called_with_states_alone(agent, strategy):
 
 def test_a_function_that_cannot_be_told_is_refused_at_once(agent):
     agent.strategy = lambda s: s.get("nothing")  # it fails with a context, as strategies do
-    with pytest.raises(TypeError, match=r"Unknown node 9. Name its first parameter state .*, and ctx if it makes one"):
+    with pytest.raises(
+        TypeError,
+        match=r"Unknown node 9. There are: 0, 1, 2, 3. Name its first parameter state .*, and ctx if it makes one",
+    ):
         agent.strategy = lambda c: goto(c, 9)
     with pytest.raises(TypeError, match="makes a strategy, but needs more than the context"):
         agent.strategy = goto

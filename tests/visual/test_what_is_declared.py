@@ -234,10 +234,10 @@ def test_a_sensor_that_was_declared_keeps_its_color_and_agents_theirs(ctx):
 
 
 def test_a_misspelt_keyword_of_a_visual_is_warned_about(ctx, heard):
-    ctx.visual.set_agent_visual("anna", colour="red", size=3)
+    ctx.visual.set_agent_visual("red_0", colour="red", size=3)
     ctx.visual.set_graph_visual(nodecolor="red", width=1980, height=1080)
     ctx.visual.set_sensor_visual("eyes", color="red", mine=1)
     assert heard == [
-        "Visual 'anna': Unknown keyword 'colour'. Did you mean 'color'? It is left to drawers of your own.",
+        "Visual 'red_0': Unknown keyword 'colour'. Did you mean 'color'? It is left to drawers of your own.",
         "Visual 'graph': Unknown keyword 'nodecolor'. Did you mean 'node_color'? It is left to drawers of your own.",
     ]

@@ -21,6 +21,7 @@ from gamms.agent.snapshots import (
     teams_in,
 )
 from gamms.agent.teams import (
+    Agents,
     AgentsByName,
     Team,
     UncreatedMembers,
@@ -68,7 +69,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
     def __init__(self, ctx: IContext) -> None:
         self._phase = phase_of(ctx)
         self._ctx = ctx
-        self._agents: dict[str, BaseAgent] = {}
+        self._agents: dict[str, BaseAgent] = Agents()
         self._new_block()
         self._storage = AgentStorage(self)
         self._last_departure = DeletedAgent()
@@ -282,7 +283,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         block.add_all(names, nodes, team)
         columns = {name: column_of(column) for name, column in values.items()}
         members = UncreatedMembers(names, strategy, columns)
-        if type(self._agents) is dict:
+        if not isinstance(self._agents, AgentsByName):
             self._agents = AgentsByName(self._agents, self._made)
         self._agents.update(dict.fromkeys(names, members))  # type: ignore[arg-type] # they stand in for agents
         return members
@@ -561,7 +562,7 @@ class AgentStorage(Guarded):
             engine._new_block()
             engine._block.has_teams = block.has_teams
             engine._block.succeed(block)
-            engine._agents = AgentsByName({}, engine._made) if block.has_teams else {}
+            engine._agents = AgentsByName({}, engine._made) if block.has_teams else Agents()
             for name, known in then.items():
                 agent = known.made.get(name, known) if type(known) is UncreatedMembers else known
                 if type(agent) is UncreatedMembers:

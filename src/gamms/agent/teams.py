@@ -4,7 +4,7 @@ from collections.abc import Callable, ItemsView, Iterable, Iterator, Mapping, Se
 from functools import cached_property
 from itertools import chain, islice
 from operator import length_hint
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 import numpy as np
 
@@ -86,7 +86,14 @@ class UncreatedMembers:
         )
 
 
-class AgentsByName(dict[str, BaseAgent]):
+class Agents(dict[str, BaseAgent]):
+    """Agents by name, in order of creation; a missing name raises an error that lists those that exist."""
+
+    def __missing__(self, name: str) -> NoReturn:
+        raise UnknownName("agent", name, self)
+
+
+class AgentsByName(Agents):
     """All agents by name, in order of creation; `UncreatedMembers` stand in for agents without an object.
 
     Args:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from gamms.arguments import as_context, as_items, as_range
+from gamms.arguments import as_context, as_items, as_range, shown_as_called
 from gamms.bridge.feeds import Message, Send
 from gamms.bridge.lines import RoadChanges
 from gamms.bridge.links import Link
@@ -12,7 +12,7 @@ from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.plain import as_json
-from gamms.text import shown, shown_as_called
+from gamms.text import shown
 from gamms.typing import AgentType, IAgent, Rule
 
 _DECIMALS, _DEGREES = 3, 8

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_choice, as_flag, as_int, as_known, as_text
+from gamms.arguments import as_choice, as_flag, as_int, as_known, as_text, shown_as_called
 from gamms.core import conflicts as core
 from gamms.core.agents import MoveColumns
 from gamms.errors import BadType, BadValue, UnknownName, nearest
@@ -24,7 +24,7 @@ from gamms.ir.agents import as_ids
 from gamms.ir.graph import GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.text import DescribedFunction, as_code, shown, shown_as_called
+from gamms.text import DescribedFunction, as_code, shown
 from gamms.typing.context import HostContext
 from gamms.typing.game import EdgePlace, IConflicts, Move
 

@@ -183,12 +183,14 @@ class _Question(NamedTuple):
         return list(self.given.values()) if self.is_plan else [self.given]
 
 
-def _meant_sensor(question: _Question, error: BaseException) -> str:
-    """Return a hint for a strategy that reads a sensor under a misspelt name."""
-    sensors = None if question.is_plan else question.given.get("sensor")
-    if not sensors or not isinstance(error, KeyError) or not error.args:
+def _meant_key(question: _Question, error: BaseException) -> str:
+    """Return a hint for a strategy that reads a sensor, or a key of the state, under a misspelt name."""
+    if question.is_plan or not isinstance(error, KeyError) or not error.args:
         return ""
-    return nearest(error.args[0], sensors) and f" Its sensors are: {', '.join(map(repr, sensors))}."
+    sensors = question.given.get("sensor") or {}
+    if nearest(error.args[0], sensors):
+        return f" Its sensors are: {', '.join(map(repr, sensors))}."
+    return nearest(error.args[0], question.given)
 
 
 class Decisions:
@@ -504,7 +506,7 @@ class Decisions:
 
     def _fail(self, question: _Question, error: BaseException) -> None:
         if self._settings.on_error == "raise":
-            error.add_note(f"In the {question.name}, in turn {self.state.turn}.{_meant_sensor(question, error)}")
+            error.add_note(f"In the {question.name}, in turn {self.state.turn}.{_meant_key(question, error)}")
             raise error
         self._miss(question, "error", f"{type(error).__name__}: {error}")
 

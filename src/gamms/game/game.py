@@ -8,7 +8,7 @@ from types import EllipsisType
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, overload
 
 from gamms import kernels
-from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name
+from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name, names_keywords
 from gamms.compat import Surface
 from gamms.deciding import phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
@@ -259,6 +259,7 @@ class Game(Surface, RuleVerbs):
             state.timings["draw"] += perf_counter() - began
 
     @refused_while_deciding
+    @names_keywords
     def run(
         self,
         max_turns: int | None = None,

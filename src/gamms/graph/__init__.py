@@ -9,6 +9,7 @@ add a query, give `IGraph` a slow default and override it in `graph.py`.
 import typing as _typing
 from importlib import import_module
 
+from gamms.errors import UnknownAttribute
 from gamms.graph.engine import GraphEngine
 from gamms.graph.graph import Graph
 from gamms.typing.graph_engine import Engine, IGraph, IGraphEngine, Node, ObsFace, OSMEdge
@@ -44,4 +45,4 @@ def __getattr__(name: str) -> _typing.Any:
         return geometry.line_string_class()
     if name in _IN_MEMORY:
         return getattr(import_module("gamms.memory"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    raise UnknownAttribute(__name__, name, () if name.startswith("_") else __all__)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
-from gamms.arguments import as_ids, as_known
+from gamms.arguments import as_ids, as_known, names_keywords
 from gamms.compat import Surface
 from gamms.deciding import ContextPart, phase_of, refused_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, DuplicateId, UnknownType, WriteConflict
@@ -465,6 +465,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         graph = self._graph  # NOTE: the property would double the time (benchmarks: Paths)
         return (self.graph if graph is None else graph).distance(source, target, weight)
 
+    @names_keywords
     def place(
         self,
         n: int,

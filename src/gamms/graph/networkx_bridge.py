@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_int, as_positive, index_of
+from gamms.arguments import as_int, as_positive, index_of, names_keywords
 from gamms.errors import BadType, BadValue
 from gamms.graph import records
 from gamms.graph.export import plain_cell, shapes_of, wkt_of
@@ -91,6 +91,7 @@ def labels(columns: GraphColumns) -> dict[Hashable, int]:
     return {label: int(columns.node_ids[row]) for row, label in columns.node_attributes.get(LABEL, {}).items()}
 
 
+@names_keywords
 def grid(rows: int, columns: int, spacing: float = 10.0) -> "nx.DiGraph[int]":
     """Return a street grid; neighbors in a row or column are connected in both directions.
 

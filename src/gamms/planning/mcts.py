@@ -6,7 +6,7 @@ from math import exp, inf, isqrt, log, sqrt
 from typing import Any, Literal, NamedTuple, Unpack, cast
 
 from gamms import kernels
-from gamms.arguments import as_choice, as_count, as_float, as_int, as_items, as_range
+from gamms.arguments import as_choice, as_count, as_float, as_int, as_items, as_range, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.limits import GarbagePause
@@ -14,7 +14,7 @@ from gamms.planning.model import Model, ModelOptions, Policy, States, as_policy,
 from gamms.planning.pace import SearchPace, SearchTimer
 from gamms.scenario.code import offered_function
 from gamms.strategies import random_walk
-from gamms.text import shown, shown_as_called
+from gamms.text import shown
 from gamms.typing import IAgent
 from gamms.typing.actions import strategy_in
 from gamms.typing.game import Action, Draws, State, Strategy

@@ -8,11 +8,11 @@ from collections.abc import Callable, Hashable, Sequence
 from typing import Any
 
 from gamms.agent import BaseAgent
-from gamms.arguments import as_key
+from gamms.arguments import as_key, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey
 from gamms.game.conflicts import Contest, Rank, Ranking, Resolver
-from gamms.text import shown, shown_as_called
+from gamms.text import shown
 from gamms.typing.game import Move
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any, overload
 
 import numpy as np
 
-from gamms.arguments import as_count, as_flag, as_float, as_int, as_key
+from gamms.arguments import as_count, as_flag, as_float, as_int, as_key, shown_as_called
 from gamms.context import Context
 from gamms.core import rules as core
 from gamms.errors import BadValue, UnknownName
@@ -14,7 +14,7 @@ from gamms.game.batch.in_core import ONE_THAT_SHOWS, reason_of_goals
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import column, living_teams, turn_of
-from gamms.text import shown, shown_as_called
+from gamms.text import shown
 from gamms.typing import NodeId, Rule
 from gamms.typing.game import TEAMS, Team
 from gamms.visual.drawers.rules import GOALS, as_text, render_goals

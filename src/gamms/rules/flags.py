@@ -6,7 +6,7 @@ from typing import Annotated, Any, NamedTuple, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_count, as_flag, as_float, as_int, as_name
+from gamms.arguments import as_count, as_flag, as_float, as_int, as_name, shown_as_called
 from gamms.context import Context
 from gamms.core import rules as core
 from gamms.errors import BadType
@@ -19,7 +19,7 @@ from gamms.rules.endings import all_know, refuse_unknown
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import TurnContacts, column, turn_of
 from gamms.rules.territory import NO_TERRITORY, Colors, Territory, TerritorySource, as_territory
-from gamms.text import shown, shown_as_called
+from gamms.text import shown
 from gamms.typing import AgentType, NodeId, Rule
 from gamms.typing.game import OWNERS
 from gamms.visual.drawers.rules import FlagsDrawer

@@ -3,12 +3,12 @@
 from collections.abc import Hashable, Mapping
 from typing import Any
 
-from gamms.arguments import as_flag, as_float, as_known, as_mapping, as_name
+from gamms.arguments import as_flag, as_float, as_known, as_mapping, as_name, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadValue
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.rules.endings import all_know, state_of
-from gamms.text import shown, shown_as_called
+from gamms.text import shown
 from gamms.typing import Rule
 
 _PAYOFFS = "payoffs"  # in `ctx.game.data`: key -> number of events already paid

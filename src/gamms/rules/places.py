@@ -5,7 +5,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_count, as_flag, as_float, as_name, as_range
+from gamms.arguments import as_count, as_flag, as_float, as_name, as_range, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadType, NotOffered
 from gamms.game.settings import Rank, RuleSpec, declared
@@ -13,7 +13,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import to_plain, why_not_plain
 from gamms.rules.endings import all_know, as_nodes, as_teams, refuse_unknown, state_of
 from gamms.rules.meetings import nodes_within
-from gamms.text import shown, shown_as_called
+from gamms.text import shown
 from gamms.typing import AgentType, IAgent, ISensor, NodeId, Rule
 from gamms.typing.game import TEAMS
 from gamms.visual.drawers.rules import as_text

@@ -6,14 +6,14 @@ from itertools import pairwise, takewhile
 from math import dist, isfinite
 from typing import Annotated, Any, NamedTuple
 
-from gamms.arguments import as_choice, as_count, as_int, as_mapping, as_name, as_range
+from gamms.arguments import as_choice, as_count, as_int, as_mapping, as_name, as_range, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import GraphColumns, shortest_edges
 from gamms.rules.endings import as_teams, refuse_unknown, state_of
 from gamms.rules.visits import TraveledEdges
-from gamms.text import shown, shown_as_called
+from gamms.text import shown
 from gamms.typing import AgentType, IAgent, Rule
 from gamms.typing.game import TEAMS, Leg, Move
 from gamms.visual.drawers.standings import COOLDOWNS, RESOURCES, render_amounts, render_cooldowns

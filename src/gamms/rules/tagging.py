@@ -4,7 +4,7 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from typing import Annotated, NamedTuple, cast
 
 from gamms.agent import BaseAgent
-from gamms.arguments import as_count, as_flag, as_float
+from gamms.arguments import as_count, as_flag, as_float, shown_as_called
 from gamms.context import Context
 from gamms.core import rules as core
 from gamms.errors import BadType, BadValue, nearest
@@ -15,7 +15,7 @@ from gamms.rules.endings import all_know, as_teams, state_of
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import ContactOptions, Side, TurnContacts, turn_of
 from gamms.rules.territory import NO_TERRITORY, Territory, TerritorySource, as_territory
-from gamms.text import shown, shown_as_called
+from gamms.text import shown
 from gamms.typing.game import TEAMS, Rule
 from gamms.visual.drawers.marks import render_tags
 

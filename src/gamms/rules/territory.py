@@ -7,7 +7,7 @@ from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
 
-from gamms.arguments import as_choice, as_int, as_known, as_name
+from gamms.arguments import as_choice, as_int, as_known, as_name, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.settings import RuleSpec, declared
@@ -16,7 +16,7 @@ from gamms.ir.graph import IntArray
 from gamms.rules.endings import all_know
 from gamms.rules.in_core import in_core
 from gamms.rules.meetings import TurnContacts
-from gamms.text import shown, shown_as_called
+from gamms.text import shown
 from gamms.typing import ColorType, NodeId, Rule
 from gamms.typing.game import OWNERS, TEAMS
 from gamms.visual.drawers.rules import TERRITORIES, TerritoryDrawer, as_text

@@ -4,6 +4,9 @@ Read `catalog.py` first: the table of all kinds of sensors. A new kind is one ro
 May import: typing, kernels, ir and below, never another engine.
 """
 
+import typing as _typing
+
+from gamms.errors import no_attribute as _no_attribute
 from gamms.kernels import multiply_quaternions, quaternion_to_direction
 from gamms.sensor.air import AerialAgentSensor, AerialSensor, OccludedAerialAgentSensor, OccludedAerialSensor
 from gamms.sensor.catalog import (
@@ -60,3 +63,6 @@ __all__ = [
     "quaternion_to_direction",
     "range",
 ]
+
+if not _typing.TYPE_CHECKING:  # which would take every misspelt name for one that is there
+    __getattr__ = _no_attribute(__name__, __all__)

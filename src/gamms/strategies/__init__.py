@@ -31,6 +31,9 @@ out enemies, `sweeping.py` a team that visits all nodes; `paces.py` converts dis
 `context` and below. To add a strategy, write a function and name it below.
 """
 
+import typing as _typing
+
+from gamms.errors import no_attribute as _no_attribute
 from gamms.strategies.assignment import assign
 from gamms.strategies.encounters import chase, flee, follow_belief, guard, intercept, safest_exit
 from gamms.strategies.sweeping import sweep
@@ -67,3 +70,6 @@ __all__ = [
     "sweep",
     "unblock",
 ]
+
+if not _typing.TYPE_CHECKING:  # which would take every misspelt name for one that is there
+    __getattr__ = _no_attribute(__name__, __all__)

@@ -6,7 +6,7 @@ from math import inf
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_context, as_count
+from gamms.arguments import as_context, as_count, shown_as_called
 from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.strategies.knowledge import (
@@ -18,7 +18,6 @@ from gamms.strategies.knowledge import (
     shared_memory,
 )
 from gamms.strategies.travel import random_walk
-from gamms.text import shown_as_called
 from gamms.typing.game import State, Strategy
 from gamms.typing.routes import made_in_moment, made_last
 

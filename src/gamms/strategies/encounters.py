@@ -6,7 +6,7 @@ from math import inf
 import numpy as np
 
 from gamms import belief, kernels
-from gamms.arguments import as_context, as_items, as_range
+from gamms.arguments import as_context, as_items, as_range, shown_as_called
 from gamms.belief.motion import as_motion
 from gamms.context import Context
 from gamms.core import strategies as core
@@ -29,7 +29,6 @@ from gamms.strategies.knowledge import (
 )
 from gamms.strategies.paces import Pace, by_pace, in_turns, pace_of, turns_for, turns_from, turns_to
 from gamms.strategies.travel import random_walk, stay
-from gamms.text import shown_as_called
 from gamms.typing import AgentType, IContext
 from gamms.typing.game import NodeId, State, Strategy
 from gamms.typing.routes import made_in_moment, made_last

@@ -161,7 +161,7 @@ def as_known_node(ctx: IContext, value: object, name: str) -> int:
     """
     node = as_int(value, name)
     if not ctx.graph.graph.has_node(node):
-        raise UnknownName("node", node)
+        raise UnknownName("node", node, ctx.graph.graph.get_nodes())
     return node
 
 

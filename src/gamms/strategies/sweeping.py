@@ -4,7 +4,7 @@ from collections.abc import Hashable, Iterable
 
 import numpy as np
 
-from gamms.arguments import as_context, as_flag
+from gamms.arguments import as_context, as_flag, shown_as_called
 from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.ir.graph import FloatArray, IntArray
@@ -18,7 +18,6 @@ from gamms.strategies.knowledge import (
     shared_memory,
 )
 from gamms.strategies.travel import stay
-from gamms.text import shown_as_called
 from gamms.typing.game import NodeId, State, Strategy
 from gamms.typing.routes import made_in_moment, made_last
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import cos, inf, pi, sin
 from typing import Any, TypeVar, overload
 
-from gamms.arguments import as_context, as_count, as_float, as_int, signature_of
+from gamms.arguments import as_context, as_count, as_float, as_int, shown_as_called, signature_of
 from gamms.context import Context
 from gamms.core import moves
 from gamms.core import strategies as core
@@ -25,7 +25,7 @@ from gamms.strategies.knowledge import (
     required,
 )
 from gamms.strategies.stops import route
-from gamms.text import shown, shown_as_called
+from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, AerialStrategy, NodeId, State, Strategy
 

@@ -318,6 +318,11 @@ class Artists(Guarded):
     @as_declared(IVisualizationEngine.set_agent_visual)
     def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> Artist:
         """Set the look of an agent; the contract explains the keywords."""
+        agents = self._ctx.agent.agents
+        if agents and as_name(name, "an agent") not in agents:
+            self._ctx.logger.warning(
+                f"set_agent_visual: {UnknownName('agent', name, agents)} It is shown once it exists."
+            )
         artist = self._made("agent", {**kwargs, "name": name}, Layer.AGENTS)
         artist.data["agent_data"].image = kwargs.get("image_path")
         return self._declare(name, artist)

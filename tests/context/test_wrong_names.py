@@ -1,0 +1,203 @@
+"""Wrong names in Python: the error names the thing, the value, what there is, and the way out."""
+
+import pytest
+
+import gamms
+from gamms import rules, strategies
+from gamms.rules import tag
+from gamms.strategies import goto, random_walk, stay
+
+
+@pytest.fixture
+def town():
+    """A grid with two red agents, which have a sensor, and one blue agent."""
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 6))
+        eyes = {"eyes": gamms.sensor.agent_range(range_m=30)}
+        ctx.agent.create_team("red", [0, 1], sensors=eyes, strategy=stay)
+        ctx.agent.create_agent("anna", start_node_id=5, team="blue", strategy=random_walk)
+        yield ctx
+
+
+def decided_by(ctx, strategy):
+    """Play a turn in which one agent has another strategy."""
+    ctx.agent.get_agent("red_0").strategy = strategy
+    ctx.game.step()
+
+
+AGENTS = "Unknown agent 'bob'. There are: 'red_0', 'red_1', 'anna'."
+NODES = "Unknown node 99. There are, among others: 0, 1, 2, 3, 4, 5, 6, 7."
+WRONG = {
+    "an agent": (lambda ctx: ctx.agent.get_agent("bob"), AGENTS),
+    "an agent of the dict": (lambda ctx: ctx.agent.agents["bob"], AGENTS),
+    "a team of a batch": (lambda ctx: ctx.game.batch(2, most_agents={"rde": 3}), "'rde'. Did you mean 'red'?"),
+    "a sensor": (
+        lambda ctx: ctx.sensor.get_sensor("eys"),
+        "Unknown sensor 'eys'. There are: 'red_0/eyes', 'red_1/eyes'.",
+    ),
+    "a sensor of an agent": (
+        lambda ctx: ctx.agent.get_agent("red_0").sensors["eys"],
+        "Unknown key 'eys'. Did you mean 'eyes'?",
+    ),
+    "a kind of sensor": (
+        lambda ctx: ctx.sensor.create_sensor("x", "agent_rnge"),
+        "Unknown sensor type 'agent_rnge' for sensor 'x'. Did you mean 'AGENT_RANGE'?",
+    ),
+    "a factory of sensors": (
+        lambda _: gamms.sensor.agent_rnge,
+        "gamms.sensor has no attribute 'agent_rnge'. Did you mean 'agent_range'?",
+    ),
+    "an option of a sensor": (
+        lambda _: gamms.sensor.agent_range(rang_m=3),
+        "gamms.sensor.agent_range() takes no rang_m=. Did you mean 'range_m'?",
+    ),
+    "a strategy": (lambda _: strategies.chas, "gamms.strategies has no attribute 'chas'. Did you mean 'chase'?"),
+    "a strategy unlike any": (
+        lambda _: strategies.zigzag,
+        "gamms.strategies has no attribute 'zigzag'. There are, among others: 'assign', 'chase', 'first',",
+    ),
+    "an argument of a strategy": (
+        lambda ctx: goto(ctx, traget=3),
+        "goto takes no keyword 'traget'. Did you mean 'target'?",
+    ),
+    "a node of a strategy": (lambda ctx: goto(ctx, 99), NODES),
+    "a package": (lambda _: gamms.strategy, "gamms has no attribute 'strategy'. Did you mean 'strategies'?"),
+    "a function of gamms": (
+        lambda _: gamms.creat_context,
+        "gamms has no attribute 'creat_context'. Did you mean 'create_context'?",
+    ),
+    "a rule": (lambda _: rules.reech, "gamms.rules has no attribute 'reech'. Did you mean 'reach'?"),
+    "an argument of a rule": (
+        lambda _: tag("red", "blue", the="respawn"),
+        "tag takes no keyword 'the'. Did you mean 'then'?",
+    ),
+    "an option of a rule": (
+        lambda _: tag("red", "blue", then="eliminat"),
+        "then must be 'respawn', 'eliminate' or a function, not 'eliminat'. Did you mean 'eliminate'?",
+    ),
+    "a rule to remove": (lambda ctx: (ctx.game.add(tag("red", "blue")), ctx.game.remove("tga")), "Did you mean 'tag'?"),
+    "a keyword of contexts": (
+        lambda _: gamms.create_context(sed=1),
+        "create_context takes no keyword 'sed'. Did you mean 'seed'?",
+    ),
+    "a graph engine": (lambda _: gamms.create_context("MEMROY"), "Unknown graph engine 'MEMROY'. Use Engine.MEMORY"),
+    "a backend": (
+        lambda _: gamms.create_context(vis_engine="pygme"),
+        "Unknown visual engine 'pygme'. Use gamms.visual.Engine.NO_VIS, PYGAME, OFFSCREEN or WEB.",
+    ),
+    "a setting": (lambda _: gamms.create_context(game={"max_turn": 3}), "Did you mean 'max_turns'?"),
+    "a setting that is set": (
+        lambda ctx: setattr(ctx.game, "speed_units", "m"),
+        "ctx.game has no 'speed_units'. Did you mean",
+    ),
+    "a setting that is read": (
+        lambda ctx: ctx.game.max_turn,
+        "ctx.game has no attribute 'max_turn'. Did you mean 'max_turns'?",
+    ),
+    "a part of the context": (lambda ctx: ctx.agents, "ctx has no attribute 'agents'. Did you mean 'agent'?"),
+    "a verb of the graph": (
+        lambda ctx: ctx.graph.shortst_path,
+        "ctx.graph has no attribute 'shortst_path'. Did you mean 'shortest_path'?",
+    ),
+    "a verb of pictures": (lambda ctx: ctx.visual.sve, "ctx.visual has no attribute 'sve'. Did you mean 'save'?"),
+    "a node": (lambda ctx: ctx.graph.graph.get_node(99), NODES),
+    "a start": (lambda ctx: ctx.agent.create_agent("d", start_node_id=99), NODES),
+    "the end of a path": (lambda ctx: ctx.graph.shortest_path(0, 99), NODES),
+    "a weight": (
+        lambda ctx: ctx.graph.shortest_path(0, 3, weight="lenght"),
+        "Unknown weight 'lenght'. Did you mean 'length'?",
+    ),
+    "a map function": (lambda _: gamms.graph.gird, "gamms.graph has no attribute 'gird'. Did you mean 'grid'?"),
+    "a keyword of a grid": (
+        lambda _: gamms.graph.grid(3, colums=4),
+        "grid takes no keyword 'colums'. Did you mean 'columns'?",
+    ),
+    "a keyword of places": (
+        lambda ctx: ctx.graph.place(3, ner=(0, 0)),
+        "place takes no keyword 'ner'. Did you mean 'near'?",
+    ),
+    "a keyword of agents": (
+        lambda ctx: ctx.agent.create_agent("e", start_node=3),
+        "needs start_node_id=, the node it stands on. Unknown keyword 'start_node'. Did you mean 'start_node_id'?",
+    ),
+    "a keyword of teams": (
+        lambda ctx: ctx.agent.create_team("g", [3], stratgy=stay),
+        "create_team takes no keyword 'stratgy'. Did you mean 'strategy'?",
+    ),
+    "a keyword of runs": (
+        lambda ctx: ctx.game.run(max_turn=3),
+        "run takes no keyword 'max_turn'. Did you mean 'max_turns'?",
+    ),
+    "a kind of a deed's field": (
+        lambda _: gamms.create_context(game={"deeds": {"scan": {"where": "nod"}}}),
+        "ctx.game.deeds['scan']['where'] cannot be 'nod'. Did you mean 'node'?",
+    ),
+    "a channel": (
+        lambda ctx: (ctx.game.add_channel("radio", range_m=3), ctx.game.remove_channel("radoi")),
+        "Unknown channel 'radoi'. Did you mean 'radio'?",
+    ),
+    "an option of a channel": (
+        lambda ctx: ctx.game.add_channel("radio", rang_m=3),
+        "'rang_m'. Did you mean 'range_m'?",
+    ),
+    "a fact": (
+        lambda ctx: (ctx.game.publish(exits=(3,)), ctx.game.facts["exit"]),
+        "Unknown key 'exit'. Did you mean 'exits'?",
+    ),
+    "a phase": (
+        lambda ctx: ctx.game.add(print, phase="befor"),
+        "phase must be 'before' or 'deeds' or 'after', not 'befor'.",
+    ),
+    "a table": (lambda ctx: ctx.game.result().table("mesages"), "Unknown table 'mesages'. Did you mean 'messages'?"),
+    "a theme": (
+        lambda ctx: ctx.visual.save("x.svg", theme="drak"),
+        "Unknown theme 'drak'; there is: light, dark, print.",
+    ),
+    "a picture": (lambda ctx: ctx.visual.save("x.jpgg"), "A picture cannot be saved as '.jpgg': use .svg, .png, .pdf."),
+    "an option of a picture": (
+        lambda ctx: ctx.visual.save("x.svg", trial=3),
+        "no keyword 'trial'. Did you mean 'trails'?",
+    ),
+    "a game": (lambda _: gamms.scenario.from_gallery("pursiut"), "Unknown game 'pursiut'. Did you mean 'pursuit'?"),
+    "a key of a scenario": (
+        lambda _: gamms.scenario.from_gallery("pursuit").replace(max_turn=3),
+        "max_turn: unknown key, with the value 3. Did you mean 'max_turns'?",
+    ),
+    "a key of a map": (
+        lambda _: gamms.scenario.from_gallery("pursuit").replace(map={"grdi": {"width": 3, "height": 3}}),
+        "map.grdi: unknown key",
+    ),
+}
+
+
+@pytest.mark.parametrize("thing", WRONG)
+def test_an_error_names_the_thing_and_what_there_is(town, thing, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    call, said = WRONG[thing]
+    with pytest.raises((LookupError, AttributeError, TypeError, ValueError, NotImplementedError)) as caught:
+        call(town)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("strategy", "note"),
+    [
+        (lambda state: state["legl"], "In the strategy of agent 'red_0', in turn 0. Did you mean 'legal'?"),
+        (lambda state: state["sensor"]["eys"], "In the strategy of agent 'red_0', in turn 0. Its sensors are: 'eyes'."),
+    ],
+)
+def test_a_strategy_that_reads_a_misspelt_key_is_told_the_right_one(town, strategy, note):
+    with pytest.raises(KeyError) as caught:
+        decided_by(town, strategy)
+    assert caught.value.__notes__ == [note]
+
+
+def test_a_look_for_an_agent_that_is_not_there_is_warned_about(town):
+    said = []
+    town.logger.warning, before = said.append, town.logger.warning
+    try:
+        town.visual.set_agent_visual("bob", color="red")
+        town.visual.set_agent_visual("anna", color="red")
+    finally:
+        town.logger.warning = before
+    assert said == [f"set_agent_visual: {AGENTS} It is shown once it exists."]
