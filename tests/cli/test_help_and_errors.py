@@ -99,7 +99,10 @@ def test_an_error_of_a_strategy_shows_its_own_lines_and_who_played(folder):
     first, *frames, error, note = done.stderr.splitlines()
     assert first == "Traceback (most recent call last):"
     assert [line.split('"')[1] for line in frames if line.startswith("  File")] == [str(folder / "players.py")] * 2
-    assert (error, note) == ("KeyError: 'legl'", "In the strategy of agent 'red_0', in turn 0.")
+    assert (error, note) == (
+        "KeyError: 'legl'",
+        "In the strategy of agent 'red_0', in turn 0. Did you mean 'legal'?",
+    )
 
 
 def test_an_error_of_imported_code_shows_the_line_and_the_place_in_the_scenario(folder):

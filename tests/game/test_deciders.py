@@ -198,7 +198,8 @@ def test_a_plan_for_a_team_without_agents_is_warned_about_once(ctx, caplog):
     ctx.game.command("green", None)
     ctx.game.run(2)
     said = [record.getMessage() for record in caplog.records]
-    assert said == ["command: Unknown team 'rde'. Did you mean 'red'? Its plan decides for no agent."]
+    assert said[1:] == ["command: Unknown team 'rde'. Did you mean 'red'? Its plan decides for no agent."]
+    assert said[0].startswith("No strategy decides for: team 'red'.")
 
 
 # -- plans of arrays ------------------------------------------------------------------------------------------------

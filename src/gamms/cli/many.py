@@ -101,6 +101,7 @@ def _results(
     """Yield the result of each seed, in order, from any process."""
     from gamms.workers import WorkerPool, result_of
 
+    game.warn_of_idle_teams(strategies)
     jobs = min(jobs, len(seeds))
     size = max(1, min(_MOST_IN_A_BATCH, len(seeds) // (4 * jobs)))
     batches = [seeds[first : first + size] for first in range(0, len(seeds), size)]

@@ -115,6 +115,8 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     chosen, part = executor_for(executor, workers), folders.shard_of(shard)
     if part is not None and out is None:
         raise BadValue("A shard needs out, the folder in which merge finds its rows.")
+    for variant in plan.variants:
+        variant.of(plan.scenario).warn_of_idle_teams(variant.strategies)
     ids = plan.ids()
     with ExitStack() as ending:
         if chosen[1]:

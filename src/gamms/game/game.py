@@ -287,6 +287,7 @@ class Game(Surface, RuleVerbs):
         last = self._state.last_turn = self.max_turns if turns is None else self.turn + turns
         if last is None and not self.rules:
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
+        self._internals.warn_of_idle_teams()
         known, scored = len(self.errors), set(self._state.scores)
         of = "" if last is None else f" of {last}"
         with ExitStack() as stack:

@@ -3,7 +3,7 @@
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Hashable, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from html import escape
@@ -262,6 +262,25 @@ def what_went_wrong(errors: Sequence[Mapping[str, Any]]) -> str:
         f"Strategies erred ({kinds}), that of agent {first['agent']!r} first, in turn {first['turn']}: "
         f"{printable_line(first['message'])[:200].rstrip('.?')}. See result.errors."
     )
+
+
+def warn_of_idle(teams: Iterable[Hashable], decided: Container[Hashable], named: set[Hashable], logger: Any) -> None:
+    """Log a warning that lists teams for which nothing decides.
+
+    Args:
+        teams: all teams; None: agents without one.
+        decided: the teams that have a strategy or a plan.
+        named: the teams that were named before; those that are named now are added.
+        logger: a logger.
+    """
+    idle = [team for team in dict.fromkeys(teams) if team not in decided and team not in named]
+    named.update(idle)
+    if idle:
+        listed = ", ".join("agents without a team" if team is None else f"team {shown(team)}" for team in idle)
+        logger.warning(
+            f"No strategy decides for: {listed}. They stay where they are. Give them a strategy, or "
+            "gamms.strategies.stay if this is intended."
+        )
 
 
 def misspelt_names(keys: Iterable[object], winner: object, names: Iterable[object]) -> list[str]:

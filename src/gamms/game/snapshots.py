@@ -1,6 +1,6 @@
 """Operations on whole games: snapshots, forks, and the interface `ctx.game.internals` for engines and clients."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from copy import deepcopy
 from functools import partial
 from types import CellType, FunctionType, MethodType
@@ -12,7 +12,7 @@ from gamms.deciding import DecidePhase, Guarded, copied_part, refused_while_deci
 from gamms.errors import BadType, ContextTerminated, GammsError
 from gamms.game.facts import PrivateForks
 from gamms.game.moves import TurnMoves
-from gamms.game.result import Collectors
+from gamms.game.result import Collectors, warn_of_idle
 from gamms.game.settings import NamedRule, Plan, RuleSet, RuleTable, Settings
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
@@ -338,6 +338,7 @@ class GameInternals(Guarded):
         scenario: the scenario of the game as plain values, for the recorder; None: a program built the game.
         digests: returns the SHA-256 of each part of the scenario, for strategies that fit one map; None: no scenario.
         kept: caches of rules, by name; copies and snapshots do not contain them.
+        named_idle: the teams that `warn_of_idle_teams` has named.
     """
 
     _called = "ctx.game.internals"
@@ -351,6 +352,15 @@ class GameInternals(Guarded):
         self.scenario: dict[str, Any] | None = None
         self.digests: Callable[[], dict[str, str]] | None = None
         self.kept: dict[str, Any] = {}
+        self.named_idle = set[Hashable]()
+
+    def warn_of_idle_teams(self) -> None:
+        """Log a warning that lists the teams for which nothing decides; a team is named once."""
+        ctx = self._parts.ctx
+        teams = ctx.agent.block.teams
+        strategies = ctx.agent.storage.strategies()
+        decided = {team for team, strategy in zip(teams, strategies, strict=True) if strategy is not None}
+        warn_of_idle(teams, decided.union(ctx.game.plans), self.named_idle, ctx.logger)
 
     @property
     def parts(self) -> SnapshotTaker:

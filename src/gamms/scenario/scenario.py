@@ -1,8 +1,9 @@
 """A game as data: read it from a file or make it in Python, change it, build it and play it."""
 
+import logging
 import os
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from functools import cache, partial
 from itertools import islice
 from pathlib import Path
@@ -13,7 +14,7 @@ from gamms.context import Context, create_context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import as_seeds
 from gamms.game.batch.games import Batch, BatchSource, MostAgents
-from gamms.game.result import Result
+from gamms.game.result import Result, warn_of_idle
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import GraphColumns, IntArray
 from gamms.readonly import Immutable
@@ -84,6 +85,7 @@ class Scenario(Immutable):
             self._put_public(spec=checked(self._raw, Spec))
             check_sense(self.spec)
         self._digests: dict[str, str] | None = None
+        self._named_idle = set[Hashable]()
         self._loaded = cache(partial(maps.load, self.spec.map, self.folder, self._library))
 
     def to_dict(self) -> dict[str, Any]:
@@ -106,6 +108,7 @@ class Scenario(Immutable):
         if raw.get("map") == self._raw.get("map"):
             new._loaded = self._loaded
         new._library = self._library
+        new._named_idle = self._named_idle
         return new
 
     def columns(self) -> GraphColumns:
@@ -166,6 +169,20 @@ class Scenario(Immutable):
         file = "" if self.file is None else f"{self.file}: "
         unread = unread_data(self.spec, self.code())
         return [f"{file}data.{key}: nothing in the code of this game names {shown(key)}." for key in unread]
+
+    def warn_of_idle_teams(self, given: Collection[str] = ()) -> None:
+        """Log a warning that lists the teams without a strategy; a team is named once, also by games that run.
+
+        Args:
+            given: the teams and agents that the caller gives strategies.
+        """
+        decided = set[str]()
+        for name, team in members(self.spec).items():
+            strategies = [self.spec.teams[name].plan, self.spec.teams[name].strategy]
+            strategies += [one.listed.strategy for one in team if one.listed]
+            if any(strategies) or not {name, *(one.name for one in team)}.isdisjoint(given):
+                decided.add(name)
+        warn_of_idle(self.spec.teams, decided, self._named_idle, logging.getLogger("gamms"))
 
     def check(self) -> list[str]:
         """Check everything that needs neither code nor a server; return a list of the checks.
@@ -263,6 +280,7 @@ class Scenario(Immutable):
             with named(self.file, self._raw):
                 ctx.graph.storage.copy_from(map)  # with the visibility tables of earlier games
                 ctx.game.internals.digests = self.digests
+                ctx.game.internals.named_idle = self._named_idle
                 builder = Builder(ctx, self.spec, self._library, given)
                 builder.build()
                 ctx.game.internals.scenario = written_out(self.spec, self._library)
@@ -391,8 +409,9 @@ class Scenario(Immutable):
         return f"Scenario({self.spec.name!r}, {teams})"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Without the map: each worker of a pool loads it once.
-        return from_plain, (self._raw, self.folder, self.file, self.allow, self.key_variable)
+        # Without the map: each worker of a pool loads it once. Idle teams are named by the process that asks.
+        named = {"_named_idle": {*self.spec.teams}}
+        return from_plain, (self._raw, self.folder, self.file, self.allow, self.key_variable), named
 
 
 def load(path: str | os.PathLike[str], allow: Iterable[str] = (), *, key_variable: str | None = None) -> Scenario:

@@ -326,7 +326,7 @@ class Batch(Immutable):
 
         Args:
             progress: show how far it is on a line of stderr, where that is a terminal.
-            warn: log once which part the core does not have.
+            warn: log once which teams have no strategy, and which part the core does not have.
             threads: how many threads play games of which all parts are in the core; the games are the same with any
                 number. Other games are played by one.
 
@@ -340,6 +340,7 @@ class Batch(Immutable):
         if game.settings()["max_turns"] is None and not game.rules:
             raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
         if as_bool(warn, "warn"):
+            game.internals.warn_of_idle_teams()
             self._say_what_is_slow()
         with self._playing(), progress_line() as line:
             show = line if is_shown else None
