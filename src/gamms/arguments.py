@@ -232,8 +232,10 @@ def refuse_keywords(given: Iterable[str], known: Collection[str], taker: str, hi
 
 
 def names_keywords(function: Callable[P, T]) -> Callable[P, T]:
-    """Let a function name the keyword that is most like an unknown one, as Python 3.13 does."""
+    """Let a function name the keyword that is most like an unknown one; one with `**` takes all of them."""
     code: Any = getattr(function, "__code__", None)
+    if code.co_flags & _KEYWORDS:
+        return function
     known = [name for name in code.co_varnames[: code.co_argcount + code.co_kwonlyargcount] if name != "self"]
 
     @wraps(function)
@@ -400,6 +402,7 @@ def as_text(value: object, name: str, form: str = "a string") -> str:
 
 
 _VARIADIC = 0x04  # the flag of code objects that take *args
+_KEYWORDS = 0x08  # the flag of those with `**`
 _GENERATOR = 0x220  # the flags of those with a yield
 
 
