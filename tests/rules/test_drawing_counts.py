@@ -96,7 +96,7 @@ def test_an_arc_around_an_agent_gets_shorter_until_it_can_do_the_deed_again(hill
         hill.game.step()
         shares += [share_of(arc) for *_, arc in signs_on(hill, 22)]
     assert shares == pytest.approx([1.0, 2 / 3, 1 / 3])
-    assert "arc" in signs(hill)  # the legend stays the same when nothing cools down
+    assert "timer" in signs(hill)  # the legend stays the same when nothing cools down
 
 
 @pytest.mark.parametrize("name", RULES)

@@ -39,7 +39,7 @@ def test_a_drawer_that_fails_is_logged_with_its_name_and_the_others_draw_on(ctx,
     ctx.visual.set_agent_visual("nobody")
     ctx.visual.add_artist("dot", dot(90))
     assert len(ctx.visual.draw_commands()) == 1
-    assert [record.levelno for record in caplog.records] == [logging.ERROR]
+    assert [record.levelno for record in caplog.records] == [logging.WARNING, logging.ERROR]
     assert "'nobody' could not be drawn: UnknownName" in caplog.text
 
 

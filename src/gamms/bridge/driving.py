@@ -105,7 +105,7 @@ class Drive:
         self._has_warned = False  # about degrees on a map without a CRS
         self.key = ("robot", agent)
         self.drawer = partial(self._draw)
-        legend = LegendRows("", (LegendRow(SIGN, "robot, as measured", sign="ring"),))
+        legend = LegendRows("", (LegendRow(SIGN, "robot, as measured", sign="plus"),))
         self.drawer.__dict__.update(artist=f"robot {agent}", layer=Layer.FLAGS, legend=legend)
 
     def __repr__(self) -> str:
@@ -307,7 +307,7 @@ class Drive:
         self._send(message)
 
     def _draw(self, ctx: Context, data: dict[str, Any]) -> None:  # noqa: ARG002 - as drawers are called
-        """Draw the measured position as a ring, a line to it from the agent, and the rest of the route."""
+        """Draw the measured position as a plus, a line to it from the agent, and the rest of the route."""
         place = None if self._tracker is None else self._tracker.last
         if place is None or self.agent not in ctx.agent.agents:
             return
@@ -317,7 +317,8 @@ class Drive:
         if len(rest) > 1:
             visual.render_linestring([(x, y) for x, y in rest], color, _WAY_PX)
         visual.render_linestring([visual.drawing.position_of(self.agent), place.xy], color, _LINE_PX)
-        visual.drawing.render_circles([place.xy], _MARK_PX, color, _LINE_PX, in_pixels=True)
+        for line in ([(-_MARK_PX, 0.0), (_MARK_PX, 0.0)], [(0.0, -_MARK_PX), (0.0, _MARK_PX)]):
+            visual.drawing.render_symbols([place.xy], line, color, _LINE_PX)
 
 
 def drives_of(ctx: Context) -> list[Drive]:

@@ -55,9 +55,12 @@ _IMPORTANCE = (
     "tick",
     "band",
     "field",
+    "base",
     "arc",
     "square",
     "gauge",
+    "timer",
+    "plus",
     "ring",
     "curve",
     "line",
@@ -89,7 +92,7 @@ class LegendRow(NamedTuple):
     color: Rgb
     name: str
     value: str = ""
-    sign: str = "disc"  # or ring, dot, field, line, band, flag, cross, tag, goal, arc, square, gauge, curve
+    sign: str = "disc"  # or a name of `_SIGNS`
 
 
 class LegendRows(NamedTuple):
@@ -380,10 +383,24 @@ def _tag(pen: Pen, x: float, y: float, color: Rgb) -> None:
 
 
 def _arc(pen: Pen, x: float, y: float, color: Rgb) -> None:
+    pen.circle(x, y, _SWATCH_PX - 0.5, color, 1.0)
+    _timer(pen, x, y, color)
+
+
+def _timer(pen: Pen, x: float, y: float, color: Rgb) -> None:
     radius = _SWATCH_PX - 0.5
-    pen.circle(x, y, radius, color, 1.0)
-    quarter = [(x + radius * sin(step * pi / 16), y - radius * cos(step * pi / 16)) for step in range(13)]
-    pen.line(quarter, color, 3.5)
+    quarters = [(x + radius * sin(step * pi / 16), y - radius * cos(step * pi / 16)) for step in range(13)]
+    pen.line(quarters, color, 3.5)
+
+
+def _base(pen: Pen, x: float, y: float, color: Rgb) -> None:
+    corners = ((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))
+    pen.line([(x + 6.0 * right, y + 6.0 * down) for right, down in corners], color, 2.0)
+
+
+def _plus(pen: Pen, x: float, y: float, color: Rgb) -> None:
+    pen.line([(x - _SWATCH_PX, y), (x + _SWATCH_PX, y)], color, 2.0)
+    pen.line([(x, y - _SWATCH_PX), (x, y + _SWATCH_PX)], color, 2.0)
 
 
 def _square(pen: Pen, x: float, y: float, color: Rgb) -> None:
@@ -412,6 +429,9 @@ _SIGNS: dict[str, Callable[[Pen, float, float, Rgb], None]] = {
     "tag": _tag,
     "goal": _goal,
     "arc": _arc,
+    "base": _base,
+    "plus": _plus,
+    "timer": _timer,
     "square": _square,
     "gauge": _gauge,
 }

@@ -3,6 +3,7 @@
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import islice, takewhile
 from typing import Any, NamedTuple, cast
 
@@ -505,18 +506,27 @@ class SensorCarriers:
             if sensor.type is not SensorType.NEIGHBOR and living and ((is_played and carriers) or _has_looked(sensor)):
                 yield from ((sensor, agent) for agent in living)
 
-    @staticmethod
-    def sight(sensor: ISensor, agent: IAgent | None) -> ShownView:
-        """Return the view of a sensor for an agent; None: its last view, or its present view from there."""
+    def sight(self, sensor: ISensor, agent: IAgent | None) -> ShownView:
+        """Return the view of a sensor for an agent, without the agent's own team; None: its last or present view."""
         look = getattr(sensor, "view_from", None)  # a class that is no child of ISensor has none
         place, name = (None, None) if agent is None else (agent.current_node_id, agent.name)
         try:
             view = view_of(sensor) if look is None else look(place, name)
-            return ShownView(sensor, name, view if isinstance(view, SensorView) else None)
+            return ShownView(sensor, name, self._of_others(view, agent) if isinstance(view, SensorView) else None)
         except NotOffered:
             return ShownView(sensor, name, SensorView())
         except Exception:  # noqa: BLE001 - a sensor is user code; its artist will fail likewise, which is logged
             return ShownView(sensor, name, None)
+
+    def _of_others(self, view: SensorView, agent: IAgent | None) -> SensorView:
+        """Return a view without the agents of a carrier's own team."""
+        if agent is None or agent.team is None or not view.names:
+            return view
+        agents = self._ctx.agent.agents
+        mates = [name for name in view.names if name in agents and agents[name].team == agent.team]
+        is_other = np.array([name not in mates for name in view.names])
+        names = tuple(name for name in view.names if name not in mates)
+        return replace(view, agents=view.agents[is_other], names=names)
 
 
 def view_of(sensor: ISensor) -> SensorView:

@@ -49,6 +49,7 @@ class _AgentMark(NamedTuple):
     number: int  # in the row of its place
     signs: tuple[FloatArray, ...]
     owner: Owner
+    turn: int = 0  # of several marks of an agent the latest has its name
 
 
 def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
@@ -71,7 +72,8 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
             color = _aged(colors.get(side, colors[str(side)]), is_new=tag in new)
             witnesses = {str(color_group(agents[one])) for one in (name, tag.get("agent")) if one in agents}
             owner = Owner(sides=tuple(sorted(witnesses)))
-            marks.append(_AgentMark(name, color, (at.x, at.y), number, (_RING, 0.6 * _CROSS), owner))
+            signs = _RING, 0.6 * _CROSS
+            marks.append(_AgentMark(name, color, (at.x, at.y), number, signs, owner, int(tag.get("turn", 0))))
     _draw(ctx, marks, data)
 
 
@@ -136,9 +138,11 @@ def _draw(ctx: IContext, marks: Sequence[_AgentMark], data: dict[str, Any]) -> N
             with visual.owned(*mark.owner):
                 for sign in mark.signs:
                     visual.render_symbols([place], sign + shift, ink, _LINE_PX + more_px)
+    latest = {mark.name: mark.turn for mark in sorted(marks, key=lambda mark: mark.turn)}
     data[_MARKS] = [
         AgentData(mark.name, mark.color, 0.0, None, place, _LABEL_PX, (right / _LABEL_PX, down / _LABEL_PX))
         for mark, place, (right, down) in zip(marks, places, shifts, strict=True)
+        if mark.turn == latest[mark.name]
     ]
 
 

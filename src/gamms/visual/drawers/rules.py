@@ -24,12 +24,16 @@ from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
 GOALS = "goals of reach"  # likewise: team -> ids of its nodes, as text
-_FLAGS = LegendRows("", (LegendRow(SIGN, "flag", sign="flag"), LegendRow(SIGN, "home of a flag", sign="ring")))
+_FLAGS = LegendRows("", (LegendRow(SIGN, "flag", sign="flag"), LegendRow(SIGN, "home of a flag", sign="base")))
 _GOALS = LegendRows("", (LegendRow(SIGN, "goal", sign="goal"),))
 _MOST = 100  # flags, territories, and teams that have them
 _TINT = 70
 _DOT_PX = 5.0
-_BASE_PX = 8.0
+_BASE = np.array([(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)])  # a square
+# half of it, of the smaller one in it while the flag is there, and the width of its line
+_BASE_PX = 7.5
+_AT_HOME_PX = 4.0
+_BASE_LINE_PX = 2.5
 _GOAL_PX = (11.0, 2.5), (5.5, 2.5)  # radii and widths of the rings around a goal
 _FEW_GOALS = 12  # of more of them a team has, each is a dot
 _BAND = 0.75  # the breadth of a territory's streets, in lengths of a typical edge
@@ -102,12 +106,12 @@ def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
             continue
         home = graph.get_node(base) if graph.has_node(base) else None
         if home is not None:
-            visual.render_circles([(home.x, home.y)], _BASE_PX, color, 2.5, in_pixels=True)
+            visual.render_symbols([(home.x, home.y)], _BASE_PX * _BASE, color, _BASE_LINE_PX)
         if carrier in ctx.agent.agents:
             with visual.owned(agent=carrier):
                 _pennant(ctx, *visual.position_of(carrier, data.get("_alpha", 1.0)), color)
         elif home is not None:
-            visual.render_circles([(home.x, home.y)], _DOT_PX, color, in_pixels=True)
+            visual.render_symbols([(home.x, home.y)], _AT_HOME_PX * _BASE, color)
             _pennant(ctx, home.x, home.y, color)
 
 

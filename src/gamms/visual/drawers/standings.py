@@ -175,7 +175,7 @@ def _rows_of_amounts(ctx: IContext) -> LegendRows | None:
 
 
 def _rows_of_cooldowns(ctx: IContext) -> LegendRows | None:
-    rows = tuple(LegendRow(SIGN, f"{deed} not ready", sign="arc") for deed in counted_in(ctx, COOLDOWNS))
+    rows = tuple(LegendRow(SIGN, f"{deed} not ready", sign="timer") for deed in counted_in(ctx, COOLDOWNS))
     return LegendRows("", rows) if rows else None
 
 
