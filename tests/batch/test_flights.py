@@ -204,6 +204,7 @@ def test_errors_of_agents_that_fly_name_the_game_the_turn_and_the_agent():
     assert error.value.__notes__ == [
         "In the strategy of agent 'air_0', in turn 0.",
         "In game 0 of a batch, with the seed 0.",
+        "In the strategy fails of a batch, in turn 0.",
     ]
 
 

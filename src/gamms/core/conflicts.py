@@ -107,7 +107,7 @@ class MoveRequests:
         starts: (rows,) the place, within the team's places, where each move begins.
         ends: (rows,) the place where it ends.
         counts: (rows,) 1: the agent takes room; 0: it does not.
-        offsets: (agents,) the first place of the agent's team.
+        offsets: (agents,) the first place of the agent's team; -1: it flies, and takes no room.
         limits: (places,) capacities.
         ranks: unsigned 64-bit integers: (agents,) ranks; if ranks are drawn, (rows,) the `first_key`s of the agents.
     """
@@ -135,7 +135,7 @@ def begin(c: Contests, requests: MoveRequests, at: int) -> int:
         c.stays[i] = GOES
         c.start[i] = -1
         c.end[i] = -1
-        if requests.counts[at + i]:
+        if requests.counts[at + i] and requests.offsets[i] >= 0:
             c.start[i] = requests.starts[at + i] + requests.offsets[i]
             c.end[i] = requests.ends[at + i] + requests.offsets[i]
     return 0

@@ -529,7 +529,8 @@ class ConflictTable:
         limits = conflicts._limits.rows(columns, has_edges=has_edges)
         teams = len(roster.teams) if conflicts._per_team else 1
         self.contests = _WorkingMemory(conflicts, len(roster.names), len(columns.node_ids), len(limits), teams).contests
-        self._places = (roster.team_of * (len(limits) if conflicts._per_team else 0)).astype(np.int64).data
+        offsets = roster.team_of * (len(limits) if conflicts._per_team else 0)
+        self._places = np.where(getattr(roster, "flies", False), -1, offsets).astype(np.int64).data
         self._limits = limits.data
         self.ranks: BitArray | None = None
         if ranking.rank is not None:

@@ -24,6 +24,8 @@ from gamms.ir.schema import AGENT_COLUMNS, BY_ROW, CHANGE_EVENTS, IN_GAMES, PLAC
 Position = tuple[float, float, float]  # x, y, z; map units
 Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
 
+Pose = tuple[Position | None, Position | None, Quat | None]  # position, previous position, rotation
+
 UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
 PlaceAt = Callable[[float], Progress | None]  # time of the turn, from 0 to 1 -> position on an edge; None: on the node
 
@@ -551,6 +553,13 @@ class TurnPositions:
         self.places.pop(row, None)
         self._departed.discard(row)
         self._block.write(row, {"node": node})
+
+
+def show_flights(block: AgentBlock, rows: Sequence[int], poses: Sequence[Pose]) -> None:
+    """Show flying agents of these rows in a game of a batch, above the nodes that the block has for them."""
+    for row, (position, previous, quat) in zip(rows, poses, strict=True):
+        block.position[row], block.previous_position[row], block.quat[row] = position, previous, quat
+    block._unlocated.clear()
 
 
 def show_game(block: AgentBlock, games: PointedColumns, number: int) -> None:

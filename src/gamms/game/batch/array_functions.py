@@ -20,8 +20,7 @@ from gamms.game.batch.forms import F, StrategySpec, declare, key_of, strategy_sp
 from gamms.game.batch.given import as_flights, flown
 from gamms.game.batch.initial_state import movement_of
 from gamms.game.batch.last_turn import LastTurn
-from gamms.game.batch.movement import AIMS, LIMITED, STOP, Movement, Places
-from gamms.game.batch.one_by_one import Noted
+from gamms.game.batch.movement import AIMS, LIMITED, STOP, Movement
 from gamms.game.batch.sensing import note_sensors, note_sights
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
@@ -31,7 +30,7 @@ from gamms.game.messages import Inboxes
 from gamms.game.moves import TurnMoves
 from gamms.game.random_streams import ViewDraws
 from gamms.game.settings import RuleSpec, declared
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IContext
@@ -178,6 +177,10 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
     state.facts = cast("dict[str, Any]", ReadOnlyMapping(game.facts))
     state.kept = game.data.get(_KEPT, {})
     state.deeds = DeclaredDeeds(game.deeds, partial(checked_value, ctx=ctx), roster, streets)
+    if state.flights is not None:
+        flying: list[Any] = [roster.agents[number] for number in state.flights.agents.tolist()]
+        state.flights.position[0] = [agent.position for agent in flying]
+        state.flights.start[0] = [game.start_node(agent) for agent in flying]
     for number, name in enumerate(roster.names):
         place = block.on_edge(block.row_of(name))
         if place is not None:
@@ -296,25 +299,6 @@ def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
     block.reading = partial(phase_of(ctx).suspended, changes_world=False)
     if game.channels:
         block.radio = _RadioOfOne(game.channels, roster, turns.inboxes)
-    if "quat" in state:
-        _show_flights(ctx, block)
-
-
-def _show_flights(ctx: HostContext, block: GameArrays) -> None:
-    """Add to a block of one game where agents fly."""
-    roster, streets = block.roster, block.streets
-    block.movement = in_air = Noted(block.movement)
-    in_air.leaves_nodes = True
-    in_air.begin(block.node.shape)
-    shape = block.node.shape
-    block.places = places = Places(np.full((*shape, 3), -1), np.zeros(shape), streets.columns.xy[block.node])
-    block.heights = np.zeros(shape)
-    legal = ctx.game.internals.parts.turns.legal(roster.names)
-    for number, agent in enumerate(roster.agents):
-        found = legal.get(agent.name)
-        in_air.note(0, number, streets.rows(found) if found else block.node[0, [number]])
-        if roster.flies[number]:
-            *places.xy[0, number], block.heights[0, number] = cast("Any", agent).position
 
 
 def _plain_action(
@@ -442,12 +426,6 @@ class _TurnOfOne(ArrayTurn):
             self._game.respawn(self.roster.names[number])
             self._state.start[0, number] = self.streets.rows(self.roster.agents[number].current_node_id)
         super()._put_back(at, agents)
-
-    def in_air(self) -> tuple[IntArray, FloatArray]:
-        """Return the numbers of the agents that fly, ascending, and their positions, (1, flying agents, 3)."""
-        agents = np.flatnonzero(self.roster.flies)
-        places: list[Any] = [self.roster.agents[number] for number in agents.tolist()]
-        return agents, np.array([[one.position for one in places]], np.float64).reshape(1, -1, 3)
 
     def start_of(self, agents: IntArray) -> IntArray:
         """Return the start node of each agent, (1, agents); of an agent that flies, the node below its start."""

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.core.turn import PHASES as PHASES_OF_CORE
+from gamms.errors import GammsError
 from gamms.game.batch.channels import Radio, radio_of
 from gamms.game.batch.columns import (
     Failure,
@@ -31,7 +32,7 @@ from gamms.game.batch.cursor import (
 )
 from gamms.game.batch.deeds import DeclaredDeeds, DeedLog, deed_log_of
 from gamms.game.batch.forms import decides_in_arrays, key_of, strategy_spec_of
-from gamms.game.batch.given import Given
+from gamms.game.batch.given import Given, as_flights
 from gamms.game.batch.in_core import Block, CoreGames, is_function
 from gamms.game.batch.initial_state import InitialState, goes_along_one_edge, movement_of
 from gamms.game.batch.movement import Movement, MovementOnMaps
@@ -51,7 +52,6 @@ from gamms.ir.game_state import PHASES
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
-from gamms.typing.agent_engine import AgentType
 from gamms.typing.game import strategy_name
 
 _DECIDE, _SETTLE, _MOVE = PHASES_OF_CORE
@@ -134,11 +134,15 @@ class GamesOnMap:
         for one in rules:
             if one.spec.prepare_arrays is not None:
                 one.spec.prepare_arrays(state)
-        self.core = CoreGames(game, state, block, is_apart=calls_each or state.radio is not None)
+        self.core = CoreGames(
+            game, state, block, is_apart=calls_each or not (state.radio is None and state.flights is None)
+        )
         self.cursor: Cursor | None = None
         if calls_each:
             has_arrays = len(self._groups) > 0 or any(one.spec.is_array_function for one in rules)
             self.cursor = Cursor(game, pointed, state, self.core, asked, observing, has_array_functions=has_arrays)
+        self._is_strict = settings["on_illegal"] == "raise"
+        self._flights: dict[Hashable, FloatArray | None] = {}  # by team, those that are given in this turn
         self._called = as_code(decider_of(roster.agents[asked[0]], settings["plans"])) if asked else ""
 
     @property
@@ -201,6 +205,7 @@ class GamesOnMap:
             numbers: what other agents do.
         """
         state, actions = self.state, self._block.given
+        self._flights = {team: wanted.flights for team, wanted in given.items()}
         if numbers is not None:
             if self.before:  # a rule may have moved the agents
                 counts = asked_view(state, games, np.arange(actions.shape[1])).counts
@@ -223,6 +228,7 @@ class GamesOnMap:
     def decide(self, games: IntArray, part: int, is_given: BoolArray) -> None:
         """Write the actions of agents of a part of the turn for which functions decide into the block, too."""
         actions = self._block.given
+        self._fly_as_given(games, is_given & (self.core.part_of == part))
         self._call_each(games, part, is_given)
         for group in self._groups:
             agents = group.agents[~is_given[group.agents] & (self.core.part_of[group.agents] == part)]
@@ -230,12 +236,59 @@ class GamesOnMap:
                 for some in self._by_roads(games):
                     view = asked_view(self.state, some, agents)
                     try:
-                        actions[np.ix_(some, agents)] = view._checked(group.form(view), group.name)
+                        actions[np.ix_(some, agents)] = self._actions(view, group)
                         self._take_acts(view)
                     except Exception as error:
                         error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
                         raise
                 is_given[agents] = True
+
+    def _actions(self, view: ArrayView, group: Group) -> IntArray:
+        """Return the actions that an array function gives; agents that fly stay on the node below them."""
+        given = group.form(view)
+        if not view.flies:
+            return view._checked(given, group.name)
+        name = getattr(group.form, "__name__", group.name)
+        self._fly(view, as_flights(given, f"{name}: what an agent that flies does", view.node.shape))
+        return np.zeros_like(view.node)
+
+    def _fly_as_given(self, games: IntArray, which: BoolArray) -> None:
+        """Let agents fly that are given flights, or hover without, in a part of the turn."""
+        roster = self.state.roster
+        agents = np.flatnonzero(which & roster.flies)
+        if not len(agents):
+            return
+        offsets = np.zeros((len(games), len(roster.names), 3))
+        for team, flights in self._flights.items():
+            if flights is not None:
+                offsets[:, roster.members(team)] = flights[games]
+        self._fly(ArrayView(self.state, games, agents), offsets[:, agents])
+
+    def _fly(self, view: ArrayView, offsets: FloatArray) -> None:
+        """Let the agents of a view fly so far, (games, agents, 3), and by their speeds at most."""
+        state, flights = self.state, self.state.flights
+        assert flights is not None  # noqa: S101 - these fly
+        for at, i in np.argwhere(view.mask).tolist():
+            game, agent = int(view.games[at]), int(view.agents[i])
+            try:
+                flights.fly(game, agent, offsets[at, i].tolist())
+            except GammsError as error:
+                turn = int(state.turn[game])
+                if self._is_strict:
+                    raise IllegalAction(f"Agent {state.roster.name(agent)} in turn {turn}: {error}") from error
+                self.note_unsent(Failure.illegal(game, agent, f"{type(error).__name__}: {error}"), turn)
+
+    def fly(self, games: IntArray, part: int) -> None:
+        """Let agents fly in a part of the turn, in which the others have moved."""
+        state, flights, nearest = self.state, self.state.flights, self.game.ctx.graph.graph.nearest_node
+        assert flights is not None  # noqa: S101 - some fly
+        those = flights.move(games, state.alive[games] & (self.core.part_of == part))
+        has_flown = flights.has_flown[those[0], np.searchsorted(flights.agents, those[1])]
+        below = [nearest(*flights.at(*pair)) for pair in zip(*those, strict=True)]
+        state.previous[those] = state.node[those]
+        state.node[those] = state.streets.rows(np.array(below, np.int64))
+        state.counts["moves"][those] += has_flown
+        state.placed[those] |= has_flown
 
     def _call_each(self, games: IntArray, part: int, is_given: BoolArray) -> None:
         """Call plain functions that decide, and the sensors that are called in each turn, game by game."""
@@ -307,6 +360,9 @@ class GamesOnMap:
             self.call(named, games, part)
         fell = lived & ~self.state.alive[games]
         self.state.fell[games] = self.state.fell[games] | fell if part else fell
+        if self.state.flights is not None:
+            are_put = self.state.node[games] != self._block.start[games]
+            self.state.flights.cancel(games, self.core.part_of == part, are_put)
         are_other = [roads.of(game) is not one for game, one in zip(games.tolist(), before, strict=True)]
         return games[np.array(are_other, np.bool_)]
 
@@ -441,7 +497,8 @@ class ArrayEngine:
     @property
     def plays_by_phases(self) -> bool:
         """Whether functions are called, or messages are sent, between phases of a turn."""
-        return self._radio is not None or self.calls_each or len(self.functions) > 0
+        has_more = self._radio is not None or self._state.flights is not None
+        return has_more or self.calls_each or len(self.functions) > 0
 
     @property
     def calls_each(self) -> bool:
@@ -553,7 +610,7 @@ class ArrayEngine:
         roster = self._state.roster
         is_given = np.zeros(len(roster.names), np.bool_)
         if numbers is not None:
-            self._block.given[:] = numbers.actions
+            self._block.given[:] = np.where(roster.flies, 0, numbers.actions)
             is_given |= numbers.is_given
         self._take_moves(playing, given)
         for one, games in self._each(playing):
@@ -568,7 +625,8 @@ class ArrayEngine:
             for team, wanted in given.items():
                 agents = state.roster.members(team)
                 view = asked_view(state, games, agents)
-                moves = view._checked(wanted.moves_in(view, wanted.moves[games]), f"team {shown(team)}")
+                on_ground = np.where(state.roster.flies[agents], 0, wanted.moves[games])
+                moves = view._checked(wanted.moves_in(view, on_ground), f"team {shown(team)}")
                 self._block.given[np.ix_(games, agents)] = moves
 
     def _by_legal_moves(self, playing: BoolArray) -> list[tuple[GameArrays, IntArray]]:
@@ -581,12 +639,16 @@ class ArrayEngine:
         self, playing: BoolArray, first: IntArray, are_given: Sequence[BoolArray] | None, threads: int
     ) -> None:
         """Let agents decide and move, part by part; of each game those from the first part on that was not played."""
-        begun = self._state.turn * self._num_parts
+        begun, flights = self._state.turn * self._num_parts, self._state.flights
+        if flights is not None:
+            flights.forget_choices()
         for part in range(self._num_parts):
             now = playing & (first <= part) & self._state.is_going
-            if are_given is not None and self._asks_functions:
+            if are_given is not None and (self._asks_functions or flights is not None):
                 for (one, games), is_given in zip(self._each(now), are_given, strict=True):
                     one.decide(games, part, is_given)
+            if flights is not None:
+                flights.set_out(np.flatnonzero(now), self._maps[0].core.part_of == part, is_first=part == 0)
             flaws, turns, until = self._admit(part), self._state.turn.copy(), begun + part + 1
             if self._deed_log is not None:
                 self._deed_log.do(part)
@@ -594,6 +656,8 @@ class ArrayEngine:
             for flaw in flaws:
                 self._maps[self._map_of[flaw.game]].note_unsent(flaw, int(turns[flaw.game]))
             self._act(now, part, partial(self._play, now, until, are_given, threads))
+            for one, games in self._each(now) if flights is not None else ():
+                one.fly(games, part)
 
     def _act(self, playing: BoolArray, part: int, play: Callable[[int], None]) -> None:
         """Call the functions between the decisions of agents and their moves, and let agents move then.
@@ -746,13 +810,10 @@ def movement_in_core(game: PlayedGame, roster: Roster) -> Movement:
     """Return how the agents of a game move in the core, where rules may close and open roads.
 
     Raises:
-        NotTakenUp: an agent flies, or may come.
+        NotTakenUp: agents may come.
     """
     if not roster.is_first.all():
         raise NotTakenUp("agents that may come")
-    for agent in roster.agents:
-        if agent.type is AgentType.AERIAL:
-            raise NotTakenUp(f"agent {shown(agent.name)}, which flies")
     are_functions = first_called(game, roster) is not None or any(map(is_function, as_called(game.rules)))
     may_change = goes_along_one_edge(game, roster) and are_functions
     return movement_of(game, roster, may_reopen=may_change, is_detached=may_change)
@@ -773,7 +834,8 @@ def _groups(roster: Roster, settings: Mapping[str, Any], movement: Movement) -> 
         if decides_in_arrays(decider, settings):
             if isinstance(movement, ByMetres) and movement.terms.decides_at_arrivals:
                 raise NotTakenUp(f"the array strategy {as_code(decider)}, of agents that decide at arrivals")
-            found.setdefault(key_of(strategy_spec_of(decider).array_form), []).append(number)
+            key = key_of(strategy_spec_of(decider).array_form), bool(roster.flies[number])
+            found.setdefault(key, []).append(number)
     groups = []
     for numbers in found.values():
         decider = decider_of(roster.agents[numbers[0]], plans)
@@ -798,6 +860,11 @@ def _scene_of(game: PlayedGame, state: GameArrays, radio: Radio, games: IntArray
     which = np.broadcast_to(games[:, None], node.shape), np.broadcast_to(np.arange(node.shape[1]), node.shape)
     z = kept_in(shared, "heights of nodes", lambda: _heights(game, columns.node_ids))[node]
     xyz = np.concatenate((movement.places(node, which).xy, z[..., None]), axis=-1)
+    antennas = xyz + ANTENNA
+    if state.flights is not None:
+        agents, in_air = state.flights.agents, state.flights.position[games]
+        xyz[:, agents] = in_air
+        antennas[:, agents] = in_air
 
     def is_within(at: IntArray, transmitters: IntArray, hops: int) -> BoolArray:
         found: BoolArray = movement.routes(None).distances(node[at, transmitters][:, None], node[at]) <= hops
@@ -808,7 +875,7 @@ def _scene_of(game: PlayedGame, state: GameArrays, radio: Radio, games: IntArray
         keys=state.roster.keys,
         turns=state.turn[games] - 1,
         xyz=xyz,
-        antennas=xyz + ANTENNA,
+        antennas=antennas,
         alive=state.alive[games],
         purposes=lambda *purpose: state.purposes(*purpose)[games],
         is_within=is_within,

@@ -246,12 +246,10 @@ class Roster(NamedTuple):
         return found
 
     def first_nodes(self, game: PlayedGame) -> list[int]:
-        """Return the ids of the nodes where agents of a game began, of those that fly the ones below them now."""
+        """Return the ids of the nodes where agents of a game began; of agents that fly, the nodes below."""
+        nearest = game.ctx.graph.graph.nearest_node
         starts = [game.internals.start_of(agent) for agent in self.agents]
-        return [
-            place if isinstance(place, int) else agent.current_node_id
-            for place, agent in zip(starts, self.agents, strict=True)
-        ]
+        return [place if isinstance(place, int) else nearest(*place[:2]) for place in starts]
 
     def members(self, team: Hashable) -> IntArray:
         """Return the numbers of the agents of a team, ascending."""

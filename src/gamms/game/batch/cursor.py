@@ -15,6 +15,7 @@ from gamms.deciding import phase_of
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of, kept_in
 from gamms.game.batch.courses import Routes
+from gamms.game.batch.flights import Flights
 from gamms.game.batch.forms import decides_in_arrays
 from gamms.game.batch.in_core import CoreGames, core_form_of
 from gamms.game.batch.pointed import PointedContext
@@ -33,7 +34,7 @@ from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule, as_called
 from gamms.game.slots import COUNTED
 from gamms.game.turn import CLOSED
-from gamms.ir.events import AGENT_ATTRIBUTE
+from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE
 from gamms.ir.game_state import BlockedAgents, GameState, Scores, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import PLAIN, Journal
@@ -48,7 +49,8 @@ _READ = ("began", "counts", "data", "deeds", "errors", "events", "memories", "me
 _OWN = ("agent_facts", "over", "start", "team_facts", "team_memories")
 _PrivateFacts = tuple[dict[Any, dict[str, Any]], dict[Any, dict[str, Any]]]  # of agents, of teams
 _NUMBERS = [column.name for column in NUMBERS]
-_CHANGING = frozenset(CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS))
+_CHANGING = {CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS)}
+_CHANGING |= {AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN}
 _OF_ONE = ("__contains__", "__delitem__", "__getitem__", "__setitem__", "get", "pop", "setdefault")
 _OF_ALL = (
     *("__bool__", "__deepcopy__", "__eq__", "__format__", "__ior__", "__iter__", "__len__", "__ne__", "__or__"),
@@ -384,8 +386,9 @@ class Cursor:
         self._sensors = [sensor for agent in self._agents for sensor in agent.sensors.values()]
         observing = (agent for agent in self._agents if agent.name in self._observing_names)
         carried = [sensor for agent in observing for sensor in agent.sensors.values()]
-        looks = [(one, one.in_arrays()) for one in carried if hasattr(one, "in_arrays")]
-        self._notices = [one.notice for one, look in looks if look is not None and not look.is_plain]
+        looks = [(one, one.in_arrays()) for one in self._sensors if hasattr(one, "in_arrays")]
+        counting = {id(one): one.notice for one, look in looks if look is not None and not look.is_plain}
+        self._notices = [counting[id(one)] for one in carried if id(one) in counting]
         self._sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
 
     def _refuse_changes(self) -> None:
@@ -539,7 +542,13 @@ class Cursor:
 
     def _began(self) -> dict[str, Any]:
         state = self._state
-        return dict(zip(state.roster.names, state.streets.ids(state.start[self._number]).tolist(), strict=True))
+        starts: dict[str, Any] = dict(
+            zip(state.roster.names, state.streets.ids(state.start[self._number]).tolist(), strict=True)
+        )
+        if state.flights is not None:
+            places = map(tuple, state.flights.start[self._number].tolist())
+            starts.update(zip((state.roster.names[i] for i in state.flights.agents), places, strict=True))
+        return starts
 
     _make_began = _began
 
@@ -596,7 +605,11 @@ class Cursor:
         ids, courses = self._state.streets.ids, self._core.courses
         numbers = np.flatnonzero(took_part)
         actions = {} if courses is None else courses.actions(self._number, numbers)
-        moves = TurnMoves(order, ids(starts[took_part]).tolist(), ids(ends[took_part]).tolist(), actions)
+        first = ids(starts[took_part]).tolist()
+        if self._state.flights is not None:
+            moving = np.where((self._part is None) | (self._core.part_of[numbers] == self._part), numbers, -1)
+            actions |= self._state.flights.actions(self._number, moving, first)
+        moves = TurnMoves(order, first, ids(ends[took_part]).tolist(), actions)
         if self._state.deed_log is not None:
             for number, deeds in self._state.deed_log.plain_of(self._number).items():
                 if took_part[number] and self._part in (None, self._core.part_of[number]):
@@ -650,6 +663,8 @@ class Cursor:
         """Let an agent of the game that the context is pointed at stay."""
         self._state.counts["blocked"][self._number, agent] += 1
         self._core.hold(self._number, agent)
+        if self._state.flights is not None:
+            self._state.flights.hold(self._number, agent)
 
     def _refuse_other_agents(self, what: str) -> None:
         if any(type(one) is not tuple or one[0] != AGENT_ATTRIBUTE for one in self._journal.log):
@@ -790,12 +805,15 @@ class Cursor:
             if block.progress[row] is not None:
                 self._leave("puts agents on edges")
             state.movement.clear(number, int(numbers[row]))
+        block.locate()
         state.node[number, numbers] = state.streets.rows(np.array(block.node))
         state.previous[number, numbers] = state.streets.rows(np.array(block.previous))
         alive = bytes(block.alive)
         state.alive[number, numbers] = np.frombuffer(alive, np.bool_)
         self._pointed.alive = alive
         state.placed[number, numbers] = [row in block.placed for row in range(len(numbers))]
+        if state.flights is not None:
+            state.placed[number, state.flights.agents] |= state.flights.take(number, block, self._pointed.rows_in_air)
 
     def _take_facts(self) -> None:
         """Keep what a rule has published in a game."""
@@ -876,6 +894,8 @@ class Cursor:
         decisions = self._turns.decide(self._living.order, asked.part)
         if not self._sees_world_only:
             self._take_what_sensors_change()
+        if self._state.flights is not None:
+            self._choose_flights(self._state.flights, decisions, asked)
         if self._core.courses is not None:
             self._choose_routes(self._core.courses.routes, decisions, asked)
         if decisions.actions or decisions.failures or decisions.written or self._number in self._undone:
@@ -893,12 +913,20 @@ class Cursor:
             self._leave("that is a sensor changes agents or ends the game")
         self._take()
 
+    def _choose_flights(self, flights: Flights, decisions: Decisions, asked: _Asked) -> None:
+        """Let agents of the game that the context is pointed at fly as they have decided."""
+        for i, name in asked.members:
+            action = decisions.actions.get(i)
+            if action is not None and (action.position is not None or action.quat is not None):
+                flights.choose(self._number, self._number_of[name], action.position, action.quat)
+
     def _choose_routes(self, routes: Routes, decisions: Decisions, asked: _Asked) -> None:
         """Let agents of the game that the context is pointed at go as they have decided."""
         number, starts, ends = self._number, decisions.starts, decisions.ends
         for i, name in asked.members:
             end = None if ends[i] == starts[i] else ends[i]
-            routes.choose(number, self._number_of[name], decisions.actions.get(i), end)
+            flies = self._block.kind[self._block.row_of(name)]
+            routes.choose(number, self._number_of[name], None if flies else decisions.actions.get(i), end)
 
     def _take_decisions(self, decisions: Decisions, asked: _Asked) -> None:
         """Take the decisions that are not nodes to go to."""
@@ -932,7 +960,10 @@ class Cursor:
     def _take_messages(self, radio: Radio, decisions: Decisions, asked: _Asked) -> None:
         """Take what agents of the game that the context is pointed at send."""
         failed, slots, number = decisions.failed, self._living.order.slots, self._number
-        messages, unsent = self._turns.outboxes.read([slots[i] for i in asked.part.observing if i not in failed])
+        having = {*asked.part.observing}  # an outbox: agents whose plan is of arrays have none
+        messages, unsent = self._turns.outboxes.read(
+            [slots[i] for i, _ in asked.members if i in having and i not in failed]
+        )
         flaws = [Failure.illegal(number, self._number_of[slot.name], why) for slot, why in unsent]
         radio.post_checked(number, messages, flaws)
 

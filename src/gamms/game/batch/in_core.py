@@ -329,6 +329,8 @@ def core_form_of(settings: Mapping[str, Any], roster: Roster, number: int) -> in
     decider = decider_of(agent, settings["plans"])
     if decider is None:
         return moves.STAY
+    if roster.flies[number]:
+        return None
     spec = strategy_spec_of(decider)
     steps = spec.core_steps or ()
     if spec.core_form is not None:
@@ -336,7 +338,7 @@ def core_form_of(settings: Mapping[str, Any], roster: Roster, number: int) -> in
     kinds = {step.kind for step in steps}
     by_edges = settings["speed_unit"] == "edges"
     goes_on = agent.speed is not None and "follow" in kinds  # beyond its stops
-    may_look = by_edges and len(roster.names) <= MOST_LOOKING and has_plain_looks(agent)
+    may_look = by_edges and not roster.flies.any() and len(roster.names) <= MOST_LOOKING and has_plain_looks(agent)
     may_err = settings["on_illegal"] == "raise" and not (by_edges and agent.speed is None)
     is_played = always_act(steps) and not (goes_on or may_err) and settings["legal"] == "edges"
     return moves.BY_STEPS if is_played and (may_look or kinds.isdisjoint(LOOKING)) else None
@@ -512,10 +514,23 @@ class CoreGames:
             if isinstance(part, NamedRule):
                 yield part
             else:
+                before = self._state.node.copy(), self._state.stops.copy()
                 self._block.give()
                 self._take_roads()
                 rules.play_games(part, numbers)
                 self._block.take_in()
+                if self._state.flights is not None:
+                    self._follow(games, *before)
+
+    def _follow(self, games: IntArray, node: IntArray, stops: IntArray) -> None:
+        """Place agents that fly where they began that rules of the core have respawned."""
+        state, flights = self._state, self._state.flights
+        assert flights is not None  # noqa: S101 - some fly
+        rows = np.ix_(games, flights.agents)
+        at, which = np.nonzero((state.stops[rows] != stops[rows]) & state.alive[rows])
+        back = games[at], flights.agents[which]
+        flights.put_back(*back)
+        state.previous[back] = node[back]
 
     def _player(self) -> tuple[turn.Player, Making]:
         """Make what one more thread plays with."""

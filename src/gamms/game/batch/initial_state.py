@@ -11,6 +11,7 @@ from gamms.errors import BadType
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of, some_rows
 from gamms.game.batch.deeds import ArrayDeeds
+from gamms.game.batch.flights import poses_in, starts_above
 from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.in_core import Block
 from gamms.game.batch.last_turn import LastTurn
@@ -119,6 +120,8 @@ class InitialState:
         self._progress = [(number, block.progress[row]) for number, row in zip(self._agents, own, strict=True)]
         self._numbers = {name: [getattr(block, name)[row] for row in own] for name in state.numbers}
         self._placed = [name in known and block.row_of(name) in block.placed for name in names]
+        if state.flights is not None:
+            self._take_flights(game, state)
         self._blocked = ["in conflict" in values.blocked.get(name, "") for name in names]
         nothing = dict.fromkeys(COUNTED, 0)
         self._counts = {kind: [values.counts.get(name, nothing)[kind] for name in names] for kind in COUNTED}
@@ -171,6 +174,7 @@ class InitialState:
         if self.turn:
             state.node[games[:, None], self._agents] = self._places[0]
         state.previous[games[:, None], self._agents[self._has_left]] = self._places[1][self._has_left]
+        self._put_flights(state, games)
         for number, place in self._progress:
             if place is not None:
                 state.movement.put_on(games, number, place)
@@ -187,6 +191,27 @@ class InitialState:
         if self._parts_played:
             columns.part[games] = self._parts_played
             columns.takes_part[games] = state.alive[games]
+
+    def _take_flights(self, game: PlayedGame, state: GameArrays) -> None:
+        """Note where agents fly, and began, in the game."""
+        block, numbers, moves = game.ctx.agent.block, np.flatnonzero(state.roster.flies), game.internals.state.moves
+        names = [state.roster.names[number] for number in numbers.tolist()]
+        starts: list[Any] = [game.internals.start_of(game.ctx.agent.agents[name]) for name in names]
+        below = state.streets.rows([game.ctx.graph.graph.nearest_node(*start[:2]) for start in starts])
+        self._starts_in_air = np.array(starts)
+        self._below = state.streets.columns.xy[below]
+        self._poses = poses_in(block, [block.row_of(name) for name in names], starts)
+        places = [-1 if moves is None else moves.order.index_of.get(name, -1) for name in names]
+        put = [place >= 0 and moves is not None and moves.was_put(place) for place in places]
+        self._have_flown = [is_put and not self._placed[i] for is_put, i in zip(put, numbers.tolist(), strict=True)]
+        for number, has_flown in zip(numbers.tolist(), self._have_flown, strict=True):
+            self._placed[number] |= has_flown
+
+    def _put_flights(self, state: GameArrays, games: IntArray) -> None:
+        if state.flights is not None:
+            below = state.streets.columns.xy[state.start[np.ix_(games, state.flights.agents)]]
+            starts = starts_above(below, self._starts_in_air, self._below)
+            state.flights.begin(games, starts, self._poses, self._have_flown)
 
     def _put_logs(self, state: GameArrays, games: IntArray) -> None:
         for game in games.tolist():

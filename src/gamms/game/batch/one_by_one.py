@@ -224,8 +224,6 @@ class OneByOneEngine:
         state.radio = radio_of(settings, self._roster, shape[0])
         self._places = state.places = Places(np.full((*shape, 3), -1), np.zeros(shape), np.zeros((*shape, 2)))
         self._note_sensors(state)
-        if self._flyers:
-            state.heights, state.movement.leaves_nodes = np.zeros(shape), True
         return state
 
     def _note_sensors(self, state: GameArrays) -> None:
@@ -260,9 +258,12 @@ class OneByOneEngine:
             self._note_legal(self._legal, number, nodes, {*self._odd, *paced})
         edge, offset_m, xy = (column[number] for column in self._places)
         edge[:], offset_m[:], xy[:] = -1, 0.0, state.streets.columns.xy[nodes]
-        for i in self._flyers:
-            if agents[i].type is AgentType.AERIAL and state.heights is not None:  # another kind may have come
-                *xy[i], state.heights[number, i] = agents[i].position
+        if state.flights is not None:
+            flying: list[Any] = [agents[i] for i in self._flyers]
+            state.flights.position[number] = [
+                one.position if one.type is AgentType.AERIAL else (*xy[i], 0.0)  # another kind may have come
+                for i, one in zip(self._flyers, flying, strict=True)
+            ]
         note_sights(state, ctx, self._game.internals.parts.turns.looks, number)
         block = ctx.agent.block
         for i, agent in enumerate(agents if block.travellers else ()):

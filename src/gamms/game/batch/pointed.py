@@ -13,8 +13,9 @@ from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.roads import RoadMap
 from gamms.game.batch.state import GameArrays, NotTakenUp
 from gamms.game.snapshots import Snapshot
-from gamms.ir.agents import show_game, show_lives, show_progress
+from gamms.ir.agents import Pose, show_flights, show_game, show_lives, show_progress
 from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 
 
 class PointedContext:
@@ -26,6 +27,7 @@ class PointedContext:
 
     Attributes:
         numbers: the number in the roster of each agent of the context, by row.
+        rows_in_air: the rows of the agents that fly, in the order of the roster.
         alive: which agents of the context live, by row, as bytes; empty: unknown.
         delayed_looks: what sensors are still to report in each game.
     """
@@ -38,6 +40,7 @@ class PointedContext:
         self.delayed_looks = [copied(self._looks_at_start) for _ in range(len(state))]
         self._own = vars(game.ctx)
         self.numbers: IntArray = np.zeros(0, np.int64)
+        self.rows_in_air: list[int] = []
         self.alive = b""
 
     def forget(self, games: IntArray) -> None:
@@ -53,6 +56,9 @@ class PointedContext:
         self._first_looks = self._game.internals.state.delayed_looks
         self._block = block
         self.numbers = np.array([number[name] for name in block.names], np.int64)
+        self.rows_in_air = (
+            [] if self._state.flights is None else np.argsort(self.numbers)[self._state.flights.agents].tolist()
+        )
         self.alive = b""
         self._graph = self._game.ctx.graph.graph
         self._first_map = self._game.ctx.graph.storage.snapshot()
@@ -92,7 +98,8 @@ class PointedContext:
         size = len(self.numbers)
         row_of = {number: row for row, number in enumerate(self.numbers.tolist())}
         lives = np.ascontiguousarray(state.alive[games][:, self.numbers]).tobytes()
-        are_placed = np.any(state.placed[games], axis=1).tolist()
+        placed = self._placed(games)
+        are_placed = np.any(placed, axis=1).tolist()
         may_be_on_edges = len(state.movement.remembers) > 0
         roads = state.roads
         if self.has_changed_map():  # by a function that has raised
@@ -104,13 +111,14 @@ class PointedContext:
             self._own["_seed"] = state.seeds[number]
             turns.seed_changes += 1
             show_game(block, columns, at)
+            show_flights(block, self.rows_in_air, self._poses(number))
             alive = lives[at * size : (at + 1) * size]
             if alive != self.alive:
                 self.show_lives(alive)
             for name, column in state.numbers.items():
                 np.asarray(getattr(block, name))[:] = column[number, self.numbers]
             if are_placed[at]:
-                block.placed = set(np.flatnonzero(state.placed[number][self.numbers]).tolist())
+                block.placed = set(np.flatnonzero(placed[at][self.numbers]).tolist())
             elif block.placed:
                 block.placed = set()
             if may_be_on_edges:
@@ -119,6 +127,17 @@ class PointedContext:
             if roads.are_closed or self._roads is not None:
                 self._show_roads(roads.of(number))
             yield number
+
+    def _placed(self, games: IntArray) -> BoolArray:
+        """Return which agents rules have put where they are, (games, agents), without those that have flown there."""
+        placed: BoolArray = self._state.placed[games]
+        flights = self._state.flights
+        if flights is not None:
+            placed[:, flights.agents] &= ~flights.has_flown[games]
+        return placed
+
+    def _poses(self, number: int) -> list[Pose]:
+        return [] if self._state.flights is None else self._state.flights.poses(number)
 
     def show_lives(self, alive: bytes) -> None:
         """Let the agents of the context live that lived in some game, by row."""

@@ -169,7 +169,10 @@ def note_sensors(state: GameArrays, agents: Sequence[int], *, with_nodes: bool) 
         with_nodes: whether maps may be others, and agents turned; in the core they are not.
     """
     roster, are_few = state.roster, len(state.roster.names) <= MOST_LOOKING
-    odd = [number for number in agents if not (are_few and has_plain_looks(roster.agents[number]))]
+    are_plain = [
+        are_few and not flies and has_plain_looks(one) for one, flies in zip(roster.agents, roster.flies, strict=True)
+    ]
+    odd = [number for number in agents if not are_plain[number]]
     found = {number: noted_sensors(roster.agents[number]) for number in odd}
     state.noted = {number: names for number, names in found.items() if names}
     if with_nodes:

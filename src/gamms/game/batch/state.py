@@ -15,6 +15,7 @@ from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import Failure, GameLog, Roster, some_rows
 from gamms.game.batch.deeds import DeclaredDeeds, DeedLog
+from gamms.game.batch.flights import Flights
 from gamms.game.batch.movement import Movement, Places
 from gamms.game.batch.roads import RoadMap, StreetsOfMaps
 from gamms.game.batch.scores import Scores
@@ -270,7 +271,8 @@ class GameArrays:
         deeds: what agents may do besides moving.
         deed_log: what they did; None: nothing.
         radio: by what agents send messages, and what was sent; None: by nothing.
-        places, heights: where agents are in games that are played one by one; None: on their nodes.
+        places: where agents on the ground are in games that are played one by one; None: on their nodes.
+        flights: the agents that fly; None: none do.
         noted, noted_nodes: agent -> its sensors that are asked themselves which agents, or nodes, they show.
         sighted: game and agent -> such a sensor -> others, and the rows of nodes where they are reported.
         sighted_nodes: game and agent -> such a sensor -> the rows of the nodes that it shows.
@@ -315,6 +317,7 @@ class GameArrays:
         self.over, self.is_going = list[dict[str, Any] | None]([None] * games), np.ones(games, np.bool_)
         self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
         self.placed, self.fell = np.zeros((2, *shape), np.bool_)
+        self.flights = Flights(roster, games) if roster.flies.any() else None
         self.numbers = {one.name: np.full(shape, one.initial, one.kind) for one in NUMBERS}
         self.events = EventLog(games, roster.names)
         self.radio: Radio | None = None
@@ -328,6 +331,8 @@ class GameArrays:
         """Begin to note what depends on a map."""
         movement.begin(self.node.shape)
         self.movement = movement
+        if self.flights is not None:
+            movement.leaves_nodes = True
         self.streets = movement.streets
         self.roads = movement.all_roads
         self._of_maps: World | None = None  # of games that have several maps
@@ -337,7 +342,6 @@ class GameArrays:
         self.facts = dict[str, Any]()
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None
-        self.heights: FloatArray | None = None
         self.noted: dict[int, list[str]] = {}
         self.noted_nodes: dict[int, list[str]] = {}
         self.now = dict[Hashable, Any]()
@@ -430,6 +434,8 @@ class GameArrays:
     def _remembered(self) -> Columns:
         found: Columns = {"node": self.node, "start": self.start, "alive": self.alive, "is_there": self.is_there}
         found.update(dict[Hashable, Any](self.numbers))
+        if self.flights is not None:
+            found.update(dict[Hashable, Any](self.flights.remembered))
         found |= {name: getattr(self.movement, name) for name in self.movement.remembers}
         found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
         if any("stops" in those for those in self.kept.values()):  # a rule compares them with what they were
@@ -523,6 +529,7 @@ class GameArrays:
             *(getattr(self.movement, name) for name in self.movement.remembers),
             *self.counts.values(),
             *self.numbers.values(),
+            *(() if self.flights is None else self.flights.columns),
             *chain.from_iterable(map(dict.values, by_key)),
         ]
         copies = [deepcopy(column) if column.dtype == object else column.copy() for column in columns]

@@ -350,8 +350,10 @@ class ArrayTurn:
         begun = np.where(is_first, self._state.start[games, agents], before)
         put_locked(self.node, (at, agents), begun)
         put_locked(self.alive, (at, agents), values=True)
-        self._state.previous[games, agents] = begun
+        self._state.previous[games, agents] = np.where(self.roster.flies[agents], before, begun)
         self._state.placed[games, agents] = True
+        if self._state.flights is not None:
+            self._state.flights.put_back(games, agents)
         self._state.movement.clear(games, agents)
 
     def close_roads(self, at: IntArray, edges: Sequence[int]) -> None:
@@ -375,7 +377,10 @@ class ArrayTurn:
 
     def in_air(self) -> tuple[IntArray, FloatArray]:
         """Return the numbers of the agents that fly, ascending, and their positions, (games, flying agents, 3)."""
-        return np.zeros(0, np.int64), np.zeros((len(self.games), 0, 3))
+        agents, flights = np.flatnonzero(self.roster.flies), self._state.flights
+        if flights is None:
+            return agents, np.zeros((len(self.games), 0, 3))
+        return agents, flights.xyz(self.games, agents)[1]
 
     def start_of(self, agents: IntArray) -> IntArray:
         """Return the start node of each agent, (games, agents); -1 if it has not entered the game."""

@@ -103,7 +103,7 @@ class ArrayView(Mapping[str, Any]):
     def counts(self) -> IntArray:
         """The number of legal nodes of each agent, including its own."""
         if "counts" not in self._known:
-            self._known["counts"] = self._movement.counts(self._choices)
+            self._known["counts"] = np.where(self._in_air, 1, self._movement.counts(self._choices))
             if self._deeds is not None:  # strategies cannot write into it
                 self._known["counts"] = locked(self._known["counts"])
         return self._known["counts"]
@@ -113,9 +113,17 @@ class ArrayView(Mapping[str, Any]):
         """Whether all agents of the view fly; then a strategy returns offsets of flights."""
         return bool(self.roster.flies[self.agents].all())
 
+    @property
+    def _in_air(self) -> BoolArray:
+        """Whether each agent flies, (games, agents); legal is only the node below it."""
+        return np.broadcast_to(self.roster.flies[self.agents], self.node.shape)
+
     def _heights(self) -> FloatArray:
-        known = self._state.heights
-        return np.zeros(self.node.shape) if known is None else known[np.ix_(self.games, self.agents)]
+        heights, flights = np.zeros(self.node.shape), self._state.flights
+        if flights is not None:
+            flies, xyz = flights.xyz(self.games, self.agents)
+            heights[:, flies] = xyz[..., 2]
+        return heights
 
     def legal_rows(self, which: Any = np.s_[:, :]) -> tuple[IntArray, BoolArray]:
         """Return the rows of the legal nodes of each agent, (games, agents, most), and a mask of valid entries.
@@ -123,7 +131,12 @@ class ArrayView(Mapping[str, Any]):
         Args:
             which: an index of some agents of the view.
         """
-        return self._movement.legal(self._choices[which])
+        rows, is_legal = self._movement.legal(self._choices[which])
+        if not self._in_air.any():
+            return rows, is_legal
+        is_legal[..., 1:] &= ~self._in_air[which][..., None]
+        most = int(is_legal.sum(axis=-1).max(initial=1))
+        return rows[..., :most], is_legal[..., :most]
 
     def _time(self) -> FloatArray:
         now = self._movement.now
@@ -135,6 +148,13 @@ class ArrayView(Mapping[str, Any]):
 
     def _places(self) -> Places:
         """Return the positions of the agents; in games by metres, some may be on edges."""
+        found, flights = self._places_on_ground(), self._state.flights
+        if flights is not None:
+            flies, xyz = flights.xyz(self.games, self.agents)
+            found.xy[:, flies] = xyz[..., :2]
+        return found
+
+    def _places_on_ground(self) -> Places:
         if len(self._movement.edge):
             return self._movement.places(self.node, numbers_in(self, np.s_[:, :]))
         known, rows = self._state.places, np.ix_(self.games, self.agents)
@@ -151,7 +171,8 @@ class ArrayView(Mapping[str, Any]):
             UnknownName (KeyError): a node is not on the map.
         """
         wanted = self.streets.rows(as_array(nodes, "nodes", "integers", self.node.shape))
-        return self._movement.action_to(self._choices, wanted)
+        actions = self._movement.action_to(self._choices, wanted)
+        return np.where(self._in_air & (actions > 0), -1, actions)
 
     def towards(self, targets: IntArray, which: Any = np.s_[:, :], allowed: BoolArray | None = None) -> IntArray:
         """Return the actions that move agents toward nodes, as the strategies of `gamms.strategies` do.
@@ -361,7 +382,7 @@ class ArrayView(Mapping[str, Any]):
         """
         streets = self.streets
         choice = _NO_CHOICES
-        if self._movement.are_plain(self.agents):
+        if self._movement.are_plain(self.agents) and not self._in_air.any():
             offsets, targets = kept_in(self._shared, "along edges", lambda: legal_of(streets.offsets, streets.targets))
         else:
             nodes, is_legal = self.legal_rows()
