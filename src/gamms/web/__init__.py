@@ -1,4 +1,4 @@
-"""Games in the browser: a recording as one HTML file that replays it, offline; and games that are served live.
+"""Games in the browser: recordings as self-contained HTML pages, live games, people as players, and studies.
 
     gamms.recorder.open("game.ggr").save("game.html")
 
@@ -6,14 +6,13 @@
         print(live.url)
         live.wait()
 
-Read `pages.py` first: what such a file holds; then `live.py`: a game that is served while it is played, with
-`streams.py`, what its spectators are sent, `links.py`, what they may, and `server.py`, HTTP and WebSocket. People who
-play: `people.py`, then `choices.py`, what they are asked, `playing.py`, how that travels, and `study.py`, with
-`participants.py`, who takes part. `places.py` makes the page of a map, on which people choose
-places. The viewer itself is JavaScript, in `viewer/`, where `main.js` is the first file to read;
-`bundle.py` makes one page of it.
+Read `pages.py` first, which makes the page of a recording. `live.py` serves a game while it is played: `streams.py`
+writes the data for spectators, `links.py` holds tokens and permissions, and `server.py` handles HTTP and WebSocket.
+`people.py` lets people play; `choices.py` checks their answers. `study.py` runs studies, with `participants.py` for
+their participants. `places.py` makes a page of a map on which people choose places. The viewer is JavaScript, in
+`viewer/` (read `main.js` first); `bundle.py` makes a single page of it.
 
-A client: it uses recordings and contexts as any program would.
+May import: all layers below the clients. It uses only public methods of recordings and contexts.
 """
 
 from gamms.web.live import Live, ServeOptions, serve
@@ -36,4 +35,4 @@ __all__ = [
 ]
 
 FOR_SCENARIOS = {"human": human}
-"""What scenario files may name; `strategy: human` is short for it."""
+"""Names that scenario files may use without a package: `strategy: human`."""

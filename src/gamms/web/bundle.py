@@ -1,7 +1,7 @@
-"""The pages that replay games and choose places: each is one file, made of the modules and styles in `viewer/`.
+"""Bundle the JavaScript modules and styles in `viewer/` into self-contained pages: the viewer and the place chooser.
 
-Modules of JavaScript become functions that are called in the order of their imports; comments on lines of their own and
-indentation are left out. What belongs into a page is marked in it, see `pages.filled`.
+Each JavaScript module becomes a function that is called in import order; indentation and full-line comments are
+removed. Placeholders such as `{title}` are filled later, see `pages.filled`.
 """
 
 import base64
@@ -16,7 +16,7 @@ from typing import Any
 from gamms.visual.themes import THEMES
 
 SOURCES = Path(__file__).parent / "viewer"
-PAGES = {"viewer": ("main", ("viewer",)), "places": ("places", ("viewer", "places"))}  # entry and styles of each
+PAGES = {"viewer": ("main", ("viewer",)), "places": ("places", ("viewer", "places"))}  # page -> entry module, styles
 VIEWER_THEMES = ("light", "dark")
 
 IMPORT = re.compile(r'^import \{([^}]*)\} from "\./(\w+)\.js";$', re.MULTILINE)
@@ -26,12 +26,12 @@ _COMMENTS = re.compile(r"^\s*(?://.*|/\*\*(?:(?!\*/).)*\*/|/\*\*$(?s:.*?)\*/)\s*
 
 @cache
 def page_called(name: str) -> str:
-    """Return a page without what belongs into it, "viewer" or "places"."""
+    """Return the page "viewer" or "places", with placeholders for its data."""
     entry, styles = PAGES[name]
     modules: dict[str, str] = {}
     _add(entry, modules)
     script = '"use strict";\n(() => {\n' + "\n".join(modules.values()) + "\n})();\n"
-    # In ASCII, so that its hash holds in pages of any encoding; other letters are in strings only.
+    # The script is ASCII, so that its hash is valid in any encoding; other letters occur only in strings.
     script = re.sub(r"[^\x00-\x7f]", lambda match: f"\\u{ord(match[0]):04x}", script)
     style = "".join(_read(f"{one}.css") for one in styles)
     parts = {"script_hash": hash_of(script), "style_hash": hash_of(style), "script": script, "style": style}
@@ -40,7 +40,7 @@ def page_called(name: str) -> str:
 
 
 def _table_of(name: str) -> dict[str, Any]:
-    """Return the colors of a theme as the viewer has them: CSS, but for those between which it mixes."""
+    """Return the colors of a theme for the viewer: as CSS, or as numbers if the viewer interpolates them."""
     theme = THEMES[name]
     walls, ground = theme.map.walls, theme.map.ground
     return {
@@ -60,12 +60,12 @@ def _table_of(name: str) -> dict[str, Any]:
 
 
 def css(color: Sequence[int]) -> str:
-    """Return a color of three or four parts from 0 to 255 as CSS."""
+    """Return an RGB or RGBA color, 0 to 255 each, as CSS."""
     return "#" + bytes(color).hex().removesuffix("ff" if len(color) > 3 else "")
 
 
 def hash_of(text: str) -> str:
-    """Return what a content security policy calls an inline script or style."""
+    """Return the hash of an inline script or style, as written in a content security policy."""
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 
 
@@ -74,7 +74,7 @@ def _read(name: str) -> str:
 
 
 def _add(name: str, modules: dict[str, str]) -> None:
-    """Add a module behind those that it imports."""
+    """Add a module to `modules`, after the modules that it imports."""
     if name in modules:
         return
     text = _read(f"{name}.js")

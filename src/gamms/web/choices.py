@@ -1,4 +1,4 @@
-"""What a person is asked about an agent, and which answers count: a legal move, a direction, deeds and messages."""
+"""Questions to people about their agents, and checks of their answers: moves, directions, deeds and messages."""
 
 import json
 import os
@@ -18,21 +18,21 @@ from gamms.text import reason, shown
 from gamms.web.links import Refused
 
 EVENT = "choice"
-"""The kind of the events that choices are in results and recordings."""
+"""The kind of events that hold choices, in results and recordings."""
 
 CHOSEN = "chosen"
-"""The outcome of a question that a person has answered; any other says why the default has decided."""
+"""The outcome of an answered question; other outcomes are the reason why the default strategy decided."""
 
 _MOST_MOVES = 5000
-_FARTHEST = 1e9  # of a direction
-_KEYS = ("question", "move", "do", "messages")  # of a choice
+_FARTHEST = 1e9  # the maximum component of a direction
+_KEYS = ("question", "move", "do", "messages")  # the keys of a choice
 _KEYS_IN_THE_AIR = ("question", "direction", "distance", "do", "messages")
-_MOST_MESSAGES = 8  # of a choice
-_MOST_HEARD = 20  # messages that a person is shown of those that came
+_MOST_MESSAGES = 8  # in one choice
+_MOST_HEARD = 20  # received messages that are shown to a person
 
 
 class RefusedChoice(Refused):
-    """A choice that does not count and moves nothing.
+    """A rejected choice; the question stays open.
 
     Attributes:
         why: "late", "foreign", "illegal" or "duplicate".
@@ -45,26 +45,28 @@ class RefusedChoice(Refused):
 
 @dataclass
 class Question:
-    """What a person is asked about an agent, and what has come of it.
+    """A question to a person about an agent, and the answer once it is given.
 
     Attributes:
-        number: of the question, in the whole game.
-        agent: its name.
+        number: the number of the question in the game, from 1.
+        agent: the name of the agent.
         turn: the number of turns played.
-        moves: the nodes that it may go to, its own first, None: to stop on an edge; no list: it flies.
-        speed: of an agent that flies, map units per turn.
-        here: its node, or its place in space.
-        deeds: what it may do besides: deed -> field -> its kind, its choices (None: any) and whether it is needed.
-        channels: by which it may send messages: name -> `to`, to whom, and `bytes`, how many a turn (None: any).
-        inbox: the messages that it hears now, as JSON; the last ones, if they are many.
-        limit_s: how long the person may take.
-        began: when it was asked, or when the person has come, by `time.monotonic()`.
-        until: when the time is over.
-        wake: called when something has changed.
-        action: of `State` or `AerialState`, once it was chosen.
-        chosen: the same as JSON; None: nothing yet.
-        took_s: how long the person took.
-        is_over: whether the game waits no longer.
+        moves: the legal nodes, the agent's own node first; an item None means stopping on an edge. None for flying
+            agents.
+        speed: the speed of a flying agent, map units per turn.
+        here: the agent's node, or its position (x, y, z).
+        deeds: the available deeds: deed -> field -> `kind`, `choices` (None: any value) and `is_required`.
+        channels: the available channels: name -> `to`, the possible receivers, and `bytes`, the maximum number of bytes
+            per turn (None: no limit).
+        inbox: the last received messages, as JSON.
+        limit_s: the time that the person has for the answer, seconds.
+        began: the time when the question was asked, or when the person first connected, by `time.monotonic()`.
+        until: the deadline, by `time.monotonic()`.
+        wake: called when the question changes.
+        action: the chosen value of `state["action"]`, once the person has answered.
+        chosen: the choice as JSON; None: no answer yet.
+        took_s: the time that the person took, seconds.
+        is_over: whether the game has stopped waiting for the answer.
     """
 
     number: int
@@ -86,7 +88,7 @@ class Question:
     is_over: bool = False
 
     def as_message(self) -> dict[str, Plain]:
-        """Return what the person gets to know of the question."""
+        """Return the question as the JSON message that is sent to the person."""
         moves: Plain = None if self.moves is None else list(self.moves)
         asked = {"question": self.number, "agent": self.agent, "turn": self.turn, "here": self.here, "moves": moves}
         left = round(max(self.until - monotonic(), 0.0), 3)
@@ -96,15 +98,15 @@ class Question:
 
 @dataclass(frozen=True)
 class Choice:
-    """What was decided for an agent of a person, as events of the kind "choice" have it.
+    """The decision for an agent that a person plays, with the fields of an event of the kind "choice".
 
     Attributes:
-        turn: from 1.
-        agent: its name.
-        person: who was asked.
-        outcome: "chosen", or why the default has decided.
-        action: what was chosen, as JSON; None: nothing.
-        seconds: that the person took.
+        turn: the number of the turn, from 1.
+        agent: the name of the agent.
+        person: the name of the person.
+        outcome: "chosen", or the reason why the default strategy decided.
+        action: the choice as JSON; None: the person made no choice.
+        seconds: the time that the person took.
     """
 
     turn: int
@@ -119,7 +121,7 @@ class Choice:
 
 
 def moves_of(state: Mapping[str, Any]) -> tuple[int | None, ...] | None:
-    """Return where an agent may go, its own node first; None for one that flies."""
+    """Return the legal nodes of an agent, its own node first, and None for stopping on an edge; None: it flies."""
     here = state["curr_pos"]
     if isinstance(here, tuple):
         return None
@@ -128,14 +130,14 @@ def moves_of(state: Mapping[str, Any]) -> tuple[int | None, ...] | None:
 
 
 def _names_in_sight(state: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the names of agents that the sensors show."""
+    """Yield the names of agents in the sensor data of a state."""
     for _, data in state.get("sensor", {}).values():
         if isinstance(data, Mapping):
             yield from (name for name in data if isinstance(name, str))
 
 
 def deeds_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) -> dict[str, dict[str, dict[str, Plain]]]:
-    """Return the deeds that a person is offered: with agents of their own or in sight, and sensors of their own."""
+    """Return the deeds that a person can choose; agents in fields are the person's or visible, sensors the person's."""
     known = {*own, *_names_in_sight(state)}
     offered: dict[str, dict[str, dict[str, Plain]]] = {}
     for deed, fields in state.get("deeds", {}).items():
@@ -154,7 +156,10 @@ def deeds_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) -> di
 
 
 def channels_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) -> dict[str, dict[str, Plain]]:
-    """Return by which channels an agent may send, and to whom: all, teams, agents of the person, in sight or heard."""
+    """Return channel -> its possible receivers (`to`) and its limit (`bytes`).
+
+    Receivers are None (everyone), teams, the person's other agents, visible agents, and senders of received messages.
+    """
     if "outbox" not in state:
         return {}
     me, heard = state["name"], [message["sender"] for message in state["inbox"]]
@@ -174,7 +179,7 @@ def channels_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) ->
 
 
 def inbox_of(state: Mapping[str, Any]) -> list[Plain]:
-    """Return the messages that an agent hears now, as JSON."""
+    """Return the last received messages of a state, as JSON."""
     return [as_json(dict(message)) for message in state.get("inbox", ())[-_MOST_HEARD:]]
 
 
@@ -182,19 +187,19 @@ def inbox_of(state: Mapping[str, Any]) -> list[Plain]:
 
 
 def written(choice: Mapping[str, Plain]) -> dict[str, Plain]:
-    """Return what is recorded of a choice."""
+    """Return the part of a choice that is recorded: without `question`, and without empty `do` and `messages`."""
     return {
         key: value for key, value in choice.items() if key != "question" and (key not in ("do", "messages") or value)
     }
 
 
 def messages_of(choice: Choice) -> list[Any]:
-    """Return the messages that a choice sends."""
+    """Return the messages in a choice."""
     return [] if choice.action is None else json.loads(choice.action).get("messages", [])
 
 
 def as_action(choice: Mapping[str, Any]) -> Any:
-    """Return the action that a checked choice is, for a state."""
+    """Convert a checked choice to a value for `state["action"]`."""
     do = {"do": choice["do"]} if choice.get("do") else {}
     if "direction" in choice:
         direction = tuple(map(float, choice["direction"]))
@@ -206,10 +211,10 @@ def as_action(choice: Mapping[str, Any]) -> Any:
 
 
 def action_of(choice: Mapping[str, Plain], question: Question, ctx: Context | None) -> Any:
-    """Return the action that a choice is.
+    """Check a choice, and convert it to a value for `state["action"]`.
 
     Raises:
-        RefusedChoice: it is illegal.
+        RefusedChoice: the choice is illegal.
     """
     known = _KEYS if question.moves is not None else _KEYS_IN_THE_AIR
     for key in choice:
@@ -260,7 +265,7 @@ def _checked_deeds(given: Plain, question: Question, ctx: Context | None) -> dic
 
 
 def _check_messages(given: Plain, question: Question, ctx: Context | None) -> None:
-    """Refuse messages that the channels do not take; who is out of sight is in no reason."""
+    """Raise for messages that no channel accepts; error messages name no agent out of sight."""
     if not isinstance(given, list) or len(given) > _MOST_MESSAGES:
         raise RefusedChoice("illegal", f"Messages are a list of at most {_MOST_MESSAGES}, not {shown(given)}.")
     for message in given:
@@ -284,19 +289,23 @@ def _check_messages(given: Plain, question: Question, ctx: Context | None) -> No
 
 
 def choices_in(path: str | os.PathLike[str]) -> dict[tuple[int, str], list[Choice]]:
-    """Return the choices in a recording, by turn and agent."""
+    """Return the choices in a recording: (turn, agent) -> choices in order.
+
+    Raises:
+        BadValue: the recording contains no choices.
+    """
     found: dict[tuple[int, str], list[Choice]] = {}
     with recorder.open(path) as recording:
         for event in recording.events():
             if event["kind"] == EVENT:
                 found.setdefault((event["turn"], str(event.get("agent"))), []).append(_choice_of(event))
     if not found:
-        raise BadValue(f"{str(path)!r} holds no choices of people: it was played by strategies alone.")
+        raise BadValue(f"{str(path)!r} contains no choices of people: only strategies played.")
     return found
 
 
 def _choice_of(event: Mapping[str, Plain]) -> Choice:
-    """Return the choice that an event of any origin is."""
+    """Convert an event, possibly from an untrusted file, to a choice."""
     turn, seconds = event["turn"], event.get("seconds")
     agent, person, outcome = (event.get(name) for name in ("agent", "person", "outcome"))
     action = event.get("action")

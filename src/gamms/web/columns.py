@@ -1,7 +1,7 @@
-"""What a page or a stream holds of a game, as columns: the map, and turns in parts of one or many.
+"""The data format of pages and streams: the map, and parts with the columns of one or many turns.
 
-A part has a column for the agents of all its turns, one for the nodes that they are on, and so on; what changes
-seldom is a list of changes. `docs/page-format.md` describes them. `painter.py` makes the turns.
+A part has columns for all its turns, for example the nodes of all agents; values that rarely change are stored as lists
+of changes. `docs/page-format.md` describes the format. `painter.py` makes the turns.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -20,53 +20,53 @@ from gamms.web.knowledge import SensedTurn
 MAGIC = b"GAMMSPLY"
 THERE, ALIVE, FLIES = 1, 2, 4  # bits of the status of an agent
 _SHARES = 1 << 16  # parts of an edge
-_TURN = 256  # parts of a full turn
-_STEPS = 1 << 18  # in which coordinates are rounded, of the larger side of the map: a town to some millimetres
-_LAT_LON_STEP = 2.0**-23  # degrees: a centimetre
+_TURN = 256  # headings: parts of a full rotation
+_STEPS = 1 << 18  # coordinates: parts of the larger side of the map, some millimetres for a town
+_LAT_LON_STEP = 2.0**-23  # degrees, about a centimetre
 _READ = (
     *("crs", "attribution", "node_ids", "sources", "targets", "bend_rows", "bend_sizes", "face_types"),
     *("node_attributes", "edge_attributes"),
 )
 
 Change = tuple[str, bytes]
-"""A slot, and the bytes of the value that it has from a turn on."""
+"""The name of a slot, and the bytes of its new value."""
 Fact = tuple[str, str, str, str | None]
-"""An agent, a heading, and the words from a turn on for a key below it; None: it is not so any more."""
+"""An agent, a heading, a key, and the new text; None: the fact no longer holds."""
 
 
 class OnEdges(NamedTuple):
-    """Agents on the ground that have covered a share of an edge."""
+    """The agents on the ground that are between two nodes."""
 
     agents: IntArray  # (agents,) rows
-    ends: IntArray  # (agents, 2) rows of the nodes that the edge leads from and to
-    shares: FloatArray  # (agents,)
+    ends: IntArray  # (agents, 2) rows of the source and the target of the edge
+    shares: FloatArray  # (agents,) the covered share of the edge, from 0 to 1
 
 
 class InAir(NamedTuple):
-    """Agents in the air that have a position."""
+    """The flying agents that have a position."""
 
     agents: IntArray  # (agents,) rows
-    places: FloatArray  # (agents, 3)
+    places: FloatArray  # (agents, 3) x, y and z, map units
     headings: FloatArray  # (agents,) radians; NaN: straight up or down
 
 
 class Turn(NamedTuple):
-    """How a turn has ended, and what happened in it.
+    """The state after a turn, and the events in it.
 
     Attributes:
-        names: of the agents, which the other columns follow.
-        status: bits.
-        nodes: rows of the nodes that they are on, or above; -1: on none of this map.
-        sides: the texts of their teams, or their own names.
-        on_edges: those that are between nodes.
-        in_air: those that fly.
-        ways: row of an agent -> the rows of the nodes that it passed, where it did not simply go from its node to the
-            next one; none: it did not travel.
-        messages: sender, receiver, and 0 where it is heard next, 1 where it is overheard, 2 where it was lost.
-        changes: of slots.
-        facts: about agents.
-        captions: what happened.
-        sensed: what was sensed at its beginning; None: nothing.
+        names: the names of the agents, in the order of the other columns.
+        status: (agents,) sums of `THERE`, `ALIVE` and `FLIES`.
+        nodes: (agents,) rows of the agents' nodes, or of the nodes below flying agents; -1: not on this map.
+        sides: the side of each agent: its team as text, or its name.
+        on_edges: the agents between two nodes.
+        in_air: the flying agents.
+        ways: row of an agent -> rows of the nodes that it passed, unless it moved directly from one node to the next;
+            an empty list: it was placed on its node without travel.
+        messages: sender, receiver, and the fate: 0 heard next turn, 1 overheard, 2 lost.
+        changes: changed slots.
+        facts: changed facts about agents.
+        captions: sentences about the events.
+        sensed: the sensor reports at the beginning of the turn; None: there were none.
     """
 
     names: Sequence[str]
@@ -84,7 +84,7 @@ class Turn(NamedTuple):
 
 
 def frame(value: Plain) -> bytes:
-    """Return a header or a part with its size before it."""
+    """Encode a header or a part, and put its size in front."""
     body = to_bytes(value, "A part of a page")
     return len(body).to_bytes(4, "little") + body
 
@@ -92,14 +92,14 @@ def frame(value: Plain) -> bytes:
 def part_of(
     first: int, turns: Sequence[Turn], step: float, *, is_whole: bool = False, rest: SensedTurn | None = None
 ) -> dict[str, Plain]:
-    """Return turns as a part.
+    """Return turns as a part, a plain value.
 
     Args:
-        first: the number of the first of them.
-        turns: one at least.
-        step: positions are counted in it.
-        is_whole: whether nothing before the part is needed: it has all slots and facts.
-        rest: what is known to be sensed behind the last of the turns.
+        first: the number of the first turn.
+        turns: the turns, at least one.
+        step: the unit of positions, map units.
+        is_whole: whether the part contains all slots and facts, so that no earlier part is needed.
+        rest: the sensor reports after the last turn, as far as known.
     """
     names = list(dict.fromkeys(chain.from_iterable(turn.names for turn in turns)))
     row_of = {name: row for row, name in enumerate(names)}
@@ -133,7 +133,7 @@ def part_of(
 
 
 def _states(turns: Sequence[Turn], rows: list[IntArray], agents: int) -> dict[str, Plain]:
-    """Return the columns of all agents, (agents, turns): so changes from turn to turn are small."""
+    """Return the columns of all agents, (agents, turns): neighboring values differ little, which compresses well."""
     status = np.zeros((agents, len(turns)), np.uint8)
     nodes = np.full((agents, len(turns)), -1, np.int64)
     sides = np.zeros((agents, len(turns)), np.int64)
@@ -148,7 +148,7 @@ def _states(turns: Sequence[Turn], rows: list[IntArray], agents: int) -> dict[st
 def _joined(
     turns: Sequence[Turn], rows: list[IntArray], columns_of: Callable[[Turn], tuple[IntArray, dict[str, Any]]]
 ) -> dict[str, Plain]:
-    """Return what some agents have in some turns: `at`, the places of their items in a column of all, and the items."""
+    """Return sparse columns: `at`, the indices in a flattened column (agents, turns), and the items there."""
     found = [columns_of(turn) for turn in turns]
     at = np.concatenate(
         [row[agents] * len(turns) + i for i, (row, (agents, _)) in enumerate(zip(rows, found, strict=True))]
@@ -176,7 +176,7 @@ def _in_air(turn: Turn, step: float) -> tuple[IntArray, dict[str, Any]]:
 
 
 def _ways(turns: Sequence[Turn], rows: list[IntArray]) -> dict[str, Plain]:
-    """Return the ways that are not simply from node to node."""
+    """Return the paths in `Turn.ways` as columns: `at`, see `_joined`, the counts of nodes, and the nodes."""
     found = {
         int(row[agent]) * len(turns) + at: way
         for at, (turn, row) in enumerate(zip(turns, rows, strict=True))
@@ -192,7 +192,7 @@ def _ways(turns: Sequence[Turn], rows: list[IntArray]) -> dict[str, Plain]:
 
 
 def _messages(turns: Sequence[Turn], row_of: Mapping[str, int]) -> "np.ndarray[Any, Any]":
-    """Return the messages, (4, messages): in which turn, who sent them, who is to have them, and what becomes of it."""
+    """Return the messages, (4, messages): turn in the part, row of the sender, row of the receiver, and fate."""
     found = [
         (at, row_of.get(sender, -1), row_of[receiver], fate)
         for at, turn in enumerate(turns)
@@ -203,7 +203,7 @@ def _messages(turns: Sequence[Turn], row_of: Mapping[str, int]) -> "np.ndarray[A
 
 
 def _sensed(sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> dict[str, Plain]:
-    """Return what was sensed at the beginning of each turn, and behind the last one."""
+    """Return the columns of sensor reports: at the beginning of each turn, and after the last one."""
     found = [one for one in sensed if one is not None]
     shapes: dict[int, int] = {}
     kept: list[Plain] = []
@@ -239,7 +239,7 @@ def _sensed(sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> d
 
 
 def _sights(side: str, sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> dict[str, Plain]:
-    """Return what a side sees: of the nodes those that it sees and did not before, or the other way around."""
+    """Return the columns of a side's knowledge: the nodes whose visibility changes in each turn, and visible agents."""
     before = np.zeros(0, np.int64)
     changed, agents = list[IntArray](), list[list[int]]()
     for one in sensed:
@@ -266,16 +266,16 @@ def _concatenated(parts: Sequence[IntArray]) -> "np.ndarray[Any, Any]":
 def drawn_map(
     world: bytes, attributes: Collection[str] | None = None, lat_lon: "np.ndarray[Any, Any] | None" = None
 ) -> bytes:
-    """Return what is drawn of a map, with its scenery, as the bytes of a plain value.
+    """Encode the drawn parts of a map, with its scenery.
 
     Args:
-        world: the map, as it is saved.
-        attributes: those that it keeps; None: all.
-        lat_lon: (nodes, 2) degrees, which it then has, too; rounded to a centimetre.
+        world: the bytes of a saved map.
+        attributes: the attributes of nodes and edges to include; None: all.
+        lat_lon: (nodes, 2) the coordinates of nodes in degrees, to be included; rounded to a centimetre.
     """
     state = unframed(world, MAP_MAGIC, VERSION)
     base = state["base_map"] if "base_map" in state else base_map_of(scenery_called(state.get("scenery")))
-    if len(state["face_ids"]):  # which are drawn instead
+    if len(state["face_ids"]):  # obstacles are drawn instead of buildings
         base = base | {name: base[name][:0] for name in ("face_types", "face_corners")}
     step = _step(state["xy"])
     drawn: dict[str, Any] = {name: state[name] for name in _READ}
@@ -297,12 +297,12 @@ def drawn_map(
 
 
 def in_steps(points: FloatArray, step: float) -> "np.ndarray[Any, Any]":
-    """Return points (points, axes) as integers (axes, points): along a line their differences are small."""
+    """Convert points (points, axes) to integer multiples of `step`, (axes, points); along lines they compress well."""
     return narrow(np.rint(points.T / step).astype(np.int64))
 
 
 def narrow(numbers: "Sequence[int] | np.ndarray[Any, Any]") -> "np.ndarray[Any, Any]":
-    """Return integers in the smallest type that holds all of them."""
+    """Convert integers to the smallest signed type that holds all of them."""
     wide = np.asarray(numbers, np.int64)
     low, high = (int(wide.min()), int(wide.max())) if wide.size else (0, 0)
     return wide.astype(np.promote_types(np.min_scalar_type(min(low, -1)), np.min_scalar_type(-1 - max(high, 0))))
@@ -313,6 +313,6 @@ def _chosen(attributes: dict[str, Any], names: Collection[str]) -> dict[str, Any
 
 
 def _step(xy: "np.ndarray[Any, Any]") -> float:
-    """Return a power of two in whose multiples coordinates are written."""
+    """Return the unit of coordinates, map units: a power of two."""
     extent = float(np.ptp(xy, axis=0).max()) if len(xy) else 0.0
     return float(2.0 ** np.floor(np.log2(extent / _STEPS))) if extent > 0.0 else 2.0**-32

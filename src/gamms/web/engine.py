@@ -1,4 +1,4 @@
-"""The visual engine that serves a game to browsers: for programs that open a window else, unchanged."""
+"""The visual engine that shows a game in browsers; it replaces a window without other changes to the program."""
 
 import sys
 from contextlib import suppress
@@ -17,12 +17,12 @@ _LOOK_S = 0.2
 
 @live_engines.register("gamms")
 class WebEngine(PictureEngine):
-    """Shows the turns of a context to browsers; a turn takes as long as in a window.
+    """Shows the turns of a context in browsers, at the speed of a window.
 
     Args:
         ctx: the context.
         simulation_time_constant: seconds per turn.
-        stay_open: whether a `with` block of the context ends only when all have closed their browsers, or by Ctrl-C.
+        stay_open: whether a `with` block of the context ends only after all browsers have disconnected, or by Ctrl-C.
         options: `port`, `host`, `allow_network` and `title`, as for `gamms.web.serve`.
 
     Attributes:
@@ -46,27 +46,27 @@ class WebEngine(PictureEngine):
             if name in options:
                 chosen[name] = options[name]  # type: ignore[typeddict-item] # `Live` checks it
         self.live = Live(ctx, chosen)
-        # Not into a log, for who has a link may use it.
+        # Not logged, because anyone who has the link can use it.
         sys.stderr.write(f"The game is served: {self.live.links['admin']} (to look on: {self.live.url})\n")
 
     @refused_while_deciding
     def simulate(self) -> None:
-        """End the turn, show it, and wait until the next one may be played."""
+        """End the turn, show it, and wait until the next turn may begin."""
         super().simulate()
         self.live.follow()
 
     def stay_open(self) -> None:
-        """Serve the last turn until Ctrl-C."""
+        """Keep showing the last turn until Ctrl-C."""
         self.live.stay_open()
 
     def stay_open_after_game(self) -> None:
-        """Serve the last turn at the end of a `with` block, as long as there is a browser that shows it."""
+        """Keep showing the last turn at the end of a `with` block while a browser is connected."""
         with suppress(KeyboardInterrupt):
             while self._stays_open and self.live.connections:
                 sleep(_LOOK_S)
 
     @refused_while_deciding
     def terminate(self) -> None:
-        """End the server, and the films that are being made."""
+        """Stop the server, and discard unfinished films."""
         self.live.close()
         super().terminate()

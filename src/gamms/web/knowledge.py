@@ -1,7 +1,7 @@
-"""What a page says and shows of what agents know: what they sense, which nodes teams see, and facts in words.
+"""The knowledge of agents as pages show it: sensor results, the nodes that teams see, and facts as short texts.
 
-A recording says what sensors reported, and not which nodes a sensor covers that reports agents alone: the sensors of
-the context that follows the game say that.
+Recordings contain the reports of sensors, but not the nodes that sensors of agents cover: these are computed by the
+sensors of a context that follows the game.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -22,14 +22,14 @@ from gamms.text import as_digits, as_text
 from gamms.typing import IAgent, ISensor
 from gamms.typing.context import HostContext
 
-MOST_SIDES = 20  # of which a page offers what they see
-_MOST_KNOWN = 20_000  # fields of view that are remembered
+MOST_SIDES = 20  # with more sides, pages do not show what each side sees
+_MOST_KNOWN = 20_000  # cached fields of view
 _NONE = np.zeros(0, np.int64)
 _MOST_WORDS, _MOST_ITEMS, _MOST_PAIRS, _MOST_ROWS = 400, 24, 50, 400
 _MOST_BODY = 120  # letters of a message
 _NOTHING = "\u2013"  # a dash
 _OPEN, _DECISION, _MESSAGES = "", "Decision", "Messages"
-_OF_ONE = {  # kinds of events that change what is said of the agent that they name
+_OF_ONE = {  # kinds of events that change the facts about the agent that they name
     kinds.AGENT_TEAM,
     kinds.AGENT_SPEED,
     kinds.AGENT_STRATEGY,
@@ -39,18 +39,18 @@ _OF_ONE = {  # kinds of events that change what is said of the agent that they n
 _OF_ALL = {kinds.SNAPSHOT, kinds.AGENT_CREATE, kinds.AGENT_DELETE, kinds.SENSORS, kinds.AGENT_ATTRIBUTE}
 
 Facts = dict[tuple[str, str], str]
-"""The words for each key below a heading."""
+"""(heading, key) -> text."""
 
 
-# -- what is sensed -----------------------------------------------------------------------------------------------
+# -- sensor reports -----------------------------------------------------------------------------------------------
 
 
 class FieldOutline(NamedTuple):
     """The outline of a field of view.
 
     Attributes:
-        is_carried: whether its corners are seen from its agent, with which it goes.
-        corners: (2, corners) in the steps of the map.
+        is_carried: whether the corners are relative to the agent, and move with it.
+        corners: (2, corners) x and y, in steps of the map.
     """
 
     is_carried: bool
@@ -58,18 +58,18 @@ class FieldOutline(NamedTuple):
 
 
 class SensorLook(NamedTuple):
-    """What one sensor of an agent saw.
+    """The report of one sensor of an agent.
 
     Attributes:
-        agent: the name of its agent.
-        sensor: its name.
-        kind: of the sensor.
-        shape: the outline of its field of view; None: it has none.
-        field: rows of the nodes that it covers, of a sensor that reports agents alone.
-        nodes: rows of the nodes that it reported.
-        edges: likewise.
-        agents: names of agents, and the rows of the nodes on which it reported them; -1: those that they are on.
-        words: what it reported, if that is nothing of these.
+        agent: the name of the agent.
+        sensor: the name of the sensor.
+        kind: the type of the sensor.
+        shape: the outline of the field of view; None: there is none.
+        field: rows of the nodes that the sensor covers, if it reports only agents.
+        nodes: rows of the reported nodes.
+        edges: rows of the reported edges.
+        agents: the reported agents: name and node row; -1: the row of the agent's actual node.
+        words: any other report, as text; None: there is none.
     """
 
     agent: str
@@ -84,25 +84,25 @@ class SensorLook(NamedTuple):
 
 
 class SideKnowledge(NamedTuple):
-    """What a side sees: ascending rows of nodes, and the names of agents of others."""
+    """The nodes that a side sees, as ascending rows, and the visible agents of other sides, by name."""
 
     nodes: IntArray
     agents: Sequence[str]
 
 
 class SensedTurn(NamedTuple):
-    """What was sensed at one moment."""
+    """The sensor reports of one turn, and the knowledge of each side."""
 
     looks: Sequence[SensorLook]
     sides: Mapping[str, SideKnowledge]
 
 
 class KnowledgeTracker:
-    """Works out what agents sense in a context that follows a game.
+    """Computes what agents sense, in a context that follows a game.
 
     Args:
         ctx: the context.
-        step: corners of shapes are counted in it.
+        step: returns the unit of the corners of outlines, map units.
     """
 
     def __init__(self, ctx: HostContext, step: Callable[[], float]) -> None:
@@ -111,15 +111,15 @@ class KnowledgeTracker:
         self._shapes: dict[Any, FieldOutline | None] = {}
         self._columns: GraphColumns | None = None
         self._rows: dict[str, tuple[IntArray, IntArray]] = {}
-        self._on_edges: Mapping[str, tuple[float, float]] = {}  # where agents are that are on none of the nodes
+        self._on_edges: Mapping[str, tuple[float, float]] = {}  # the positions of agents between nodes
 
     def forget(self) -> None:
-        """Forget fields of view, because sensors or the map have changed."""
+        """Clear the cached fields of view, because sensors or the map have changed."""
         self._covered.clear()
         self._shapes.clear()
 
     def rows(self, of: str, ids: "Sequence[int] | IntArray") -> IntArray:
-        """Return the rows of "nodes" or "edges" by their ids; -1 where there is none."""
+        """Return the rows of "nodes" or "edges" with the given ids; -1 for unknown ids."""
         if not len(ids):
             return _NONE
         columns = self._ctx.graph.columns()
@@ -136,11 +136,11 @@ class KnowledgeTracker:
         return found
 
     def sensed(self, looked: Sequence[Mapping[str, Any]], state: DetachedState) -> SensedTurn:
-        """Return what was sensed, where the game stands.
+        """Return the sensor reports of the current state, and the knowledge of each side.
 
         Args:
-            looked: the data of events.
-            state: how the game stands.
+            looked: the data of events of the kind `SENSED`.
+            state: the current state of the game.
         """
         names = state.agents.names_by_number()
         self._on_edges = self._ctx.visual.drawing.motion.on_edges()
@@ -170,7 +170,7 @@ class KnowledgeTracker:
     # -- fields of view -----------------------------------------------------------------------------------------
 
     def _shape(self, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> FieldOutline | None:
-        """Return the outline of what a sensor covers; None where obstacles leave no polygon of it."""
+        """Return the outline of a sensor's field of view; None if it has none, or is cut by obstacles."""
         if sensor.type.name.startswith("OCCLUDED"):
             return None
         place, look = pose
@@ -191,7 +191,7 @@ class KnowledgeTracker:
         return FieldOutline(is_carried, corners.astype(np.int64).T)
 
     def _field(self, agent: IAgent, sensor: ISensor, pose: tuple[Any, Any]) -> IntArray:
-        """Return the rows of the nodes that a sensor covers which reports agents alone."""
+        """Return the rows of the nodes that a sensor of agents covers; empty for other sensors."""
         on_edge = self._on_edges.get(agent.name)
         key = sensor.sensor_id, *pose, on_edge
         known = self._covered.get(key)
@@ -209,7 +209,7 @@ class KnowledgeTracker:
     # -- sides --------------------------------------------------------------------------------------------------
 
     def _sides(self, looks: Sequence[SensorLook], state: DetachedState) -> dict[str, SideKnowledge]:
-        """Return what each side sees."""
+        """Return side -> its knowledge; empty if there are more than `MOST_SIDES` sides."""
         columns = state.agents.columns
         names = columns["names"]
         side_of = dict(zip(names, sides_in(columns), strict=True))
@@ -219,7 +219,7 @@ class KnowledgeTracker:
         nodes = self.rows("nodes", columns["node"])
         alive = np.asarray(columns["alive"]) != 0
         size = len(self._ctx.graph.columns().node_ids)
-        masks = {side: np.zeros(size + 1, bool) for side in sides}  # the last one is of nodes that are not there
+        masks = {side: np.zeros(size + 1, bool) for side in sides}  # the last item is for unknown nodes, row -1
         found: dict[str, dict[str, None]] = {side: {} for side in sides}
         living = {name for name, is_alive in zip(names, alive.tolist(), strict=True) if is_alive}
         for name, row in zip(names, nodes.tolist(), strict=True):
@@ -244,13 +244,13 @@ class KnowledgeTracker:
 
 
 def sides_in(columns: Mapping[str, Any]) -> list[str]:
-    """Return the side of each agent: the text of its team, or without one its name."""
+    """Return the side of each agent: its team as text, or its name if it has no team."""
     pairs = zip(columns["names"], columns["teams"], strict=True)
     return [name if team is None else as_text(team) for name, team in pairs]
 
 
 def _pose(agent: IAgent, sensor: ISensor) -> tuple[Any, Any]:
-    """Return where a sensor looks from, a node or a position, and what its outline depends on besides its range."""
+    """Return the node or position of a sensor, and the values that change its outline: height and direction."""
     if getattr(sensor, "at", None) is not None:
         return (0.0, 0.0), None
     if "AERIAL" in sensor.type.name:
@@ -264,7 +264,7 @@ def _pose(agent: IAgent, sensor: ISensor) -> tuple[Any, Any]:
 
 
 def words_of(value: object, most: int = _MOST_WORDS) -> str:
-    """Return a plain value as short text."""
+    """Return a plain value as text of at most `most` characters."""
     words = _text_of(value, 4)
     return words if len(words) <= most else f"{words[: most - 1]}…"
 
@@ -288,7 +288,7 @@ def _text_of(value: object, depth: int) -> str:
 
 
 def _text_of_items(items: Sequence[tuple[str, Any]], most: int, depth: int) -> str:
-    """Return the first items as text, each behind its label."""
+    """Return the first items as text, each after its label."""
     if not items or not depth:
         return "…" if items else _NOTHING
     shown = ", ".join(f"{label}{_text_of(one, depth - 1)}" for label, one in items[:most])
@@ -296,31 +296,31 @@ def _text_of_items(items: Sequence[tuple[str, Any]], most: int, depth: int) -> s
 
 
 class AgentFacts:
-    """Says what has changed of what is said of agents.
+    """Collects facts about agents as short texts, and finds the ones that change.
 
     Args:
-        state: how the game stands, which others change.
+        state: the state of the game, which the caller updates.
     """
 
     def __init__(self, state: DetachedState) -> None:
         self._state = state
-        self._known: dict[str, Facts] = {}  # of each agent
-        self._momentary: dict[str, Facts] = {}  # likewise, of the last turn
-        self._sent: dict[int, list[tuple[str, str, int, str, str]]] = {}  # turn -> what agents have in it
-        self.messages: list[tuple[str, str, int]] = []  # see `turns.Turn`
+        self._known: dict[str, Facts] = {}  # agent -> lasting facts
+        self._momentary: dict[str, Facts] = {}  # agent -> facts about the last turn
+        self._sent: dict[int, list[tuple[str, str, int, str, str]]] = {}  # turn -> messages that arrive in it
+        self.messages: list[tuple[str, str, int]] = []  # see `columns.Turn`
 
     def present(self) -> Iterator[tuple[str, str, str, str | None]]:
-        """Yield all facts of the present."""
+        """Yield all current facts: agent, heading, key, text."""
         for known in (self._known, self._momentary):
             for name, facts in known.items():
                 yield from ((name, *key, words) for key, words in facts.items())
 
     def changes(self, log: Log | None, turn: int) -> Iterator[tuple[str, str, str, str | None]]:
-        """Yield the facts that have changed.
+        """Yield the changed facts: agent, heading, key, and the new text, or None if the fact no longer holds.
 
         Args:
-            log: of the turn that was added to the state; None: everything may be another.
-            turn: as the game counts it.
+            log: the log of the turn that was applied to the state; None: any fact may have changed.
+            turn: the turn number of the game.
         """
         for name in self._about(log):
             now = self._of(self._state.agents.row(name))
@@ -332,7 +332,7 @@ class AgentFacts:
         self._momentary = momentary
 
     def _about(self, log: Log | None) -> list[str]:
-        """Return the agents of whom something else may be said."""
+        """Return the agents whose lasting facts may have changed."""
         names = self._state.agents.columns["names"]
         events = [] if log is None else list(events_of(log))
         wanted: set[str] = set()
@@ -350,13 +350,13 @@ class AgentFacts:
         return [name for name in names if name in wanted] if wanted else []
 
     def _of(self, row: int) -> Facts:
-        """Return what is said of an agent until something of it changes."""
+        """Return the lasting facts about the agent in a row: team, speed, strategy, sensors, memories, attributes."""
         columns, game = self._state.agents.columns, self._state.game
         name, team = columns["names"][row], columns["teams"][row]
         facts: Facts = {}
         strategy = columns["strategies"][row]
         if isinstance(strategy, str):
-            strategy = strategy.partition(".<locals>")[0]  # what was called to make it
+            strategy = strategy.partition(".<locals>")[0]  # the function that made it
         for key, value in (("team", team), ("speed", columns["speed"][row]), ("strategy", strategy)):
             if value is not None:
                 facts[_OPEN, key] = words_of(value)
@@ -374,7 +374,7 @@ class AgentFacts:
     # -- of one turn --------------------------------------------------------------------------------------------
 
     def _of_turn(self, log: Log, turn: int) -> dict[str, Facts]:
-        """Return what is said of agents for one turn alone."""
+        """Return agent -> facts about this turn: deeds, refused actions and messages."""
         found: dict[str, Facts] = {}
         self.messages = []
         for kind, data in events_of(log):
@@ -392,7 +392,7 @@ class AgentFacts:
         return found
 
     def _send(self, message: Mapping[str, Any], found: dict[str, Facts]) -> None:
-        """Note what becomes of a message."""
+        """Add the facts about a message that was sent: to its sender now, and to its receivers on arrival."""
         sender, body = message["sender"], words_of(message["body"], _MOST_BODY)
         fates = {key: list(message.get(key) or ()) for key in (*ARRIVALS, "lost", "jammed")}
         fate = "; ".join(f"{key} by {', '.join(map(as_text, to[:6]))}" for key, to in fates.items() if to)
@@ -405,14 +405,14 @@ class AgentFacts:
 
 
 def _put(found: dict[str, Facts], name: str, heading: str, key: str, words: str) -> None:
-    """Note one of several facts of the same key."""
+    """Add a fact; texts of equal keys are joined."""
     facts = found.setdefault(name, {})
     known = facts.get((heading, key))
     facts[heading, key] = words if known is None else f"{known}; {words}"[:_MOST_WORDS]
 
 
 def _differences(name: str, before: Facts, now: Facts) -> Iterable[tuple[str, str, str, str | None]]:
-    """Yield what is said otherwise, and what is said no longer."""
+    """Yield new and changed facts, then removed ones with None as text."""
     for key, words in now.items():
         if before.get(key) != words:
             yield name, *key, words

@@ -1,4 +1,4 @@
-"""What is handed out of what is served: handles to programs, and links with tokens to people."""
+"""Handles of running servers, and links with secret tokens, which grant permissions to their holders."""
 
 import hashlib
 import hmac
@@ -14,16 +14,16 @@ from gamms.workers import SIGNALS_S
 
 
 class Handle(ABC):
-    """What is served, until `close`; usable in a `with` statement."""
+    """A running server; close it with `close` or use it in a `with` statement."""
 
     _is_closed: threading.Event
 
     @abstractmethod
     def close(self) -> None:
-        """End the server."""
+        """Stop the server."""
 
     def stay_open(self) -> None:
-        """Serve on until `close` or Ctrl-C."""
+        """Block until `close` is called or Ctrl-C is pressed."""
         with suppress(KeyboardInterrupt):
             while not self._is_closed.wait(SIGNALS_S):
                 pass
@@ -37,11 +37,11 @@ class Handle(ABC):
 
 @dataclass(frozen=True)
 class Audience:
-    """Whose knowledge is sent: that of a team, that of some agents alone, or everything.
+    """The knowledge that a client receives: that of a team, that of some agents, or everything.
 
     Attributes:
-        team: by its text; an agent without a team is one of its own, by its name.
-        agents: names; they know what their sensors report, and not what others of their team do.
+        team: the team as text; an agent without a team counts as a team with its name.
+        agents: names of agents; the client receives only what the sensors of these agents report.
     """
 
     team: str | None = None
@@ -49,27 +49,27 @@ class Audience:
 
     @property
     def is_everything(self) -> bool:
-        """Whether nothing is kept from it."""
+        """Whether the audience sees everything."""
         return self.team is None and not self.agents
 
     def has(self, name: str, team: object) -> bool:
-        """Whether an agent is one of those whose knowledge it is."""
+        """Whether an agent belongs to the audience."""
         return name in self.agents if self.agents else str(name if team is None else team) == self.team
 
     def __str__(self) -> str:
-        """Name it for people: the team, the agents, or everything."""
+        """Return a name for display: the team, the agents, or "everything"."""
         return ", ".join(sorted(self.agents)) or self.team or "everything"
 
 
 @dataclass(frozen=True)
 class Grant:
-    """What the holder of a link may do.
+    """The permissions of the holder of a link.
 
     Attributes:
-        name: of the link.
-        audience: whose knowledge it is sent.
-        may_control: whether it may pause, step, restart and change the game.
-        may_play: whether it may choose for the agents of its audience.
+        name: the name of the link.
+        audience: the knowledge that the holder receives.
+        may_control: whether the holder may pause, step, restart and change the game.
+        may_play: whether the holder may decide for the agents of the audience.
     """
 
     name: str
@@ -79,21 +79,21 @@ class Grant:
 
 
 class Links:
-    """The tokens that were given, and what their holders may do; of the tokens only digests are kept."""
+    """Grants by token; only digests of the tokens are stored."""
 
     def __init__(self) -> None:
         self._grants: dict[str, Grant] = {}
         self._lock = threading.Lock()
 
     def add(self, grant: Grant) -> str:
-        """Return a new token for a grant."""
+        """Create a token for a grant, and return it."""
         token = secrets.token_urlsafe(24)
         with self._lock:
             self._grants[digest_of(token)] = grant
         return token
 
     def find(self, token: object) -> Grant | None:
-        """Return what a token grants; None where there is no such token. Takes as long for any token."""
+        """Return the grant of a token, in constant time; None if the token is unknown."""
         if not isinstance(token, str) or len(token) > 200:
             return None
         digest, found = digest_of(token), None
@@ -105,9 +105,9 @@ class Links:
 
 
 def digest_of(text: str) -> str:
-    """Return the SHA-256 of any text, in hexadecimal."""
+    """Return the SHA-256 digest of a text, in hexadecimal."""
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 class Refused(GammsError, ValueError):
-    """A message or call of a client cannot be done; it is sent the words."""
+    """A message or call of a client was refused; the client receives the text of the error."""

@@ -1,11 +1,11 @@
-"""A game that is served while it is played: `serve`, and the handle that it returns.
+"""Serve a game to browsers while it is played: `serve`, and the handle that it returns.
 
-The thread that plays hands each turn to `Streams`, waits as `TurnPacing` says, and goes on; the thread of the server
-sends what is there. `Live` connects both: it is the `SocketHandler` of the server and a follower of `ctx.record`.
+The game thread passes each turn to `Streams` and then waits as `TurnPacing` says; the server thread sends the streams
+to browsers. `Live` connects both: it is the `SocketHandler` of the server and a follower of `ctx.record`.
 
-To build on it: `Live.handlers` has what is done with messages of clients by their `type`, and others may be added;
-`Live.when_joined` is called with each connection that opens; `Live.link` makes a link for any `Grant`; `Live.streams`
-has what each audience is sent; `Live.connections` are those that are open. Handlers run in the thread of the server.
+To extend it: add functions to `Live.handlers`, by the `type` of the client messages that they handle; add functions to
+`Live.when_joined`, which are called with each new connection; make links for any `Grant` with `Live.link`; read
+`Live.streams` and `Live.connections`. Handlers run in the server thread.
 """
 
 import threading
@@ -35,11 +35,11 @@ from gamms.workers import SIGNALS_S
 
 Handler = Callable[[Connection, Json], None]
 _CLOSE_S = 10.0
-_FILES_S = 0.5  # between two looks whether a file has changed
+_FILES_S = 0.5  # between two checks for changed files
 _FASTEST = 1000.0  # turns a second
-_LARGEST = 1e300  # of numbers: JSON and YAML have integers beyond all floats
+_LARGEST = 1e300  # JSON and YAML allow integers that do not fit a float
 _MOST_NUMBERS = 60
-_MOST_STEPS = 20  # turns that were asked for one by one, and not played yet
+_MOST_STEPS = 20  # requested single turns that are not played yet
 _WATCHED = {".py", ".yaml", ".yml", ".json", ".toml"}
 
 
@@ -47,41 +47,42 @@ class ServeOptions(TypedDict, total=False):
     """The keywords of `serve`."""
 
     port: int
-    """0: a free one."""
+    """The port: 0, any free port."""
     host: str
-    """The address: "127.0.0.1"; another one than loopback needs `allow_network`."""
+    """The address: "127.0.0.1"; addresses other than loopback need `allow_network`."""
     allow_network: bool
-    """Let other machines in: False."""
+    """Whether other machines may connect: False."""
     speed: float | None
-    """Turns a second: 4.0; None: as fast as they are played."""
+    """Turns per second: 4.0; None: as fast as possible."""
     is_paused: bool
-    """Whether it begins paused: False."""
+    """Whether the game begins paused: False."""
     title: str
-    """What stands above the map: the name of the scenario."""
+    """The title above the map: the name of the scenario."""
     seed: int | None
-    """Of a scenario: None, its own."""
+    """The seed, for scenarios: None, the seed of the scenario."""
     strategies: Mapping[str, Callable[..., Any]] | None
-    """Of a scenario: by team or agent, in place of its own; None."""
+    """Strategies by team or agent that replace those of the scenario: None."""
     record: str | Path | None
-    """Of a scenario: the file of a recording; None: the game is not recorded."""
+    """The file of a recording, for scenarios: None, no recording."""
     watch: bool | Callable[[], Scenario]
-    """Of a scenario: begin again when a file in its folder changes, with it loaded again, or as a function gives it."""
+    """Whether to restart when a file in the folder of the scenario changes: False. A function returns the new scenario;
+    True loads the file again."""
 
 
 def serve(game: Context | Scenario, **options: Unpack[ServeOptions]) -> "Live":
-    """Serve a game to browsers while it is played; returns a handle with the links.
+    """Serve a game to browsers while it is played; return a handle with the links.
 
-    A scenario is built and played in a thread of its own. The game of a context is played by the program, which the
-    pace of the served game then holds: a pause in the browser lets `ctx.game.step` and `ctx.visual.simulate` wait.
+    A scenario is built and played in a separate thread. The game of a context is played by the program; while it is
+    served, a pause in the browser makes `ctx.game.step` and `ctx.visual.simulate` wait.
 
     Args:
         game: a scenario, or a context.
-        options: `gamms.web.ServeOptions` has them.
+        options: see `gamms.web.ServeOptions`.
 
     Raises:
         MissingExtra (ImportError): the extra `web` is not installed.
         NetworkError (ConnectionError): the port is in use.
-        BadType, BadValue: an option is impossible, or is for a scenario alone.
+        BadType, BadValue: an option is invalid, or applies only to scenarios.
         ScenarioError: the game cannot be built.
     """
     if not isinstance(game, Context | Scenario):
@@ -92,11 +93,11 @@ def serve(game: Context | Scenario, **options: Unpack[ServeOptions]) -> "Live":
 
 
 class TurnPacing:
-    """When turns are played: at some speed, one by one, or not at all.
+    """Decides when the next turn is played: at a speed, one by one, or not while paused.
 
     Attributes:
-        speed: turns a second; None: as fast as they are played.
-        is_paused: whether turns are played one by one only.
+        speed: turns per second; None: as fast as possible.
+        is_paused: whether turns are played only by `step`.
     """
 
     def __init__(self, speed: float | None, *, is_paused: bool) -> None:
@@ -120,67 +121,68 @@ class TurnPacing:
             self._next_at = monotonic() + (0.0 if self.speed is None else 1.0 / self.speed)
 
     def pause(self, *, is_paused: bool) -> None:
-        """Play no turns but one by one; or go on."""
+        """Pause the game, or continue it."""
         with self._changed:
             self.is_paused, self._steps = is_paused, 0
             self._changed.notify_all()
 
     def change_speed(self, speed: float | None) -> None:
-        """Play so many turns a second; None: as fast as they are played."""
+        """Set the turns per second; None: as fast as possible."""
         with self._changed:
             self.speed = speed
             self._next_at = min(self._next_at, monotonic() + (0.0 if speed is None else 1.0 / speed))
             self._changed.notify_all()
 
     def step(self) -> None:
-        """Let one turn be played, and stand still then."""
+        """Play one turn, then pause."""
         with self._changed:
             self.is_paused, self._steps = True, min(self._steps + 1, _MOST_STEPS)
             self._changed.notify_all()
 
     def release(self, *, is_released: bool) -> None:
-        """Let no turn wait any more; or again."""
+        """Stop making turns wait, or start again."""
         with self._changed:
             self._is_released = is_released
             self._changed.notify_all()
 
 
 class Host(Protocol):
-    """What serves a game: a `Server`, or the part of one that others share."""
+    """The server of a game: a `Server`, or a part of a shared server."""
 
     address: str
     links: Links
 
     @property
     def connections(self) -> list[Connection]:
-        """Those that have joined the game."""
+        """The open connections of the game."""
 
     def link(self, token: str) -> str:
-        """Return the address of the game with a token."""
+        """Return the address of the game with a token in it."""
 
     def wake(self) -> None:
-        """Let the server send what is new."""
+        """Tell the server that there is new data."""
 
     def close(self) -> None:
-        """Serve the game no longer."""
+        """Stop serving the game."""
 
 
 class Live(Handle):
-    """A game that is served, until `close`; usable in a `with` statement.
+    """A served game; close it with `close` or use it in a `with` statement.
 
     Attributes:
-        ctx: the context of the game that is played; None before the first.
-        pace: when turns are played.
-        streams: what each audience is sent.
-        handlers: what is done with messages of clients, by their `type`.
-        when_joined: called with each connection that opens, in the thread of the server.
-        when_failed: called with each error of the files that `watch=` looks at, or of their game, in another thread.
-        scenario: that is played, with the numbers that were chosen; None: the program plays.
+        ctx: the context of the current game; None before the first game.
+        pace: decides when turns are played.
+        streams: the data for each audience.
+        handlers: `type` of a client message -> the function that handles it.
+        when_joined: functions that are called with each new connection, in the server thread.
+        when_failed: functions that are called with each error in the files watched by `watch=`, or in their game, in
+            another thread.
+        scenario: the scenario that is played, with the numbers chosen in the browser; None: the program plays.
 
     Args:
         game: see `serve`.
         options: see `serve`.
-        host: what serves it; None: a server of its own, by the options.
+        host: the server; None: a new server with these options.
     """
 
     def __init__(self, game: Context | Scenario, options: ServeOptions, host: "Host | None" = None) -> None:
@@ -206,7 +208,7 @@ class Live(Handle):
         self._options, self._seed = options, options.get("seed")
         self._result: Result | None = None
         self._error: BaseException | None = None
-        self._trouble: str | None = None  # with files that have changed
+        self._trouble: str | None = None  # an error in changed files
         self._is_over, self._is_closed, self._wanted = threading.Event(), threading.Event(), threading.Event()
         self._asking = threading.Lock()
         self._is_following = False
@@ -228,19 +230,19 @@ class Live(Handle):
     # -- links ----------------------------------------------------------------------------------------------------
 
     def link(self, grant: Grant) -> str:
-        """Return the address for the holder of a grant; the same grant has the same address."""
+        """Return the address for a grant; equal grants have the same address."""
         if grant not in self._tokens:
             self._tokens[grant] = self._server.links.add(grant)
         return self._server.link(self._tokens[grant])
 
     @property
     def url(self) -> str:
-        """The address of those who look on and see everything."""
+        """The address for spectators who see everything."""
         return self.links["everything"]
 
     @property
     def links(self) -> dict[str, str]:
-        """The addresses: "admin", who may pause and change the game; "everything"; and by team, what it knows."""
+        """The addresses by name: "admin" may pause and change the game; "everything" sees all; teams see their part."""
         grants = [Grant("admin", may_control=True), Grant("everything")]
         grants += [Grant(team, Audience(team)) for team in self._teams()]
         by_name = {grant.name: grant for grant in reversed(grants)}
@@ -248,7 +250,7 @@ class Live(Handle):
 
     @property
     def players(self) -> dict[str, str]:
-        """The addresses of the people who play in the game, by their names: whose agents have `gamms.web.human()`."""
+        """The addresses by name of the people whose agents have the strategy `gamms.web.human()`."""
         return self._players.links()
 
     def _teams(self) -> list[str]:
@@ -261,14 +263,14 @@ class Live(Handle):
 
     @property
     def connections(self) -> list[Connection]:
-        """Those that have joined."""
+        """The open connections."""
         return self._server.connections
 
     def wait(self, timeout: float | None = None) -> Result | None:
-        """Wait until the game is over, and return its result; None: time was up, or it was closed before.
+        """Wait until the game ends, and return its result; None after the timeout in seconds, or after `close`.
 
         Raises:
-            whatever the game of a scenario has raised; with `watch=`, it waits for files that are right instead.
+            Any exception raised by the game of a scenario. With `watch=`, the method waits for corrected files instead.
         """
         ends = None if timeout is None else monotonic() + timeout
         while not (self._is_over.is_set() or self._is_closed.is_set()):
@@ -281,7 +283,7 @@ class Live(Handle):
         return self._result if self._is_over.is_set() else None
 
     def close(self) -> None:
-        """End the server, and the game of a scenario; a context goes on."""
+        """Stop the server, and the game of a scenario; a context stays open."""
         self._is_closed.set()
         self._play_again()
         if self._thread is not None and threading.current_thread() is not self._thread:
@@ -292,11 +294,11 @@ class Live(Handle):
         self.streams.close()
 
     def __repr__(self) -> str:
-        """Show where it is, without a token."""
+        """Return the address without tokens, the turns and the number of connections."""
         return f"Live({self._server.address}, turns={self.streams.turns}, connections={len(self.connections)})"
 
     def _repr_html_(self) -> str:
-        """Return the links for notebooks."""
+        """Return the links as HTML, for notebooks."""
         links = (f'<a href="{escape(to)}" target="_blank">{escape(name)}</a>' for name, to in self.links.items())
         return f"A live game: {' · '.join(links)}"
 
@@ -328,7 +330,7 @@ class Live(Handle):
             threading.Thread(target=self._watch_files, args=args, name="gamms files", daemon=True).start()
 
     def follow(self) -> None:
-        """Show the game of a context from now on, unless it is shown, or the context is not open yet."""
+        """Start to follow the game of the context, unless it is followed already or the context is terminated."""
         if not self._is_following and not self._context.is_terminated():
             self._is_following = True
             self._context.record.follow(self)
@@ -338,7 +340,7 @@ class Live(Handle):
         return Path() if self.scenario is None or self.scenario.folder is None else self.scenario.folder
 
     def _watch_files(self, source: Callable[[], Scenario], known: dict[str, tuple[int, int]]) -> None:
-        """Begin again whenever a file in the folder of the scenario has changed; say what is wrong with it."""
+        """Restart the game whenever a file in the folder of the scenario changes; report errors in the files."""
         folder = self._watched_folder()
         while not self._is_closed.wait(_FILES_S):
             try:
@@ -358,7 +360,7 @@ class Live(Handle):
         self._tell_all()
 
     def _play_on(self, begun: threading.Event) -> None:
-        """Play the scenario, and again as often as that is asked for."""
+        """Play the scenario, and play it again whenever a restart is requested."""
         while not self._is_closed.is_set():
             with self._asking:
                 self._wanted.clear()
@@ -394,43 +396,43 @@ class Live(Handle):
                 pass
             self._result = game.result()
 
-    # -- what the thread that plays calls -------------------------------------------------------------------------
+    # -- called by the game thread --------------------------------------------------------------------------------
 
     def begin(self, header: dict[str, Any], state: dict[str, Any]) -> None:
-        """Show another game (called by the thread that plays)."""
+        """Start the streams of a new game (called by the game thread)."""
         self.streams.begin(header, state)
         self._server.wake()
 
     def hear(self, log: Log, *, is_over: bool) -> None:
-        """Show what has happened, and wait until the next turn may be played (called by the thread that plays)."""
+        """Add events to the streams; after a turn, wait until the next may begin (called by the game thread)."""
         self.streams.hear(log, is_over=is_over)
         game = None if self.ctx is None else self.ctx.current_game
         if is_over and game is not None and (game.is_over or game.turn == game.last_turn):
             self.streams.end()
             if self.scenario is None:
                 self._is_over.set()
-        if is_over or self.streams.have_cuts:  # in the middle of a turn only teams are sent something
+        if is_over or self.streams.have_cuts:  # only streams of teams get data within a turn
             self._server.wake()
         if is_over:
             self.pace.wait()
 
-    # -- what the thread of the server calls ----------------------------------------------------------------------
+    # -- called by the server thread ------------------------------------------------------------------------------
 
     def joined(self, connection: Connection) -> None:
-        """Call `when_joined` (called by the server)."""
+        """Call the functions in `when_joined` (called by the server)."""
         for hear in self.when_joined:
             hear(connection)
         self._tell_controllers()
 
     def left(self, connection: Connection) -> None:
-        """Write no stream any more that no connection reads (called by the server)."""
+        """End the stream of the connection's audience if no other connection reads it (called by the server)."""
         audience = connection.grant.audience
         if not connection.grant.may_play and all(one.grant.audience != audience for one in self.connections):
             self.streams.drop(audience)
         self._tell_controllers()
 
     def received(self, connection: Connection, message: Json) -> None:
-        """Do what the handler of a message of a client does (called by the server)."""
+        """Pass a client message to its handler (called by the server)."""
         handler = self.handlers.get(str(message.get("type")))
         if handler is None:
             connection.counts["bad"] += 1
@@ -438,14 +440,14 @@ class Live(Handle):
         handler(connection, message)
 
     def news(self, connection: Connection) -> Iterable[bytes]:
-        """Return what a client has not been sent yet, in pieces (called by the server)."""
+        """Yield the data that a client has not received yet (called by the server)."""
         before = connection.counts["dropped"]
         yield from news(self.streams, connection)
         if connection.counts["dropped"] != before:
             self._tell_status(connection)
 
     def _tell_controllers(self) -> None:
-        """Say to those who may control how many look on; to all it would be a message for each pair of them."""
+        """Send the number of spectators to the clients that may control, because for all it would be quadratic."""
         for connection in self.connections:
             if connection.grant.may_control:
                 self._tell_status(connection)
@@ -455,7 +457,7 @@ class Live(Handle):
             self._tell_status(connection)
 
     def _tell_status(self, connection: Connection) -> None:
-        """Tell a client how the game goes, and what it may do with it."""
+        """Send a client the status of the game, and its permissions."""
         status: Json = {
             "type": "status",
             "paused": self.pace.is_paused,
@@ -467,12 +469,12 @@ class Live(Handle):
             "error": self._trouble if self._error is None else "the game has failed",
         }
         if self._error is not None and (connection.grant.audience.is_everything or connection.grant.may_control):
-            status["error"] = f"the game has failed: {reason(self._error)}"  # which may name any agent
+            status["error"] = f"the game has failed: {reason(self._error)}"  # the reason may name any agent
         if connection.grant.may_control and self.scenario is not None:
             status |= {"restart": True, "numbers": list(numbers_of(self.scenario)), "seed": self._seed}
         connection.tell(status)
 
-    # -- messages of those who may control ------------------------------------------------------------------------
+    # -- messages of clients that may control ---------------------------------------------------------------------
 
     def _pause(self, connection: Connection, message: Json) -> None:
         _check_control(connection)
@@ -503,7 +505,7 @@ class Live(Handle):
         self._play_again()
 
     def _play_again(self) -> None:
-        """Let the thread that plays end this game, if it goes on, and begin another one."""
+        """Make the game thread end the current game, if it is running, and begin a new one."""
         with self._asking:
             self._wanted.set()
             self._players.let_go()
@@ -511,7 +513,7 @@ class Live(Handle):
 
 
 def numbers_of(scenario: Scenario) -> Iterator[dict[str, Plain]]:
-    """Yield the numbers of a scenario that can be chosen: each with its `path`, `value`, `low`, `high` and `step`."""
+    """Yield the numbers of a scenario that can be changed in the browser: `path`, `value`, `low`, `high`, `step`."""
     found = ((path, value) for path, value in _leaves(scenario.to_dict()) if path.partition(".")[0] not in _NO_NUMBERS)
     for (path, value), _ in zip(found, range(_MOST_NUMBERS), strict=False):
         is_whole = isinstance(value, int)
@@ -521,11 +523,11 @@ def numbers_of(scenario: Scenario) -> Iterator[dict[str, Plain]]:
 
 
 _NO_NUMBERS = ("map", "seed", "name", "description", "facts")
-_NO_KEYS = {"node", "near", "at"}  # whose numbers are ids of nodes
+_NO_KEYS = {"node", "near", "at"}  # their numbers are node ids
 
 
 class Players:
-    """Sends people their questions and takes their choices; a part of `Live`.
+    """Sends questions to people and receives their choices; a part of `Live`.
 
     Args:
         live: the served game.
@@ -538,7 +540,7 @@ class Players:
         live.when_joined.append(self._joined)
 
     def open(self, ctx: Context) -> None:
-        """Let people into a game, which begins now."""
+        """Let people join a new game."""
         self._people = People.open(ctx)
         self._people.changed.append(self._tell_all)
         for connection in self._live.connections:
@@ -557,7 +559,7 @@ class Players:
         }
 
     def let_go(self) -> None:
-        """Wait for no person any more in this game."""
+        """Stop waiting for people in the current game."""
         if self._people is not None:
             self._people.let_go()
 
@@ -587,7 +589,7 @@ class Players:
 
 
 def _leaves(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, int | float]]:
-    """Yield the numbers in mappings in each other, with the path that `Scenario.replace` takes."""
+    """Yield the numbers in nested mappings, with their paths for `Scenario.replace`."""
     for key, value in values.items():
         if key in _NO_KEYS or "." in key:
             continue
@@ -601,7 +603,7 @@ def _leaves(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, in
 
 
 def _with_numbers(scenario: Scenario, chosen: object) -> Scenario:
-    """Return a scenario with other numbers."""
+    """Return a copy of a scenario with the chosen numbers, path -> number, after checking them."""
     known = {one["path"]: one for one in numbers_of(scenario)}
     if not isinstance(chosen, dict):
         raise Refused("The numbers are a mapping from paths to numbers.")
@@ -632,7 +634,7 @@ def _check_control(connection: Connection) -> None:
 
 
 def _stamps(folder: Path) -> dict[str, tuple[int, int]]:
-    """Return when the files of a scenario were changed, and how large they are."""
+    """Return file name -> (modification time in ns, size) of the code and scenario files in a folder."""
     found = {}
     for file in folder.iterdir():
         with suppress(OSError):

@@ -1,7 +1,7 @@
-"""A recording as one HTML page: the viewer, and behind it what the viewer reads of the recording, in base64.
+"""Make self-contained HTML pages that replay recordings: the viewer, and the data of the recording in base64.
 
-`painter.py` prepares what is shown in each turn; `docs/page-format.md` describes the bytes. The scenery of the map,
-which recordings name, is put in. So the file needs nothing else, and no server.
+`painter.py` prepares the data of each turn; `docs/page-format.md` describes the bytes. The map and its scenery are
+included, so that the file needs no server and no other files.
 """
 
 import base64
@@ -29,26 +29,26 @@ from gamms.web.painter import Painter, map_for_viewer
 __all__ = ["page", "page_of_two"]
 
 _OPTIONS = PageOptions.__annotations__.keys()
-_FEW_SIDES = 4  # that are the title of a page
+_FEW_SIDES = 4  # sides that are listed in the default title
 _MOST_TRAILS = 200
-_LEVEL = 7  # of zlib: 9 takes seven times as long for a tenth less
-_PART_MOVES = 1 << 14  # in a part, which the viewer reads in some milliseconds
-_FEWEST_TURNS, _MOST_TURNS = 8, 64  # in it
+_LEVEL = 7  # of zlib; level 9 takes seven times as long and saves a tenth
+_PART_MOVES = 1 << 14  # moves in a part, which the viewer reads in some milliseconds
+_FEWEST_TURNS, _MOST_TURNS = 8, 64  # turns in a part
 _HEADER = ("format", "package", "seed", "created", "audience", "sides")
 
 
 @pages.register("gamms")
 def page(recording: Recording, **options: Unpack[PageOptions]) -> bytes:
-    """Return an HTML page that replays a recording: UTF-8, the same bytes for the same recording and options.
+    """Return a UTF-8 HTML page that replays a recording; equal recordings and options give equal bytes.
 
     Args:
-        recording: is read from its first turn to its last; it holds its map, or was opened with it.
-        options: `gamms.typing.PageOptions` has them.
+        recording: a recording that contains its map, or was opened with it; it is read from beginning to end.
+        options: see `gamms.typing.PageOptions`.
 
     Raises:
-        BadValue: there is no such turn, theme or option, or no agent of the audience has a sensor.
-        UnknownName (KeyError): there is no such team.
-        RecordingError (ValueError): the recording is damaged, or does not hold its map.
+        BadValue: a turn, theme or option does not exist, or no agent of the audience has a sensor.
+        UnknownName (KeyError): the team does not exist.
+        RecordingError (ValueError): the recording is damaged, or lacks its map.
     """
     look = _checked(options, recording.turns, _title_of(recording))
     return _assembled(look, options.get("still"), [_rewritten(recording, options.get("audience"))])
@@ -57,12 +57,12 @@ def page(recording: Recording, **options: Unpack[PageOptions]) -> bytes:
 def page_of_two(
     first: Recording, second: Recording, *, names: tuple[str, str] = ("first", "second"), **options: Unpack[PageOptions]
 ) -> bytes:
-    """Return an HTML page that replays two recordings side by side, and marks the turn where they part.
+    """Return an HTML page that replays two recordings side by side, and marks the first turn in which they differ.
 
     Args:
-        first: is shown at the left.
-        second: is shown at the right.
-        names: what stands above them.
+        first: the recording at the left.
+        second: the recording at the right.
+        names: the titles above both.
         options: see `page`.
 
     Raises:
@@ -76,14 +76,14 @@ def page_of_two(
 
 
 def live_page(title: str) -> bytes:
-    """Return the page of a game that is served: the viewer, which asks the server that it comes from for the game."""
+    """Return the page of a live game: the viewer, which requests the game from its server."""
     words = escape(f"{title}. A browser with JavaScript shows it.")
     data = f'<script type="application/json" id="options">{as_json({"title": title, "live": True})}</script>'
     return filled("viewer", {"title": escape(title), "still": words, "connect": "'self'"}, data)
 
 
 def _checked(options: Mapping[str, Any], turns: int, title: str) -> dict[str, Any]:
-    """Return the options of the viewer, with the title that it has by default."""
+    """Check options, and return those of the viewer that are set; `title` is the default title."""
     if unknown := sorted(options.keys() - _OPTIONS):
         raise BadValue(f"A page has no {shown(unknown[0])}; there is: {', '.join(sorted(_OPTIONS))}.")
     turn, theme = as_int(options.get("turn", 0), "turn"), options.get("theme")
@@ -107,7 +107,7 @@ def _checked(options: Mapping[str, Any], turns: int, title: str) -> dict[str, An
 
 
 def _assembled(look: dict[str, Any], still: bytes | None, recordings: list[bytes]) -> bytes:
-    """Return the page of some recordings."""
+    """Return the page with the data of one or two recordings."""
     held = "\n".join(
         f'<script type="application/x-gamms-recording" class="recording">{as_text_of(one)}</script>'
         for one in recordings
@@ -123,36 +123,36 @@ def _assembled(look: dict[str, Any], still: bytes | None, recordings: list[bytes
 
 
 def _image(picture: bytes, words: str) -> str:
-    """Return a picture as an element of a page."""
+    """Return a PNG or SVG picture as an HTML element with an alternative text."""
     kind = "png" if picture.startswith(b"\x89PNG") else "svg+xml"
     return f'<img alt="{words}" src="data:image/{kind};base64,{base64.b64encode(picture).decode()}">'
 
 
 def filled(name: str, parts: Mapping[str, str], data: str) -> bytes:
-    """Return a page with what belongs into it, of which each mark is there once.
+    """Fill the placeholders of a page, each of which occurs once.
 
     Args:
-        name: of the page, "viewer" or "places".
-        parts: its title and what is shown without scripts, as markup; and what it may connect to.
-        data: elements of scripts that are no JavaScript.
+        name: the page, "viewer" or "places".
+        parts: `title` and `still` (shown without scripts) as HTML, and `connect`, the allowed connections.
+        data: script elements with data.
     """
-    left = {**parts, "data": data}  # in one pass, so that a title that looks like a mark is none
+    left = {**parts, "data": data}  # in one pass, so that a placeholder in a title is not filled
     text = re.sub(r"\{(\w+)\}", lambda mark: left.pop(mark[1], mark[0]), page_called(name))
     return text.encode("utf-8", "replace")
 
 
 def as_text_of(data: bytes) -> str:
-    """Return bytes as a script element holds them: deflated, in base64."""
+    """Compress bytes with zlib, and encode them in base64."""
     return base64.b64encode(zlib.compress(data, _LEVEL)).decode()
 
 
 def as_json(value: object) -> str:
-    """Return JSON that can stand in a script element, which only a `<` could end."""
+    """Return JSON that is safe in a script element: `<` is escaped."""
     return json.dumps(value).replace("<", "\\u003c")
 
 
 def _title_of(recording: Recording) -> str:
-    """Return the name of a recorded game: that of its scenario, else its sides."""
+    """Return the name of the scenario of a recording, else its sides."""
     scenario = recording.header.get("scenario")
     name = scenario.get("name") if isinstance(scenario, dict) else None
     if isinstance(name, str) and name:
@@ -166,7 +166,7 @@ def _title_of(recording: Recording) -> str:
 
 
 def _rewritten(recording: Recording, team: str | None) -> bytes:
-    """Return what the viewer shows of a recording, in parts of some turns, so that any turn comes at once."""
+    """Encode a recording for the viewer, in parts of several turns, so that the viewer can seek quickly."""
     if team is not None:
         known = BytesIO()
         with_sensed(recording).cut(known, team)
@@ -186,6 +186,6 @@ def _rewritten(recording: Recording, team: str | None) -> bytes:
 
 
 def drawn_header(header: Mapping[str, Plain]) -> dict[str, Plain]:
-    """Return what the viewer reads of a header, which holds its map."""
+    """Return the part of a header that the viewer reads, and the map."""
     chosen = {name: header[name] for name in _HEADER if header.get(name) is not None}
     return {**chosen, "world": map_for_viewer(header["world"])}

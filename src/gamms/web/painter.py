@@ -1,8 +1,8 @@
-"""What a page shows, turn by turn: columns of agents, signs, colors and captions, made as pictures are made.
+"""Prepare the data of pages, turn by turn: columns of agents, drawings, colors and captions.
 
-A game is followed in a context of its own, whose artists draw what has changed in both themes. The viewer paints these
-draw commands; it knows no rule and no kind of event. `columns.py` makes columns of the turns, `knowledge.py` says
-what agents sense and know; `docs/page-format.md` describes what comes of it.
+A game is replayed in a separate context, whose artists draw all changes in both themes, as for pictures. The viewer
+paints these draw commands, and interprets neither rules nor events. `columns.py` encodes the turns, `knowledge.py`
+computes what agents sense and know; `docs/page-format.md` describes the format.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -47,10 +47,10 @@ from gamms.web.columns import (
 )
 from gamms.web.knowledge import AgentFacts, KnowledgeTracker, SensedTurn, sides_in
 
-_STEPS = 1 << 15  # of the larger side of the map: on a city some centimetres
+_STEPS = 1 << 15  # parts of the larger side of the map, some centimetres for a city
 _PIXEL_STEP = 2.0**-4
-_UNMARKED = {"tag", "respawned", *DECISIONS}  # kinds of events that are too many for the line of turns
-_SIGNS = {  # the letters for signs of legends
+_UNMARKED = {"tag", "respawned", *DECISIONS}  # kinds of events that are too frequent to be marked on the timeline
+_SIGNS = {  # characters for the signs of legends
     "flag": "⚑",
     "ring": "○",
     "band": "▒",
@@ -70,7 +70,7 @@ _SIGNS = {  # the letters for signs of legends
     "field": "◗",
 }
 
-_UNREAD = {  # kinds of events that nothing reads which paints
+_UNREAD = {  # kinds of events that no artist reads
     kinds.GAME_FACTS,
     kinds.GAME_CHANCE,
     kinds.GAME_PRIVATE_FACTS,
@@ -79,7 +79,7 @@ _UNREAD = {  # kinds of events that nothing reads which paints
     kinds.DELAYED_LOOKS,
     *kinds.COMPONENTS,
 }
-_QUIET = _UNREAD | {  # kinds of events after which rules, teams and the map are as before
+_QUIET = _UNREAD | {  # kinds of events that change neither rules nor teams nor the map
     kinds.MOVES,
     kinds.SENSED,
     kinds.AGENT_PROGRESS,
@@ -99,17 +99,17 @@ Drawn = dict[str, Any]
 
 
 class Painter:
-    """Follows a game, and gives what a page shows of it in parts.
+    """Replays a game, and encodes its turns in parts for pages and streams.
 
     Args:
-        header: of the recording of the game, with its map.
-        state: how the game begins, as a keyframe.
-        turns: how many come before.
+        header: the header of the recording, with the map.
+        state: the keyframe of the first state.
+        turns: the number of turns before this state.
     """
 
     def __init__(self, header: Mapping[str, Plain], state: dict[str, Plain], turns: int = 0) -> None:
         self._ctx: Any = opened_context(0, None, is_quiet=True)
-        self._ctx.record.is_replaying = True  # so that recorded drawings stay
+        self._ctx.record.is_replaying = True  # keeps recorded drawings
         self._replayer = Replayer(self._ctx)
         self._replayer.begin_with(dict(header), state)
         self._state = DetachedState(deepcopy(state), turns)
@@ -117,19 +117,19 @@ class Painter:
         self._sides = [side for side in sides if side is not None]
         self._at = turns
         self._is_whole = False
-        self._edition = 0  # changes whenever rules, teams or the map may have changed
+        self._edition = 0  # increases whenever rules, teams or the map may have changed
         self._edited_at = turns
-        self._artists: dict[str, tuple[Any, dict[str, IArtist]]] = {}  # theme -> by which edition, and by name
-        self._read: dict[str, Any] = {}  # artist -> when it drew last
-        self._commands: dict[str, Drawn] = {}  # what artists drew last in the first theme, by name
+        self._artists: dict[str, tuple[Any, dict[str, IArtist]]] = {}  # theme -> edition, artists by name
+        self._read: dict[str, Any] = {}  # artist -> the inputs of its last drawing
+        self._commands: dict[str, Drawn] = {}  # artist -> its last drawing in the first theme
         self._scores: dict[str, Any] = {}
-        self._listed: tuple[Any, list[str], list[str]] = ((), [], [])  # names and sides of the agents of a version
-        self._slots: dict[str, bytes] = {}  # what is so at present
-        self._values: dict[str, Plain] = {}  # the same, of those that are compared
+        self._listed: tuple[Any, list[str], list[str]] = ((), [], [])  # version, names and sides of the agents
+        self._slots: dict[str, bytes] = {}  # slot -> its current value, encoded
+        self._values: dict[str, Plain] = {}  # slot -> its current value, for slots that are compared
         self._facts = AgentFacts(self._state)
         self._sights = KnowledgeTracker(self._ctx, self._step)
-        self._looked: list[Mapping[str, Any]] = []  # what was sensed last
-        self._turns: list[Turn] = []  # that are in no part
+        self._looked: list[Mapping[str, Any]] = []  # the data of the last `SENSED` events
+        self._turns: list[Turn] = []  # turns for the next part
         self._last: Turn | None = None
         list(self._changes())
         list(self._facts.changes(None, self._game_turn()))
@@ -141,18 +141,18 @@ class Painter:
         self.close()
 
     def close(self) -> None:
-        """End the context."""
+        """Terminate the context."""
         self._ctx.terminate()
 
     def begin(self) -> None:
-        """Begin a part that needs none before it, with the last turn."""
+        """Begin a part that can be read without earlier parts; it repeats the last turn."""
         changes, facts = list(self._slots.items()), list(self._facts.present())
         last = self._turn({}, [], [], [], None) if self._last is None else self._last
         self._turns = [last._replace(changes=changes, facts=facts, captions=[])]
         self._is_whole = True
 
     def restore(self, state: dict[str, Plain]) -> None:
-        """Become what a keyframe says."""
+        """Set the state to a keyframe."""
         self._replayer.apply(kinds.SNAPSHOT, state)
         self._state.restore(deepcopy(state))
         self._edition += 1
@@ -162,7 +162,7 @@ class Painter:
         list(self._facts.changes(None, self._game_turn()))
 
     def add(self, log: Log) -> None:
-        """Play the log of a turn."""
+        """Apply the log of a turn, and add the turn to the next part."""
         events = list(events_of(log))
         self._looked = [data for kind, data in events if kind == kinds.SENSED] or self._looked
         has_sensed = any(kind == kinds.SENSED for kind, _ in events)
@@ -181,10 +181,10 @@ class Painter:
         self._turns.append(self._last)
 
     def part(self, *, is_last: bool = True) -> bytes:
-        """Return the turns since the last call as a part; none: there are none.
+        """Encode the turns since the last call as a part; empty if there are none.
 
         Args:
-            is_last: whether it says what is sensed behind the last of them, as far as that is known.
+            is_last: whether to include the sensor reports after the last turn, as far as known.
         """
         if not self._turns:
             return b""
@@ -212,7 +212,7 @@ class Painter:
         captions: Sequence[Drawn],
         sensed: SensedTurn | None,
     ) -> Turn:
-        """Return how the turn has ended."""
+        """Return the turn with the current state of agents."""
         columns = self._state.agents.columns
         flies = columns["kind"] != 0
         status = THERE + ALIVE * (columns["alive"] != 0) + FLIES * flies
@@ -231,9 +231,9 @@ class Painter:
         return Turn(names, status, nodes, sides, on_edges, air, ways, messages, changes, facts, captions, sensed)
 
     def _ways(self, events: Sequence[tuple[int, Any]]) -> dict[int, list[int]]:
-        """Return the rows of the nodes that agents passed which did not simply go from one node to the next one."""
+        """Return row of an agent -> rows of passed nodes, see `columns.Turn.ways`."""
         agents = self._state.agents
-        passed: dict[int, list[int] | None] = {}  # number -> ids of nodes; None: it was put elsewhere
+        passed: dict[int, list[int] | None] = {}  # agent number -> node ids; None: its position was set
         for kind, data in events:
             if kind == kinds.MOVES:
                 moves = np.asarray(data).tolist()
@@ -253,7 +253,7 @@ class Painter:
     # -- slots --------------------------------------------------------------------------------------------------
 
     def _changes(self, events: Sequence[tuple[int, Any]] = ()) -> Iterator[Change]:
-        """Yield the slots that have another value than before."""
+        """Yield the changed slots."""
         game = self._state.game
         scores = {as_text(of): score for of, score in dict(game.scores).items()}
         values: dict[str, Plain] = {"scores": scores, "is_over": game.over is not None}
@@ -280,7 +280,7 @@ class Painter:
         return slot, self._slots[slot]
 
     def _team_colors(self) -> dict[str, Any]:
-        """Return side -> its color in each theme."""
+        """Return side -> theme -> color, 0 to 255."""
         drawing = self._ctx.visual.drawing
         more = [*self._sides, *sorted(teams_of_rules(self._ctx))]
         found: dict[str, Any] = {}
@@ -293,7 +293,7 @@ class Painter:
     # -- drawings -----------------------------------------------------------------------------------------------
 
     def _changed_drawings(self) -> list[Drawn]:
-        """Return the drawings of the artists that draw something else than before."""
+        """Return the changed drawings; removed drawings have only the name of their artist."""
         first, second = VIEWER_THEMES
         artists = self._signs(first)
         drawn = {name: self._drawn(name, artist, first) for name, artist in artists.items()}
@@ -317,7 +317,7 @@ class Painter:
         return self._artists[theme][1]
 
     def _drawn(self, name: str, artist: IArtist, theme: str) -> Drawn | None:
-        """Return what an artist draws; one that settles draws again when rules may have changed what it reads."""
+        """Return the drawing of an artist; if its inputs are unchanged, artists with `settles_in` are not called."""
         settles = getattr(artist.get_drawer(), "settles_in", None)
         key = self._edition, state_of(name, artist), artist.get_visible()
         is_settled = settles is not None and self._at - self._edited_at > settles
@@ -327,7 +327,7 @@ class Painter:
         return self._commands.get(name)
 
     def _commands_of(self, name: str, artist: IArtist, theme: str) -> Drawn | None:
-        """Return what an artist draws in a theme, as plain values, with its layer and legend; None: nothing."""
+        """Return the drawing of an artist in a theme: plain commands, layer and legend; None: it draws nothing."""
         if not artist.get_visible():
             return None
         with self._ctx.visual.drawing.themed(THEMES[theme]):
@@ -335,7 +335,7 @@ class Painter:
             legend = [plain_block(block) for block in blocks_of(self._ctx, {name: artist})]
         try:
             plain = commands.to_plain()
-        except BadValue:  # it has too many points
+        except BadValue:  # the drawing has too many points
             return None
         if not len(plain["kind"]) and not legend:
             return None
@@ -348,7 +348,7 @@ class Painter:
         }
 
     def _drawing(self, name: str, artist: IArtist, first: Drawn, second: Drawn) -> Drawn:
-        """Return a drawing as a page has it, with the colors of both themes."""
+        """Return a drawing in the format of pages, with the colors of both themes."""
         drawer, step = artist.get_drawer(), self._step()
         found: Drawn = {
             "artist": name,
@@ -378,7 +378,7 @@ class Painter:
     # -- captions -----------------------------------------------------------------------------------------------
 
     def _captions(self, happened: Sequence[tuple[int, Any]]) -> Iterator[Drawn]:
-        """Yield the captions of a turn: `words`, the `agent` that they are about, whether `marked` and `major`."""
+        """Yield the captions of a turn: `words`, the `agent` or side, and whether it is `marked` and `major`."""
         events, later = list[Any](), list[Drawn]()
         for kind, data in happened:
             if kind in (kinds.GAME_EVENT, kinds.USER_EVENT):
@@ -395,7 +395,7 @@ class Painter:
         yield from later
 
     def _rises(self, scores: Mapping[Any, float]) -> Iterator[Drawn]:
-        """Yield the scores that have risen."""
+        """Yield captions of increased scores."""
         now = {as_text(of): score for of, score in dict(scores).items() if isinstance(score, int | float)}
         for of, score in now.items():
             if score > self._scores.get(of, 0):
@@ -404,13 +404,13 @@ class Painter:
 
 
 def _step(columns: GraphColumns) -> float:
-    """Return a power of two in whose multiples points are written: small on the map, and small in pixels."""
+    """Return the unit of points, map units: a power of two, small on the map and in pixels."""
     extent = float(np.ptp(columns.xy, axis=0).max()) if len(columns.xy) else 0.0
     return min(_PIXEL_STEP, float(2.0 ** np.floor(np.log2(extent / _STEPS)))) if extent > 0.0 else _PIXEL_STEP
 
 
 def _headings(quat: FloatArray) -> FloatArray:
-    """Return where agents look (agents,), in radians; NaN: straight up or down, or nowhere."""
+    """Return headings (agents,) in radians from quaternions (agents, 4); NaN: straight up or down, or undefined."""
     w, x, y, z = quat.T
     cos, sin = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)
     with np.errstate(invalid="ignore"):
@@ -418,19 +418,19 @@ def _headings(quat: FloatArray) -> FloatArray:
     return found
 
 
-@lru_cache(maxsize=2)  # games that are begun again have the same map
+@lru_cache(maxsize=2)  # restarted games have the same map
 def map_for_viewer(world: bytes) -> bytes:
-    """Return a map, as it is saved, as the viewer reads it."""
+    """Convert the bytes of a saved map to the format of the viewer."""
     return drawn_map(world, _ATTRIBUTES)
 
 
 def painted(light: Drawn, dark: Drawn, step: float) -> Drawn:
-    """Return the `commands` of a drawing as a page has them, and the `colors` of their styles in each theme.
+    """Return the `commands` of a drawing in the format of pages, and the `colors` of their styles by theme.
 
     Args:
-        light: the commands as plain values.
-        dark: the same in the dark theme.
-        step: points are written in multiples of it.
+        light: the commands in the light theme, as plain values.
+        dark: the commands in the dark theme.
+        step: the unit of points.
     """
     commands = {**light, "step": step, "points": in_steps(light["points"], step)}
     del commands["color"]
@@ -442,7 +442,7 @@ def painted(light: Drawn, dark: Drawn, step: float) -> Drawn:
 
 
 def _with_letters(block: dict[str, Any]) -> dict[str, Any]:
-    """Return a block of a legend whose rows have letters for signs."""
+    """Replace the signs in a block of a legend by characters."""
     if "rows" not in block:
         return block
     rows = [LegendRow(*row) for row in block["rows"]]

@@ -1,6 +1,6 @@
-"""Who takes part in a study: codes and the secrets of their browsers, groups and conditions, kept in a file.
+"""The participants of a study: codes, secrets of browsers, groups and conditions, stored in a file.
 
-The file has a line of JSON for each thing that happens.
+The file has one line of JSON for each consent, group, round and removal.
 """
 
 import hmac
@@ -23,7 +23,7 @@ from gamms.web.server import Json
 
 _MOST_PARTICIPANTS = 10_000
 _SECRET = re.compile(r"[A-Za-z0-9_-]{22,100}")
-_PRESENT_S = 10.0  # a page that waits asks more often than that
+_PRESENT_S = 10.0  # a waiting page sends requests more often
 _DIGEST = re.compile(r"[0-9a-f]{64}")
 _OF_STUDY = "a line of this study"
 _MINUTE_S = 60.0
@@ -33,7 +33,7 @@ Line = dict[str, Any]
 
 
 class _ConsentLine(TypedDict):
-    """The line of a participant who has agreed, or whose code was released."""
+    """A line of the file: a participant has consented, or a code was released (`secret` is None)."""
 
     participant: str
     number: int
@@ -41,7 +41,7 @@ class _ConsentLine(TypedDict):
 
 
 class _GroupLine(TypedDict):
-    """The line of a group that has come together."""
+    """A line of the file: a group was formed."""
 
     group: int
     condition: str
@@ -50,13 +50,13 @@ class _GroupLine(TypedDict):
 
 
 class _RemovalLine(TypedDict):
-    """The line of a code that was taken out."""
+    """A line of the file: a participant was removed, or a code or pattern was added to the removed ones."""
 
     out: str
 
 
 class _RoundLine(TypedDict):
-    """The line of a round that begins."""
+    """A line of the file: a group begins a round."""
 
     group: int
     played: int
@@ -68,18 +68,18 @@ class Group:
     """Participants who play together, or one who plays alone.
 
     Attributes:
-        number: from 0, in the order in which they came together.
-        condition: its name.
-        members: the codes, in the order of what they play.
-        played: how many rounds are over, those of practice included.
-        attempts: how often the next one was begun.
-        ready: those who want to begin it.
-        ready_at: since when one of them does, by `time.monotonic()`.
-        place: of its condition in the order of conditions: its number, or that of a group that was taken out.
-        live: the game that is played; None: none.
-        began_at: since when, by `time.monotonic()`.
-        has_joined: whether a page has connected to that game.
-        ended: the game that is over, which pages still show.
+        number: the number of the group, from 0, in the order of forming.
+        condition: the name of the condition.
+        members: the codes of the members, in the order of the roles that they play.
+        played: the number of finished rounds, including practice.
+        attempts: the number of times that the next round was begun.
+        ready: the codes of members who are ready for the next round.
+        ready_at: the time when the first of them became ready, by `time.monotonic()`.
+        place: the index in the sequence of conditions: the number of the group, or the index of a removed group.
+        live: the current game; None: there is none.
+        began_at: the time when it began, by `time.monotonic()`.
+        has_joined: whether a page has connected to it.
+        ended: the last finished game, while pages still show it.
     """
 
     number: int
@@ -98,15 +98,15 @@ class Group:
 
 @dataclass
 class Participant:
-    """Who has agreed to take part.
+    """A person who has consented.
 
     Attributes:
-        code: of the link.
-        number: from 0, in the order in which they agreed.
-        secret: the SHA-256 of that of the browser to which the code belongs; None: it belongs to none.
-        group: that they play in; None: others have to come for it.
-        came_at: since when they wait for others, by `time.monotonic()`; None: they do not.
-        seen_at: when their page has asked last.
+        code: the code in the link.
+        number: the number of the participant, from 0, in the order of consent.
+        secret: the SHA-256 digest of the secret of the participant's browser; None: the code was released.
+        group: the group; None: it is not complete yet.
+        came_at: the time when the wait for others began, by `time.monotonic()`; None: the participant does not wait.
+        seen_at: the time of the last request of the page.
     """
 
     code: str
@@ -118,18 +118,18 @@ class Participant:
 
 
 class Participants:
-    """Who takes part; not for several threads at once.
+    """All participants and groups of a study; not thread-safe.
 
     Args:
-        file: where it is kept; what is in it goes on.
-        size: how many play together.
-        conditions: their names.
-        seed: of the order of conditions, and of who plays what.
-        partner_within: how long one waits for others, in seconds.
+        file: the file, which is read first and then appended to.
+        size: the number of members of a group.
+        conditions: the names of the conditions.
+        seed: determines the order of conditions, and the roles in groups.
+        partner_within: the maximum wait for other members, in seconds.
 
     Attributes:
-        by_code: all that have agreed, without those that were taken out.
-        groups: in the order in which they came together.
+        by_code: code -> participant, without removed participants.
+        groups: the groups, in the order of forming.
 
     Raises:
         BadFile: a line of the file is damaged.
@@ -140,7 +140,7 @@ class Participants:
         self._seed, self._partner_within = seed, partner_within
         self.by_code: dict[str, Participant] = {}
         self.groups: list[Group] = []
-        self._agreed = 0  # how many ever
+        self._agreed = 0  # consents, including those of removed participants
         for place, line in enumerate(lines_in(file, _OF_STUDY), 1):
             try:
                 self._apply(line)
@@ -148,10 +148,10 @@ class Participants:
                 raise damaged(file, place, _OF_STUDY, str(error)) from None
 
     def _apply(self, line: Line) -> None:
-        """Take what a line of the file says.
+        """Apply a line of the file.
 
         Raises:
-            BadFile: it does not fit the lines before it.
+            BadFile: the line is inconsistent with the lines before it.
         """
         if "participant" in line:
             self._apply_agreed(as_kind(line, _ConsentLine))
@@ -193,14 +193,14 @@ class Participants:
         group.attempts = line["attempt"]
 
     def note_round(self, group: Group) -> None:
-        """Keep how many rounds of a group are over, and how often the next one was begun."""
+        """Append the numbers of rounds and attempts of a group to the file."""
         add_lines(self._file, [{"group": group.number, "played": group.played, "attempt": group.attempts}])
 
     def known(self, code: str, message: Json) -> Participant | None:
-        """Return the participant who asks; None: one who has to agree first.
+        """Return the participant who sends a message, after consent if the message contains it; None: no consent yet.
 
         Raises:
-            Refused: the code belongs to another browser, or the study is full.
+            Refused: the code belongs to another browser, the browser has no secret, or the study is full.
         """
         one, secret = self.by_code.get(code), message.get("secret")
         if one is not None and one.secret is not None:
@@ -220,14 +220,14 @@ class Participants:
         return one
 
     def keep_secret(self, one: Participant, digest: str | None) -> None:
-        """Let a code belong to the browser whose secret has a digest; None: to the next one that agrees."""
+        """Assign a code to the browser whose secret has this digest; None: to the next browser that consents."""
         one.secret = digest
         add_lines(self._file, [{"participant": one.code, "number": one.number, "secret": digest}])
 
     def group_of(self, one: Participant) -> Group | None:
-        """Return the group of a participant who has none, with those who have waited longest; None: others lack.
+        """Form a group of the participants who have waited longest, and return it; None: there are not enough.
 
-        One who has waited too long waits no more, and has no `came_at`, until the page asks again.
+        If the participant has waited too long, `came_at` becomes None until the next request of the page.
         """
         one.seen_at = now = monotonic()
         one.came_at = now if one.came_at is None else one.came_at
@@ -255,12 +255,12 @@ class Participants:
         return group
 
     def _next_place(self) -> int:
-        """Return the first place in the order of conditions that no group has, without those that were taken out."""
+        """Return the first index in the sequence of conditions that no present group has."""
         taken = {group.place for group in self.groups if any(code in self.by_code for code in group.members)}
         return next(place for place in range(len(taken) + 1) if place not in taken)
 
     def take_out(self, code: str) -> None:
-        """Take a participant out: another group gets the condition when no member of the group is left."""
+        """Remove a participant; when no member of a group is left, the next group gets its condition."""
         self._remove(code)
         add_lines(self._file, [{"out": code}])
 
@@ -270,17 +270,17 @@ class Participants:
             one.group.ready.discard(code)
 
     def condition_of(self, number: int) -> str:
-        """Return the condition of the participant who is the number-th to agree, or of that group, from 0."""
+        """Return the condition of a participant (or group) by its index in the sequence of conditions, from 0."""
         names = self._conditions
         block, place = divmod(number, len(names))
         return names[int(kernels.stream(self._seed, "study", block).permutation(len(names))[place])]
 
 
 class ConsentRateLimit:
-    """Bounds how many agree from one network address in a minute; of addresses nothing is kept for longer.
+    """Limits the consents per minute from one network address; addresses are forgotten after a minute.
 
     Args:
-        most: of them.
+        most: the maximum number.
     """
 
     def __init__(self, most: int) -> None:
@@ -288,10 +288,10 @@ class ConsentRateLimit:
         self._times: dict[str, deque[float]] = {}
 
     def count(self, address: str) -> None:
-        """Count one who agrees.
+        """Count a consent.
 
         Raises:
-            Refused: too many have.
+            Refused: there are too many.
         """
         now = monotonic()
         for known, times in [*self._times.items()]:
@@ -306,10 +306,10 @@ class ConsentRateLimit:
 
 
 class RemovedCodes:
-    """The codes that were taken out of a study, in a file of its folder, to which another program may add.
+    """The removed codes of a study, in a file to which other programs may append.
 
     Args:
-        folder: of the results.
+        folder: the folder of the study.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -318,10 +318,10 @@ class RemovedCodes:
         self._patterns: list[str] = []
 
     def is_read_again(self) -> bool:
-        """Read the file if it has grown; return whether it has.
+        """Read the file if its size has changed; return whether it has.
 
         Raises:
-            BadFile: a line of it is damaged.
+            BadFile: a line of the file is damaged.
         """
         size = self._file.stat().st_size if self._file.exists() else 0
         if size == self._size:
@@ -331,19 +331,19 @@ class RemovedCodes:
         return True
 
     def has(self, code: str) -> bool:
-        """Whether a code was taken out."""
+        """Whether a code was removed."""
         return any(fnmatchcase(code, pattern) for pattern in self._patterns)
 
 
 def take_out(folder: Path, codes: Iterable[str]) -> None:
-    """Take participants out of a study, which may be served by another program; see `Study.take_out`.
+    """Remove participants from a study, which another program may be serving; see `Study.take_out`.
 
     Args:
-        folder: of the results.
-        codes: of participants, or with `*` in them.
+        folder: the folder of the study.
+        codes: codes of participants, or patterns with `*`.
 
     Raises:
-        BadValue: one is no code, or there is no study in the folder.
+        BadValue: a code is invalid, or the folder contains no study.
     """
     if not (folder / "study.jsonl").is_file():
         raise BadValue(f"There is no study in {str(folder)!r}.")

@@ -1,8 +1,8 @@
-"""People as players: strategies that ask a person, and what carries questions and choices between game and server.
+"""People as players: the strategy that asks a person, and the exchange of questions and choices with the server.
 
-The game asks in its own thread, a server answers in another. `Human` is the strategy, one for each person; `People` is
-a rule of the game that holds what is asked in this turn, takes at most one choice for each question, and writes what
-was chosen into the recording.
+The game asks in its own thread; the server delivers answers in another. `Human` is the strategy, one for each person.
+`People` is a rule of the game that stores the questions of the current turn, accepts at most one choice for each, and
+emits the choices as events.
 """
 
 import asyncio
@@ -41,16 +41,16 @@ from gamms.web.choices import (
     written,
 )
 
-_MARGIN_S = 0.2  # before the deadline of the turn, so that the default of the person decides
+_MARGIN_S = 0.2  # questions end before the deadline of the turn, so that the person's default strategy can decide
 
 
 @dataclass
 class Person:
-    """A person of a game: the agents that are asked of them, and whether they have come.
+    """A person who plays in a game.
 
     Attributes:
-        name: of the person; that of the team or the agent, unless the program has given one.
-        agents: the names of the agents.
+        name: the name of the person; by default the name of the team or the agent.
+        agents: the names of the person's agents.
         is_here: whether the person has opened the link at least once.
     """
 
@@ -60,9 +60,9 @@ class Person:
 
 
 class People:
-    """What the people of a game are asked and what they choose; a rule that emits each choice as an event.
+    """The questions to the people of a game, and their choices; a rule that emits each choice as an event.
 
-    Its methods may be called from any thread. `People.of(ctx)` is that of a game, once a server has opened one.
+    Its methods are thread-safe. `People.of(ctx)` returns the instance of a game after a server has opened it.
     """
 
     __name__ = "people"
@@ -71,29 +71,29 @@ class People:
         self._lock = Lock()
         self._ctx: Context | None = None
         self._persons: dict[str, Person] = {}
-        self._questions: dict[int, tuple[str, Question]] = {}  # of this turn: number -> person, question
+        self._questions: dict[int, tuple[str, Question]] = {}  # of the current turn: number -> person, question
         self._last = 0
         self._pending: list[Choice] = []
         self._is_let_go = False
         self.changed: list[
             Callable[[], object]
-        ] = []  # called in some thread when a question comes, goes or is answered
+        ] = []  # called in any thread when a question is added, answered or removed
 
     def __repr__(self) -> str:
         return self.__name__
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "People":
-        """Return a rule for a copy of the game, in which no person is asked."""
+        """Return an empty rule, because copies of the game ask no people."""
         return People()
 
     @classmethod
     def of(cls, ctx: Context) -> "People | None":
-        """Return the people of a game; None where no server has opened it for people."""
+        """Return the people of a game; None if no server has opened it."""
         return next((named.rule for named in ctx.game.rules if isinstance(named.rule, cls)), None)
 
     @classmethod
     def open(cls, ctx: Context) -> "People":
-        """Return the people of a game, so that its agents may ask them."""
+        """Open a game to people, and return them."""
         people = cls.of(ctx)
         if people is None:
             people = cls()
@@ -104,17 +104,17 @@ class People:
 
     @property
     def is_open(self) -> bool:
-        """Whether a server lets people in."""
+        """Whether a server has opened the game."""
         return self._ctx is not None
 
     @property
     def persons(self) -> dict[str, Person]:
-        """The people of the game, by name."""
+        """Name -> person."""
         with self._lock:
             return dict(self._persons)
 
     def look_up(self) -> None:
-        """Find out which agents are played by whom; called again when strategies have changed.
+        """Find the people and their agents by the strategies of agents; call it again when strategies change.
 
         Raises:
             Duplicate: two people have the same name.
@@ -132,10 +132,10 @@ class People:
             self._persons = found
 
     def person_of(self, agent: str) -> Person:
-        """Return who plays an agent.
+        """Return the person who plays an agent.
 
         Raises:
-            BadValue: none of them does.
+            BadValue: no person plays it.
         """
         for person in self.persons.values():
             if agent in person.agents:
@@ -145,7 +145,7 @@ class People:
     # -- for the server -------------------------------------------------------------------------------------------
 
     def come(self, person: str) -> None:
-        """Note that a person has opened the link; the time for their first choice begins now."""
+        """Mark a person as present; the time for the first choice starts now."""
         with self._lock:
             known = self._persons.get(person)
             if known is None or known.is_here:
@@ -160,12 +160,12 @@ class People:
         self._notify()
 
     def asked(self, person: str) -> list[dict[str, Plain]]:
-        """Return what a person is asked in this turn, also what is answered already."""
+        """Return the questions to a person in the current turn, including answered ones, as messages."""
         with self._lock:
             return [question.as_message() for name, question in self._questions.values() if name == person]
 
     def let_go(self) -> None:
-        """Wait for no person any more: the defaults decide, now and in all turns that follow."""
+        """Stop waiting for people: from now on, the default strategies decide."""
         with self._lock:
             self._is_let_go = True
             open_ones = [question for _, question in self._questions.values()]
@@ -176,15 +176,15 @@ class People:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether the choice of some person is still missing."""
+        """Whether a question is unanswered."""
         with self._lock:
             return any(question.chosen is None for _, question in self._questions.values())
 
     def choose(self, person: str, choice: Mapping[str, Plain]) -> None:
-        """Take the choice of a person: `question`; `move`, or `direction` and `distance`; `do`; and `messages`.
+        """Accept the choice of a person: `question`; `move`, or `direction` and `distance`; `do`; and `messages`.
 
         Raises:
-            RefusedChoice: it does not count: it is late, foreign, illegal or a duplicate; nothing has changed.
+            RefusedChoice: the choice is late, foreign, illegal or a duplicate; nothing has changed.
         """
         with self._lock:
             question = self._open_question(person, choice)
@@ -213,7 +213,16 @@ class People:
     # -- for the game ---------------------------------------------------------------------------------------------
 
     async def answer(self, state: Mapping[str, Any], seconds: float, joins_within: float) -> tuple[Any, Choice]:
-        """Ask a person about an agent and wait; return the action, None where there is none, and what is recorded."""
+        """Ask a person about an agent, and wait for the answer.
+
+        Args:
+            state: the state of the agent.
+            seconds: the time for the answer.
+            joins_within: the time for the answer if the person has not joined yet.
+
+        Returns:
+            The action, or None without an answer, and the choice to record.
+        """
         loop, woken = asyncio.get_running_loop(), asyncio.Event()
 
         def wake() -> None:
@@ -239,11 +248,11 @@ class People:
         return question.action, choice
 
     def note(self, choice: Choice) -> None:
-        """Keep what was decided in this turn."""
+        """Store a choice until the end of the turn."""
         self._pending.append(choice)
 
     def __call__(self, ctx: Context) -> None:
-        """Emit what was chosen in the turn, in the order of the names, and forget what was asked."""
+        """Emit the choices of the turn in the order of agent names, and remove the questions."""
         with self._lock:
             self._questions.clear()
         for choice in sorted(self._pending, key=lambda one: one.agent):
@@ -285,7 +294,7 @@ class People:
 
 
 class Human:
-    """The strategy of the agents that one person plays; `human` makes it."""
+    """The strategy of the agents that one person plays; made by `human`."""
 
     def __init__(
         self,
@@ -298,20 +307,20 @@ class Human:
         self.name, self._seconds, self._joins_within = name, seconds, joins_within
         self._otherwise, self._choices = otherwise, choices
         self._people: People | None = None
-        self._played: Counter[tuple[int, str]] = Counter()  # choices of a recording
+        self._played: Counter[tuple[int, str]] = Counter()  # (turn, agent) -> replayed choices
 
     def __repr__(self) -> str:
         return f"human({'' if self.name is None else repr(self.name)})"
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Human":
-        """Return a strategy for a copy of the game, which asks no person."""
+        """Return a strategy for a copy of the game."""
         return Human(self.name, self._seconds, self._joins_within, own(self._otherwise, memo), self._choices)
 
     def prepare(self, ctx: Context) -> None:
-        """Find what lets people in, once the game begins.
+        """Find the people of the game when it begins.
 
         Raises:
-            BadValue: nothing does.
+            BadValue: no server has opened the game.
         """
         prepare = getattr(self._otherwise, "prepare", None)
         if prepare is not None:
@@ -334,7 +343,7 @@ class Human:
         self._people.look_up()
 
     async def __call__(self, state: State | AerialState) -> None:
-        """Ask the person what an agent does, and write it into its state; the default decides if they do not."""
+        """Set the action of an agent to the person's choice; without one, call the default strategy."""
         if self._people is None or "curr_pos" not in state:
             raise BadType("gamms.web.human() decides for one agent of ctx.game: make it the strategy of each, no plan.")
         if self._choices is None:
@@ -352,12 +361,12 @@ class Human:
             await answer
 
     def _recorded(self, state: Mapping[str, Any], choices: "dict[tuple[int, str], list[Choice]]") -> tuple[Any, Choice]:
-        """Return the choice of a recording for an agent in a turn."""
+        """Return the recorded action and choice of an agent in this turn."""
         key = state["turn"] + 1, state["name"]
         known = choices.get(key)
         if known is None:
             raise BadValue(f"The recording has no choice for agent {shown(key[1])} in turn {key[0]}.")
-        choice = known[self._played[key] % len(known)]  # of an agent that is asked where it arrives, there are several
+        choice = known[self._played[key] % len(known)]  # agents that decide on arrival have several in a turn
         self._played[key] += 1
         return (None if choice.action is None else as_action(json.loads(choice.action))), choice
 
@@ -370,20 +379,20 @@ def human(
     otherwise: Callable[[Any], Awaitable[None] | None] = stay,
     choices: str | os.PathLike[str] | None = None,
 ) -> Human:
-    """Return the strategy of one person, who plays in the browser; give it to each agent that they play.
+    """Return a strategy that asks one person in the browser; register it for each agent that the person plays.
 
-    `gamms.web.serve` lets people in. Without it, such a game raises a BadValue when it begins.
+    People join by links of `gamms.web.serve`. Without it, the game raises a BadValue when it begins.
 
     Args:
-        name: of the person, in links and recordings; None: that of the team or the agent.
-        seconds: how long the person may take for a choice.
-        joins_within: how long the game waits in the beginning for a person who has not come yet.
-        otherwise: the strategy that decides where the person does not.
-        choices: a recording, `.ggr`, of what people chose: it is played again, and no one is asked.
+        name: the name of the person in links and recordings; None: the name of the team or the agent.
+        seconds: the time for a choice.
+        joins_within: the time that the game waits for a person who has not opened the link yet, in seconds.
+        otherwise: the strategy that decides if the person makes no choice in time.
+        choices: a recording (`.ggr`) whose choices are replayed instead of asking the person.
 
     Raises:
-        BadType, BadValue (ValueError): an argument is impossible.
-        RecordingError (ValueError): `choices` is no recording.
+        BadType, BadValue (ValueError): an argument is invalid.
+        RecordingError (ValueError): `choices` is not a recording.
     """
     return Human(
         None if name is None else as_name(name, "a person"),
@@ -395,7 +404,7 @@ def human(
 
 
 def _humans_of(ctx: Context) -> Iterator[tuple[Human, tuple[str, ...]]]:
-    """Yield the people of a game, and the agents of each in the order of their names."""
+    """Yield each human strategy of a game, with the sorted names of its agents."""
     agents: dict[int, list[str]] = {}
     humans: dict[int, Human] = {}
     for agent in ctx.agent.create_iter():
@@ -407,5 +416,5 @@ def _humans_of(ctx: Context) -> Iterator[tuple[Human, tuple[str, ...]]]:
 
 
 def _name_of(agents: tuple[str, ...], ctx: Context) -> str:
-    """Return the name of the agent that a person plays, or of the team of several."""
+    """Return the name of a single agent, or the team of several agents."""
     return agents[0] if len(agents) == 1 else str(ctx.agent.get_agent(agents[0]).team)

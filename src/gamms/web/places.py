@@ -1,7 +1,7 @@
-"""Make the page of a map: people find and choose places on it, and copy them as a scenario file takes them.
+"""Make a page of a map, on which people choose places and copy them in the format of scenario files.
 
-The page holds the map, with the attributes of nodes and streets, and the nodes where the agents of a scenario start,
-for its own seed and a hundred more. It needs no server.
+The page contains the map, the attributes of nodes and streets, and the start nodes of the agents of a scenario, for its
+seed and up to a hundred other seeds. It needs no server.
 """
 
 import os
@@ -25,23 +25,23 @@ from gamms.web.columns import drawn_map
 from gamms.web.pages import as_json, as_text_of, filled
 
 _SCENARIOS = (".yaml", ".yml", ".json")
-_TEAMS = ("red", "blue")  # of a map without a scenario
-_SEEDS = 100  # whose places are in a page
-_MOST_PLACES = 100_000  # of all of them together
+_TEAMS = ("red", "blue")  # the teams of a map without a scenario
+_SEEDS = 100  # the maximum number of other seeds
+_MOST_PLACES = 100_000  # the maximum number of start nodes, for all seeds
 
 
 def map_page(source: str | os.PathLike[str] | Scenario, *, title: str = "", theme: str | None = None) -> bytes:
-    """Return an HTML page on which places of a map can be chosen: UTF-8, in one file that needs no server.
+    """Return a self-contained UTF-8 HTML page on which places of a map can be chosen.
 
     Args:
         source: an OpenStreetMap, GeoJSON or `.gamms` file, a scenario file, or a scenario.
-        title: stands above it; by default the name of the scenario or of the file.
-        theme: "light", "dark", or None: as the browser is.
+        title: the title; by default the name of the scenario or of the file.
+        theme: "light", "dark", or None: the theme of the browser.
 
     Raises:
-        BadValue: there is no such theme.
+        BadValue: the theme does not exist.
         ScenarioError (ValueError): the file cannot be loaded.
-        OSError: it cannot be read.
+        OSError: the file cannot be read.
     """
     if theme not in (None, "light", "dark"):
         raise BadValue(f"Unknown theme {shown(theme)} of a page; there is: light, dark, and None.")
@@ -58,28 +58,28 @@ def map_page(source: str | os.PathLike[str] | Scenario, *, title: str = "", them
 
 
 def _opened(source: str | os.PathLike[str] | Scenario) -> tuple[Scenario, bool]:
-    """Return a scenario with the map, and whether it is more than a map.
+    """Return a scenario with the map, and whether the source was a scenario.
 
     Raises:
-        ScenarioError: it is not right.
+        ScenarioError: the scenario is invalid.
         OSError: the file cannot be read.
     """
     if isinstance(source, Scenario):
         return source, True
     file = as_path(source, "source")
     with file.open("rb"):
-        pass  # the error of the system says best why it cannot be read
+        pass  # raises the most precise error
     is_geojson = file.suffix == ".geojson" or (file.suffix == ".json" and osm.is_geojson(file))
     if file.suffix.lower() in _SCENARIOS and not is_geojson:
         return load(file), True
     drawn = {} if is_geojson or file.suffix == ".gamms" else {"scenery": True}
     map = {"file": {"path": file.name, **drawn}}
-    teams = {name: {"count": 1} for name in _TEAMS}  # which the page gives their agents
+    teams = {name: {"count": 1} for name in _TEAMS}  # the page lets people add agents
     return Scenario(folder=file.absolute().parent, name=file.name, map=map, teams=teams), False
 
 
 def _starts_of(game: Scenario, seeds: Sequence[int]) -> dict[str, Any]:
-    """Return where agents start: `names`, and for each seed the `nodes` of all, or in words why there are none."""
+    """Return the `names` of agents, and `seeds`: seed -> their start nodes, or the error message of the placement."""
     try:
         found = game.starts(seeds)
         columns = np.array(list(found.values()), np.int64).reshape(len(found), len(seeds)).T
@@ -93,7 +93,7 @@ def _starts_of(game: Scenario, seeds: Sequence[int]) -> dict[str, Any]:
 
 
 def _options_of(game: Scenario, *, is_scenario: bool) -> dict[str, Any]:
-    """Return what a page says of a scenario: its teams, the nodes of its rules, and where agents start."""
+    """Return the options of the page: title, teams, rules with nodes, and start nodes."""
     plain, spec = game.to_dict(), game.spec
     found: dict[str, Any] = {"title": spec.name or ("A scenario" if game.file is None else game.file.name)}
     if not is_scenario:
@@ -119,7 +119,7 @@ def _colored(teams: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _team(game: Scenario, name: str, team: Team) -> dict[str, Any]:
-    """Return what a page shows of a team, and needs to give its agents other places."""
+    """Return the name, the agents and the placement area of a team."""
     found: dict[str, Any] = {"name": name, "count": team.count, "agents": [one.name for one in team.agents]}
     if team.near is not None and team.within is not None:
         place = team.near
@@ -132,14 +132,14 @@ def _team(game: Scenario, name: str, team: Team) -> dict[str, Any]:
 
 
 def _packed_map(game: Scenario) -> bytes:
-    """Return the map of a scenario with all attributes, and the degrees of each node, where it has them."""
+    """Encode the map of a scenario with all attributes, and with latitude and longitude if the map has a CRS."""
     with create_context(logger_config={"level": "ERROR"}) as ctx:
         ctx.graph.storage.copy_from(game.map_snapshot())
         packed, _ = ctx.graph.storage.pack_savable()
         try:
             xy = ctx.graph.columns().xy
             lat_lon = np.column_stack(ctx.graph.to_latlon(xy[:, 0], xy[:, 1]))
-        except GammsError:  # a map that lies nowhere on the earth, or whose CRS needs a library that is not there
+        except GammsError:  # the map has no CRS, or the library for its CRS is not installed
             lat_lon = None
     return drawn_map(packed, lat_lon=lat_lon)
 

@@ -1,21 +1,21 @@
-"""HTTP and WebSocket for pages of games: links with tokens, limits, and what is checked of every request.
+"""The HTTP and WebSocket server for pages of games: links with tokens, limits, and checks of every request.
 
-Three clients build on it: a live game (`live.py`), people who play in one, and pages that save places of a map.
+Live games (`live.py`) and studies (`study.py`) build on it.
 
-* A **link** (`links.py`) is an address with a token behind `#`, which browsers do not send when they ask for a page, so
-  that it is in no log. `Links.add(grant)` makes one; the `Grant` says what its holder may do and whose knowledge it is
-  sent: an `Audience` of everything, of a team, or of agents by name.
-* A **site** (`Site`) is what is served: `pages` by path; `calls` by path, functions that a page calls by POST with JSON
-  and the header `Authorization: Bearer TOKEN`; and `talk`, what is behind the WebSocket at `/live`.
-* A **talk** (`SocketHandler`) hears who joins and leaves, gets each message of a client, and says what a client is sent
-  next. It is called in the thread of the server, and never waits.
-* A **connection** (`Connection`) is one browser. What a handler has checked of its messages goes into its bounded
-  `inbox`, from which the thread that plays takes it; `tell` sends it JSON, of each type the latest.
+* A **link** (`links.py`) is an address with a token after `#`. Browsers do not send this part when they request a page,
+  so that it appears in no log. `Links.add(grant)` makes a token; the `Grant` holds the permissions of its holder and
+  the knowledge that the holder receives: an `Audience` of everything, of a team, or of agents by name.
+* A **site** (`Site`) is the content of a server: `pages` by path; `calls` by path, functions that a page calls by POST
+  with JSON and the header `Authorization: Bearer TOKEN`; and `talk`, the handler of the WebSocket at `/live`.
+* A **handler** (`SocketHandler`) is told when clients join and leave, receives their messages, and provides the data to
+  send. Its methods are called in the server thread, and must not block.
+* A **connection** (`Connection`) is one browser. Handlers put checked messages into its bounded `inbox`, from which the
+  game thread takes them; `tell` queues JSON to send, only the latest message of each type.
 
-What every request goes through, before any of these: the host must be the one that is served (else another site could
-be renamed to it), the origin of calls and WebSockets must be the page of this server, and sizes, rates and numbers of
-connections are limited; those that ask for nothing are ended (`IdleTimeout`). An address other than loopback needs
-`allow_network=True`. Tokens are compared in constant time and never logged.
+Every request is checked first: its host must be the served one (against DNS rebinding), the origin of calls and
+WebSockets must be a page of this server, and the sizes, rates and number of connections are limited; idle connections
+are closed (`IdleTimeout`). Addresses other than loopback need `allow_network=True`. Tokens are compared in constant
+time and never logged.
 """
 
 import asyncio
@@ -44,49 +44,49 @@ if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
     from starlette.websockets import WebSocket
 
-MOST_MESSAGE = 4096  # bytes of a message of a client
-MOST_CALL = 1 << 18  # bytes of a call
-MOST_INBOX = 64  # messages of a client that wait for the game
+MOST_MESSAGE = 4096  # bytes of a client message
+MOST_CALL = 1 << 18  # bytes of the body of a call
+MOST_INBOX = 64  # queued messages of a client
 _MOST_CONNECTIONS = 256
-_MOST_SPECTATORS = 224  # of these, for those who only look on
-_MOST_STRANGERS = 32  # connections that have not said their token yet
-_JOIN_S = 5.0  # in which they have to
-_MOST_QUIET = 128  # connections that have asked for nothing yet, or not again
-_QUIET_S = 5.0  # that they may
-_BODY_S = 10.0  # in which a call has to come
-_MOST_A_SECOND, _MOST_AT_ONCE = 20.0, 40.0  # messages of a client, and its other frames
-_MOST_BAD = 20  # messages of a client, until it is disconnected
+_MOST_SPECTATORS = 224  # connections after which spectators are refused
+_MOST_STRANGERS = 32  # connections that have not sent their token yet
+_JOIN_S = 5.0  # the time to send the token
+_MOST_QUIET = 128  # idle HTTP connections
+_QUIET_S = 5.0  # the time that they may be idle
+_BODY_S = 10.0  # the time to send the body of a call
+_MOST_A_SECOND, _MOST_AT_ONCE = 20.0, 40.0  # frames of a client: the rate, and the burst
+_MOST_BAD = 20  # invalid messages after which a client is disconnected
 _MOST_BACKLOG = 64
-_MOST_DEPTH = 16  # of values in each other
-_SHARE = 20  # sending takes at most one part of so many of the time: a game beside it is not slowed down by spectators
-_SHORTEST_S, _LONGEST_S = 0.01, 1.0  # between two rounds of sending
+_MOST_DEPTH = 16  # of nested values
+_SHARE = 20  # sending takes at most a 20th of the time, so that spectators do not slow down the game
+_SHORTEST_S, _LONGEST_S = 0.01, 1.0  # the time between two rounds of sending
 _START_S = 10.0
-_MOST_S = 60.0  # that a request may take, and sending its answer
-_MOST_STUCK_S = 30.0  # that a client may take nothing
-_BAD_TOKEN, _TOO_MUCH, _TOO_MANY = 4401, 1008, 1013  # codes of closing
+_MOST_S = 60.0  # the time of a request, including the response
+_MOST_STUCK_S = 30.0  # the time that a client may block sending
+_BAD_TOKEN, _TOO_MUCH, _TOO_MANY = 4401, 1008, 1013  # close codes of WebSockets
 
 Json = dict[str, Plain]
 
 
-# -- what is served -----------------------------------------------------------------------------------------------
+# -- content ------------------------------------------------------------------------------------------------------
 
 Client = tuple[str, int]  # address and port
 
 
 class Connection:
-    """One browser that has joined by a link.
+    """The WebSocket connection of one browser.
 
     Attributes:
-        grant: what its link says.
-        inbox: what handlers have put there for the thread that plays, `MOST_INBOX` messages at most.
-        place: where it is in what it is sent; for the talk alone.
-        counts: its messages: "received", "bad", "refused", and turns that were "dropped".
+        grant: the grant of its link.
+        inbox: checked messages for the game thread, at most `MOST_INBOX`.
+        place: its position in the stream; used only by the handler.
+        counts: the numbers of "received", "bad" and "refused" messages, and of "dropped" turns.
     """
 
     def __init__(self, grant: Grant) -> None:
         self.grant = grant
         self.inbox: deque[Json] = deque()
-        self.place: Any = None  # Any: what the talk keeps there
+        self.place: Any = None  # Any: the handler chooses the type
         self.counts: Counter[str] = Counter()
         self._told: dict[str, str] = {}
         self._woken = asyncio.Event()
@@ -94,70 +94,70 @@ class Connection:
         self._rate = _RateLimit()
 
     def put(self, message: Json) -> None:
-        """Put a checked message into the inbox.
+        """Add a checked message to the inbox.
 
         Raises:
-            Refused: it is full.
+            Refused: the inbox is full.
         """
         if len(self.inbox) >= MOST_INBOX:
             raise Refused("Too many messages wait for the game.")
         self.inbox.append(message)
 
     def take(self) -> Json | None:
-        """Take the oldest message out of the inbox; None: it is empty. For any thread."""
+        """Remove the oldest message from the inbox and return it; None: the inbox is empty. Thread-safe."""
         with suppress(IndexError):
             return self.inbox.popleft()
         return None
 
     def tell(self, message: Mapping[str, Plain]) -> None:
-        """Send it a message, unless a later one with the same `type` takes its place before. For any thread."""
+        """Queue a message to the browser; it replaces a queued message with the same `type`. Thread-safe."""
         self._told[str(message["type"])] = json.dumps(message)
-        with suppress(RuntimeError):  # the server has ended
+        with suppress(RuntimeError):  # the server has stopped
             self._loop.call_soon_threadsafe(self._woken.set)
 
     def may_speak(self) -> bool:
-        """Count a message; return whether so many in this time are allowed."""
+        """Count a received message; return whether the client is within its rate and its limit of bad messages."""
         self.counts["received"] += 1
         return self._rate.count() and self.counts["bad"] < _MOST_BAD
 
     def told(self) -> list[str]:
-        """Return the messages that it is to be sent, and forget them."""
+        """Return the queued messages, and clear the queue."""
         told, self._told = self._told, {}
         return list(told.values())
 
 
 class SocketHandler(Protocol):
-    """What is behind a WebSocket. All is called in the thread of the server, and must not wait."""
+    """The handler of a WebSocket. Its methods are called in the server thread, and must not block."""
 
     def joined(self, connection: Connection) -> None:
-        """Hear of a client that has joined."""
+        """Handle a new connection."""
 
     def left(self, connection: Connection) -> None:
-        """Hear of a client that is gone."""
+        """Handle a closed connection."""
 
     def received(self, connection: Connection, message: Json) -> None:
-        """Take a message of a client: JSON with a `type`; nothing else of it is checked.
+        """Handle a client message: a JSON object. No key of it has been checked.
 
         Raises:
-            Refused: it cannot be done, or makes no sense.
+            Refused: the message is invalid, or cannot be obeyed; the client receives the text.
         """
 
     def news(self, connection: Connection) -> Iterable[bytes]:
-        """Return what a client has not been sent yet, in pieces; the next is asked for when one is on its way."""
+        """Yield the data that a client has not received yet; each piece is requested after the previous one is sent."""
 
 
 @dataclass(frozen=True)
 class Page:
-    """A page that is served: its bytes, and the content security policy that it declares in a `meta` element."""
+    """A page: its bytes, which declare a content security policy in a `meta` element."""
 
     body: bytes
 
     @property
     def policy(self) -> str:
-        """The content security policy, which the page must declare.
+        """The content security policy in the page.
 
         Raises:
-            BadValue: it declares none.
+            BadValue: the page declares none.
         """
         found = re.search(rb'http-equiv="Content-Security-Policy" content="([^"]*)"', self.body)
         if found is None:
@@ -170,14 +170,14 @@ Call = Callable[[Grant, Json, str], Plain]
 
 @dataclass
 class Site:
-    """What a server serves.
+    """The content of a server.
 
     Attributes:
-        links: who may do what.
-        pages: by path, such as "/".
-        calls: by path: what a page may call with JSON; called in a thread of its own with the grant of the
-            token and the network address of the client.
-        talk: what is behind the WebSocket at `/live`; None: there is none.
+        links: the tokens and their grants.
+        pages: path, such as "/", -> page.
+        calls: path -> a function that pages call with JSON; called in a worker thread with the grant of the token, the
+            JSON object, and the network address of the client.
+        talk: the handler of the WebSocket at `/live`; None: there is no WebSocket.
     """
 
     links: Links = field(default_factory=Links)
@@ -190,27 +190,27 @@ class Site:
 
 
 class Server:
-    """Serves a site in a thread of its own, from now until `close`.
+    """Serves a site in a separate thread, from its creation until `close`.
 
     Args:
-        site: what is served.
-        host: the address; all but loopback need `allow_network`.
-        port: 0 takes a free one.
-        allow_network: let other machines in, who need a link as everyone does; what is sent is not encrypted.
+        site: the content.
+        host: the address; addresses other than loopback need `allow_network`.
+        port: the port; 0: any free port.
+        allow_network: whether other machines may connect, with a link; the connection is not encrypted.
 
     Attributes:
-        address: what links begin with, such as "http://127.0.0.1:8000".
-        links: of the site.
+        address: the address without path and token, such as "http://127.0.0.1:8000".
+        links: the links of the site.
 
     Raises:
         MissingExtra (ImportError): Starlette or uvicorn is not installed.
-        BadValue (ValueError): the address is not loopback, and `allow_network` is not set; or there is no such port.
+        BadValue (ValueError): the address is not loopback, and `allow_network` is not set; or the port is invalid.
         NetworkError (ConnectionError): the port is in use, or not allowed.
     """
 
     def __init__(self, site: Site, *, host: str = "127.0.0.1", port: int = 0, allow_network: bool = False) -> None:
         with needing("A live view in the browser", "web"):
-            import starlette  # noqa: F401 - to say it now if it is missing; so does the last one
+            import starlette  # noqa: F401 - raises now if it is missing, as does websockets
             import uvicorn
             import websockets  # noqa: F401
             from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -228,7 +228,7 @@ class Server:
         self._hub, idle = _SiteRouter(site), IdleTimeout(_MOST_QUIET, _QUIET_S)
         guard = _Guard(self._hub.application(), _own_names(port) if is_local else None, idle)
 
-        def protocol(**keywords: Any) -> WatchedConnection:  # what uvicorn hands over
+        def protocol(**keywords: Any) -> WatchedConnection:  # called by uvicorn
             return WatchedConnection(H11Protocol(**keywords), idle)
 
         config = uvicorn.Config(
@@ -237,8 +237,8 @@ class Server:
             http=protocol,  # type: ignore[arg-type] # it makes one
             ws=counting_frames(WebSocketsSansIOProtocol),
             ws_max_size=MOST_MESSAGE,
-            ws_per_message_deflate=False,  # blocks are deflated already
-            ws_ping_interval=None,  # it would draw from the global random numbers, which games are seeded by
+            ws_per_message_deflate=False,  # messages are compressed already
+            ws_ping_interval=None,  # pings would draw from the global random generator, which games seed
             lifespan="off",
             log_config=None,
             log_level="critical",
@@ -264,7 +264,7 @@ class Server:
 
     @property
     def connections(self) -> list[Connection]:
-        """Those that have joined, in their order."""
+        """The open WebSocket connections, in the order of joining."""
         return list(self._hub.open)
 
     def link(self, token: str, path: str = "/") -> str:
@@ -272,11 +272,11 @@ class Server:
         return f"{self.address}{path}#{token}"
 
     def wake(self) -> None:
-        """Let the server send what is new; it decides when. For any thread, and takes no time."""
+        """Tell the server that there is new data; it is sent later. Thread-safe; never blocks."""
         self._hub.wake()
 
     def close(self) -> None:
-        """End it, and all connections."""
+        """Stop the server, and close all connections."""
         self._server.should_exit = True
         if threading.current_thread() is not self._thread:
             self._thread.join(_START_S)
@@ -295,7 +295,12 @@ def _own_names(port: int) -> frozenset[str]:
 
 
 def _listener(host: str, port: int) -> socket.socket:
-    """Return a socket that listens."""
+    """Open a listening socket.
+
+    Raises:
+        BadValue: the port is out of range.
+        NetworkError: the port is in use, or not allowed.
+    """
     if not 0 <= port < 1 << 16:
         raise BadValue(f"port must be 0 to 65535, not {port}; 0 takes a free one.")
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -315,24 +320,24 @@ def _listener(host: str, port: int) -> socket.socket:
 
 
 class IdleTimeout:
-    """Ends connections that are quiet: too long, or too many; of many, the oldest of the address that has most.
+    """Closes connections that are idle for too long, and the oldest ones if too many are idle.
 
-    So a client that opens connections and says nothing ends its own, and keeps no other client out. For the thread of
-    the server alone.
+    If too many are idle, a connection of the address with the most idle ones is closed: a client that opens many
+    connections loses its own, and cannot lock out others. Used only in the server thread.
 
     Args:
-        most: quiet connections.
-        seconds: that one may be quiet.
+        most: the maximum number of idle connections.
+        seconds: the time that a connection may be idle.
     """
 
     def __init__(self, most: int, seconds: float) -> None:
         self._most, self._seconds = most, seconds
-        self._quiet: dict[Client, tuple[float, Callable[[], object]]] = {}  # since when, oldest first; what ends it
+        self._quiet: dict[Client, tuple[float, Callable[[], object]]] = {}  # idle since, oldest first; closes it
         self._busy: dict[Client, tuple[float, Callable[[], object]]] = {}
         self._timer: asyncio.TimerHandle | None = None
 
     def opened(self, client: Client, end: Callable[[], object]) -> None:
-        """Note a new connection, and what ends it; end another one if there are too many."""
+        """Add a new connection with the function that closes it; close another one if there are too many."""
         self._quiet[client] = monotonic(), end
         if len(self._quiet) > self._most:
             counts = Counter(host for host, _ in self._quiet)
@@ -341,18 +346,18 @@ class IdleTimeout:
         self._look_later()
 
     def asks(self, client: Client) -> None:
-        """Note that a request has begun."""
+        """Mark a connection as busy with a request."""
         if (known := self._quiet.pop(client, None)) is not None:
             self._busy[client] = monotonic(), known[1]
 
     def answered(self, client: Client) -> None:
-        """Note that a request was answered."""
+        """Mark a connection as idle, after a response."""
         if (known := self._busy.pop(client, None)) is not None:
             self._quiet[client] = monotonic(), known[1]
             self._look_later()
 
     def gone(self, client: Client) -> None:
-        """Forget a connection, which is closed or is not to be ended any more."""
+        """Stop watching a connection."""
         self._quiet.pop(client, None)
         self._busy.pop(client, None)
 
@@ -365,7 +370,7 @@ class IdleTimeout:
             self._timer = asyncio.get_running_loop().call_later(self._seconds / 4, self._look)
 
     def _look(self) -> None:
-        """End those whose time is over."""
+        """Close the connections whose time is over."""
         now, self._timer = monotonic(), None
         for known, most in ((self._quiet, self._seconds), (self._busy, _MOST_S)):
             for client in [client for client, (since, _) in known.items() if now - since > most]:
@@ -375,11 +380,11 @@ class IdleTimeout:
 
 
 class WatchedConnection(asyncio.Protocol):
-    """A connection as its protocol handles it, until that hands it to another one; `IdleTimeout` notes what it does.
+    """Wraps the protocol of a connection, and reports its opening and closing to an `IdleTimeout`.
 
     Args:
-        protocol: handles it.
-        idle: ends it.
+        protocol: the wrapped protocol.
+        idle: closes the connection when it is idle.
     """
 
     def __init__(self, protocol: asyncio.Protocol, idle: IdleTimeout) -> None:
@@ -389,7 +394,7 @@ class WatchedConnection(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """See `asyncio.Protocol`."""
         made: Any = transport  # a socket, whose transport can be aborted
-        with suppress(TypeError, IndexError):  # it is gone already
+        with suppress(TypeError, IndexError):  # the peer has disconnected already
             self._client = made.get_extra_info("peername")[:2]
         self._protocol.connection_made(transport)
         self._idle.opened(self._client, made.abort)
@@ -417,12 +422,12 @@ class WatchedConnection(asyncio.Protocol):
 
 
 class _Guard:
-    """Checks host and origin of every request before the application sees it, and adds headers to every answer.
+    """Checks host and origin of every request before the application sees it, and adds headers to every response.
 
     Args:
-        application: what answers.
-        names: the hosts that it is asked by; None: any.
-        idle: hears which connections ask for something.
+        application: the wrapped application.
+        names: the accepted values of the host header; None: any.
+        idle: is told when requests begin and end.
     """
 
     def __init__(self, application: "ASGIApp", names: frozenset[str] | None, idle: IdleTimeout) -> None:
@@ -430,7 +435,7 @@ class _Guard:
 
     async def __call__(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
         client = _client_of(scope)
-        if scope["type"] == "websocket":  # it has limits of its own
+        if scope["type"] == "websocket":  # WebSockets have their own limits
             self._idle.gone(client)
             await self._answer(scope, receive, send)
             return
@@ -453,7 +458,7 @@ class _Guard:
         await self._application(scope, receive, send_with_headers)
 
     def _is_own(self, scope: "Scope") -> bool:
-        """Whether a request is for this host, and from a page of it, or from no page."""
+        """Whether a request is for this host, and has no origin or the origin of this host."""
         headers = scope["headers"]
         hosts = [value.decode("latin-1") for name, value in headers if name == b"host"]
         origins = [value.decode("latin-1") for name, value in headers if name == b"origin"]
@@ -485,7 +490,7 @@ async def _refuse(scope: "Scope", receive: "Receive", send: "Send") -> None:
 
 
 class _SiteRouter:
-    """The routes of a site, and its connections."""
+    """The routes of a site, and its open connections."""
 
     def __init__(self, site: Site) -> None:
         self._site = site
@@ -496,7 +501,7 @@ class _SiteRouter:
         self._pump: asyncio.Task[None]
 
     def application(self) -> "ASGIApp":
-        """Return the application of Starlette."""
+        """Return the Starlette application with all routes."""
         from starlette.applications import Starlette
         from starlette.routing import Route, WebSocketRoute
 
@@ -542,8 +547,8 @@ class _SiteRouter:
 
     def wake(self) -> None:
         """See `Server.wake`."""
-        if self._loop is not None and self.open and not self._news.is_set():  # else it knows
-            with suppress(RuntimeError):  # it has ended
+        if self._loop is not None and self.open and not self._news.is_set():
+            with suppress(RuntimeError):  # the loop is closed
                 self._loop.call_soon_threadsafe(self._news.set)
 
     async def _talk(self, websocket: "WebSocket") -> None:
@@ -572,10 +577,10 @@ class _SiteRouter:
             self._pump = self._loop.create_task(self._send_in_rounds())
 
     async def _grant_of(self, websocket: "WebSocket", client: Client) -> Grant | None:
-        """Wait for the first message of a client, which has the token of its link.
+        """Wait for the first message of a client, which contains its token; None: the token is unknown.
 
         Raises:
-            TimeoutError: it has not come in time, or too many are waited for.
+            TimeoutError: the message has not arrived in time, or too many connections have not sent their token.
         """
         loop = asyncio.get_running_loop()
         async with asyncio.timeout(None) as limit:
@@ -607,7 +612,7 @@ class _SiteRouter:
             talk.left(connection)
 
     async def _hear_all(self, websocket: "WebSocket", connection: Connection, talk: SocketHandler) -> None:
-        """Hear what a client says until it leaves, or has to."""
+        """Handle the messages of a client until it disconnects or exceeds its limits."""
         while (message := await websocket.receive())["type"] == "websocket.receive":
             if not connection.may_speak():
                 await websocket.close(_TOO_MUCH, "Too many messages, or too many that make no sense.")
@@ -627,11 +632,11 @@ class _SiteRouter:
             connection.tell({"type": "refused", "words": str(error)})
 
     async def _send_in_rounds(self) -> None:
-        """Wake all connections when there is something new, so seldom that sending takes a small share of the time."""
+        """Wake all connections when there is new data, at intervals that bound the share of time spent on sending."""
         begun, spent = monotonic(), thread_time()
         while True:
             await self._news.wait()
-            await asyncio.sleep(_SHORTEST_S)  # while the thread that plays ends its turn
+            await asyncio.sleep(_SHORTEST_S)  # while the game thread ends its turn
             while (rest := min((thread_time() - spent) * _SHARE, _LONGEST_S) - (monotonic() - begun)) > 0.0:  # noqa: ASYNC110 - it is time that passes
                 await asyncio.sleep(rest)
             self._news.clear()
@@ -641,7 +646,7 @@ class _SiteRouter:
 
 
 async def _send_all(websocket: "WebSocket", connection: Connection, talk: SocketHandler) -> None:
-    """Send a client what is new, whenever it is woken, as fast as it takes it."""
+    """Send queued messages and stream data to a client whenever its connection is woken, until it disconnects."""
     from starlette.websockets import WebSocketDisconnect
 
     with suppress(WebSocketDisconnect, TimeoutError):
@@ -668,7 +673,11 @@ def _page_route(page: Page) -> Callable[["Request"], Any]:
 
 
 def _as_message(text: object) -> Json:
-    """Return what a client has sent: a mapping with texts as keys, of a small depth."""
+    """Parse a JSON object from a client.
+
+    Raises:
+        Refused: it is no JSON object, or nested too deeply.
+    """
     try:
         found = json.loads(text, parse_constant=_no_number) if isinstance(text, str | bytes) else None
     except (ValueError, RecursionError):
@@ -690,14 +699,14 @@ def _is_shallow(value: object, most: int) -> bool:
 
 
 class _RateLimit:
-    """Bounds how many messages, or other frames, a connection sends in a second."""
+    """Limits the rate of the frames that a connection sends: a token bucket."""
 
     def __init__(self) -> None:
         self._left = _MOST_AT_ONCE
         self._counted_at = monotonic()
 
     def count(self) -> bool:
-        """Count one; return whether it is allowed."""
+        """Count a frame; return whether it is within the limit."""
         now = monotonic()
         self._left = min(self._left + (now - self._counted_at) * _MOST_A_SECOND, _MOST_AT_ONCE) - 1.0
         self._counted_at = now
@@ -705,9 +714,9 @@ class _RateLimit:
 
 
 def counting_frames(protocol: type[Any]) -> type[Any]:  # classes of uvicorn, which one file imports
-    """Return the class of uvicorn's protocol whose connections end when they send too many pings, pongs or parts.
+    """Return a subclass of uvicorn's protocol that aborts connections with too many pings, pongs or fragments.
 
-    The protocol answers pings and joins the parts of messages before the application hears of them.
+    The protocol answers pings and joins fragments itself, so that the application cannot count them.
     """
 
     class Counting(protocol):  # type: ignore[misc] # of any class

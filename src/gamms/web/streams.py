@@ -1,12 +1,12 @@
-"""What each audience of a live game is sent: what a page holds, a header and parts of turns.
+"""The streams of a live game, one for each audience: a header, and parts with the columns of one or several turns.
 
-The thread that plays only hands over what has happened. It becomes bytes when a connection asks for it, in a part of
-all turns since then, so that spectators cost a game that waits between its turns nothing. Each message is deflated by
-itself, once for all connections.
+The game thread only queues the events of each turn. They are encoded when a connection asks for data, as one part with
+all turns since the last request, so that spectators do not slow down a game that waits between turns. Each message is
+compressed separately, once for all connections.
 
-A stream holds the parts of the last turns only, and at least one that is whole, which needs none before it; all
-connections of an audience read the same bytes. One that falls behind them begins again at the last whole part, and the
-turns between are counted as dropped: no connection has a queue of its own, and none can make the game wait.
+A stream stores only the parts of the last turns, among them at least one keyframe, which can be read without earlier
+parts. All connections of an audience read the same bytes. A connection that falls behind continues at the last
+keyframe, and the turns in between are counted as dropped. No connection has its own queue, and none can delay the game.
 """
 
 import zlib
@@ -31,36 +31,36 @@ from gamms.web.painter import Painter
 from gamms.web.server import Connection
 
 _KEYFRAME_TURNS = 64
-_MOST_WAITING = 1 << 11  # agents in the parts of turns that wait to become bytes
-_MOST_PARTS = 256  # likewise
-_KEYFRAME_BYTES = 1 << 20  # of blocks behind a keyframe, after which there is another one
-_MOST_BYTES = 1 << 22  # of blocks that are kept
-_PIECE = 1 << 18  # bytes that become one message, and that are sent at once
+_MOST_WAITING = 1 << 11  # agents, summed over the queued logs
+_MOST_PARTS = 256  # queued logs
+_KEYFRAME_BYTES = 1 << 20  # of parts after a keyframe, before the next keyframe
+_MOST_BYTES = 1 << 22  # of stored parts
+_PIECE = 1 << 18  # bytes, before compression, of one message
 
 Keyframe = dict[str, Any]
 
 
 class StreamPosition(NamedTuple):
-    """How far a connection is in what it is sent."""
+    """The position of a connection in a stream."""
 
     stream: "AudienceStream"
-    number: int  # of the next part
-    turns: int  # that come before it
+    number: int  # the number of the next part
+    turns: int  # the number of turns before it
 
 
 class AudienceStream:
-    """What one audience is sent, from some turn of one game on.
+    """The stream of one audience, from some turn of a game on.
 
     Args:
-        audience: whose knowledge it is.
-        header: of the game.
-        state: the whole state, which is the first keyframe; not kept.
-        turns: how many were played before.
-        nearest: the id of the node below a place, (x, y).
+        audience: the audience.
+        header: the header of the recording of the game.
+        state: the complete state at the beginning, from which the first keyframe is made.
+        turns: the number of turns played before.
+        nearest: returns the id of the node nearest to a position (x, y).
 
     Attributes:
-        opening: the messages with the first bytes of a recording, and its header.
-        last_keyframe: where the last keyframe is.
+        opening: the messages with the magic bytes and the header.
+        last_keyframe: the position of the last keyframe.
     """
 
     def __init__(self, audience: Audience, header: Keyframe, state: Keyframe, turns: int, nearest: Nearest) -> None:
@@ -70,24 +70,24 @@ class AudienceStream:
             state = self._cut.keyframe(0)
             header = {**cut_header(header, self._cut), "sides": header["sides"], "audience": str(audience)}
         self._painter = Painter(header, state, turns)
-        self._turns = turns  # that were given out
+        self._turns = turns  # that were written
         self._begun_at = turns
-        self._is_seen = False  # whether a whole part or a turn says what is seen at the beginning
+        self._is_seen = False  # whether what agents see at the beginning was written
         self.opening = _messages(MAGIC + frame(drawn_header(header)))
         self._lock = Lock()
-        self._parts: deque[tuple[list[bytes], int]] = deque()  # messages, and how many turns are over behind them
-        self._first = 0  # number of the first part
+        self._parts: deque[tuple[list[bytes], int]] = deque()  # messages, and the number of turns played after them
+        self._first = 0  # the number of the first stored part
         self.last_keyframe = StreamPosition(self, 0, turns)
         self._size = self._since_keyframe = 0  # bytes
         self._add_keyframe()
 
     def hear(self, log: Log, whole: Log, *, is_over: bool) -> None:
-        """Take what has happened; `write` gives it out.
+        """Add events; `write` encodes them.
 
         Args:
-            log: since the last call.
-            whole: since the last turn.
-            is_over: whether this turn is over.
+            log: the events since the last call.
+            whole: the events since the end of the last turn.
+            is_over: whether the turn has ended.
         """
         if self._cut is None:
             if is_over:
@@ -96,25 +96,25 @@ class AudienceStream:
         cut = self._cut
         for given in cut.add(log, is_end=is_over):
             self._add_turn(given)
-        if not self._is_seen and (cut.is_shown or is_over):  # what is seen before the first turn is in none
+        if not self._is_seen and (cut.is_shown or is_over):  # no turn contains what is seen before the first turn
             self._painter.restore(cut.keyframe(self._turns - self._begun_at))
             self._add_keyframe()
             self._is_seen = True
 
     def write(self) -> None:
-        """Give out the turns that were taken, in a part of their own."""
+        """Encode the added turns as one part."""
         if part := self._painter.part():
             self._add(part)
 
     def close(self) -> None:
-        """Follow the game no longer."""
+        """Stop following the game."""
         self._painter.close()
 
     def end(self) -> None:
-        """Give out the last turn, behind which nothing is sensed."""
+        """Encode the last turn of the game; no sensing follows it."""
         for given in () if self._cut is None else self._cut.rest():
             self._add_turn(given)
-            self._is_seen = False  # if it goes on
+            self._is_seen = False  # in case the game continues
         self.write()
 
     def _add_turn(self, log: Log) -> None:
@@ -142,7 +142,11 @@ class AudienceStream:
                 self._first += 1
 
     def read(self, place: StreamPosition) -> tuple[list[bytes], StreamPosition, int]:
-        """Return the next messages from a place on, the place behind them, and how many turns were dropped."""
+        """Read messages from a position on.
+
+        Returns:
+            The messages, the position after them, and the number of dropped turns.
+        """
         found = list[bytes]()
         with self._lock:
             begin = after = self.last_keyframe if place.number < self._first else place
@@ -155,32 +159,32 @@ class AudienceStream:
 
 
 class Streams:
-    """The streams of a game that is played, one for each audience that is followed; a `Follower` of `ctx.record`.
+    """The streams of a running game by audience; a `Follower` of `ctx.record`.
 
     Args:
-        columns: returns the map as arrays.
+        columns: returns the columns of the map.
 
     Attributes:
-        turns: that were played since it began.
+        turns: the number of turns played since the game began.
     """
 
     def __init__(self, columns: Callable[[], GraphColumns]) -> None:
         self.turns = 0
         self._columns = columns
         self._lock = Lock()
-        self._waiting: deque[tuple[Log, bool]] = deque()  # what was heard and is in no stream yet
+        self._waiting: deque[tuple[Log, bool]] = deque()  # logs that are in no stream yet, and whether they end a turn
         self._most_waiting = 0
-        self._error: Exception | None = None  # what was wrong with it
-        self._state: DetachedState | None = None  # after the last whole turn that is in the streams
-        self._turns = 0  # of that
-        self._since: Log = []  # what has happened since then
+        self._error: Exception | None = None  # raised by a log
+        self._state: DetachedState | None = None  # after the last complete turn in the streams
+        self._turns = 0  # the number of turns in the streams
+        self._since: Log = []  # events after the last complete turn
         self._header: Keyframe = {}
-        self._drawings: dict[str, Any] = {}  # what artists draw now, by their names
-        self._sides: Callable[[Callable[[str, Any], bool]], Any]  # that are known to agents
-        self._streams: dict[Audience, AudienceStream | None] = {}  # of those who follow; None before there is a game
+        self._drawings: dict[str, Any] = {}  # artist -> its last drawing
+        self._sides: Callable[[Callable[[str, Any], bool]], Any]  # returns the sides that some agents know
+        self._streams: dict[Audience, AudienceStream | None] = {}  # None: no game has begun
 
     def begin(self, header: Keyframe, state: Keyframe) -> None:
-        """Begin with all audiences; see `Follower`."""
+        """Begin a game with new streams for all audiences; see `Follower`."""
         with self._lock:
             self._waiting.clear()
             self._most_waiting = min(max(_MOST_WAITING // max(len(state["names"]), 1), 1), _MOST_PARTS)
@@ -192,10 +196,10 @@ class Streams:
             self._streams = {audience: self._begun(audience) for audience in self._streams}
 
     def hear(self, log: Log, *, is_over: bool) -> None:
-        """Take what has happened, for the thread that asks for it next, unless too much waits; see `Follower`.
+        """Queue events for the next reader; encode them now if the queue is full. See `Follower`.
 
         Raises:
-            Damaged: something that a program has written fits no state; it may have been heard before.
+            Damaged: an event does not fit the state; it may have been queued by an earlier call.
         """
         if self._error is not None:
             raise self._error
@@ -206,7 +210,7 @@ class Streams:
                 self._catch_up()
 
     def _catch_up(self) -> None:
-        """Add to all streams what waits."""
+        """Add the queued events to all streams."""
         if not self._waiting or self._state is None:
             return
         streams = [stream for stream in self._streams.values() if stream is not None]
@@ -236,14 +240,14 @@ class Streams:
             self._since = []
 
     def end(self) -> None:
-        """Give out the last turn to all, because the game is over."""
+        """Encode the last turn of the game in all streams."""
         with self._lock:
             self._catch_up()
             for stream in filter(None, self._streams.values()):
                 stream.end()
 
     def of(self, audience: Audience) -> AudienceStream | None:
-        """Return the stream of an audience, which begins now if there was none; None before there is a game."""
+        """Return the stream of an audience, and begin it if needed; None before a game begins."""
         with self._lock:
             self._catch_up()
             if self._streams.get(audience) is None:
@@ -252,18 +256,18 @@ class Streams:
 
     @property
     def have_cuts(self) -> bool:
-        """Whether an audience is followed that is not sent everything."""
+        """Whether an audience receives only a part of the game."""
         return any(not audience.is_everything for audience in list(self._streams))
 
     def drop(self, audience: Audience) -> None:
-        """Write no stream for an audience until it is asked for again."""
+        """End the stream of an audience; `of` begins a new one."""
         with self._lock:
             stream = self._streams.pop(audience, None)
             if stream is not None:
                 stream.close()
 
     def close(self) -> None:
-        """Write no stream any more."""
+        """End all streams."""
         with self._lock:
             self._close()
             self._streams, self._state = {}, None
@@ -285,7 +289,7 @@ class Streams:
 
 
 def news(streams: Streams, connection: Connection) -> Iterator[bytes]:
-    """Yield the messages that a connection has not been sent yet, and note how far it is."""
+    """Yield the messages that a connection has not received yet, and update its position."""
     stream = streams.of(connection.grant.audience)
     if stream is None:
         return
@@ -296,7 +300,7 @@ def news(streams: Streams, connection: Connection) -> Iterator[bytes]:
     while True:
         messages, place, dropped = stream.read(place)
         connection.counts["dropped"] += dropped
-        if dropped:  # it begins again
+        if dropped:  # the connection continues at a keyframe
             yield from stream.opening
         connection.place = place
         if not messages:
@@ -305,5 +309,5 @@ def news(streams: Streams, connection: Connection) -> Iterator[bytes]:
 
 
 def _messages(data: bytes) -> list[bytes]:
-    """Return bytes as messages, each of which can be inflated by itself."""
+    """Split bytes into messages, each of which is compressed separately."""
     return [zlib.compress(data[at : at + _PIECE]) for at in range(0, len(data), _PIECE)]

@@ -1,11 +1,11 @@
-"""Studies: people who play a scenario under conditions, alone or in groups, and a table with a row for each round.
+"""Studies: people play a scenario under experimental conditions, alone or in groups; each round gives a table row.
 
-A folder holds what is known: `participants.jsonl` says who has agreed and who plays with whom, `rows.jsonl` has a row
-for each participant and round, of which `rows.csv` is made, and `games` the recordings. A study that is begun again
-with the same folder goes on where each participant was. Network addresses are written nowhere.
+The folder of a study contains `participants.jsonl` with consents and groups, `rows.jsonl` with one row for each
+participant and round, `rows.csv` with the same rows, and the recordings in `games`. A study that is started again with
+the same folder continues where each participant was. Network addresses are not stored.
 
-The page of a participant asks by `/participant` what comes next: consent, waiting for others, a round that may begin,
-the round, or the end. A code belongs to the browser that has agreed with it, by a secret that the browser has made.
+The page of a participant requests its next stage from `/participant`: consent, waiting for others, ready for a round,
+playing, or the end. A code belongs to the browser that consented with it, which is known by a secret that it generated.
 """
 
 import os
@@ -51,7 +51,7 @@ _CODE = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _MOST_AT_ONCE = 50  # games
 _LINE = "a line of a study"
 _FILES = ("study.jsonl", "participants.jsonl", "rows.jsonl")
-_ALL = ""  # the name of the link for all
+_ALL = ""  # the name of the link that all participants share
 Row = Line
 
 
@@ -65,25 +65,25 @@ class StudyOptions(TypedDict, total=False):
     """The keywords of `study` that have defaults."""
 
     conditions: Mapping[str, Mapping[str, object]] | None
-    """Name -> what is changed in the scenario, as for `Scenario.replace`; None: there is one, "all"."""
+    """Name -> changes of the scenario, as for `Scenario.replace`; None: one condition, "all", without changes."""
     rounds: int
-    """That count, for each participant; 1."""
+    """The number of scored rounds of each participant; 1."""
     practice: int
-    """Rounds before these, which are marked in the table; 1."""
+    """The number of practice rounds before them, which are marked in the table; 1."""
     seconds: float
-    """How long a participant may take for a choice; 60."""
+    """The time that a participant has for a choice; 60."""
     codes: Iterable[str] | None
-    """Of those who may take part, each by a link of their own; None: all who have the one link, by any code."""
+    """The codes of the participants, each of whom gets a separate link; None: one link for all, with any code."""
     per_minute: int
-    """How many may agree from one network address in a minute, where there is one link for all; 60."""
+    """The maximum number of consents per minute from one network address, if there is one link for all; 60."""
     partner_within: float
-    """Of several who play together: how long a participant waits for the others, in seconds; 300."""
+    """The time that a participant waits for the others of a group, in seconds; 300."""
     otherwise: Callable[[Any], None]
-    """The strategy that decides where the participant does not; `gamms.strategies.stay`."""
+    """The strategy that decides if the participant makes no choice in time; `gamms.strategies.stay`."""
     seed: int
-    """Of the study: rounds have this one and those that follow, the same for all participants; 0."""
+    """The seed of the study; the rounds of each participant have this seed and the following integers; 0."""
     title: str
-    """What stands above the pages; the name of the scenario."""
+    """The title of the pages; the name of the scenario."""
     port: int
     """See `ServeOptions`."""
     host: str
@@ -100,28 +100,28 @@ def study(
     people: str | Sequence[str] | None = None,
     **options: Unpack[StudyOptions],
 ) -> "Study":
-    """Let people take part in a study, each by a link with a code; returns a handle with the links.
+    """Serve a study to participants, each with a code; return a handle with the links.
 
-    Each participant reads the consent text and agrees, gets a condition, plays practice rounds, and then those that
-    count. Conditions are balanced: in the order in which people agree, or groups come together, each block of as many
-    as there are conditions has all of them, in an order that follows from the seed. Several people who play together
-    are grouped as they come; a code belongs to the browser that has agreed with it.
+    Each participant reads the consent text, agrees, is assigned a condition, and plays practice rounds, then scored
+    rounds. Conditions are balanced: with n conditions, each n consecutive participants (or groups) get all of them, in
+    an order derived from the seed. Groups are formed in the order of arrival. A code belongs to the browser that
+    consented with it.
 
     Args:
-        scenario: what is played.
+        scenario: the scenario to play.
         consent: the text of the first page.
-        out: the folder of the results. A study that is there goes on.
-        people: the team or agent that a participant plays; several of them for as many who play together; None: those
-            whose strategy is `human` in the scenario.
-        options: `gamms.web.StudyOptions` has them.
+        out: the folder of the results. If it contains this study, the study continues.
+        people: the team or agent that a participant plays, or several, one for each participant of a group; None: the
+            teams and agents with the strategy `human` in the scenario.
+        options: see `gamms.web.StudyOptions`.
 
     Raises:
         MissingExtra (ImportError): the extra `web` is not installed.
         NetworkError (ConnectionError): the port is in use.
-        BadType, BadValue: an option is impossible, or the folder holds another study.
+        BadType, BadValue: an option is invalid, or the folder contains another study.
         WriteConflict (RuntimeError): the study in the folder is served by another program.
         ScenarioError: the game cannot be built under one of the conditions.
-        UnknownName (KeyError): there is no such team or agent.
+        UnknownName (KeyError): a team or agent does not exist.
     """
     given = people
     if not (people is None or isinstance(people, str)):
@@ -130,11 +130,11 @@ def study(
 
 
 class Study(Handle):
-    """A study that is served, until `close`; usable in a `with` statement.
+    """A served study; close it with `close` or use it in a `with` statement.
 
     Attributes:
-        folder: of the results.
-        codes: of those who may take part, each with a link of its own; None: any.
+        folder: the folder of the results.
+        codes: the codes of the participants, each with a separate link; None: any code.
     """
 
     def __init__(
@@ -162,7 +162,7 @@ class Study(Handle):
         for variant in self._variants.values():
             self._check(variant)
         self._lock = threading.RLock()
-        self._shown = deque[Group]()  # whose last game is over, and still shown
+        self._shown = deque[Group]()  # groups whose last game is over and still shown
         self._rows: list[Row] = []
         self._is_closed = threading.Event()
         self._threads: list[threading.Thread] = []
@@ -190,12 +190,16 @@ class Study(Handle):
             self._read_taken_out()
             self._server = Server(site, **keywords)
             ending.callback(self._server.close)
-            if not lines_in(self.folder / "study.jsonl", _LINE):  # written when nothing is left that could be refused
+            if not lines_in(self.folder / "study.jsonl", _LINE):  # written last, after everything that may raise
                 add_lines(self.folder / "study.jsonl", [about])
             self._ending = ending.pop_all()
 
     def _people_of(self, scenario: Scenario, people: str | Sequence[str] | None) -> tuple[str, ...]:
-        """Return the teams and agents that participants play."""
+        """Return the teams and agents that participants play.
+
+        Raises:
+            BadValue: there are none.
+        """
         if people is None:
             with scenario.build(self._seed) as ctx:
                 found = tuple(People.open(ctx).persons)
@@ -206,7 +210,11 @@ class Study(Handle):
         return found
 
     def _check(self, variant: Scenario) -> None:
-        """Refuse a scenario in which others are played by people than those who take part."""
+        """Check that all human players of a scenario are participants, and that each has agents to play.
+
+        Raises:
+            BadValue: they are not.
+        """
         named = [f"participant {number}" for number in range(len(self._people))]
         with variant.build(self._seed, dict(zip(self._people, map(self._human, named), strict=True))) as ctx:
             persons = People.open(ctx).persons
@@ -222,10 +230,10 @@ class Study(Handle):
 
     @property
     def url(self) -> str:
-        """The link of participants, in which CODE stands for the code of each.
+        """The link for participants, with CODE in place of the code.
 
         Raises:
-            BadValue: there are codes=, each of which has a link of its own.
+            BadValue: each code has a separate link, because of codes=.
         """
         if self.codes is not None:
             raise BadValue("Each of the codes has a link of its own: study.link(code) gives it.")
@@ -235,8 +243,8 @@ class Study(Handle):
         """Return the link of a participant.
 
         Raises:
-            BadValue: it is no code.
-            UnknownName (KeyError): it is none of the codes that may take part.
+            BadValue: the code is invalid.
+            UnknownName (KeyError): the code is not in `codes`.
         """
         name = _ALL if self.codes is None else _checked_code(code)
         if name not in self._tokens:
@@ -245,23 +253,23 @@ class Study(Handle):
 
     @property
     def rows(self) -> list[Row]:
-        """The rows of the table so far: one for each participant and round, in the order in which they ended."""
+        """The rows of the table: one for each participant and round, in the order in which rounds ended."""
         with self._lock:
             return [dict(row) for row in self._rows]
 
     @property
     def assigned(self) -> dict[str, int]:
-        """How many participants have each condition."""
+        """Condition -> number of participants."""
         with self._lock:
             there = self._known.by_code
             conditions = [one.condition for one in self._known.groups for code in one.members if code in there]
         return {name: conditions.count(name) for name in self._variants}
 
     def release(self, code: str) -> None:
-        """Let another browser go on with a code: for a participant who has lost what the first one has kept.
+        """Let the next browser that consents continue with a code, for example after its cookies were deleted.
 
         Raises:
-            UnknownName (KeyError): no participant has agreed with this code.
+            UnknownName (KeyError): no participant has consented with this code.
         """
         with self._lock:
             one = self._known.by_code.get(code)
@@ -270,21 +278,21 @@ class Study(Handle):
             self._known.keep_secret(one, None)
 
     def take_out(self, code: str) -> None:
-        """Take participants out of the study: their game ends, and their condition goes to the next who come.
+        """Remove participants from the study: their game ends, and the next participants get their condition.
 
-        The codes cannot be used any more. Rows that they have stay in the table.
+        Their codes become invalid. Their rows stay in the table.
 
         Args:
-            code: of a participant; with `*` in it, of all whose code is like this.
+            code: a code, or a pattern with `*`, for all matching codes.
 
         Raises:
-            BadValue: it is no code.
+            BadValue: the code is invalid.
         """
         take_out(self.folder, [code])
         self._read_taken_out()
 
     def _read_taken_out(self) -> None:
-        """Take out those whose codes were added to the file, by this program or another one."""
+        """Remove the participants whose codes were added to the file, by this program or another one."""
         with self._lock:
             if not self._taken_out.is_read_again():
                 return
@@ -295,11 +303,19 @@ class Study(Handle):
                     self._end(group)
 
     def condition_of(self, number: int) -> str:
-        """Return the condition of the participant who is the number-th to agree, or of that group, from 0."""
+        """Return the condition of a participant (or group) by its number in the order of consent, from 0."""
         return self._known.condition_of(number)
 
     def wait(self, participants: int, timeout: float | None = None) -> bool:
-        """Wait until so many participants have played all rounds; returns whether they have."""
+        """Wait until a number of participants have played all rounds.
+
+        Args:
+            participants: the number.
+            timeout: seconds; None: no limit.
+
+        Returns:
+            Whether they have; False after the timeout or after `close`.
+        """
         ends = None if timeout is None else monotonic() + timeout
         while not self._is_closed.is_set():
             with self._lock:
@@ -311,7 +327,7 @@ class Study(Handle):
         return False
 
     def close(self) -> None:
-        """End the server and all games; those that are under way begin again when the study goes on."""
+        """Stop the server and all games; unfinished rounds are played again when the study continues."""
         self._is_closed.set()
         with self._lock:
             games = [live for one in self._known.groups for live in (one.live, one.ended) if live is not None]
@@ -322,13 +338,13 @@ class Study(Handle):
         self._ending.close()
 
     def __repr__(self) -> str:
-        """Show the folder and how many take part, without a token."""
+        """Return the folder and the numbers of participants and rows, without tokens."""
         return f"Study({str(self.folder)!r}, participants={len(self._known.by_code)}, rounds={len(self._rows)})"
 
-    # -- what participants ask ------------------------------------------------------------------------------------
+    # -- requests of participants ---------------------------------------------------------------------------------
 
     def _answer(self, grant: Grant, message: Json, address: str) -> Plain:
-        """Return what comes next for a participant: consent, waiting, a round that may begin, the round, or the end."""
+        """Return the stage of a participant: "consent", "wait", "alone", "ready", "play" or "end"."""
         code = message.get("code")
         if not isinstance(code, str) or not self._is_known(grant, code):
             raise Refused("This link has no code of a participant. Ask who gave it to you.")
@@ -342,12 +358,12 @@ class Study(Handle):
             return {"stage": "consent", "text": self._consent} if one is None else self._stage(one, message)
 
     def _is_known(self, grant: Grant, code: str) -> bool:
-        """Whether a link is one of this study, with the code of one who may take part."""
+        """Whether a link and a code belong to this study."""
         name = _ALL if self.codes is None else code
         return grant.name == f"participants {name}" and _CODE.fullmatch(code) is not None
 
     def _stage(self, one: Participant, message: Json) -> Json:
-        """Return what comes next for who has agreed."""
+        """Return the stage of a participant who has consented; begin the next round on request."""
         within: Json = {"within_s": self._partner_within}
         group = one.group or self._known.group_of(one)
         if group is None:
@@ -372,7 +388,7 @@ class Study(Handle):
         return group.played >= self._practice + self._rounds
 
     def _may_begin(self, group: Group, one: Participant) -> bool:
-        """Note who wants to begin; return whether all do, or one has waited long enough for the others."""
+        """Mark a participant as ready; return whether all of the group are, or the wait for the others is over."""
         if not group.ready:
             group.ready_at = monotonic()
         group.ready.add(one.code)
@@ -381,14 +397,14 @@ class Study(Handle):
 
     def _human(self, name: str) -> Any:  # a strategy, which `Scenario.build` takes
         keywords: Any = {key: self._options[key] for key in ("seconds", "otherwise") if key in self._options}
-        if len(self._people) > 1:  # others do not wait for who does not come to a round
+        if len(self._people) > 1:  # limits the wait for a participant who does not join a round
             keywords["joins_within"] = keywords.get("seconds", 60.0)
         return human(name, **keywords)
 
     # -- games ------------------------------------------------------------------------------------------------------
 
     def _begin(self, group: Group) -> None:
-        """Begin the next round of a group; where there is no place, one that no page has connected to gives it up."""
+        """Begin the next round of a group; if too many games run, end the oldest one without a connected page."""
         playing = [other for other in self._known.groups if other.live is not None]
         if len(playing) >= _MOST_AT_ONCE:
             unused = [other for other in playing if not other.has_joined]
@@ -417,31 +433,31 @@ class Study(Handle):
         thread.start()
 
     def _end(self, group: Group) -> None:
-        """End the game of a group, which may begin it again; it has no rows."""
+        """End the game of a group without writing rows; the group may begin it again."""
         live, group.live = group.live, None
         group.ready.clear()
         if live is not None:
             live.close()
 
     def _forget(self, group: Group) -> None:
-        """Show the last game of a group no longer."""
+        """Stop showing the last game of a group."""
         if group.ended is not None:
             group.ended.close()
             group.ended = None
             self._shown.remove(group)
 
     def _finish(self, group: Group, live: Live, file: Path) -> None:
-        """Wait until a round is over, and write its rows."""
+        """Wait until a round ends, and write its rows."""
         error, result = None, None
         try:
             result = live.wait()
-        except Exception as raised:  # noqa: BLE001 - whatever the game of a caller raises is in the row
+        except Exception as raised:  # noqa: BLE001 - the row contains any error of the game
             error = f"{type(raised).__name__}: {reason(raised)}"
         if result is None and error is None:
             return  # the study was closed
         with self._lock:
             if group.live is not live:
-                return  # it was ended
+                return  # the game was ended by `_end`
             there = [one for code in group.members if (one := self._known.by_code.get(code)) is not None]
             rows = [self._row_of(one, group, result, error, file) for one in there]
             add_lines(self.folder / "rows.jsonl", rows)
@@ -449,7 +465,7 @@ class Study(Handle):
             self._write_csv()
             group.played, group.attempts, group.live, group.ended = group.played + 1, 0, None, live
             group.ready.clear()
-            # The page shows how it has ended until the next round is begun, unless very many have played since then.
+            # The page shows the end of the game until the next round begins, or until too many others have ended.
             self._shown.append(group)
             if len(self._shown) > _MOST_AT_ONCE:
                 self._forget(self._shown[0])
@@ -482,11 +498,11 @@ class Study(Handle):
     # -- the folder -------------------------------------------------------------------------------------------------
 
     def _resume(self, about: Line) -> Participants:
-        """Return who takes part, by what is in the folder, if it has a study.
+        """Read the participants and the rows from the folder, if it contains a study.
 
         Raises:
-            BadFile: a line of its files is damaged.
-            BadValue: it is of another study.
+            BadFile: a line of a file is damaged.
+            BadValue: the folder contains another study.
         """
         before = lines_in(self.folder / "study.jsonl", _LINE)
         if before and before[0] != about:
@@ -523,7 +539,7 @@ class Study(Handle):
         return None if one is None or one.group is None else one.group.live or one.group.ended
 
     def joined(self, connection: Connection) -> None:
-        """Show a participant the round that they play (called by the server)."""
+        """Connect a participant to the current round (called by the server)."""
         live = self._live_of(connection)
         if live is not None:
             group = self._known.by_code[connection.grant.name].group
@@ -532,26 +548,26 @@ class Study(Handle):
             live.joined(connection)
 
     def left(self, connection: Connection) -> None:
-        """Note that a participant is away (called by the server)."""
+        """Disconnect a participant from the current round (called by the server)."""
         live = self._live_of(connection)
         if live is not None:
             live.left(connection)
 
     def received(self, connection: Connection, message: Json) -> None:
-        """Take a message of a participant (called by the server)."""
+        """Pass a message of a participant to the current round (called by the server)."""
         live = self._live_of(connection)
         if live is None:
             raise Refused("No round is played now.")
         live.received(connection, message)
 
     def news(self, connection: Connection) -> Iterable[bytes]:
-        """Return what a participant has not been sent yet, in pieces (called by the server)."""
+        """Return the data that a participant has not received yet, in pieces (called by the server)."""
         live = self._live_of(connection)
         return () if live is None else live.news(connection)
 
 
 def _checked_codes(codes: Iterable[str] | None) -> tuple[str, ...] | None:
-    """Return the codes of the participants without repetitions; None: anyone may choose a code."""
+    """Check codes and remove duplicates; None: participants choose their codes."""
     if codes is None:
         return None
     given = as_items(codes, "codes", "codes of participants")
@@ -559,14 +575,18 @@ def _checked_codes(codes: Iterable[str] | None) -> tuple[str, ...] | None:
 
 
 def _checked_code(code: object) -> str:
-    """Return the code of a participant."""
+    """Return a code if it is valid.
+
+    Raises:
+        BadValue: it is not.
+    """
     if not isinstance(code, str) or not _CODE.fullmatch(code):
         raise BadValue(f"A code is 1 to 64 letters, digits, dots, dashes and _, not {shown(code)}.")
     return code
 
 
 def _changed(scenario: Scenario, condition: str, changes: object) -> Scenario:
-    """Return the scenario of a condition."""
+    """Return a scenario with the changes of a condition."""
     try:
         return scenario.replace(**{str(path): value for path, value in as_mapping(changes, "what changes").items()})
     except GammsError as error:
@@ -575,7 +595,7 @@ def _changed(scenario: Scenario, condition: str, changes: object) -> Scenario:
 
 
 def _page(title: str) -> bytes:
-    """Return the page on which participants agree, and go from round to round."""
+    """Return the page on which participants consent and start rounds."""
     page = (Path(__file__).parent.parent / "data" / "study.html").read_text(encoding="utf-8")
     for name in ("script", "style"):
         part = page[page.index(f"<{name}>") + len(name) + 2 : page.index(f"</{name}>")]
@@ -584,7 +604,7 @@ def _page(title: str) -> bytes:
 
 
 class _GroupHost:
-    """The part of a server that a group has: what `Live` needs of it."""
+    """The server as the game of one group sees it: only the connections of its members."""
 
     def __init__(self, server: Server, links: Links, codes: tuple[str, ...]) -> None:
         self._server, self._codes = server, codes
@@ -592,16 +612,16 @@ class _GroupHost:
 
     @property
     def connections(self) -> list[Connection]:
-        """Those of its members."""
+        """The open connections of the members."""
         return [one for one in self._server.connections if one.grant.name in self._codes]
 
     def link(self, token: str) -> str:
-        """Return the address of the page on which is played."""
+        """Return the address of the page of the game, with a token in it."""
         return self._server.link(token, "/play")
 
     def wake(self) -> None:
-        """Let the server send what is new."""
+        """Tell the server that there is new data."""
         self._server.wake()
 
     def close(self) -> None:
-        """Leave the server to other participants."""
+        """Do nothing: the study closes the server."""
