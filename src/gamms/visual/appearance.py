@@ -167,7 +167,7 @@ _TABLES = {
 
 
 def table(name: object) -> tuple[Rgb, ...]:
-    """Return the colors of a color map from low to high, LEVELS of them.
+    """Return the `LEVELS` colors of a color map, from low to high.
 
     Raises:
         UnknownName (KeyError): the color map does not exist.
@@ -235,7 +235,7 @@ class AgentData:
     current_position: tuple[float, float] | None = None  # position of the last drawing
     least_px: float = 6.0  # minimum radius
     shift: tuple[float, float] = (0.0, 0.0)  # offset of the last drawing to the right and down, in radii
-    defaults: dict[str, Any] = field(default_factory=dict, compare=False)  # what was filled in
+    defaults: dict[str, Any] = field(default_factory=dict, compare=False)  # values filled in
 
     @classmethod
     def declared(cls, **given: Any) -> "AgentData":

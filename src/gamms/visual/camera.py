@@ -155,7 +155,7 @@ class Viewpoint(Guarded):
 
     @refused_while_deciding
     def follow(self, agent_name: str, width: float) -> None:
-        """Keep an agent in the center of `width` world units; if it is gone, keep its last position."""
+        """Follow an agent with a view `width` world units wide; after it is deleted, stay at its last position."""
         self.followed = FollowView(agent_name, float(width))
 
     @outside_of_deciding
@@ -262,8 +262,8 @@ class WindowCamera:
     World coordinates are y up; screen coordinates are pixels, y down; viewport coordinates go from 0.0 to 1.0.
 
     Args:
-        camera_x: the world point in the middle of the screen.
-        camera_y: likewise.
+        camera_x: x of the world point in the middle of the screen.
+        camera_y: its y.
         camera_size: half the visible width, in world units.
         screen_width: pixels.
         screen_height: pixels.

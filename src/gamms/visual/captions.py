@@ -13,9 +13,9 @@ from gamms.visual.font import shortened, words_width
 from gamms.visual.legend import Pen
 
 MOST_LINES = 2  # at once
-CAPTION_SECONDS = 2.0  # for which a line is shown
+CAPTION_SECONDS = 2.0  # that a line is shown
 LINE_PX = 25.0
-# of captions; between the turn and them; their dots
+# captions; space between the turn and the captions; their dots
 _FONT_PX = 21.0
 _ASIDE_PX = 26.0
 _SPOT_PX = 5.0
@@ -25,7 +25,7 @@ _PAD_PX = 24.0
 _TITLE_SPOT_PX = 8.0
 _LONGEST = 90  # letters
 _LAST = "starts again"  # which rules may note before others see why
-_SENTENCES = {  # kind of event -> the field that the sentence is about, and what it says of that one
+_SENTENCES = {  # kind of event -> the field with the subject, and the predicate
     "tag": ("other", "is tagged by {agent}"),
     "take": ("agent", "takes the {flag} flag"),
     "drop": ("agent", "loses the {flag} flag"),
@@ -58,7 +58,7 @@ def captions_of(events: Iterable[Mapping[str, Any]]) -> list[Caption]:
     for event in of_turn:
         kind = as_text(event.get("kind", ""))
         agent = event.get("agent")
-        if kind in DECISIONS or (kind == "eliminated" and agent in arrived):  # an arrival says enough
+        if kind in DECISIONS or (kind == "eliminated" and agent in arrived):  # the caption of the arrival suffices
             continue
         about, predicate = _SENTENCES.get(kind, ("", ""))
         if about and {about, *_FIELD.findall(predicate)} <= event.keys():
@@ -122,7 +122,7 @@ def end_card(ctx: IContext, turn: int, later: Iterable[str] = (), reason: str = 
 
 
 class CaptionLine(NamedTuple):
-    """A caption, the color of its team, and the number of turns for which it will be shown."""
+    """A caption, the color of its team, and the number of remaining turns."""
 
     words: str
     color: Rgb | None
@@ -158,7 +158,7 @@ class Captions:
         """Return the captions of this turn; call it once per turn.
 
         Args:
-            hidden: agents that are not shown; what happens among them is left out.
+            hidden: the names of hidden agents; events only among hidden agents are omitted.
         """
         game = self._ctx.current_game
         colors = self._drawing.group_colors()
@@ -187,15 +187,15 @@ def _is_open(event: Mapping[str, Any], hidden: Collection[str]) -> bool:
 def draw_caption_bar(
     pen: Pen, bar: CaptionBar, at: tuple[float, float, float], lines: int, faint: Rgb, *, scores: bool
 ) -> None:
-    """Draw the turn, the scores if they are asked for, and at their right the captions.
+    """Draw the turn, optionally the scores, and to the right the captions.
 
     Args:
-        pen: of the page.
-        bar: what is written.
-        at: the left end, the upper end and the width of the space for it.
-        lines: how many there are.
-        faint: the ink of what happened in earlier turns.
-        scores: whether nothing else shows them.
+        pen: the pen of the page.
+        bar: the texts.
+        at: the left edge, the upper edge and the width of the available space.
+        lines: the number of lines.
+        faint: the color of captions of earlier turns.
+        scores: whether to include the scores.
     """
     left, top, width = at
     words = f"turn {as_text(bar.turn)}" + (f" · {bar.scores}" if scores and bar.scores else "")

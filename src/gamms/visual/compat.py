@@ -23,8 +23,8 @@ class RenderManager(WindowCamera):
 
     Args:
         ctx: the context.
-        camera_x: the world point in the middle of the screen.
-        camera_y: likewise.
+        camera_x: x of the world point in the middle of the screen.
+        camera_y: its y.
         camera_size: half the visible width, in world units.
         screen_width: pixels.
         screen_height: pixels.

@@ -1,4 +1,4 @@
-"""The words of drawing: engines, spaces, shapes and layers, and the sizes below which the window leaves things out."""
+"""The enums of drawing: engines, spaces, shapes and layers; and the sizes below which the window omits details."""
 
 from enum import Enum, IntEnum
 
@@ -43,13 +43,13 @@ class Layer(IntEnum):
     TERRITORIES = 12
     VALUES = 13
     TRAILS = 14
-    SEEN = 15  # what sensors see in the default scene
+    SEEN = 15  # sensor views in the default scene
     GOALS = 18
     MESSAGES = 19
     AGENTS = 20
     FLAGS = 22
     TAGS = 25
-    ARTISTS = 30  # without a layer of their own
+    ARTISTS = 30  # artists without a given layer
     WINDOW_SENSORS = 30  # declared sensors in a window, as in 1.0.0
     SENSORS = 40
     OPTIONS = 50  # of a person who is asked for a move

@@ -1,4 +1,4 @@
-"""The default scene of a scenario that does not declare its graph: grey streets, toned buildings, agents in colours.
+"""The default scene, for scenarios that do not declare their graph: gray streets, shaded buildings, colored agents.
 
 Agents have the colours of their teams, or their own. What few sensors see is drawn in the colours of the living
 agents that carry them, below the agents. Flags, territories and the tags of this turn are drawn, and a legend shows
@@ -51,18 +51,18 @@ from gamms.visual.legend import SIGN, LegendRow, LegendRows, legend_only
 from gamms.visual.shown_turn import ShownView, has_content
 from gamms.visual.themes import Theme
 
-MOST_SENSORS = 20  # more of them would hide what happens
-_MOST_APART = 6  # so many are drawn one by one, each with all that it sees
+MOST_SENSORS = 20  # more views would hide the agents
+_MOST_APART = 6  # the number of views that are drawn in full
 _WITHOUT_CARRIER = (110, 114, 120)
-# radius of agents; more than so many are smaller, and drawn together
+# radius of agents; above this number they are smaller and drawn together
 _AGENT_PX = 6.0
 _LEAST_PX = 3.0
 _MANY = 150
-# more than so many would hide each other, and are still smaller
+# above this number they are even smaller
 _DENSE = 5000
 _TINY_PX = 1.0
-TOGETHER = "agents on the ground"  # the name of the artist that draws them
-_VIEWS = (  # the parts of a view, what they are, and their signs
+TOGETHER = "agents on the ground"  # the name of the artist of agents
+_VIEWS = (  # attribute of a view, text in the legend, sign
     ("outline", "field of view", "field"),
     ("lines", "edge in view", "line"),
     ("nodes", "node in view", "dot"),
@@ -96,7 +96,7 @@ class DefaultScene:
         self._theme = theme
         self._map_key: Any = None
         self._map: dict[str, IArtist] = {}
-        # radius of agents, and what it is at most
+        # the radius of agents, and its maximum
         self._unit = 1.0
         self._most = inf
         self._agents_key: Any = None
@@ -272,7 +272,7 @@ def artists_of_sights(
             continue
         drawer = (
             render_sensor if any(view is None for _, view in views) else render_sight
-        )  # the first says what is wrong
+        )  # the first error is reported
         artists[f"sensor_{name}"] = artist = before.get(f"sensor_{name}") or Artist(ctx, drawer, Layer.SEEN)
         artist.set_drawer(drawer)
         artist.data = {"name": name, "color": views[0][0], "sights": views, "legend": legend_of_sights(views), **look}
@@ -298,7 +298,7 @@ def legend_of_sights(given: Iterable[tuple[Rgb, SensorView | None]]) -> LegendRo
 
 
 def team_rows(ctx: IContext) -> LegendRows | None:
-    """Return the legend of the teams: colour, name and score; None where there are not two."""
+    """Return the legend of the teams: color, name and score; None if there are fewer than two teams."""
     colors = drawing_of(ctx).group_colors()
     teams = dict.fromkeys(ctx.agent.positions.teams)
     scores = {} if ctx.current_game is None else ctx.current_game.scores
@@ -325,12 +325,12 @@ def legend_of_teams(ctx: IContext) -> Artist:
 
 
 def _is_worth_drawing(view: SensorView, nodes: int) -> bool:
-    """Return whether there is something to draw, and not just the whole map, which has so many nodes."""
+    """Return whether a view has content other than all `nodes` of the map."""
     return has_content(view) and (len(view.nodes) < nodes or len(view.outline) > 0)
 
 
 def sight_radius(columns: GraphColumns) -> float:
-    """Return a radius, in world units, at which agents neither hide streets nor vanish."""
+    """Return the radius of agents, in world units: large enough to be seen, small enough not to hide streets."""
     if len(columns.xy) == 0:
         return 1.0
     widest = longer_side(columns)

@@ -1,4 +1,4 @@
-"""Draw commands and the primitives that add to them."""
+"""Draw commands, and the primitives that add commands."""
 # ruff: noqa: ARG002 - published signatures; culling and smoothing are the backend's business
 
 import os
@@ -29,7 +29,7 @@ _COLUMNS = {"kind": "q", "layer": "q", "space": "q", "size": "d", "width": "d", 
 Points = Sequence[Sequence[float]] | FloatArray
 """(x, y) pairs of numbers."""
 Offsets = Sequence[int] | IntArray
-"""Where each of several lines or polygons begins among their points, and where the last one ends."""
+"""(items + 1,) the index of the first point of each line or polygon, and the number of points."""
 
 
 EDGE_PX = 3.0
@@ -46,7 +46,7 @@ class Disc(NamedTuple):
 
 
 class DiscOffsets(NamedTuple):
-    """By how many radii discs on one node are moved before and after a turn."""
+    """The offsets of discs on a shared node before and after a turn, in radii."""
 
     on: IntArray  # (discs,) the node of each, by any number
     rows: IntArray  # (discs,) the look of each
@@ -63,8 +63,8 @@ class Commands:
     """A growing list of draw commands; commands are added on `layer`, above earlier ones.
 
     Attributes:
-        layer: of what is added next.
-        owner: of what is added next; None: it has none.
+        layer: the layer of the next commands.
+        owner: the owner of the next commands; None: they have no owner.
     """
 
     def __init__(self) -> None:
@@ -202,7 +202,7 @@ class Commands:
         self._add(DrawKind.IMAGE, points, [1], (0, 0, 0), size=half_side, angle=as_float(angle, "angle"), text=path)
 
     def add_commands(self, commands: DrawCommands) -> None:
-        """Draw commands again, all of them on the present layer."""
+        """Add existing commands, moved to the current layer."""
         first = len(self._text)
         self._owners |= {first + row: owner for row, owner in commands.owners.items()}
         values = {name: getattr(commands, name) for name in _COLUMNS} | {"layer": self.layer}
@@ -282,7 +282,7 @@ def joined(below: DrawCommands, above: DrawCommands) -> DrawCommands:
 
 
 def magnified(commands: DrawCommands, factor: float) -> DrawCommands:
-    """Return the same with everything that is measured in pixels so many times as large."""
+    """Return a copy in which all pixel sizes are multiplied by a factor."""
     if factor == 1.0:
         return commands
     in_pixels = commands.space == DrawSpace.SCREEN
@@ -301,7 +301,7 @@ def magnified(commands: DrawCommands, factor: float) -> DrawCommands:
 
 def _as_points(points: Sequence[Any] | FloatArray) -> FloatArray:
     try:
-        # A copy: the caller may go on using his array.
+        # A copy, because the caller may change the array later.
         array = np.array(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise BadValue(f"Points are (x, y) pairs of numbers, not {shown(points)}: {error}") from None
@@ -334,11 +334,11 @@ class Drawing:
 
     Args:
         ctx: the context.
-        theme: of what is drawn where nothing else is said.
+        theme: the default theme.
         held_image: turns an image into the path of a file, or the name of a loaded image.
 
     Attributes:
-        theme: of what is being drawn.
+        theme: the current theme.
         turns: how the last ones ended.
         motion: the last moves of agents.
         events: of the turn that is shown.
@@ -507,7 +507,7 @@ class Drawing:
     ) -> None:
         """Draw many polylines at once: line `i` is `points[offsets[i]:offsets[i + 1]]`.
 
-        `width` is in pixels, or in world units where `in_world` is set: what is thinner than a pixel is paler.
+        `width` is in pixels, or in world units if `in_world` is set; lines thinner than a pixel are paler.
         """
         if self.commands is not None:
             self.commands.add_lines(points, offsets, color, width, DrawSpace.WORLD if in_world else DrawSpace.SCREEN)
@@ -550,9 +550,9 @@ class Drawing:
             self.commands.add_symbols(places, corners, color, width)
 
     def position_of(self, agent_name: str, share: float = 1.0) -> tuple[float, float]:
-        """Return where an agent is shown after a share of its last move; 1.0 is where it is now.
+        """Return the position of an agent after a share of its last move; 1.0 is its current position.
 
-        While a film or a window shows a turn, drawers find the share in `data["_alpha"]`.
+        While a film or a window shows a turn, `data["_alpha"]` is this share.
 
         Raises:
             UnknownName (KeyError): there is no such agent.
@@ -625,7 +625,7 @@ def image_path(image: object) -> str:
     """Check the path of an image file.
 
     Raises:
-        BadType, BadValue: it is none, or there is no such file.
+        BadType, BadValue: the path is invalid, or the file does not exist.
     """
     if not isinstance(image, str | os.PathLike):
         raise BadType(f"An image is given by the path of its file here, not by {shown(image)}.")

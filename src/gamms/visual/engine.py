@@ -1,4 +1,4 @@
-"""The visual engine: takes every call of 1.0.0's, and draws when a picture or a film is asked for.
+"""The visual engine without a window: accepts all calls of 1.0.0, and draws only for pictures and films.
 
 `PictureEngine` is a front for four parts: `drawing` (primitives to commands), `artists`, `viewpoint` and `pictures`.
 The engine with a window is in `window/`.
@@ -31,7 +31,7 @@ _T = TypeVar("_T")
 
 
 class _Method:
-    """A method of a part that an engine offers as its own."""
+    """A descriptor that forwards to a method of a part."""
 
     def __init__(self, part: str, method: Callable[..., Any]) -> None:
         self._part = part
@@ -49,7 +49,7 @@ def _of(part: str, method: Callable[Concatenate[Any, _P], _R]) -> Callable[Conca
 
 
 class _Attribute(Generic[_T]):
-    """An attribute of a part that an engine offers as its own."""
+    """A descriptor that forwards to an attribute of a part."""
 
     def __init__(self, part: str, name: str, check: Callable[[Any, str], _T] | None = None) -> None:
         self._part = part
@@ -69,12 +69,12 @@ class PictureEngine(Surface, Guarded, IVisualizationEngine):
     """The engine without a window.
 
     Attributes:
-        after_turn: called by `simulate`, in order.
-        drawing: what drawers draw with.
-        artists: those that draw.
-        pictures: of the present state, and films.
-        turn_seconds: how long a turn is shown; 1.0.0 calls it the simulation time constant.
-        viewpoint: where pictures look.
+        after_turn: functions that `simulate` calls, in order.
+        drawing: the drawing primitives.
+        artists: the artists.
+        pictures: makes pictures of the current state, and films.
+        turn_seconds: the display time of a turn, seconds; the simulation time constant of 1.0.0.
+        viewpoint: the view of pictures.
     """
 
     _called = "ctx.visual"
@@ -99,7 +99,7 @@ class PictureEngine(Surface, Guarded, IVisualizationEngine):
 
     turn_seconds = _Attribute[float]("pictures", "turn_seconds", as_range)
 
-    # -- drawing: 1.0.0's primitives; `drawing` has those that draw many things at once -----------------------
+    # -- drawing: 1.0.0's primitives; `drawing` can also draw many objects at once -----------------------
 
     render_text = _of("drawing", Drawing.render_text)
     render_rectangle = _of("drawing", Drawing.render_rectangle)
@@ -113,13 +113,13 @@ class PictureEngine(Surface, Guarded, IVisualizationEngine):
         """Do nothing: layers are painted with the picture."""
 
     def create_layer(self, layer_id: int, *args: object, **kwargs: object) -> None:
-        """Do nothing: a layer is there as soon as an artist is on it."""
+        """Do nothing: layers exist as soon as they have an artist."""
 
     def clear_layer(self, layer_id: int) -> None:
         """Do nothing: every picture begins empty."""
 
     def fill_layer(self, layer_id: int, *args: object, **kwargs: object) -> None:
-        """Do nothing: layers have no background of their own."""
+        """Do nothing: layers have no background."""
 
     # -- artists ---------------------------------------------------------------------------------------------
 
@@ -170,7 +170,7 @@ class PictureEngine(Surface, Guarded, IVisualizationEngine):
     def follow(self, agent_name: str, width: float) -> None:
         """Keep an agent in the center of `width` world units in pictures, frames and films, until another view is set.
 
-        When there is no such agent any more, they stay where it was last.
+        After the agent is deleted, the view stays at its last position.
 
         Raises:
             UnknownName (KeyError): there is no such agent.
@@ -187,7 +187,7 @@ class PictureEngine(Surface, Guarded, IVisualizationEngine):
 
     @property
     def is_closing(self) -> bool:
-        """Return False: there is no window that a person could close."""
+        """Return False, because there is no window to close."""
         return False
 
     def simulate(self) -> None:
@@ -221,7 +221,7 @@ class PictureEngine(Surface, Guarded, IVisualizationEngine):
 
 
 class NoEngine(PictureEngine):
-    """Takes every call of an engine with a window, and shows nothing."""
+    """Accepts all calls of an engine with a window, and shows nothing."""
 
     def __init__(self, ctx: IContext, *, simulation_time_constant: float = _TURN_SECONDS, **kwargs: object) -> None:  # noqa: ARG002 - options of other engines are no error
         super().__init__(ctx, simulation_time_constant=simulation_time_constant)

@@ -32,10 +32,10 @@ from gamms.visual.scene import Scene, whole_frame
 # of a picture that looks at a part of the map
 _DEFAULT_PX = 1280
 _DEFAULT_RATIO = 16 / 9
-_LONGEST_PX = 65_535  # as GIF counts them
+_LONGEST_PX = 65_535  # the maximum of GIF
 _FINEST_DPI = 10_000.0
 _PICTURE_BYTES = 20  # of memory per pixel, measured: the canvas, its copies and the file
-FILM_BYTES = 48  # and what an encoder keeps
+FILM_BYTES = 48  # and memory of an encoder
 
 
 Asked = tuple[int | None, int | None]
@@ -43,7 +43,7 @@ Asked = tuple[int | None, int | None]
 
 
 class PictureTarget(NamedTuple):
-    """The size that is asked of a picture, and the backend that paints it."""
+    """The requested size of a picture, and the backend that paints it."""
 
     asked: Asked
     dpi: float
@@ -149,7 +149,7 @@ def _sides(
 
 
 FRAMES_PER_TURN = 5  # a sixth of a second
-# how long the end is shown, and the card that says how it ended
+# the display times of the last frame and of the result card
 _HELD_SECONDS = 1.0
 _CARD_SECONDS = 2.5
 _MOST_SHOWN = 20 << 20  # bytes of a film that a notebook keeps
@@ -226,12 +226,12 @@ class Frames:
     """Paints the state of a context at any time between two turns, always through the same camera.
 
     Args:
-        source: of the context.
+        source: the parts of the engine.
         asked: width and height, pixels.
-        options: of the page.
-        scene: what was kept of earlier frames.
+        options: the options of the page.
+        scene: cached drawings of earlier frames.
         is_even: whether sides are rounded up to even numbers.
-        later_px: the room below the map for marks that come later.
+        later_px: space below the map for marks of later turns, pixels.
 
     Attributes:
         width, height: pixels.
@@ -357,7 +357,7 @@ class Frames:
 
 
 class Film:
-    """A film that is being made. The file appears, whole, when it ends; after an error nothing is written."""
+    """A film in progress. The complete file appears at the end; after an error no file is written."""
 
     def __init__(self, frames: Frames, plan: FilmPlan, open_films: "list[Film]") -> None:
         self.plan = plan
@@ -394,7 +394,7 @@ class Film:
             raise
 
     def finish(self) -> None:
-        """Hold the last frame, say how the game ended, and put the film in its place; without a turn, write none."""
+        """Hold the last frame, show the result card, and move the film to its path; without turns, write no file."""
         if self._writer is None:
             return
         writer, self._writer = self._writer, None
@@ -423,7 +423,7 @@ class Film:
         if self._writer is not None:
             writer, self._writer = self._writer, None
             try:
-                with suppress(OSError):  # of what is still to be written, where the disk is full
+                with suppress(OSError):  # errors of pending writes when the disk is full
                     writer.discard()
             finally:
                 self._close()

@@ -1,6 +1,6 @@
 """Fog of war: hides what a team cannot see, and dims what it has seen before.
 
-Sensors are asked again, for a recording does not hold what they saw: those of the kinds that come with GAMMS.
+The built-in sensors sense again, because recordings do not contain their views.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -33,13 +33,13 @@ from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import legend_only
 from gamms.visual.shown_turn import ShownView
 
-_OPEN = (render_base_map, render_obstacles, render_input_overlay, legend_only)  # drawers of what every team knows
+_OPEN = (render_base_map, render_obstacles, render_input_overlay, legend_only)  # drawers of public knowledge
 # as broad as in other pictures
 _STREET = 2.0
 _SLIM = 0.2
 _DOT = 0.08
 _LINE_PX = 1.5
-_DIGITS = 6  # of the coordinates by which agents and nodes are found again
+_DIGITS = 6  # rounding of coordinates, to find agents and nodes
 
 
 class Fog:
@@ -109,10 +109,10 @@ class Fog:
         look = data_of(artist).get("agent_data") if isinstance(getattr(artist, "data", None), dict) else None
         return look.name not in self.hidden if isinstance(look, AgentData) else artist.get_drawer() in _OPEN
 
-    # -- what is known ---------------------------------------------------------------------------------------
+    # -- knowledge ---------------------------------------------------------------------------------------
 
     def look(self) -> None:
-        """Ask the team's sensors where its agents are now, and hide whom they do not see."""
+        """Sense with the team's sensors at the current positions, and hide the agents that they do not see."""
         carriers = drawing_of(self._ctx).carriers
         living = [agent for agent in self._own() if agent.alive]
         sights = [carriers.sight(sensor, agent) for agent in living for sensor in _sensors_of(agent)]
@@ -146,7 +146,7 @@ class Fog:
             return True
         if is_on_node or agent.type == AgentType.AERIAL:
             return False
-        node = self._ctx.graph.graph.get_node(agent.current_node_id)  # by which sensors report it
+        node = self._ctx.graph.graph.get_node(agent.current_node_id)  # the position that sensors report
         return _rounded([node.x, node.y]) in found
 
     def _show_sights(self, sights: list[ShownView]) -> None:

@@ -1,6 +1,6 @@
-"""The font of all pictures, and how broad words are in it. The file comes with the package; nothing else is needed.
+"""The font of all pictures, and the width of texts in it. The font file is part of the package.
 
-Its letters are as broad as those of Arial, Helvetica and Liberation Sans, one of which every viewer of SVG has.
+Its letters have the widths of Arial, Helvetica and Liberation Sans; every SVG viewer has one of these.
 """
 
 import logging
@@ -12,7 +12,7 @@ from gamms.text import shown
 
 FONT = Path(__file__).parent.parent / "data" / "fonts" / "Arimo-Regular.ttf"
 FAMILIES = "Arimo, Arial, 'Liberation Sans', Helvetica, sans-serif"
-EM = 0.6875  # font size, in heights as 1.0.0 and pygame count them
+EM = 0.6875  # font size in heights, as in 1.0.0 and pygame
 MIDDLE = 0.36  # from the top of a line of words to the middle of small letters, in heights
 ASCENT = 0.8  # from the top of a line of words to its baseline, in font sizes
 
@@ -27,13 +27,13 @@ def words_width(words: str, font_px: float) -> float:
 
 
 def shortened(words: str, font_px: float, most_px: float, *, is_title: bool = False) -> str:
-    """Return as many letters of words as have room in so many pixels, the first ones, and an ellipsis.
+    """Shorten a text to a width, and end it with an ellipsis.
 
     Args:
         words: the words.
-        font_px: their height, as `render_text` counts it.
-        most_px: the room.
-        is_title: the end counts, where paths have their names; then the beginning is left out.
+        font_px: the font size, as for `render_text`.
+        most_px: the maximum width, pixels.
+        is_title: whether to remove the beginning instead of the end, where paths have their names.
     """
     if len(words) * font_px * EM * _SLIMMEST <= most_px and words_width(words, font_px) <= most_px:
         return words

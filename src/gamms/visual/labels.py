@@ -1,7 +1,7 @@
-"""Words on the map: names of agents, heights, how many stand on one node, names of streets; where they go.
+"""Labels on the map: names of agents, heights, numbers of agents on a node, and street names; and their placement.
 
-A label stands at one of eight sides of its own dot, and never on a dot, another label, what stands around the map or
-the edge of the page; one that finds no place is left out. The name of a street stands along it where it is straight and
+A label is at one of eight sides of its dot. It never covers a dot, another label, the parts around the map or the edge
+of the page; a label without a free place is omitted. The name of a street stands along it where it is straight and
 nothing else is. `Labels` and `StreetNames` remember places from frame to frame.
 """
 
@@ -43,21 +43,21 @@ LABEL_PX = 18.0
 _GAP_PX = 3.0
 _DOTS_PX = 5.0
 _APART_PX = 2.0  # other labels, and dots that touch its own
-_COMES_PX = 6.0  # what is free around a label that was left out in the frame before
+_COMES_PX = 6.0  # the free space around a label that was omitted in the previous frame
 _DIAGONAL = 0.5**0.5
 _CELL_PX = 48.0
-_MOST_COUNTED = 5000  # agents, of which those that stand on one place are counted
-_MOST_MARKS = 200  # commands of flags, goals and the like of which names are kept clear
-# so many names are easy to read, if each has so many pixels of the page
+_MOST_COUNTED = 5000  # agents; with more, agents at one place are not counted
+_MOST_MARKS = 200  # commands of flags, goals and similar signs that names avoid
+# the number of legible names, and the page pixels that each needs
 _MOST_AUTO = 30
 _AUTO_PX = 10_000.0
 
 
 def as_choice(ctx: IContext, labels: object) -> Choice:
-    """Check whose names are to be shown.
+    """Check the option `labels`: the agents whose names are shown.
 
     Raises:
-        BadType: it is no bool, "auto" or collection of names.
+        BadType: the value is not a bool, "auto" or a collection of names.
         UnknownName (KeyError): there is no such agent.
     """
     if isinstance(labels, bool) or labels == AUTO:
@@ -71,7 +71,7 @@ def as_choice(ctx: IContext, labels: object) -> Choice:
 
 
 class Label(NamedTuple):
-    """Words, where they begin, and the middle of their small letters, pixels from the upper left corner."""
+    """A text, its left end, and the vertical middle of its small letters, in pixels from the upper left corner."""
 
     words: str
     left: float
@@ -86,14 +86,14 @@ class AgentDots(NamedTuple):
 
 
 class Labels:
-    """The words beside agents, which stay at their sides of the dots from frame to frame as long as they can.
+    """The labels beside agents; each stays on the same side of its dot from frame to frame if possible.
 
     Attributes:
-        are_shown: whether there were names among them.
+        are_shown: whether the last labels included names.
     """
 
     def __init__(self) -> None:
-        self._sides: dict[tuple[str, bool], int] = {}  # of names of agents, and whether they stand at a mark
+        self._sides: dict[tuple[str, bool], int] = {}  # (name of an agent, whether it is at a mark) -> side
         self._is_first = True
         self.are_shown = False
 
@@ -111,12 +111,12 @@ class Labels:
 
         Args:
             camera: of the picture.
-            fine: how many of its pixels are one of the page.
+            fine: the number of camera pixels per page pixel.
             ctx: the context.
             artists: that have drawn the agents.
             choice: whose names are shown.
             page: where labels may be.
-            taken: where they may not.
+            taken: occupied areas.
         """
         heights = dict(_heights(ctx))
         named = _named(ctx, choice, page)
@@ -134,7 +134,7 @@ class Labels:
         if not words:
             self._sides = {}
             return []
-        # Those that were there stay; counts and heights say more than names.
+        # Earlier labels stay; counts and heights come before names.
         order = {row: (keys[row] not in self._sides, words[row] == looks[row].name, row) for row in words}
         rows = np.array(sorted(words, key=order.__getitem__))
         sizes = np.array([(words_width(words[row], LABEL_PX), EM * LABEL_PX) for row in rows.tolist()])
@@ -186,7 +186,7 @@ def _heights(ctx: IContext) -> Iterator[tuple[str, str]]:
 
 
 def dots_of(looks: Sequence[AgentData], camera: Camera, fine: float = 1.0, flyers: Iterable[str] = ()) -> AgentDots:
-    """Return the discs of drawn agents, in pixels of which the camera has `fine` in one."""
+    """Return the discs of drawn agents in page pixels; one has `fine` pixels of the camera."""
     above = set(flyers)
     columns = [(*(look.current_position or ()), *look.shift, look.size, look.least_px) for look in looks]
     is_above = np.array([look.name in above for look in looks], bool)
@@ -205,7 +205,7 @@ def dots_in(columns: FloatArray, camera: Camera, fine: float = 1.0, is_above: Bo
 def _marks(
     ctx: IContext, artists: Mapping[str, IArtist], camera: Camera, fine: float
 ) -> tuple[AgentDots, list[Rectangle]]:
-    """Return the circles of flags, goals and similar signs, and the boxes around other drawings of them, in pixels."""
+    """Return the circles of flags, goals and similar signs, and the boxes around their other drawings, in pixels."""
     marks = {name: artist for name, artist in artists.items() if getattr(artist.get_drawer(), "is_mark", False)}
     share = max((data.get("_alpha", 1.0) for data in map(data_of, marks.values())), default=1.0)
     commands = ArtistGroup(ctx, marks).commands(share) if marks else Commands().freeze()
@@ -331,7 +331,7 @@ def _touch(one: Rectangle, other: Rectangle) -> bool:
 
 
 STREET_PX = 15.0
-_CLOSE = 0.8  # pixels of a metre from which on streets have names
+_CLOSE = 0.8  # pixels per metre from which streets have names
 _NAME_AREA = 50_000.0  # pixels of the page for each name
 # from a name to the same one, and to another
 _AGAIN_PX = 320.0
@@ -347,7 +347,7 @@ _LONGEST_NAME = 60  # letters
 
 
 class StreetName(NamedTuple):
-    """Words along a street, pixels from the upper left corner."""
+    """A text along a street; positions in pixels from the upper left corner."""
 
     words: str
     x: float  # of their middle
@@ -364,7 +364,7 @@ class StreetName(NamedTuple):
 
 
 class _NamedStreets(NamedTuple):
-    """Streets with names, the greatest first, and the boxes around them."""
+    """Named streets, the largest first, and their bounding boxes."""
 
     words: list[str]
     points: list[FloatArray]  # (points, 2) each
@@ -376,11 +376,11 @@ class _NamedStreets(NamedTuple):
 
 
 class StreetNames:
-    """The names of streets, which stay where they are on the map as long as they can."""
+    """The names of streets; each stays at its place on the map if possible."""
 
     def __init__(self) -> None:
         self._places: dict[int, float] = {}  # street -> how far along it its name was, world units
-        self._known: tuple[object, list[StreetName]] = None, []  # what the last names depended on, and these
+        self._known: tuple[object, list[StreetName]] = None, []  # the inputs of the last names, and the names
 
     def placed(
         self,
@@ -391,15 +391,15 @@ class StreetNames:
         page: Rectangle,
         taken: Sequence[Rectangle],
     ) -> list[StreetName]:
-        """Return the names of the greatest streets, where the map is shown so large that they have room.
+        """Return the names of the largest streets, if the scale of the map leaves room for names.
 
         Args:
             camera: of the picture.
-            fine: how many of its pixels are one of the page.
+            fine: the number of camera pixels per page pixel.
             ctx: the context.
-            artists: that have drawn agents, of whose dots names are kept clear.
-            page: where names may be.
-            taken: where they may not.
+            artists: the artists of agents, whose dots names avoid.
+            page: the area for names.
+            taken: occupied areas.
         """
         columns = ctx.graph.columns()
         scale = camera.scale / fine
@@ -409,7 +409,7 @@ class StreetNames:
             return []
         dots = dots_in(drawn_looks(artists)[1], camera, fine)
         key = columns, camera, fine, page, tuple(taken), dots.centers.tobytes(), dots.radii.tobytes()
-        if key != self._known[0]:  # a window that rests shows many frames alike
+        if key != self._known[0]:  # a window at rest shows many equal frames
             streets = drawing_of(ctx).of_map(_named_streets)
             self._known = key, self._fresh(streets, camera._replace(scale=scale), page, taken, dots)
         return self._known[1]
@@ -444,7 +444,7 @@ class StreetNames:
 
 
 class _StraightParts(NamedTuple):
-    """Straight stretches of a street that are on the page, from end to end."""
+    """The straight parts of a street on the page, from end to end."""
 
     along: FloatArray  # (stretches,)  of their middles, pixels
     begins: FloatArray  # (stretches, 2)

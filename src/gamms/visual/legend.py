@@ -1,4 +1,4 @@
-"""Legends, and values of nodes or edges in colours that a legend explains."""
+"""Legends, and values of nodes or edges as colors with a legend."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import copy
@@ -77,7 +77,7 @@ _RIM = (255, 255, 255)
 
 
 class ColorScale(NamedTuple):
-    """A scale: its colours from low to high, and the words at its low end, middle and high end."""
+    """A color scale: colors from low to high, and labels at its low end, middle and high end."""
 
     title: str
     colors: tuple[Rgb, ...]
@@ -100,7 +100,7 @@ class LegendRows(NamedTuple):
 
     title: str
     rows: tuple[LegendRow, ...]
-    heading: str = ""  # what the values are
+    heading: str = ""  # the heading of the column of values
 
 
 Block = ColorScale | LegendRows
@@ -130,7 +130,7 @@ def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...
 
 
 def together(blocks: Iterable[Block]) -> tuple[Block, ...]:
-    """Return blocks with all rows that have no title, and no values but scores, in one, each of them once."""
+    """Merge the blocks without title, and without values other than scores, into one; equal rows appear once."""
     found = list[Block | None]()
     rows = dict[tuple[object, ...], LegendRow]()
     heading = ""
@@ -190,15 +190,15 @@ def block_from_plain(plain: dict[str, Any]) -> Block:
 
 
 class Legend:
-    """Blocks, one below the other.
+    """The layout of a legend: blocks, one below the other.
 
-    Where there is no room for all of them in a third of the width of the picture, letters are smaller. Where that is
-    not enough, the least important signs are left out, one kind after the other; colours may take 45 % of the width.
+    If the blocks do not fit a third of the width of the picture, the letters are smaller. If that is not enough, the
+    least important signs are omitted, one kind after the other; color scales may take 45 % of the width.
 
     Args:
-        blocks: from top to bottom.
-        width: of the picture, pixels.
-        height: of the room for it, pixels.
+        blocks: the blocks from top to bottom.
+        width: the width of the picture, pixels.
+        height: the available height, pixels.
 
     Attributes:
         width, height: pixels; 0.0 where there is no room for a legend, or there is nothing to explain.
@@ -249,12 +249,12 @@ def _tries(blocks: tuple[Block, ...]) -> Iterator[tuple[tuple[Block, ...], float
 
 
 class Pen:
-    """Draws at points in 96ths of an inch from the upper left corner, through a camera that looks at the world.
+    """Draws in page units, 1/96 inch from the upper left corner, through a camera of the world.
 
     Args:
-        camera: of the picture.
-        fine: how many of its pixels are a 96th of an inch.
-        ink: of words.
+        camera: the camera of the picture.
+        fine: the number of camera pixels per 1/96 inch.
+        ink: the color of texts.
     """
 
     def __init__(self, camera: Camera, fine: float, ink: Rgb) -> None:
@@ -467,7 +467,7 @@ def _width(block: Block) -> float:
 
 
 def _values_end(block: LegendRows) -> float:
-    """Return where the column of values ends; it is beside the names that have one, as broad as numbers may become."""
+    """Return the right edge of the column of values, right of the names and wide enough for growing numbers."""
     valued = [row for row in block.rows if row.value]
     if not valued:
         return 0.0
@@ -491,7 +491,7 @@ def legend_only(ctx: IContext, data: dict[str, Any]) -> None:
 legend_only.once_a_turn = True  # type: ignore[attr-defined]  # what drawers are asked for
 
 
-_FEW_COLORS = 8  # so many different ones are explained one by one
+_FEW_COLORS = 8  # up to this number of distinct colors, each has a row
 _STEPS = 64  # of a bar
 _HUNDRED = 100.0
 _HUGE = 1e7
@@ -504,9 +504,9 @@ class ColoredValues:
     Attributes:
         of: "nodes" or "edges".
         ids: (values,)
-        colors: the different colours, from low to high.
-        places: (values,) of each value's colour among `colors`.
-        legend: the bar or the rows that explain the colours; None where there is nothing to explain.
+        colors: the distinct colors, from low to high.
+        places: (values,) the index of each value's color in `colors`.
+        legend: the scale or the rows that explain the colors; None if there are no values.
     """
 
     of: str
@@ -524,15 +524,15 @@ def checked(
     span: tuple[float | None, float | None],
     title: str,
 ) -> ColoredValues:
-    """Check the values that a caller gave, and return them in colours.
+    """Check values of nodes or edges, and convert them to colors.
 
     Args:
         of: "nodes" or "edges".
-        given: id -> value; NaN leaves it out.
-        known: all ids there are.
-        cmap: the name of a colour map, or a function from a value to a colour.
-        span: the lowest and the highest value of the map; None takes it from the values.
-        title: of the legend.
+        given: id -> value; ids with NaN are omitted.
+        known: all valid ids.
+        cmap: the name of a color map, or a function from a value to a color.
+        span: the lowest and the highest value of the color map; None: the range of the values.
+        title: the title of the legend.
 
     Raises:
         BadType, BadValue: not a mapping to numbers, a function that gives no colour, or an impossible span.
@@ -558,7 +558,7 @@ def checked(
 
 
 def _numbers(values: Iterable[Any], of: str) -> FloatArray:
-    """Return numbers, NaN and infinite ones among them."""
+    """Convert values to floats; NaN and infinite values are allowed."""
     found = list(values)
     if not all(type(value) in (float, int) for value in found):
         found = [value if _is_endless(value) else as_float(value, f"A value of {of}") for value in found]
@@ -597,9 +597,7 @@ def _key_of_function(colorize: Colorize, values: FloatArray, low: float, high: f
             title, tuple(LegendRow(rgba(colorize(value))[:3], f"{value:g}") for value in distinct.tolist())
         )
     shown = distinct[np.rint(np.linspace(0, len(distinct) - 1, min(_STEPS, len(distinct)))).astype(int)]
-    if (
-        np.isfinite(distinct).all() and high > low
-    ):  # at even steps, for each step it asks for the nearest value there is
+    if np.isfinite(distinct).all() and high > low:  # the nearest existing value at even steps
         wanted = np.linspace(low, high, _STEPS)
         shown = distinct[np.abs(distinct[:, None] - wanted).argmin(axis=0)]
     return _bar(title, [rgba(colorize(value))[:3] for value in shown.tolist()], low, high)

@@ -1,7 +1,7 @@
 """Page layout: its size, the position of the map, and the parts around the map.
 
-From the top down: the title; the map with the legend at its right; the turn and what happens in it; a line with the
-scale bar, north and the note.
+From top to bottom: the title; the map, with the legend to its right; the turn and its captions; a line with the scale
+bar, the north arrow and the note.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,7 +48,7 @@ _LABEL_PX = 60.0
 _LEAST_PX = 200.0
 _NORTH_PX = 32.0
 _LEAST_HEIGHTS_PX = 120.0, 280.0  # of pages that have room for one caption, and for two
-_GROUND = 230  # alpha of what lies below words that may stand upon the map
+_GROUND = 230  # alpha of the background of texts on the map
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class PageStyle:
     note: str = ""
     background: Rgba = (*PAPER, 255)
     is_tight: bool = False
-    unit: str | None = None  # of the scale bar; None: there is none
+    unit: str | None = None  # of the scale bar; None: no scale bar
     north: bool = False
     theme: Theme = THEMES["light"]
     labels: Choice = AUTO
@@ -112,12 +112,12 @@ class Page:
     Args:
         width: pixels.
         height: pixels.
-        blocks: of the legend.
-        style: its words, and what is beside the map.
-        fine: how many pixels are a 96th of an inch, which is the unit of all that stands around the map.
+        blocks: the blocks of the legend.
+        style: the texts, and the parts around the map.
+        fine: the number of pixels per 1/96 inch, the unit of the parts around the map.
 
     Attributes:
-        legend: it has no extent where there is no room for it.
+        legend: the legend; empty if it does not fit.
         has_captions: whether there is room for what happens.
         spill: how far signs on the map reach beyond it, in 96ths of an inch.
     """
@@ -176,7 +176,7 @@ class Page:
         """Return a pen for this page."""
         return Pen(camera, self._fine, inks(self._style.background)[0])
 
-    # -- what stands around the map --------------------------------------------------------------------------
+    # -- parts around the map --------------------------------------------------------------------------
 
     def commands(self, camera: Camera, corner: Point | None = None) -> DrawCommands:
         """Return it as the camera has to see it; sizes in pixels are not `fine` yet.
@@ -233,7 +233,7 @@ class Page:
         return page, taken
 
     def captions(self, camera: Camera, bar: CaptionBar, corner: Point | None) -> DrawCommands:
-        """Return the captions of the turn, below the map, or on the map if the page has no corner for them."""
+        """Return the captions of the turn, below the map, or on the map if the page has no free corner."""
         (width, height), (left, *_, foot), lines = self._size, self._margins, self._lines
         pen = self.pen(camera)
         top = height - foot + _GAP_PX
@@ -304,13 +304,13 @@ def page_size(
     fine: float = 1.0,
     spill: Margins = NO_MARGINS,
 ) -> tuple[int, int]:
-    """Return how large a page is: as asked, and on a side without a given length as the map needs, pixels.
+    """Return the width and height of a page, pixels; a length that is not given follows from the map.
 
     Args:
-        box: the lower left and the upper right corner of the map.
-        asked: width and height; None: as the map needs. Where the style is tight, they are what it has at most.
+        box: the lower left and upper right corners of the map, world units.
+        asked: the requested width and height; None: as the map needs. If the style is tight, they are maximum values.
         blocks: of the legend.
-        style: of the page.
+        style: the style of the page.
         fine: how many pixels are a 96th of an inch.
         spill: how far signs on the map reach beyond it, in 96ths of an inch.
     """

@@ -24,13 +24,13 @@ class Pictures(Guarded):
 
     Args:
         ctx: the context.
-        drawing: what they draw with, and where pictures look.
-        artists: those that draw.
+        drawing: the drawing primitives, and the view of pictures.
+        artists: the artists.
 
     Attributes:
-        films: those that are being made.
-        width, height: of a frame, pixels.
-        turn_seconds: how long a window shows a turn.
+        films: films in progress.
+        width, height: the size of a frame, pixels.
+        turn_seconds: the display time of a turn in a window, seconds.
     """
 
     _called = "ctx.visual"
@@ -129,7 +129,7 @@ class Pictures(Guarded):
 
     @outside_of_deciding
     def as_png(self) -> bytes | None:
-        """Return the present state as a PNG file for a notebook; None where there is nothing to make it with."""
+        """Return the current state as PNG bytes for a notebook; None if no library can make it."""
         try:
             return self.picture(".png", *_NOTEBOOK_PX, fit="tight")
         except MissingExtra:
@@ -156,7 +156,7 @@ class Pictures(Guarded):
     ) -> "ByteArray":
         """Return the present state as pixels: red, green and blue from 0 to 255, (height, width, 3).
 
-        What STATIC artists drew is kept until the graph, the obstacles or their data change.
+        Drawings of STATIC artists are cached until the graph, the obstacles or their data change.
 
         Args:
             width: pixels; None: the width of the engine, 1280 unless it was given another one.
@@ -186,10 +186,10 @@ class Pictures(Guarded):
         frames_per_turn: int | None = None,
         **options: Unpack[PictureOptions],
     ) -> "Film":
-        """Film the turns that are played inside a `with` block; the suffix of `path` names the format.
+        """Film the turns that are played in a `with` block; the suffix of `path` is the format.
 
-        Each `simulate()`, and so each turn of `ctx.game`, adds frames in which the agents glide to where they are
-        now. Time is counted in frames, never by the clock. The film ends with the block or with the context.
+        Each `simulate()`, and so each turn of `ctx.game`, adds frames in which agents glide to their current positions.
+        Time is measured in frames, not by the clock. The film ends with the block or with the context.
 
         Args:
             path: `.mp4` or `.gif`; an existing file is replaced when the film has ended without an error.

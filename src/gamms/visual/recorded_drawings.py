@@ -15,7 +15,7 @@ from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import Block, block_from_plain, blocks_of, plain_block
 
 Recorded = dict[str, Any]  # `artist`, `layer`, `visible`, and, if it is visible, `commands` and `legend`
-_POINT_BYTES = 200  # of memory: columns, and what is made of them to be painted
+_POINT_BYTES = 200  # memory per point: columns, and the data painted from these
 
 
 class RecordedDrawer:
@@ -53,15 +53,15 @@ class RecordedDrawer:
 
 
 class RecordedDrawings:
-    """The drawings of a recording that is replayed, by the names of their artists; and how to record some.
+    """The drawings of a replayed recording by the names of their artists, and the recording of drawings.
 
     Args:
         ctx: the context.
 
     Attributes:
-        commands: what each artist draws.
-        starts: what some have drawn at the beginning of the turn: the same commands at other points.
-        legends: of the artists.
+        commands: artist -> draw commands.
+        starts: artist -> the same commands with the points at the beginning of the turn, for some artists.
+        legends: artist -> blocks of its legend.
     """
 
     def __init__(self, ctx: IContext) -> None:
@@ -77,8 +77,8 @@ class RecordedDrawings:
         """Set the recorded drawing of an artist.
 
         Raises:
-            BadType, BadValue, KeyError: this is no recorded drawing; nothing has changed.
-            TooLarge (BadValue): all of them would take more memory than is allowed.
+            BadType, BadValue, KeyError: the value is not a recorded drawing; nothing has changed.
+            TooLarge (BadValue): all drawings together would exceed the memory limit.
         """
         name = recorded["artist"]
         commands = recorded.get("commands")

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from pygame import Surface
 
 _STEP = 256  # px: sides are multiples of it, so that a view that grows does not need a new surface in every frame
-_LARGEST = 4_000_000  # px: 16 MB; larger ones are not kept
+_LARGEST = 4_000_000  # pixels: 16 MB; larger surfaces are not reused
 
 
 class SurfacePool:
-    """Reusable surfaces, one for each use: allocating memory costs more than painting on it."""
+    """Reusable surfaces, one for each use, because allocating memory costs more than painting."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[str, int], Any] = {}
@@ -46,7 +46,7 @@ class SurfacePool:
 
 SIDE = 128  # px of a tile
 _AHEAD = 1  # tiles around the view that are painted before they are seen
-# of all levels, the larger of: 50 MiB, or so many views
+# the memory of all levels: at least 50 MiB, or this number of views
 _MOST_TILES = 800
 _MOST_VIEWS = 4
 _SPILL_PX = 64.0  # how far outside the box of a painting something sized in pixels may reach
@@ -55,7 +55,7 @@ _LONGEST_ROW = 16  # tiles
 # how many times coarser or finer a level may be that tiles are cut out of
 _COARSEST = 16.0
 _FINEST = 4.0
-_ROUNDING_PX = 1e-3  # a camera that is nearer to whole pixels is meant to lie on them
+_ROUNDING_PX = 1e-3  # camera offsets this close to whole pixels are rounded
 _LOST = (3, 3, 3)  # of each colour, give or take one, when a surface is made smaller
 
 Place = tuple[int, int]  # column, row
@@ -76,22 +76,22 @@ class FrameBudget:
         self._is_first = True
 
     def has_time(self, seconds: float) -> bool:
-        """Return whether there is time for something that takes so long; for the first thing there always is."""
+        """Return whether there is time for a step of a given duration; always true for the first step."""
         is_first, self._is_first = self._is_first, False
         return is_first or perf_counter() + seconds < self._end
 
     def spend(self) -> None:
-        """Note that something was done, so that the next thing is not the first."""
+        """Record that the first step was done."""
         self._is_first = False
 
 
 def whole_frame() -> FrameBudget:
-    """Return the budget of a frame in which all that the camera sees is painted at once."""
+    """Return a budget without a time limit: everything in view is painted at once."""
     return FrameBudget(0.0, is_leaping=True)
 
 
 class _Area(NamedTuple):
-    """A rectangle of pixels of one level, or of tiles; right and bottom are outside."""
+    """A rectangle of pixels of one level, or of tiles; right and bottom are exclusive."""
 
     left: int
     top: int
@@ -113,11 +113,11 @@ class _Level:
     """The tiles of one scale."""
 
     def __init__(self, scale: float, phase: tuple[float, float]) -> None:
-        # by which its pixels lie right of and below whole ones
+        # the fraction by which its pixels are to the right of and below whole pixels
         self.scale = scale
         self._phase = phase
         self.tiles: dict[Place, Any] = {}  # surfaces; None is an empty one
-        self.rough: set[Place] = set()  # those that were cut out of another level
+        self.rough: set[Place] = set()  # tiles that were scaled from another level
 
     def forget(self, place: Place) -> None:
         """Remove a tile."""
@@ -142,10 +142,10 @@ class Tiles:
     """A painting as tiles, on a background, or transparent.
 
     Args:
-        painting: what is painted.
-        box: its lower left and upper right corner, in world units; None where it has no extent.
-        background: None: transparent.
-        pool: surfaces to paint on, which several paintings may share.
+        painting: the painting.
+        box: its lower left and upper right corners, world units; None if it is empty.
+        background: the color; None: transparent.
+        pool: reusable surfaces, which several paintings may share.
     """
 
     def __init__(
@@ -168,7 +168,7 @@ class Tiles:
         if budget.is_leaping:
             for place in level.rough.intersection(area.tiles().places()):
                 level.forget(place)
-        # A camera that only moves finds few tiles missing, and shows what it should at once.
+        # A camera that only pans misses few tiles, which are painted at once.
         is_settling = budget.is_zooming or not level.tiles or bool(level.rough)
         if self._fill(level, area.tiles(), may_cut_out=is_settling and not budget.is_leaping):
             budget.spend()
@@ -179,7 +179,7 @@ class Tiles:
         canvas.surface.blit(self._scaled(level, area, (camera.width, camera.height)), (0, 0), special_flags=self._flags)
 
     def is_sharp(self, camera: Camera) -> bool:
-        """Return whether all that the camera sees is painted in the scale in which it is shown."""
+        """Return whether everything in view is painted at the scale of the camera."""
         level = self._levels.get(_grid_of(camera))
         return level is not None and not level.rough.intersection(level.view(camera).tiles().places())
 
@@ -236,7 +236,7 @@ class Tiles:
             level.rough.discard(place)
 
     def _paint_rows(self, level: _Level, wanted: list[Place], budget: FrameBudget) -> None:
-        """Paint tiles in order, each with wanted tiles to its right, while there is time."""
+        """Paint tiles in order, each together with wanted tiles to its right, until the time is over."""
         waiting = set(wanted)
         for place in wanted:
             if place in waiting:
@@ -275,14 +275,14 @@ class Tiles:
         return canvas.surface
 
     def _sharpen(self, level: _Level, tiles: _Area, budget: FrameBudget) -> None:
-        """Repaint rough tiles in view, from the middle outwards, while there is time."""
+        """Repaint scaled tiles in view, from the middle outward, until the time is over."""
         middle = (tiles.left + tiles.right - 1) / 2, (tiles.top + tiles.bottom - 1) / 2
         rough = level.rough.intersection(tiles.places()) if level.rough else set()
         outwards = sorted(rough, key=lambda place: abs(place[0] - middle[0]) + abs(place[1] - middle[1]))
         self._paint_rows(level, outwards, budget)
 
     def paint_ahead(self, camera: Camera, budget: FrameBudget) -> None:
-        """Paint tiles around the view while there is time and the camera does not zoom."""
+        """Paint tiles around the view until the time is over, unless the camera zooms."""
         if budget.is_zooming:
             return
         level = self._levels[_grid_of(camera)]
@@ -293,7 +293,7 @@ class Tiles:
     # -- other levels ----------------------------------------------------------------------------------------
 
     def _cut_out(self, level: _Level, missing: list[Place]) -> list[Place]:
-        """Make tiles from those of other levels, of the nearest scale first; return tiles that cannot be made."""
+        """Make tiles by scaling tiles of other levels, nearest scale first; return the tiles that cannot be made."""
         others = [other for other in self._levels.values() if other is not level]
         others.sort(key=lambda other: max(other.scale / level.scale, level.scale / other.scale))
         for other in others:
@@ -376,8 +376,8 @@ def _around(places: list[Place]) -> _Area:
 
 
 def _rectangles(places: list[Place]) -> Iterator[_Area]:
-    """Yield areas that hold these places, each of them once, and nothing else."""
-    rows: dict[tuple[int, int], list[int]] = {}  # in which there is just this stretch of columns
+    """Partition tile positions into rectangular areas, and yield these."""
+    rows: dict[tuple[int, int], list[int]] = {}  # rows with exactly this range of columns
     for row, there in groupby(sorted(places, key=itemgetter(1, 0)), itemgetter(1)):
         for stretch in _stretches([column for column, _ in there]):
             rows.setdefault(stretch, []).append(row)
@@ -394,7 +394,7 @@ def _stretches(numbers: list[int]) -> Iterator[tuple[int, int]]:
 
 
 def _part(surface: "Surface", tiles: _Area, place: Place) -> Any:
-    """Return a tile of its own, so that it does not keep the whole surface alive."""
+    """Return a copy of a tile, so that it does not keep the whole surface alive."""
     x, y = (place[0] - tiles.left) * SIDE, (place[1] - tiles.top) * SIDE
     return surface.subsurface((x, y, SIDE, SIDE)).copy()
 
@@ -406,7 +406,7 @@ _Groups = list[tuple["_DrawRate", dict[str, IArtist], ArtistGroup]]
 
 
 class ScenePart:
-    """Artists that follow each other, as commands that are ready to be painted.
+    """Consecutive artists, as commands prepared for painting.
 
     Attributes:
         is_static: the same until the world changes.
@@ -441,7 +441,9 @@ class ScenePart:
     def matches(self, commands: DrawCommands) -> bool:
         """Return whether these commands would give the same part."""
         mine = self.painting.commands
-        if not np.array_equal(mine.points, commands.points) or mine.text != commands.text:  # what differs most often
+        if (
+            not np.array_equal(mine.points, commands.points) or mine.text != commands.text
+        ):  # the most frequent change first
             return False
         columns = ("kind", "layer", "space", "size", "width", "angle", "color", "offsets")
         return all(np.array_equal(getattr(mine, name), getattr(commands, name)) for name in columns)
@@ -451,12 +453,12 @@ _Still = tuple[list[ScenePart], Camera, Rgba, Any]  # parts, camera, background,
 
 
 class Scene:
-    """The parts of the present state, and the surfaces that save painting them.
+    """The drawings of the current state in parts, and surfaces that cache their pixels.
 
     Args:
         ctx: the context.
-        world: what else than its data a STATIC artist's drawing depends on, such as the revision of the graph.
-        tiles_turns: show in tiles what stays the same for a turn only, as is good for many frames per turn.
+        world: returns the inputs of STATIC artists besides their data, for example the revision of the graph.
+        tiles_turns: whether drawings that are constant for a turn use tiles, which is fast with many frames per turn.
     """
 
     def __init__(self, ctx: IContext, world: Callable[[], Any], *, tiles_turns: bool = False) -> None:
@@ -468,12 +470,12 @@ class Scene:
         self._grouped: tuple[Mapping[str, IArtist], int, _Groups] | None = None  # artists, their edits, and groups
         self._parts: list[ScenePart] = []
         self._before: list[ScenePart] = []
-        self._stages: list[_Still] = []  # what was painted of the parts at the back, the fewest first
+        self._stages: list[_Still] = []  # surfaces of the rear parts, smallest number of parts first
 
     def draw(self, artists: Mapping[str, IArtist], draw: Draw, *, is_new_turn: bool = True) -> None:
-        """Update to the present state: `draw` lets artists draw, and returns their commands.
+        """Update the parts to the current state; `draw` calls artists, and returns their commands.
 
-        Within a turn, static artists, and those whose drawer has a true attribute `once_a_turn`, are not asked again.
+        Within a turn, static artists and artists whose drawer has a true attribute `once_a_turn` are not called again.
         """
         world = self._world()
         known = {part.key: part for part in self._parts if part.is_static}
@@ -534,15 +536,15 @@ class Scene:
             self._overlays[artists] = surface
 
     def paint(self, canvas: Canvas, camera: Camera, background: Rgba, budget: FrameBudget | None = None) -> None:
-        """Paint all of it.
+        """Paint all parts.
 
         Args:
-            canvas: what was there is painted over.
-            camera: as large as the canvas.
-            background: the colour behind everything.
-            budget: the time there is for a camera that moves; None: it rests, so that whole surfaces are kept.
+            canvas: the canvas; its content is replaced.
+            camera: a camera of the size of the canvas.
+            background: the background color.
+            budget: the time limit for a moving camera; None: the camera is at rest, and whole surfaces are cached.
         """
-        # What is the same for a turn lies on what is the same for the whole game: both are kept, and nothing else.
+        # Parts that are constant for a turn are above parts that are constant for the game; only these two are cached.
         stops = set() if budget else {_leading(part.is_static for part in self._parts)}
         stops |= set() if budget else {_leading(part.lasts for part in self._parts)}
         begin = self._from_stage(canvas, camera, background, stops)
@@ -550,7 +552,7 @@ class Scene:
         if begin == 0 and not (budget and self._parts[:1] == tiled[:1]):
             canvas.fill(background)
         for place, part in enumerate(self._parts[begin:], begin):
-            if part in tiled and (budget or place):  # at the back, a whole surface is kept
+            if part in tiled and (budget or place):  # rear parts are cached as a whole surface
                 part.show(canvas, camera, None if place else background, budget or whole_frame(), self._pool)
             else:
                 part.paint(canvas, camera)
@@ -564,11 +566,11 @@ class Scene:
                 part.tiles.paint_ahead(camera, budget)
 
     def is_sharp(self, camera: Camera) -> bool:
-        """Return whether everything is painted in the scale in which it is shown."""
+        """Return whether all parts are painted at the scale of the camera."""
         return all(part.tiles is None or part.tiles.is_sharp(camera) for part in self._parts)
 
     def _is_tiled(self, part: ScenePart, *, is_moving: bool) -> bool:
-        """Return whether a part is so much, and stays the same for so long, that it is better kept than repainted."""
+        """Return whether a part is so large, and constant for so long, that caching its pixels pays."""
         is_kept = part.is_static or (part.lasts if self._tiles_turns else is_moving and part.is_old)
         return part.is_much and is_kept
 
@@ -599,7 +601,7 @@ def _are_first(parts: list[ScenePart], others: list[ScenePart]) -> bool:
 
 
 class _DrawRate(Enum):
-    """The draw frequency of artists: never again, each turn, or each frame."""
+    """The draw frequency of artists: once, each turn, or each frame."""
 
     STATIC = "when the world changes"
     TURN = "once a turn"
@@ -607,7 +609,7 @@ class _DrawRate(Enum):
 
 
 def _group_key(item: tuple[str, IArtist]) -> tuple[_DrawRate, int, Drawer | None]:
-    """Return the key of the artists that form one part: those that change together."""
+    """Return the key of the part of an artist; artists with equal keys change together."""
     artist = item[1]
     if artist.get_artist_type() is ArtistType.STATIC:
         return _DrawRate.STATIC, 0, None

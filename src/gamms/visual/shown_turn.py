@@ -1,4 +1,4 @@
-"""The turn that is shown: moves of agents, events, and sensor views, for drawers."""
+"""The displayed turn: moves of agents, events, and sensor views, for drawers."""
 
 from bisect import bisect_right
 from collections import deque
@@ -25,7 +25,7 @@ _Point = tuple[float, float]
 
 
 class MovePaths(NamedTuple):
-    """Polylines of moves, and how far along them each of their points lies, from 0.0 to 1.0."""
+    """Polylines of moves, and the position of each point along its polyline, from 0.0 to 1.0."""
 
     points: FloatArray  # (points, 2)
     shares: FloatArray  # (points,)
@@ -67,7 +67,7 @@ def _shares(points: FloatArray) -> FloatArray:
 
 
 class MovedAgents(NamedTuple):
-    """The agents that moved in a turn, each with the row of its path."""
+    """The agents that moved in a turn, and the row of each one's path."""
 
     rows: dict[str, int]
     paths: MovePaths
@@ -79,10 +79,10 @@ _MOST_PLACES = 1 << 20  # that are: of 100,000 agents 10 turns
 
 
 def as_turns(trails: object) -> int:
-    """Check of how many turns trails are wanted.
+    """Check the number of turns of trails.
 
     Raises:
-        BadType, BadValue: this is no number of turns that are remembered.
+        BadType, BadValue: the number is invalid, or exceeds the number of stored turns.
     """
     turns = as_int(trails, "trails")
     if not 0 <= turns <= MOST_TURNS:
@@ -103,12 +103,12 @@ def _by_name(turn: _Turn) -> tuple[dict[str, Any], dict[str, Any]]:
 
 
 class PastTurns:
-    """The ends of the last turns of a context.
+    """The moves of the last turns of a context.
 
     Attributes:
-        entries: the turns, or how agents moved in them, the latest last.
-        latest: the last one that was played here; None before the first, and after a jump.
-        count: how many turns have ended that were none of a game.
+        entries: the turns, or their moves, the latest last.
+        latest: the last turn that was played; None before the first turn, and after a jump.
+        count: the number of ended turns that belong to no game.
     """
 
     def __init__(self, ctx: IContext) -> None:
@@ -116,12 +116,12 @@ class PastTurns:
         self.entries: deque[_Turn | MovedAgents] = deque()
         self.latest: _Turn | None = None
         self.count = 0
-        self._names: Sequence[str] | None = None  # of the agents for which the number of entries is bounded
+        self._names: Sequence[str] | None = None  # of agents; their number bounds the entries
         self._state: Any = None  # of the game
         self._events = 0  # how many there were when turns were forgotten
 
     def end_turn(self) -> None:
-        """Note how a turn has ended."""
+        """Store the end of a turn."""
         # NOTE: games without pictures pay for this in every turn (benchmarks: the loop, turns).
         ctx = self._ctx
         last = self.latest
@@ -166,7 +166,7 @@ class PastTurns:
 
 
 class LastMoves:
-    """The last move of every agent, from the start of a turn's frames to their end, and where they were before.
+    """The last move of every agent during the frames of a turn, and the positions before it.
 
     Attributes:
         moves: in the turn that is shown.
@@ -185,7 +185,7 @@ class LastMoves:
         self._on_edges: tuple[Any, dict[str, _Point]] = (None, {})
 
     def past(self, turns: int) -> list[MovedAgents]:
-        """Return the moves of the last turns, so many at most, the latest first."""
+        """Return the moves of up to `turns` last turns, the latest first."""
         self._turns.forget_those_of_another_game()
         entries = self._turns.entries
         places = range(max(len(entries) - turns, 0), len(entries))
@@ -275,7 +275,7 @@ class LastMoves:
         return MovedAgents(rows, MovePaths.through(lines, [*bends.values(), *travels.values()]))
 
     def _travelled(self, before: Any, now: Any) -> FloatArray | None:
-        """Return the points between two places, at least one of them on an edge; None if the edge was removed."""
+        """Return the points between two positions, one of them or both on edges; None if the edge was removed."""
         graph = self._ctx.graph.graph
         try:
             if isinstance(before, Progress) and isinstance(now, Progress) and before.edge == now.edge:
@@ -289,9 +289,9 @@ class LastMoves:
         return np.array([*left, *entered])[:, 1:]
 
     def _part(self, place: Any, of: Callable[[float], tuple[float, float]]) -> list[tuple[float, float, float]]:
-        """Return the corners of a part of the edge that an agent is on, (share, x, y) of each; on a node, its place.
+        """Return the corners of a part of the agent's edge, (share, x, y) each; on a node, its position.
 
-        `of` gives the part from the share of the edge at which the agent is.
+        `of` returns the part, given the agent's share of the edge.
         """
         graph = self._ctx.graph.graph
         if isinstance(place, Progress):
@@ -303,7 +303,7 @@ class LastMoves:
         """Return the position of an agent after a share of its last move, from 0.0 (before it) to 1.0 (after it).
 
         Raises:
-            UnknownName (KeyError): there is no such agent, or no such node any more.
+            UnknownName (KeyError): the agent does not exist, or its node was removed.
         """
         row = self.moves.rows.get(as_key(name, "The name of an agent")) if share < 1.0 else None
         if row is not None:
@@ -385,18 +385,18 @@ class LastMoves:
 
 
 class TurnEvents:
-    """The events of `ctx.game`, or of its replay, in the turn that is shown."""
+    """The events of `ctx.game`, or of its replay, in the displayed turn."""
 
     def __init__(self, ctx: IContext, turns: PastTurns) -> None:
         self._ctx = ctx
         self._turns = turns
         self._begin = self._end = 0
-        self._shown: _Turn | None = None  # the turn of which these are the begin and the end
+        self._shown: _Turn | None = None  # the turn of `_begin` and `_end`
         self._eliminated: frozenset[str] | None = None  # of the last turn, once they are asked for
         self._ends: dict[str, bool] | None = None  # of all agents that went out, once they are asked for
 
     def go_to_turn(self) -> None:
-        """Take the last events that bear the number of the present turn for its own, after a jump to that turn."""
+        """After a jump to a turn, use the last events with its number as the events of the turn."""
         game = self._ctx.current_game
         events = () if game is None else game.events
         self._shown = self._turns.latest
@@ -414,7 +414,7 @@ class TurnEvents:
         return list(self._all()[self._begin : self._end])
 
     def _all(self) -> Sequence[dict[str, Any]]:
-        """Return all events; those of the last turn are from `_begin` to `_end`."""
+        """Return all events; the events of the last turn are from `_begin` to `_end`."""
         game = self._ctx.current_game
         latest = self._turns.latest
         events: Sequence[dict[str, Any]] = () if game is None else game.events
@@ -428,7 +428,7 @@ class TurnEvents:
         return events
 
     def of_turns(self, kind: str, turns: int) -> list[dict[str, Any]]:
-        """Return the events of that kind in the last turns, so many at most, the latest first."""
+        """Return the events of a kind in the last turns, up to a limit, the latest first."""
         events = self._all()
         game = self._ctx.current_game
         first = 0 if game is None else game.turn - turns
@@ -459,7 +459,7 @@ class TurnEvents:
 
 
 class ShownView(NamedTuple):
-    """The view of a sensor for the agent that carries it, or its last view if none does."""
+    """The view of a sensor from the agent that carries it; without a carrier, its last view."""
 
     sensor: ISensor
     carrier: str | None
@@ -492,12 +492,12 @@ class SensorCarriers:
         return bool(carriers) and not any(agent.alive for agent in carriers)
 
     def sights(self, most: int) -> list[ShownView]:
-        """Return the views of sensors that have looked; empty if there are more than the limit."""
+        """Return the views of sensors that have sensed; empty if there are more than the limit."""
         found = list(islice(self._looking(), most + 1))
         return [] if len(found) > most else [self.sight(*one) for one in found]
 
     def _looking(self) -> Iterator[tuple[Any, Any]]:
-        """Yield sensors that have looked, with each living agent that carries them, or None."""
+        """Yield the sensors that have sensed, with each living carrier, or with None."""
         game = self._ctx.current_game
         is_played = game is not None and game.turn > 0  # here or in a recording: then all have looked
         for sensor in self._ctx.sensor.sensors.values():
@@ -508,7 +508,7 @@ class SensorCarriers:
 
     def sight(self, sensor: ISensor, agent: IAgent | None) -> ShownView:
         """Return the view of a sensor for an agent, without the agent's own team; None: its last or present view."""
-        look = getattr(sensor, "view_from", None)  # a class that is no child of ISensor has none
+        look = getattr(sensor, "view_from", None)  # classes that do not inherit from ISensor have none
         place, name = (None, None) if agent is None else (agent.current_node_id, agent.name)
         try:
             view = view_of(sensor) if look is None else look(place, name)
@@ -536,7 +536,7 @@ def view_of(sensor: ISensor) -> SensorView:
         NotOffered: it has no `last_view`.
         BadType: its `last_view` returns something else.
     """
-    if not hasattr(sensor, "last_view"):  # a class that is no child of ISensor may be a sensor, too
+    if not hasattr(sensor, "last_view"):  # a sensor need not inherit from ISensor
         raise NotOffered(sensor, "last_view, so it cannot be drawn")
     view = sensor.last_view()
     if not isinstance(view, SensorView):
@@ -554,5 +554,5 @@ def _has_looked(sensor: ISensor) -> bool:
 
 
 def has_content(view: SensorView) -> bool:
-    """Return whether there is anything to draw."""
+    """Return whether a view has nodes, edges, agents or an outline."""
     return any(len(part) for part in (view.nodes, view.lines, view.agents, view.outline))

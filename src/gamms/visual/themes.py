@@ -1,4 +1,4 @@
-"""Themes: the colours of backgrounds, words, maps and teams in pictures, films and windows."""
+"""Themes: the colors of backgrounds, texts, maps and teams in pictures, films and windows."""
 
 from typing import NamedTuple
 
@@ -11,9 +11,9 @@ class WallTones(NamedTuple):
     """The colors of buildings and walls without their own color."""
 
     low: Rgb  # of the areas of the lowest buildings
-    high: Rgb  # of the areas of the highest ones; what is between is mixed
+    high: Rgb  # of the highest walls; between both, colors are interpolated
     outline: Rgb  # of areas
-    wall: Rgb  # of walls that stand around nothing
+    wall: Rgb  # of walls without a footprint
 
 
 class GroundTones(NamedTuple):
@@ -38,7 +38,7 @@ Shades = tuple[Rgb, Rgb, Rgb]  # of streets that a team has never seen, has seen
 
 
 class Theme(NamedTuple):
-    """The colours of the background, of text, of the default map, and of teams without a colour of their own."""
+    """The colors of the background, of text, of the default map, and of teams without a declared color."""
 
     background: Rgba
     ink: Rgba
@@ -107,7 +107,7 @@ def theme_called(name: object) -> Theme:
     """Return the theme of that name.
 
     Raises:
-        BadValue: there is none.
+        BadValue: the theme does not exist.
     """
     if not isinstance(name, str) or name not in THEMES:
         raise BadValue(f"Unknown theme {shown(name)}; there is: {', '.join(THEMES)}.{nearest(name, THEMES)}")

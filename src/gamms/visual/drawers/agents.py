@@ -100,7 +100,7 @@ def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
     """Draw agents on the ground together, after a share of their last moves, as `render_agent` draws each.
 
     Returns:
-        False if one of them has an image: nothing was drawn.
+        False if an agent has an image; then nothing was drawn.
     """
     visual = drawing_of(ctx)
     agents = ctx.agent.agents
@@ -171,14 +171,14 @@ def _discs(ctx: IContext, agents: _GroundAgents, discs: list[Disc], share: float
     return positions, shifts
 
 
-_SPREAD = np.array([0.0, 0.0, 0.7, 0.85, 0.95, 1.0])  # how far so many discs on one node are moved, in radii
-_MOST_SPREAD = 6  # of more on one node, those of one look are drawn as one
+_SPREAD = np.array([0.0, 0.0, 0.7, 0.85, 0.95, 1.0])  # number of discs on a node -> their distance from it, in radii
+_MOST_SPREAD = 6  # with more discs on a node, discs of the same look are drawn as one
 
 
 def _shifts(ctx: IContext, agents: _GroundAgents, share: float) -> FloatArray:
     """Return offsets in radii (agents, 2), to the right and down, that separate discs on the same node.
 
-    Those of agents that leave or come glide from where they stood to where they will.
+    The offsets of agents that leave or arrive change gradually.
     """
     visual = drawing_of(ctx)
     if not visual.has_default_look:
@@ -188,7 +188,7 @@ def _shifts(ctx: IContext, agents: _GroundAgents, share: float) -> FloatArray:
     between = visual.motion.on_edges()
     on = agents.nodes
     previous = agents.previous
-    if between:  # each of them stands alone
+    if between:  # each is alone on its node
         on, previous = np.split(np.unique(np.concatenate([on, previous]), return_inverse=True)[1], 2)
         alone = np.array([name in between for name in agents.names], bool)
         on[alone] = 2 * len(on) + np.arange(int(alone.sum()))

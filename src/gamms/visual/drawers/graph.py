@@ -75,9 +75,9 @@ _RING_PX = 11.0
 
 
 def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the ways to `data['_input_options']` (number -> node; 0 is where the agent is) and rings around them.
+    """Draw the edges to `data['_input_options']` (number -> node; 0 is the agent's node), and rings around these nodes.
 
-    `data['graph_data']`, a GraphData, says how, and `data['_ink']` in which colour instead; nothing is drawn while no
+    `data['graph_data']`, a GraphData, defines the look; `data['_ink']` overrides the color. Nothing is drawn unless a
     person is asked.
     """
     options: dict[int, int] = data.get("_input_options", {})
@@ -126,7 +126,7 @@ class Footprints(NamedTuple):
     offsets: IntArray  # (footprints + 1,)  footprint `i` is `points[offsets[i]:offsets[i + 1]]`
     heights: FloatArray  # (footprints,)  of the top edges
     types: IntArray  # (footprints,)  of obstacles
-    row_of: IntArray  # (faces,)  the footprint that a face stands around; -1 = none
+    row_of: IntArray  # (faces,)  the footprint of each face; -1 = none
 
     def chosen(self, is_chosen: BoolArray) -> tuple[FloatArray, IntArray]:
         """Return the points and offsets of some footprints."""
@@ -175,7 +175,7 @@ def _above_ground(corners: FloatArray) -> FloatArray:
 
 
 def _rings(rights: FloatArray, lefts: FloatArray) -> tuple[IntArray, list[bool]]:
-    """Return the first and last row + 1 of every ring, and whether its faces go on from right to left."""
+    """Return the first row and last row + 1 of each ring, (rings, 2), and whether its faces join from right to left."""
     found = dict.fromkeys(map(tuple, kernels.closed_rings(rights, lefts).tolist()), True)
     taken = np.zeros(len(rights), bool)
     for begin, end in found:
@@ -189,7 +189,7 @@ def _rings(rights: FloatArray, lefts: FloatArray) -> tuple[IntArray, list[bool]]
 
 
 def _bundles(outlines: list[_Outline], looks: list[list[float]]) -> list[list[int]]:
-    """Yield the rings of each footprint: the outer ring, then those of its courtyards."""
+    """Yield the rings of each footprint: the outer ring, then the rings of its courtyards."""
     bundles: list[list[int]] = []
     for ring, outline in enumerate(outlines):
         outer, *holes = bundles[-1] if bundles else [ring]
@@ -229,7 +229,7 @@ def _area(outline: _Outline) -> float:
 
 
 _STEPS = 6  # distinct tones
-# percentiles of heights: between them the tones change
+# percentiles of heights; shades vary between these
 _LOWEST = 5.0
 _TALLEST = 95.0
 _SHADE = 0.75  # of the colour of an area: its outline
@@ -239,7 +239,7 @@ def render_obstacles(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw all obstacles.
 
     `data`: `color_map` (type -> colour), `boundary_thickness` (world units); `fill` (bool): whether buildings are
-    filled, in the colour of their type or, where the map has none, in a tone that says how high they are.
+    filled, in the color of their type or, if the color map has none, in a shade that depends on their height.
 
     Faces of one type are drawn at once, the types in the order of their first face.
     """

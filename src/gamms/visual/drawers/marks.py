@@ -1,4 +1,4 @@
-"""Drawers of marks: where agents were tagged, went out of the game, or arrived.
+"""Drawers of marks on the nodes where agents were tagged, were eliminated, or arrived.
 
 A mark has the color of the agent that it is about. It stands beside the discs of agents, so that it crosses out none,
 and marks of one place stand in a row. `drawn_marks` returns them as labels need them, so that they get names.
@@ -18,17 +18,17 @@ from gamms.visual.constants import Layer
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
-TAG_TURNS = 5  # for which a tag is shown
+TAG_TURNS = 5  # that a tag is shown
 # half of a cross or a tick, and the ring around the cross of a tag
 _ARM_PX = 7.0
 _RING_PX = 8.5
 _LINE_PX = 3.0
 _EDGE_PX = 3.0
-# a disc that has no size on the map, and what is free around it
+# a disc without a size on the map, and the free space around it
 _DISC_PX = 6.0
 _GAP_PX = 2.0
 _STEP_PX = 20.0  # from a mark to the next one in a row
-_LABEL_PX = _STEP_PX / 2 + 0.5  # radius of what is kept clear for a mark; those of a row touch
+_LABEL_PX = _STEP_PX / 2 + 0.5  # radius of the free space around a mark; in a row these circles touch
 _ROW_PX = 40.0  # at most from the first mark of a row to the last one at each side
 _DOWN_PX = _DISC_PX + _GAP_PX + _RING_PX  # from the disc to the marks
 MARK_PX = _DOWN_PX + _RING_PX + _LINE_PX  # how far marks reach below the disc
@@ -92,9 +92,9 @@ def _tags(ctx: IContext, of: Collection[str] | None, out: Collection[str]) -> di
 
 
 def render_eliminated(ctx: IContext, data: dict[str, Any]) -> None:
-    """Mark where agents went out of the game: a cross, or a tick for an agent that arrived.
+    """Mark the nodes where agents left the game: a cross for an eliminated agent, a tick for an agent that arrived.
 
-    `data["out"]` says which agents are out, and for each whether it arrived; `data["colors"]` has their colors, and
+    `data["out"]` maps the agents that are out to whether each arrived; `data["colors"]` has their colors, and
     `data["size"]` is the radius of agents.
     """
     visual = drawing_of(ctx)

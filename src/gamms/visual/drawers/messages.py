@@ -17,7 +17,7 @@ _MOST = 2000  # arcs
 _OLDEST = 200  # turns that a message may have been under way
 _LINE_PX = 2.0
 _RING_PX = 11.0
-# alpha: of what is heard, and overheard
+# alpha of heard and of overheard messages
 _INK = 200
 _FAINT = 90
 _BEND = np.linspace(0.0, 1.0, 13)  # where the points of an arc are
@@ -33,8 +33,8 @@ def has_messages(ctx: IContext) -> bool:
 def render_messages(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the messages that arrive after the moves of this turn, in the colors of the senders.
 
-    `data` may have names of agents as `of`, whose messages alone are shown: what they send, hear and overhear; and as
-    `hidden`: what comes from one of them is a ring around the agent that hears it.
+    `data` may have `of`, names of agents: only messages that these send, hear or overhear are shown; and `hidden`,
+    names of agents: a message from a hidden agent is a ring around its receiver.
     """
     visual = drawing_of(ctx)
     agents = ctx.agent.agents
@@ -77,7 +77,7 @@ def _arc(start: tuple[float, float], end: tuple[float, float]) -> FloatArray:
 
 
 def legend_of_messages(ctx: IContext, of: Collection[str] | None = None) -> LegendRows | None:
-    """Return the legend rows of message arcs, if there are any; `of` is as for `render_messages`."""
+    """Return the legend rows of the message arcs that are shown; `of` is as for `render_messages`."""
     is_any = next(_arriving(ctx, of), None) is not None
     return LegendRows("", (LegendRow(SIGN, "message", sign="curve"),)) if is_any else None
 

@@ -1,6 +1,6 @@
 """Drawers of rule data: flags, territories and goals.
 
-They read `ctx.game.data`, of a game or of its replay, which has no rules. Flags are `{"bases": team -> node,
+They read only `ctx.game.data`, because replays have no rules. Flags are `{"bases": team -> node,
 "carriers": team -> name or None}`; territories are in `data["territories"]`, as `as_text` made them.
 """
 
@@ -23,10 +23,10 @@ from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
 TERRITORIES = "territories"  # in `ctx.game.data`: name -> team -> ids of its nodes, as text
-GOALS = "goals of reach"  # likewise: team -> ids of its nodes, as text
+GOALS = "goals of reach"  # in `ctx.game.data`: team -> ids of its nodes, as text
 _FLAGS = LegendRows("", (LegendRow(SIGN, "flag", sign="flag"), LegendRow(SIGN, "home of a flag", sign="base")))
 _GOALS = LegendRows("", (LegendRow(SIGN, "goal", sign="goal"),))
-_MOST = 100  # flags, territories, and teams that have them
+_MOST = 100  # the maximum numbers of flags, territories, and their teams
 _TINT = 70
 _DOT_PX = 5.0
 _BASE = np.array([(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)])  # a square
@@ -35,7 +35,7 @@ _BASE_PX = 7.5
 _AT_HOME_PX = 4.0
 _BASE_LINE_PX = 2.5
 _GOAL_PX = (11.0, 2.5), (5.5, 2.5)  # radii and widths of the rings around a goal
-_FEW_GOALS = 12  # of more of them a team has, each is a dot
+_FEW_GOALS = 12  # with more discs of a team, each is a dot
 _BAND = 0.75  # the breadth of a territory's streets, in lengths of a typical edge
 FLAG_PX = 26.0  # the height of a flag
 _POLE_PX = 2.5  # the width of its pole
@@ -79,7 +79,7 @@ def teams_of_rules(ctx: IContext) -> set[str]:
 
 
 def _first(items: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
-    """Return the first few items: no game has so many, but a hostile recording may."""
+    """Return the first items up to the limit, because a hostile recording may have any number."""
     return dict(islice(items, _MOST))
 
 
@@ -91,9 +91,9 @@ def _is_owned(value: object) -> bool:
 
 
 def render_flags(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the flags that rules keep as `data["key"]`: on their bases, or with the agents that carry them.
+    """Draw the flags that a rule stores under `data["key"]`: on their bases, or beside the agents that carry them.
 
-    `data` may have `colors` by team, and names of agents as `hidden`: a flag that one of them carries is not shown.
+    `data` may have `colors` by team, and names of agents as `hidden`: flags that hidden agents carry are not shown.
     """
     kept = flags_in(ctx).get(data["key"], {"bases": {}, "carriers": {}})
     visual = drawing_of(ctx)
@@ -119,8 +119,8 @@ class KeyedDrawer:
     """Draws the data of rules under a key; drawers with equal arguments are equal.
 
     Args:
-        key: under which it is kept.
-        colors: team -> colour; None: those of the agents where nothing else is declared.
+        key: the key in `ctx.game.data`.
+        colors: team -> color; None: the declared colors, else the colors of the agents.
     """
 
     def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
@@ -135,7 +135,7 @@ class KeyedDrawer:
 
 
 class FlagsDrawer(KeyedDrawer):
-    """Draws the flags that rules keep under a key of `ctx.game.data`; see `KeyedDrawer`."""
+    """Draws the flags under a key of `ctx.game.data`; see `KeyedDrawer`."""
 
     layer = Layer.FLAGS
     legend = _FLAGS
@@ -189,7 +189,7 @@ def in_text(text: str, ids: IntArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
 
 
 class TerritoryDrawer(KeyedDrawer):
-    """A faint band in the colour of its team along all its streets, and a disc on a node without any.
+    """Draws territories: faint bands along the streets of a team, in its color, and discs on its nodes without streets.
 
     See `KeyedDrawer` for the arguments.
     """
@@ -203,7 +203,7 @@ class TerritoryDrawer(KeyedDrawer):
         super().__init__(key, colors)
         self._name = key
         self._given = colors
-        self._seen: Any = None  # the map and the territory for which the discs were worked out
+        self._seen: Any = None  # the map and the territory of the cached discs
         self._places: dict[Any, _TeamStreets] = {}
         self._breadth = 0.0
 
@@ -223,7 +223,7 @@ class TerritoryDrawer(KeyedDrawer):
 
 
 class _TeamStreets(NamedTuple):
-    """Polylines of the streets of a team, and its nodes without any."""
+    """The streets of a team as polylines, and its nodes without streets."""
 
     points: FloatArray  # (points, 2)
     offsets: IntArray  # (streets + 1,)

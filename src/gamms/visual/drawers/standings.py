@@ -1,4 +1,4 @@
-"""Drawers of rule counts: places held or discovered, resources left, and deeds with a cooldown.
+"""Drawers of the progress of rules: held and discovered places, remaining resources, and cooldowns of deeds.
 
 They read `ctx.game.data`, of a game or of its replay: `data["held"]` is key -> {"nodes", "team", "turns", "of"},
 `data["discovered"]` key -> {"nodes", "by": team -> ids}, `data["resources"]` name -> {"full", "amounts": agent ->
@@ -160,7 +160,7 @@ def _facts_of_cooldowns(ctx: IContext) -> dict[str, list[tuple[str, Any]]]:
 
 
 def _marked(ctx: IContext, numbers: dict[Any, Any], data: dict[str, Any]) -> Iterator[tuple[IAgent, _XY, float]]:
-    """Yield the agents that are shown, where, and the number of each; none where there are too many to read."""
+    """Yield the shown agents with position and number; none if there are too many to be legible."""
     visual = drawing_of(ctx)
     share = data.get("_alpha", 1.0)
     for name, number in sorted(numbers.items()) if len(numbers) <= _MOST else ():

@@ -1,4 +1,4 @@
-"""Drawer of streets and nodes: the greater a road the broader, tunnels dashed and below, bridges above the others."""
+"""Drawer of streets and nodes: larger roads are wider, tunnels are dashed and lowest, bridges are on top."""
 
 from typing import Any, NamedTuple
 
@@ -11,8 +11,8 @@ from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, GraphData, rgba
 from gamms.visual.drawing import Drawing, drawing_of
 
-_IN_DEGREES = "EPSG:4326", "OGC:CRS84"  # maps in which lengths cannot be read off
-_FEW = 2_000  # up to so many edges streets are drawn broader
+_IN_DEGREES = "EPSG:4326", "OGC:CRS84"  # coordinate systems in degrees, whose lengths are not in metres
+_FEW = 2_000  # the number of edges up to which streets are wider
 _ID_PX = 17
 _STREET = 2.0  # metres: how broad a street of a real map is drawn
 _SLIM = 0.2  # at most so broad, in lengths of a typical edge
@@ -89,7 +89,7 @@ def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def render_tunnels(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the tunnels that `render_graph` leaves out, and the nodes in them."""
+    """Draw the tunnels, which `render_graph` omits, and their nodes."""
     look: GraphData = data["graph_data"]
     columns = ctx.graph.columns()
     visual = drawing_of(ctx)
@@ -106,7 +106,7 @@ def in_metres(columns: GraphColumns) -> bool:
 
 
 def has_tunnels(columns: GraphColumns) -> bool:
-    """Return whether there is a tunnel on a real map."""
+    """Return whether the graph is a real map with a tunnel."""
     return columns.crs is not None and bool((levels_of(columns) == _BELOW).any())
 
 
@@ -195,7 +195,7 @@ def _layer(value: object) -> int:
 
 
 def _is_so(value: object) -> bool:
-    """Return whether a tag says more than "no"."""
+    """Return whether a tag is set and is not "no"."""
     return any(map(_is_so, value)) if isinstance(value, list | tuple) else value not in (None, False, "", "no")
 
 

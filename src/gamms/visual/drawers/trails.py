@@ -1,4 +1,4 @@
-"""Drawers of trails: the ways of agents in the last turns."""
+"""Drawers of trails: the paths of agents in the last turns."""
 
 from collections.abc import Mapping
 from itertools import chain
@@ -14,7 +14,7 @@ from gamms.visual.drawing import drawing_of
 from gamms.visual.shown_turn import MovedAgents
 
 _ALPHA = 150
-# so many are drawn broad; more of them fast
+# the number of trails that are drawn wide; more are drawn thin, which is faster
 _FEW = 200
 _WIDTH_PX = 3.0
 _THIN_PX = 1.0

@@ -1,4 +1,4 @@
-"""The window: a scenario as it happens, on a screen.
+"""The window, which shows a scenario on a screen while it is played.
 
 The engine (`engine.py`, read it first) is a loop over parts, none of which knows it: keys, mouse and questions
 to people (`input.py`), the display and the pace of its frames (`display.py`), what is shown beside the artists

@@ -27,7 +27,7 @@ class Owner(Protocol):
     """The engine that a window belongs to."""
 
     def stay_open_at_exit(self) -> None:
-        """Stay open when the program has come to its end, if there is something to look at."""
+        """Keep the window open after the end of the program, if it shows something."""
 
 
 _owners: list[Owner] = []
@@ -95,7 +95,7 @@ def is_watched() -> bool:
 
 
 def _stay_open_at_exit() -> None:
-    """Keep the visible window open at exit, unless an exception has ended the program."""
+    """Keep the last window open at exit, unless an exception has ended the program."""
     if _owners and not hasattr(sys, "last_value"):
         _owners[-1].stay_open_at_exit()
 
@@ -130,16 +130,16 @@ _SPEEDS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 
 
 class FrameTiming:
-    """The frame rate of a window, and how fast turns are shown.
+    """The frame rate of a window, and the speed of turns.
 
     Args:
-        max_fps: frames per second at most while a turn is shown or a person is asked.
+        max_fps: the maximum frames per second while a turn is shown or a person is asked.
 
     Attributes:
-        clock: of the library.
-        frames: how many there were.
-        is_capped: whether frames wait for their time.
-        is_paused: whether turns stand still.
+        clock: the clock of the library.
+        frames: the number of frames so far.
+        is_capped: whether the frame rate is limited.
+        is_paused: whether the game is paused.
         is_held: whether they do as long as a person chooses one.
         is_showing: whether a turn is being shown.
         shown_seconds: how much of it was shown.
@@ -173,12 +173,12 @@ class FrameTiming:
         self._speed = min(max(self._speed + steps, 0), len(_SPEEDS) - 1)
 
     def pause(self) -> None:
-        """Pause, or go on."""
+        """Pause, or continue."""
         self.is_paused = not self.is_paused
         self.is_stepping = False
 
     def step(self) -> None:
-        """Show the turn to its end, or the next one if it is there, and stand still."""
+        """Show the rest of the turn, or the next turn if available, then pause."""
         self.is_paused = self.is_stepping = True
         self._ends_step = self.is_showing and not self._is_whole
 
@@ -191,7 +191,7 @@ class FrameTiming:
         self.clock.tick()
 
     def show_end(self) -> None:
-        """Show the end of a turn, as long as time stands still."""
+        """Show the end of a turn while the game is paused."""
         self.is_showing = True
         self.shown_seconds = inf
         self._is_whole = True
@@ -204,7 +204,7 @@ class FrameTiming:
         self.clock.tick()
 
     def share(self, turn_seconds: float) -> float:
-        """Return how much of a turn of so many seconds is shown, from 0.0 to 1.0."""
+        """Return the displayed share of a turn with a given duration, from 0.0 to 1.0."""
         if not self.is_showing or turn_seconds <= 0.0:
             return 1.0
         return min(self.shown_seconds / turn_seconds, 1.0)

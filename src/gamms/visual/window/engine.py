@@ -181,10 +181,10 @@ class WindowEngine(WindowNames, PictureEngine):
 
     @refused_while_deciding
     def set_theme(self, name: str) -> None:
-        """Show everything in the colours of another theme, "light", "dark" or "print".
+        """Change the theme: "light", "dark" or "print".
 
         Raises:
-            BadValue: there is no such theme.
+            BadValue: the theme does not exist.
         """
         theme, self._theme = theme_called(name), name
         self._background = theme.background
@@ -267,7 +267,7 @@ class WindowEngine(WindowNames, PictureEngine):
     def human_input(self, agent_name: str, state: dict[str, Any]) -> int | tuple[float, float, float]:
         """Ask a person for the action of an agent: a node, or a flight (dx, dy, dz).
 
-        Where the window is closed meanwhile, the context ends, and the agent stays.
+        If the window is closed meanwhile, the context ends, and the agent stays.
 
         Raises:
             UnknownName (KeyError): there is no such agent.
@@ -322,7 +322,7 @@ class WindowEngine(WindowNames, PictureEngine):
         game = self.ctx.current_game
         return game is not None and game.turn > 0 and game.turn == game.last_turn
 
-    # -- what is shown to whom -------------------------------------------------------------------------------
+    # -- fog and visibility -------------------------------------------------------------------------------
 
     def _see_as(self, team: str) -> None:
         """Show no more than a team knows, unless the graph was declared, or the team has no sensor."""
@@ -374,10 +374,10 @@ class WindowEngine(WindowNames, PictureEngine):
 
     @refused_while_deciding
     def seek(self, turn: int) -> None:
-        """Show how things were after so many turns of the recording that is replayed, and go on from there.
+        """Jump to the state after a number of turns of the replayed recording, and continue from there.
 
         Raises:
-            BadValue: there is no such turn, or no recording of version 3 is replayed.
+            BadValue: the turn does not exist, or no recording of version 3 is being replayed.
             RecorderBusy (RuntimeError): the replay is being recorded.
         """
         if self.playback is None or not self.playback.is_open:
@@ -406,13 +406,13 @@ class WindowEngine(WindowNames, PictureEngine):
 
     @refused_while_deciding
     def step_back(self) -> None:
-        """Show how things were a turn before, and stand still."""
+        """Jump back by one turn, and pause."""
         if self.playback is not None and self.playback.can_seek:
             self.pace.is_paused = True
             self._wanted = max(self.overlay.turns - 1, 0)
 
     def _take_timeline(self, at: tuple[float, float]) -> bool:
-        """Take a press on the line of turns; the turn that is chosen stands still as long as it is held."""
+        """Handle a press on the timeline; the chosen turn is shown while the button is held."""
         timeline = self.overlay.timeline
         if not self.overlay.foot:
             return False
@@ -432,7 +432,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self.pace.is_held = False
 
     def _frames_while(self, goes_on: Callable[[], bool]) -> None:
-        """Draw frames at their pace as long as it goes on and the window is open."""
+        """Draw frames at the frame rate while the window is open and the condition holds."""
         self.pace.is_capped = True
         try:
             while not self.ctx.is_terminated() and not self._will_quit and goes_on():
@@ -548,12 +548,12 @@ class WindowEngine(WindowNames, PictureEngine):
         return view.bound_left, view.bound_right, view.bound_top, view.bound_bottom, view.scale
 
     def resized(self, width: int, height: int) -> None:
-        """Take the new size of the window."""
+        """Adapt to a new size of the window."""
         self.screen = window_surface() or self.screen
         self.pictures.width, self.pictures.height = width, height
         self.camera.set_screen_size(width, height)
 
-    # -- what is declared ------------------------------------------------------------------------------------
+    # -- declarations ------------------------------------------------------------------------------------
 
     @as_declared(IVisualizationEngine.set_graph_visual)
     def set_graph_visual(self, **kwargs: Unpack[GraphVisual]) -> Artist:

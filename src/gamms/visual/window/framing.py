@@ -1,4 +1,4 @@
-"""Where the window looks: at the whole graph until a person moves it, and at the choices of one who is asked."""
+"""The view of the window: the whole graph until a person moves the camera, and the choices of a person who is asked."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ from gamms.visual.window.overlay import Overlay
 _CHOICES_PX = 80
 _APART_PX = 36
 _NEAREST_PX = 90
-_FOOT_PX = 16 + MARK_PX  # below a whole graph, from a mark to what stands there
+_FOOT_PX = 16 + MARK_PX  # below a whole graph, from a mark to the parts there
 _MARGINS = (40, 0.06), (40, 0.06), (84, 0.12)  # at the sides, above, below a whole graph: pixels, share of the height
 
 
@@ -24,8 +24,8 @@ class Framing:
 
     Args:
         ctx: the context.
-        camera: of the window.
-        overlay: what the graph is not to be hidden by.
+        camera: the camera of the window.
+        overlay: the overlay, which must not hide the graph.
         input: knows whether a person has moved the camera.
     """
 
@@ -57,7 +57,7 @@ class Framing:
             self._see_graph()
 
     def see_everything(self) -> None:
-        """Show the whole graph, and go on doing so when the window is resized."""
+        """Show the whole graph, also after the window is resized."""
         self._camera.is_pointed = self._input.has_moved_camera = False
         self._see_graph()
 

@@ -1,4 +1,4 @@
-"""Keys, mouse and window buttons, and the questions that a person answers with them."""
+"""Input by keys, mouse and window buttons, and the questions that a person answers."""
 
 from collections.abc import Callable, Mapping
 from types import ModuleType
@@ -124,7 +124,7 @@ def question(ctx: IContext, name: str, state: dict[str, Any]) -> Question:
     """Return the question about an agent.
 
     Raises:
-        UnknownName (KeyError): there is no such agent, or it is on no node.
+        UnknownName (KeyError): the agent does not exist, or its node does not.
     """
     agent = ctx.agent.get_agent(name)
     if agent.type == AgentType.AERIAL:
@@ -140,7 +140,7 @@ _CLICK_PX = 4.0  # a press that moves less is a click
 _CLOSEST = 2.0  # world units: half the width of the closest look that the wheel gives, where the map is not smaller
 _ACROSS = 60.0  # how many times smaller than the map
 
-_CHARACTERS = range(33, 127)  # keys that are named by what they write
+_CHARACTERS = range(33, 127)  # keys named by their character
 
 HELP = (
     "drag, W A S D or arrows: move",
@@ -160,8 +160,8 @@ class Handlers(NamedTuple):
     keys: Mapping[str, Callable[[], None]]  # by the names of keys, as in pygame
     click: Callable[[Point], None]  # on a point of the screen
     take: Callable[[Point], bool]  # press on a point of the screen that belongs to the timeline
-    drag: Callable[[Point], None]  # what was taken
-    release: Callable[[], None]  # likewise
+    drag: Callable[[Point], None]  # move of the pressed pointer
+    release: Callable[[], None]  # end of the press
     quit: Callable[[], None]
     resize: Callable[[int, int], None]  # to a width and height, pixels
     question: Callable[[], Question | None]  # that the person is asked

@@ -60,14 +60,14 @@ class Overlay(Guarded):
     Args:
         ctx: the context.
         drawing: of the window.
-        artists: those that were declared.
+        artists: the declared artists.
         camera: of the window.
-        pace: of the window.
-        theme: its colours.
+        pace: the frame timing of the window.
+        theme: the theme.
 
     Attributes:
-        hud: the text.
-        timeline: along the lower edge.
+        hud: paints the text.
+        timeline: the timeline at the lower edge.
         shown: the artists of the turn that is shown.
         trails: of how many turns the ways of agents are shown.
         most_trails: of how many, while they are.
@@ -109,13 +109,13 @@ class Overlay(Guarded):
         self.pointer: Callable[[], Point | None] = lambda: None
         self._share = 1.0
         self._pinned: str | None = None
-        self._fps = 0.0, 0, ""  # since when, how many frames there were before, and what is written
+        self._fps = 0.0, 0, ""  # start time and frame count of the measurement, and the text
         self._dismissed: int | None = None  # the turn whose card is not shown
         self._failed: Any = None
         self._hinted: tuple[str | None, dict[str, IArtist]] = None, {}  # the agent under the pointer, and its sight
 
     def set_theme(self, theme: Theme) -> None:
-        """Take other colours."""
+        """Set the theme."""
         self._scene = DefaultScene(self._ctx, theme)
         self.hud.set_theme(theme)
         self.shown = {}
@@ -143,18 +143,18 @@ class Overlay(Guarded):
         self.captions = self._captions.now(hidden).lines if self.has_captions else ()
 
     def keep_trails(self, turns: int) -> None:
-        """Show trails of so many turns; 0 shows none until they are switched on."""
+        """Set the number of turns of trails; 0 hides trails until they are switched on."""
         self.trails, self.most_trails = turns, turns or _DEFAULT_TRAILS
 
     # -- artists ---------------------------------------------------------------------------------------------
 
     def begin_turn(self) -> None:
-        """Update the artists: those of pictures, in the colors of the theme, and the trails."""
+        """Update the artists of pictures, in the colors of the theme, and the trails."""
         self.shown = self._artists.shown(self.trails, self._scene)
         self._hinted = None, {}
 
     def limit_sizes(self) -> None:
-        """Keep agents of the default look from growing with the zoom, in steps, for new sizes are new drawings."""
+        """Limit the size of default agents when zooming in, in steps, because each new size needs a new drawing."""
         step = _SIZE_STEP ** floor(log(self._camera.scale, _SIZE_STEP))
         if self._scene.limit_marks(_LARGEST_PX / step):
             self.shown = {}
@@ -184,7 +184,7 @@ class Overlay(Guarded):
 
     @refused_while_deciding
     def pin(self, at: tuple[float, float] | None) -> None:
-        """Keep the panel of the agent at a point of the screen; where there is none, or for None, keep none."""
+        """Pin the panel of the agent at a point of the screen; unpin it if there is no agent, or for None."""
         self._pinned = None if at is None else self._agent_at(at)
 
     def pointed_at(self) -> tuple[list[str], tuple[float, float], float] | None:
@@ -277,7 +277,7 @@ class Overlay(Guarded):
         """Paint names, the text that a function writes, the timeline, a person's choices, and how the game ended."""
         self._paint_names(canvas)
         lines = self.lines(write) if self.hud.is_shown else []
-        if self._ctx.is_terminated():  # by the function that writes them
+        if self._ctx.is_terminated():  # the function that makes the lines -> the lines
             return
         has_line = self.foot > 0
         foot = self.foot
@@ -311,7 +311,7 @@ class Overlay(Guarded):
         return ["paused: space goes on, . shows one turn"] if is_said else []
 
     def card(self) -> ResultCard | None:
-        """Return how the game ended; None while it goes on, or was dismissed."""
+        """Return the result of the game; None while the game runs, or after the card was dismissed."""
         if not self.is_over or self._share < 1.0 or self._dismissed == self.turns:
             return None
         reason = "end of the recording" if self.is_replay else ALL_PLAYED
@@ -319,7 +319,7 @@ class Overlay(Guarded):
 
     @refused_while_deciding
     def dismiss(self) -> bool:
-        """Show the card of the end no longer; False where there is none."""
+        """Dismiss the result card; return False if there is none."""
         is_shown = self.card() is not None
         if is_shown:
             self._dismissed = self.turns
@@ -354,12 +354,12 @@ class Overlay(Guarded):
 
     @refused_while_deciding
     def toggle_labels(self) -> None:
-        """Show names, or hide them."""
+        """Toggle the names of agents."""
         self.labels = not (self._names.are_shown if self.labels == AUTO else self.labels)
 
     @refused_while_deciding
     def toggle_trails(self) -> None:
-        """Show trails, or hide them."""
+        """Toggle trails."""
         self.trails = 0 if self.trails else self.most_trails
         self.shown = {}
 
@@ -395,8 +395,8 @@ def _summary(data: object) -> str:
     return words if len(words) <= 40 else words[:39] + "…"
 
 
-_TURNS = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.4, -2.4)  # radians, by which a number goes out of the way of others
-_OUT_PX = 18  # farther from its node, where there is no room in any of these directions
+_TURNS = (0.0, 0.5, -0.5, 1.0, -1.0, 1.6, -1.6, 2.4, -2.4)  # radians: rotations of a number to avoid others
+_OUT_PX = 18  # farther from its node, if no direction is free
 _MOST_TRIES = 6 * len(_TURNS)
 
 
@@ -415,6 +415,6 @@ def _ways(places: FloatArray) -> FloatArray:
 
 
 def _turned(way: FloatArray, step: int) -> FloatArray:
-    """Return a unit vector turned by one of the angles in which a number may be."""
+    """Return a unit vector, rotated by one of the angles at which numbers are placed."""
     cos, sin = np.cos(_TURNS[step % len(_TURNS)]), np.sin(_TURNS[step % len(_TURNS)])
     return np.array([way[0] * cos - way[1] * sin, way[0] * sin + way[1] * cos])

@@ -50,7 +50,7 @@ class Hud:
         self.legend = WindowLegend(theme)
 
     def set_theme(self, theme: Theme) -> None:
-        """Take other colours."""
+        """Set the theme."""
         self.theme = theme
         self.legend = WindowLegend(theme)
 
@@ -70,7 +70,7 @@ class Hud:
         self.taken = []
         if self.is_shown:
             right, bottom = self._panel(canvas, [_short(line) for line in lines], EDGE_PX, EDGE_PX)
-            # Right of the lines, or below them where they are too wide.
+            # To the right of the lines, or below if the lines are too wide.
             self.legend.paint(canvas, bottom if right + EDGE_PX > canvas.width - self.legend.width else 0)
             if self.legend.width:
                 self.taken.append((canvas.width - self.legend.width, 0, canvas.width, self.legend.height))
@@ -138,7 +138,7 @@ class Hud:
         height += _TITLE_PX + 2 * _PAD_PX
         left, top = (canvas.width - width) // 2, max((canvas.height - height) // 5, EDGE_PX)
         upper = [box for box in self.taken if box[1] < canvas.height / 2]
-        if any(_overlap(_box(left, top, width, height), box) for box in upper):  # in a small window: below all of them
+        if any(_overlap(_box(left, top, width, height), box) for box in upper):  # in a small window: below all lines
             top = round(max(box[3] for box in upper)) + EDGE_PX
         canvas.surface.blit(plain_panel(width, height, (*self.theme.card[:3], 245), self.theme.border), (left, top))
         begin = (canvas.width - text_px(title, _TITLE_PX) - spot) // 2
@@ -242,7 +242,7 @@ class WindowLegend:
 
     @property
     def height(self) -> int:
-        """Likewise, downwards."""
+        """Scroll the panel down."""
         return round(self._legend.height) + 3 * EDGE_PX if self._legend.height else 0
 
     def explain(self, blocks: tuple[Block, ...], width: int, height: int) -> None:

@@ -29,7 +29,7 @@ _UNMARKED = "tag", "respawned"  # kinds of events that are too many
 
 
 class TimelineMark(NamedTuple):
-    """Something that happened in a turn, and the team that it is about, by its text."""
+    """An event of a turn, and the team that it is about, as text."""
 
     turn: int
     team: str | None
@@ -41,12 +41,12 @@ class Timeline:
     """The events by turn, and the progress of the turns.
 
     Args:
-        team_of: the team of an agent, by its name; None: there is no such agent any more.
+        team_of: returns the team of an agent by name; None if the agent was deleted.
 
     Attributes:
-        turns: how many there are or will be; 0: not known, and there is no line.
+        turns: the number of turns; 0: unknown, and no timeline is shown.
         can_seek: whether a person may choose a turn.
-        scores: the last of each team.
+        scores: team -> last score.
     """
 
     def __init__(self, team_of: Callable[[str], str | None]) -> None:
@@ -105,7 +105,7 @@ class Timeline:
         return min(max((at[0] - left) / width, 0.0), 1.0)
 
     def is_button(self, at: Point) -> bool:
-        """Return whether a point of the screen is on the button that stands still and goes on."""
+        """Return whether a point of the screen is on the pause button."""
         left, top, _ = self._bar
         is_left = left - _PAD_PX - _BUTTON_PX <= at[0] < left - _PAD_PX
         return self.is_shown and self.can_seek and is_left and top <= at[1] <= top + HEIGHT_PX
@@ -126,7 +126,7 @@ class Timeline:
     def paint(
         self, canvas: Canvas, theme: Theme, colors: Mapping[str, Rgb], turn: int, done: float, *, is_running: bool
     ) -> None:
-        """Paint it above the lower edge; `done` is how many turns are shown, the last of them perhaps in part."""
+        """Paint the timeline above the lower edge; `done` is the number of shown turns, which may be fractional."""
         left, top = EDGE_PX, canvas.height - _ABOVE_EDGE_PX - HEIGHT_PX
         width = canvas.width - 2 * EDGE_PX
         if width < HEIGHT_PX:
