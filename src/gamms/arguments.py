@@ -1,4 +1,4 @@
-"""Checks of arguments: turn what a caller passed into the plain value that we store, or say what is wrong."""
+"""Checks of arguments: convert the values of callers to plain values, or raise errors that explain the mistake."""
 
 import math
 import os
@@ -52,7 +52,7 @@ def index_of(value: object) -> int:
     """Return the plain int of an integer of any type.
 
     Raises:
-        TypeError: `value` is not an integer. A bool is none, NumPy's included, which old versions take for one.
+        TypeError: `value` is not an integer; bools are refused, including NumPy's, which old NumPy versions accept.
     """
     if type(value).__name__ in ("bool", "bool_"):
         raise TypeError(value)
@@ -60,10 +60,10 @@ def index_of(value: object) -> int:
 
 
 def as_items(values: object, name: str, form: str) -> list[Any]:
-    """Return a list of what an iterable holds; `form` says what that should be, such as "integers".
+    """Return the items of an iterable as a list; `form` describes the items in messages, such as "integers".
 
     Raises:
-        BadType: it is not an iterable, or a text.
+        BadType: the value is not an iterable, or is a text.
     """
     if isinstance(values, (str, bytes)) or not isinstance(values, Iterable) or getattr(values, "ndim", 1) != 1:
         raise BadType(f"{name} must be a list of {form}, not {shown(values)} ({type(values).__name__}).")
@@ -74,8 +74,8 @@ def as_ids(values: object, name: str) -> list[int]:
     """Return a list of plain ints, from any iterable of integers, such as an array.
 
     Raises:
-        BadType: it is not an iterable, or one of them is not an integer.
-        BadValue: one of them does not fit into 64 bits.
+        BadType: the value is not an iterable, or an item is not an integer.
+        BadValue: an item does not fit into 64 bits.
     """
     of_array: Any = getattr(values, "dtype", None)
     if getattr(of_array, "kind", None) == "i" and getattr(values, "ndim", 0) == 1:
@@ -90,24 +90,24 @@ _BOUNDS = {"probabilities": (1.0, "from 0 to 1"), "weights": (math.inf, "finite 
 
 
 def as_array(given: object, name: str, form: str, shape: tuple[int, ...] | None = None) -> "Array":
-    """Return an array of what a caller passed: an array, one value, or lists of these; maybe the same array.
+    """Convert an array, a scalar or nested lists to an array, if possible without copying.
 
     Args:
-        given: what was passed.
-        name: of the argument.
+        given: the value.
+        name: the name of the argument.
         form: "integers", "booleans" or "numbers"; "probabilities" are numbers from 0 to 1, "weights" from 0 on.
-        shape: to which it must broadcast; None: any.
+        shape: the shape to which the array must broadcast; None: any.
 
     Raises:
-        BadType: it holds something else, or lists of several lengths.
-        BadValue: it has another shape, or a number is none of these.
+        BadType: the value has items of another type, or lists of different lengths.
+        BadValue: the shape is wrong, or a number is out of range.
     """
     import numpy as np
 
     kinds, dtype = _KINDS.get(form, _NUMBERS)
     try:
         array = np.asarray(given)
-    except (ValueError, TypeError):  # lists of several lengths, or what has no length
+    except (ValueError, TypeError):  # lists of different lengths, or items without a length
         array = np.empty(1, object)
     if array.dtype.kind not in kinds:
         if array.size:
@@ -122,10 +122,10 @@ def as_array(given: object, name: str, form: str, shape: tuple[int, ...] | None 
 
 
 def as_one_shape(arrays: Mapping[str, Any], shape: tuple[int, ...] | None = None) -> "list[Array]":
-    """Return arrays, by the names of arguments, broadcast to one shape, or to the one that is wanted.
+    """Broadcast arrays, by argument name, to one common or given shape.
 
     Raises:
-        BadValue: they cannot be.
+        BadValue: the shapes do not match.
     """
     import numpy as np
 
@@ -139,17 +139,17 @@ def as_one_shape(arrays: Mapping[str, Any], shape: tuple[int, ...] | None = None
 
 
 def as_numbers_of(given: object, name: str, count: int, kind: str) -> "Array":
-    """Return an array of the numbers of things, such as the rows of nodes, which are numbered from 0.
+    """Convert a value to an array of indices from 0 to `count` - 1, such as node rows.
 
     Args:
         given: what was passed.
         name: of the argument.
-        count: how many such things there are.
-        kind: what they are, such as "nodes".
+        count: the number of objects.
+        kind: the kind of the objects, such as "nodes".
 
     Raises:
-        BadType: these are no integers.
-        BadValue: there is no such thing.
+        BadType: the values are not integers.
+        BadValue: an index is out of range.
     """
     numbers = as_array(given, name, "integers")
     # NOTE: one comparison, for a negative number is a large one without its sign (benchmarks: learning).
@@ -164,7 +164,7 @@ def as_bool(value: object, name: str) -> bool:
     """Return a plain bool: 0, 1 and NumPy's bools pass.
 
     Raises:
-        BadType: it is neither true nor false.
+        BadType: the value is not a bool.
     """
     plain: object = value.item() if getattr(value, "size", 0) == 1 else value  # type: ignore[attr-defined] # NumPy's
     if not isinstance(plain, int) or plain not in (0, 1):
@@ -173,7 +173,7 @@ def as_bool(value: object, name: str) -> bool:
 
 
 def as_flag(value: object, name: str) -> bool:
-    """Return True or False; nothing else passes, 0 and 1 neither.
+    """Return a bool; unlike `as_bool`, 0 and 1 are refused.
 
     Raises:
         BadType: it is something else.
@@ -184,7 +184,7 @@ def as_flag(value: object, name: str) -> bool:
 
 
 def as_count(value: object, name: str, least: int = 1, *, hint: str = "") -> int:
-    """Return a plain int that is at least `least`; `hint` is the end of the message, such as what to give instead.
+    """Return a plain int that is at least `least`; `hint` ends the error message, for example with a valid alternative.
 
     Raises:
         BadType: `value` is not an integer.
@@ -198,10 +198,10 @@ def as_count(value: object, name: str, least: int = 1, *, hint: str = "") -> int
 
 
 def as_choice(value: object, name: str, known: Sequence[str]) -> str:
-    """Return one of a few texts.
+    """Return a text if it is one of the allowed ones.
 
     Raises:
-        BadValue: it is none of them.
+        BadValue: it is not.
     """
     if not isinstance(value, str) or value not in known:
         raise BadValue(f"{name} must be {' or '.join(map(repr, known))}, not {shown(value)}.{nearest(value, known)}")
@@ -209,10 +209,10 @@ def as_choice(value: object, name: str, known: Sequence[str]) -> str:
 
 
 def as_known(value: T, kind: str, known: Collection[Any]) -> T:
-    """Return one of the things of a kind that there are.
+    """Return a name if it is one of the known names.
 
     Raises:
-        UnknownName (KeyError): there is none of this name; the message has those that there are.
+        UnknownName (KeyError): the name is unknown; the message lists the known names.
     """
     if value not in known:
         raise UnknownName(kind, value, known)
@@ -220,10 +220,10 @@ def as_known(value: T, kind: str, known: Collection[Any]) -> T:
 
 
 def refuse_keywords(given: Iterable[str], known: Collection[str], taker: str, hint: str = "") -> None:
-    """Refuse keywords that are unknown; `hint` is the end of the message where none is much like one.
+    """Raise for unknown keywords; `hint` ends the message unless a keyword is similar to a known one.
 
     Raises:
-        BadType: there is one.
+        BadType: a keyword is unknown.
     """
     for name in given:
         if name not in known:
@@ -249,7 +249,7 @@ def names_keywords(function: Callable[P, T]) -> Callable[P, T]:
 def shown_as_called(make: Callable[P, F]) -> Callable[P, F]:
     """Let the functions that a function makes, such as rules, print as the call that made them; see `names_keywords`.
 
-    An argument `ctx`, which has to be the first, prints as that word.
+    A first argument `ctx` prints as `ctx`.
     """
     code: Any = getattr(make, "__code__", None)
     words = ["ctx"] if code.co_varnames[:1] == ("ctx",) else []
@@ -320,7 +320,7 @@ def as_range(value: object, name: str) -> float:
 
 
 def as_numbers(value: object, name: str, form: str) -> list[float]:
-    """Return as many finite numbers as `form`, such as "(x, y, z)", names.
+    """Return a list of finite floats, one for each name in `form`, such as "(x, y, z)".
 
     Raises:
         BadType: `value` is not a sequence of numbers.
@@ -391,7 +391,7 @@ def as_text(value: object, name: str, form: str = "a string") -> str:
 
     Raises:
         BadType: it is not a text.
-        BadValue: there is half a surrogate pair in it, which no file can hold.
+        BadValue: the text contains a lone surrogate, which files cannot store.
     """
     if not isinstance(value, str):
         raise BadType(f"{name} must be {form}, not {shown(value)} ({type(value).__name__}).")
@@ -402,21 +402,22 @@ def as_text(value: object, name: str, form: str = "a string") -> str:
 
 
 _VARIADIC = 0x04  # the flag of code objects that take *args
-_KEYWORDS = 0x08  # the flag of those with `**`
-_GENERATOR = 0x220  # the flags of those with a yield
+_KEYWORDS = 0x08  # the flag of code objects that take **kwargs
+_GENERATOR = 0x220  # the flags of generators
 
 
 def as_function_of(value: object, name: str, argument: str, most: int = 1) -> Any:
-    """Check that a value is a function that is called with one argument, such as a strategy or a rule.
+    """Check that a value can be called with one argument, such as a strategy or a rule.
 
     Args:
-        value: what the caller passed.
-        name: what it is to be, such as "A strategy".
-        argument: what it is called with, such as "the state".
-        most: with how many arguments it may be called instead.
+        value: the value.
+        name: its role in messages, such as "A strategy".
+        argument: the argument in messages, such as "the state".
+        most: the maximum number of arguments.
 
     Raises:
-        BadType: it cannot be called so, or makes such a function, as `gamms.rules.tag` does, and was not called.
+        BadType: the value cannot be called in this way, or it is a factory such as `gamms.rules.tag` that was not
+            called.
     """
     if not callable(value):
         hint = "; pass a function itself, without calling it." if value is None else "."
@@ -436,7 +437,7 @@ def as_function_of(value: object, name: str, argument: str, most: int = 1) -> An
 
 
 def _takes(function: Callable[..., Any], given: int) -> bool:
-    """Whether a Python function can be called with so many arguments; True for every other callable."""
+    """Return whether a Python function accepts a number of arguments; True for other callables."""
     # NOTE: from the code object, because inspect.signature takes 10 us and every agent comes here.
     bound = int(hasattr(function, "__self__"))
     plain = getattr(function, "__func__", function)
@@ -450,7 +451,7 @@ def _takes(function: Callable[..., Any], given: int) -> bool:
 
 
 def annotations_of(function: object) -> dict[str, Any]:
-    """Return the annotations of a function; none if they cannot be evaluated, which Python 3.14 does when asked."""
+    """Return the annotations of a function; {} if they cannot be evaluated, which can happen since Python 3.14."""
     try:
         return getattr(function, "__annotations__", {})
     except Exception:  # noqa: BLE001 - whatever a caller's expression raises, such as a name for type checkers alone
@@ -474,7 +475,7 @@ def signature_of(function: Callable[..., Any]) -> "Signature":
 
 
 class _DependentDefault:
-    """Stands in a signature for a default that depends on other arguments."""
+    """The default in a signature if the actual default depends on other arguments."""
 
     def __repr__(self) -> str:
         return "..."
@@ -512,7 +513,7 @@ def with_options(*inherited: type, **defaults: object) -> Callable[[Documented],
 
 
 def with_attributes(text: str, entry: str, described: Iterable[str]) -> str:
-    """Return a docstring in which the attributes of other docstrings take the place of an entry; all are dedented."""
+    """Return a dedented docstring with an entry replaced by the attributes in other docstrings."""
     parts = [one.partition("\nAttributes:\n")[2].rstrip() for one in described]
     attributes = "\n".join(filter(None, parts))
     place = re.compile(rf"^    {entry}: .*(?:\n {{5,}}.*)*", re.MULTILINE)
@@ -531,7 +532,7 @@ def as_declared(contract: Callable[..., Any]) -> Callable[[Documented], Document
 
 
 def as_member(kind: type[E], value: object) -> E | None:
-    """Return a member of an enumeration, given as such or by its name in any case; None if this is neither."""
+    """Return an enum member, given as a member or by name in any case; None if the value is neither."""
     if isinstance(value, kind):
         return value
     return kind.__members__.get(value.rpartition(".")[2].upper()) if isinstance(value, str) else None
@@ -542,7 +543,7 @@ def as_path(value: object, name: str) -> "Path":
 
     Raises:
         BadType: `value` is neither a string nor a path.
-        BadValue: no file can have such a name.
+        BadValue: the path contains characters that no file name can have.
     """
     text = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
     if not isinstance(text, str):
@@ -559,11 +560,11 @@ def as_path(value: object, name: str) -> "Path":
 
 
 def as_target(value: object) -> "Path":
-    """Return the path of a file that is to be written, into a folder that is there.
+    """Return the path of an output file, whose folder must exist.
 
     Raises:
-        BadType, BadValue: it is no path.
-        MissingFolder (FileNotFoundError): there is no such folder.
+        BadType, BadValue: the value is not a path.
+        MissingFolder (FileNotFoundError): the folder does not exist.
     """
     file = as_path(value, "path")
     if not file.absolute().parent.is_dir():
@@ -588,5 +589,5 @@ def misspelt(given: Collection[str], known: Collection[str], kind: str = "keywor
 
 @lru_cache(maxsize=64, typed=True)
 def _misspelt_hint(name: str, missing: tuple[str, ...]) -> str:
-    """Return the hint that a name is one of those that are missing; kept, as agents have the same attributes."""
+    """Return the hint that a name resembles a missing one; cached, because agents have the same attributes."""
     return nearest(name, missing, _MISSPELT)

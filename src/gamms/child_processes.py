@@ -1,4 +1,4 @@
-"""Child processes that end with the process that started them, however that ends."""
+"""Child processes that end when their parent process ends, even by a crash."""
 
 import ctypes
 import os

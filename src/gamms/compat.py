@@ -53,7 +53,7 @@ class _Alias(ModuleType):
 
     def __getattr__(self, name: str) -> Any:
         packages = _PACKAGES_OF[self.__name__]
-        if name == "__all__":  # what `from … import *` brings
+        if name == "__all__":  # the names of `from … import *`
             return [public for package in packages for public in getattr(import_module(package), name, ())]
         if name.startswith("__"):
             raise AttributeError(name)
@@ -89,7 +89,7 @@ class _OldPaths:
         return _Alias(spec.name)
 
     def exec_module(self, module: ModuleType) -> None:
-        """There is nothing to run in an alias."""
+        """Do nothing: an alias has no code."""
 
 
 OLD_NAMES = {  # names of 1.0.0 that programs of today need no longer
@@ -102,7 +102,7 @@ OLD_NAMES = {  # names of 1.0.0 that programs of today need no longer
     "ctx.sensor": "ctx terminate",
     "ctx.visual": "clear_layer create_layer ctx fill_layer get_viewport render_layer terminate",
 }
-FOR_ENGINES = {  # what engines and clients ask of each other
+FOR_ENGINES = {  # names that only engines and clients use
     "ctx": "current_game is_recording is_seeded reseed rng_state seed_uses",
     "ctx.agent": "block storage structure_version",
     "ctx.game": "fork_for_deciders internals is_deciding is_moving plain_settings settings_now",
@@ -124,12 +124,12 @@ MOVED = {
 
 
 class Surface:
-    """Mix-in: a part of `ctx`, which shows the names of today and says where others went."""
+    """Mix-in for parts of `ctx`: lists current names, and explains where removed names went."""
 
     _called: ClassVar[str]
 
     def __dir__(self) -> list[str]:
-        """Return the names of the part, without those that only engines or programs for 1.0.0 use."""
+        """Return the names of the part, except names for engines and for programs of 1.0.0."""
         hidden = f"{OLD_NAMES.get(self._called, '')} {FOR_ENGINES.get(self._called, '')}"
         return sorted({*super().__dir__()} - {*hidden.split()})
 
@@ -154,7 +154,7 @@ def install() -> None:
 
 
 def resolve(name: str) -> Any:
-    """Return what `gamms.<name>` is: a module, or a class in the place of one; None if it is not an old path.
+    """Return the object for an old import path `gamms.<name>`: a module or a class; None if the path is not old.
 
     Raises:
         NotYetAttribute: it belongs to a feature that is not built yet.

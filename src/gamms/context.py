@@ -1,4 +1,4 @@
-"""The composition root: the only module that knows every engine, builds them and wires them to one context."""
+"""The composition root: the only module that imports every engine; it builds the engines of a context."""
 
 import logging
 import os
@@ -45,12 +45,12 @@ class InternalContext(typing.IInternalContext):
 
     @property
     def compute(self) -> typing.IComputeEngine | None:
-        """Background work; None while there is no such engine."""
+        """Background work; None unless the program provides such an engine."""
         return self.compute_engine
 
     @property
     def message(self) -> typing.IMessageEngine | None:
-        """Messages between processes; None while there is no such engine."""
+        """Messages between processes; None unless the program provides such an engine."""
         return self.message_engine
 
     def terminate(self) -> None:
@@ -63,7 +63,7 @@ class InternalContext(typing.IInternalContext):
 class Context(Surface, Guarded, typing.IContext):
     """One running scenario. Usable in a `with` statement, which terminates it.
 
-    The engines are attributes, so that a program may build a context of its own engines.
+    The engines are attributes, so that a program may build a context with other engines.
     """
 
     _called = "ctx"
@@ -100,17 +100,17 @@ class Context(Surface, Guarded, typing.IContext):
 
     @property
     def agent(self) -> "agent.AgentEngine":
-        """The agent engine: creates agents and keeps them by name."""
+        """The agent engine: creates agents and stores them by name."""
         return self.agent_engine  # type: ignore[no-any-return] # a program may put its own there
 
     @property
     def graph(self) -> "graph.GraphEngine":
-        """The graph engine: the graph, its obstacles and what is visible in it."""
+        """The graph engine: the graph, its obstacles and visibility tables."""
         return self.graph_engine  # type: ignore[no-any-return] # a program may put its own there
 
     @property
     def sensor(self) -> "sensor.SensorEngine":
-        """The sensor engine: creates sensors and keeps them by name."""
+        """The sensor engine: creates sensors and stores them by name."""
         return self.sensor_engine  # type: ignore[no-any-return] # a program may put its own there
 
     @property
@@ -120,7 +120,7 @@ class Context(Surface, Guarded, typing.IContext):
 
     @property
     def visual_engine(self) -> Any:
-        """The same as `visual`; settable. One that shows nothing is made when it is first asked for."""
+        """The visual engine, settable; a `NoEngine` is created on first access if none was chosen."""
         if self._visual_engine is None and self._shows_nothing:
             with self._phase.suspended():
                 self._visual_engine = visual.NoEngine(self)
@@ -137,7 +137,7 @@ class Context(Surface, Guarded, typing.IContext):
 
     @property
     def recorder(self) -> Any:
-        """The same as `record`; settable. Made, and loaded, when it is first asked for."""
+        """The recorder, settable; created on first access."""
         if self._recorder is None:
             from gamms.recorder import Recorder
 
@@ -151,7 +151,7 @@ class Context(Surface, Guarded, typing.IContext):
 
     @property
     def is_recording(self) -> bool:
-        """Whether a recording was started and not stopped yet, or is being replayed."""
+        """Whether a recording is being written or replayed."""
         recorder = self._recorder
         if recorder is None:
             return False
@@ -159,7 +159,7 @@ class Context(Surface, Guarded, typing.IContext):
 
     @property
     def game(self) -> "Game":
-        """The turn engine; the paper's own loop works beside it."""
+        """The turn engine, created on first access; loops without it, as in the paper, work too."""
         if self._game is None:
             from gamms.game import Game
 
@@ -169,7 +169,7 @@ class Context(Surface, Guarded, typing.IContext):
 
     @property
     def current_game(self) -> "Game | None":
-        """The game that was begun, if there is one; unlike `ctx.game`, asking for it begins none."""
+        """The turn engine if `ctx.game` was used before, else None."""
         return self._game
 
     @property
@@ -179,7 +179,7 @@ class Context(Surface, Guarded, typing.IContext):
 
     @property
     def internal_context(self) -> Any:
-        """The same as `ictx`; settable."""
+        """The internal context, settable; `ictx` is the same."""
         self._phase.refuse("use ctx.ictx")
         return self._internal_context
 
@@ -189,7 +189,7 @@ class Context(Surface, Guarded, typing.IContext):
 
     @property
     def logger(self) -> typing.ILogger:
-        """Where messages go; settable to any object with the verbs of `ILogger`."""
+        """The logger; settable to any object with the methods of `ILogger`."""
         return self._logger  # type: ignore[no-any-return] # checked when it is set
 
     @logger.setter
@@ -201,7 +201,7 @@ class Context(Surface, Guarded, typing.IContext):
 
     @property
     def seed(self) -> int:
-        """The seed of all random streams of this context; not for strategies, which could foretell what others draw."""
+        """The seed of all random streams; hidden from strategies, which could predict the draws of others."""
         if self._phase.agent is not None:
             self._phase.refuse("read ctx.seed, from which all draws of others follow")
         self.__dict__["_seed_uses"] += 1  # NOTE: without the guard, which each turn asks (benchmarks: turns)
@@ -209,12 +209,12 @@ class Context(Surface, Guarded, typing.IContext):
 
     @property
     def seed_uses(self) -> int:
-        """How often the seed or a stream of it was read: what is made without follows from no seed."""
+        """The number of times that the seed or a stream was read, which shows whether something depends on the seed."""
         return self._seed_uses
 
     @property
     def rng(self) -> "Generator":
-        """The scenario's own random stream; not for strategies, which have `state['rng']`."""
+        """The random stream of the scenario; hidden from strategies, which use `state['rng']`."""
         self._phase.refuse("draw from ctx.rng, which all share instead of state['rng']")
         if self._rng is None:
             self._rng = self.stream("context")
@@ -222,13 +222,13 @@ class Context(Surface, Guarded, typing.IContext):
 
     @refused_while_deciding
     def reseed(self, seed: int, rng_state: Mapping[str, Any] | None = None) -> None:
-        """Let all that is drawn from now on follow from another seed, what agents draw included.
+        """Derive all further random draws, including those of agents, from another seed.
 
-        The start of the game stays as it was drawn.
+        Values that were drawn at the start of the game stay.
 
         Args:
             seed: the same seed gives the same random streams.
-            rng_state: a state that `rng_state` returned, from which `rng` goes on.
+            rng_state: a state returned by `rng_state`, from which `rng` continues.
         """
         last = self._seed
         # NOTE: at once, without asking for each who may set it (benchmarks: a plain rule).
@@ -246,12 +246,12 @@ class Context(Surface, Guarded, typing.IContext):
 
     @refused_while_deciding
     def stream(self, *names: str | int) -> "Generator":
-        """Return the random stream of one purpose: same seed and names, same draws, whatever else is drawn.
+        """Return the random stream of one purpose; it depends only on the seed and the names.
 
         For example `ctx.stream("agent", name)` for an agent, `ctx.stream("weather", turn)` for a turn.
 
         Raises:
-            BadType: a name that is neither a string nor an integer, and may differ from run to run.
+            BadType: a name is neither a string nor an integer.
         """
         self._seed_uses += 1
         plain = (str(name) if isinstance(name, str) else as_int(name, "The name of a stream") for name in names)
@@ -262,10 +262,10 @@ class Context(Surface, Guarded, typing.IContext):
         """Return a context with the same map and copies of the agents and sensors, for `ctx.game.fork`.
 
         Args:
-            seed: of all its streams.
+            seed: the seed of the new context.
 
         Returns:
-            The context, and what takes the place of which objects there, by `id()`; see `copy.deepcopy`.
+            The context, and the memo of `copy.deepcopy`: `id()` of a replaced object -> its replacement.
         """
         ahead = Context(InternalContext(memory_engine=memory.MemoryEngine()), logger=self._logger)
         ahead._seed, ahead.is_seeded = seed, self.is_seeded
@@ -298,7 +298,7 @@ class Context(Surface, Guarded, typing.IContext):
 
     @refused_while_deciding
     def terminate(self) -> None:
-        """End the scenario: close all engines, in the order in which they depend on each other."""
+        """End the scenario: close all engines, each before the engines that it depends on."""
         if not self._alive:
             return
         if self._game is not None:
@@ -317,11 +317,11 @@ class Context(Surface, Guarded, typing.IContext):
         self._alive = False
 
     def _repr_png_(self) -> bytes | None:
-        """Return the present state for notebooks; None where it cannot be drawn as PNG."""
+        """Return the current state as PNG for notebooks; None if it cannot be drawn."""
         return self._shown(lambda drawn: drawn.pictures.as_png())  # type: ignore[no-any-return] # of any engine
 
     def _repr_html_(self) -> str | None:
-        """Return the same as SVG where PNG cannot be made; else None."""
+        """Return the current state as SVG for notebooks, if PNG is not available; else None."""
         return None if self._repr_png_() is not None else self._shown(lambda drawn: drawn.pictures.as_html())
 
     def _shown(self, show: Callable[[Any], Any]) -> Any:
@@ -339,7 +339,7 @@ class Context(Surface, Guarded, typing.IContext):
         return f"Context({seed}nodes={len(self.graph.graph)}, agents={len(self.agent.agents)}, turn={turn})"
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Context":
-        """Return a fork that draws what this context and its game draw, without recorder and window.
+        """Return a fork with random streams that draw the same numbers, without recorder and window.
 
         Raises:
             SnapshotError: a turn is being played.
@@ -395,7 +395,7 @@ def create_context(
     graph_path: str | os.PathLike[str] | None = None,
     game: dict[str, Any] | None = None,
 ) -> Context:
-    """Open a context with all its engines; these are given as members, or by their names: `vis_engine="pygame"`.
+    """Create a context with all its engines; engines are given as enum members or names, such as `vis_engine="pygame"`.
 
     Args:
         graph_engine: MEMORY writes nothing to disk unless asked; SQLITE also keeps the graph in a database file.
@@ -403,18 +403,18 @@ def create_context(
             the game; WEB serves it to browsers.
         vis_kwargs: keywords of the visual engine.
         logger_config: arguments of `logging.basicConfig`; `level` defaults to $GAMMS_LOG_LEVEL, then INFO.
-        seed: the same seed gives the same random streams; None draws one.
-        graph_path: the database file of SQLITE; an existing one is opened. None: one in memory.
+        seed: the seed of all random streams; None: a random seed.
+        graph_path: the database file of SQLITE, which is opened if it exists; None: a database in memory.
         game: settings of the turn engine, such as `{"on_error": "stay"}`; see `gamms.game.Settings`.
 
     Raises:
         UnknownType (ValueError): an unknown graph engine.
         NoDisplay (RuntimeError): there is no screen for a window.
         MissingExtra (ImportError): a library that the visual engine needs is not installed.
-        UnknownName (KeyError): there is no such setting of the turn engine.
+        UnknownName (KeyError): `game` has an unknown setting.
         UnknownEngine (NotImplementedError): an unknown visual engine.
         BadValue, BadType: a bad seed, or a `graph_path` without SQLITE.
-        BadFile (ValueError): `graph_path` is something else than a graph's database.
+        BadFile (ValueError): `graph_path` is not the database of a graph.
     """
     keywords = _keywords(vis_kwargs, "vis_kwargs")
     graph_engine = as_member(graph.Engine, graph_engine) or graph_engine
@@ -445,7 +445,7 @@ contexts.register("gamms")(create_context)
 
 
 def _call_each(verbs: list[Callable[[], object]]) -> None:
-    """Call the last one first, and all of them even when one raises."""
+    """Call all functions, the last one first, even if some raise."""
     if verbs:
         try:
             verbs.pop()()
@@ -499,6 +499,6 @@ def _configured_logger(config: dict[str, Any]) -> logging.Logger:
 
 
 def _made_printable(record: logging.LogRecord) -> bool:
-    """Remove control codes from a message, such as those in the name of a file."""
+    """Remove control characters from a log message, for example from the name of a file in it."""
     record.msg, record.args = printable(record.getMessage()), None
     return True

@@ -1,4 +1,4 @@
-"""The part of a turn in which strategies decide: nothing may be changed then, and what can be read is read-only.
+"""The phase of a turn in which strategies decide: the game cannot be changed, and all values are read-only.
 
 A `DecidePhase` belongs to a context and is shared by its engines. The turn engine sets its `agent` while a strategy or
 a plan runs. A verb that changes something is marked with `@refused_while_deciding`, a class whose attributes may not be
@@ -25,11 +25,11 @@ Method = TypeVar("Method", bound=Callable[..., Any])
 
 
 class Deciders(NamedTuple):
-    """What decides for several agents at once, or for agents that are awaited; or what may make a strategy."""
+    """A decider other than a strategy of one agent: a plan, awaited strategies, or a function that may make one."""
 
     described: str  # at the beginning of a sentence, such as "The plan of team 'red'"
-    names: tuple[str, ...]  # of the agents
-    is_maker: bool = False  # whether it is called to see whether it makes a strategy
+    names: tuple[str, ...]  # the names of the agents
+    is_maker: bool = False  # whether it is called to find out whether it returns a strategy
 
 
 AWAITED = Deciders("A strategy that is awaited", ())
@@ -37,20 +37,20 @@ _of_task: ContextVar[tuple[Any, Any]] = ContextVar("gamms_decider", default=(Non
 
 
 class DecidePhase:
-    """Which agents of a context decide.
+    """The state of the decision phase of a context: the agents that decide now.
 
     Attributes:
-        agent: the one whose strategy is running, or `Deciders`; AWAITED: each asyncio task decides for the agents that
-            it was begun with by `decide_in_this_task`; None: no strategy is running. Any: the agent engine's own class.
-        moment: in which the world cannot change, as agents decide about what built-in sensors show, equal to no other
-            one; None: it can.
-        setting_changes: how often a setting of the game was set.
-        sensor_changes: how often a setting of a sensor was set, or a sensor came or went.
-        owner_changes: how often the owner of a sensor was set.
-        strategy_changes: how often the strategy of an agent was set.
-        known_names: the attributes of agents that were set and need no look again.
-        agent_kinds: class of agents -> its subclass that has the attributes of this context.
-        before_reading: called before an attribute of an agent is read that may be changed in place.
+        agent: the agent whose strategy is running, or `Deciders`; AWAITED: asyncio tasks decide, each for the agents
+            set by `decide_in_this_task`; None: no strategy is running. Any: the class depends on the agent engine.
+        moment: a unique object while the world cannot change, because agents with built-in sensors decide; None: the
+            world may change.
+        setting_changes: the number of changes of game settings.
+        sensor_changes: the number of changes of sensor settings, and of added and removed sensors.
+        owner_changes: the number of changes of sensor owners.
+        strategy_changes: the number of changes of agents' strategies.
+        known_names: attributes of agents that were checked for misspellings already.
+        agent_kinds: class of agents -> its subclass with the attributes of this context.
+        before_reading: called before reading an attribute of an agent that could be changed in place.
     """
 
     __slots__ = (
@@ -67,11 +67,11 @@ class DecidePhase:
         self.setting_changes = self.sensor_changes = self.owner_changes = self.strategy_changes = 0
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "DecidePhase":
-        """Copy what belongs to a context, such as its graph, as part of one in which no agent decides."""
+        """Return a new phase in which no agent decides, for copies of parts of a context."""
         return DecidePhase()
 
     def decide_in_this_task(self, agent: object) -> None:
-        """Set for which agent or `Deciders` this asyncio task and those that it starts decide."""
+        """Set the agent or `Deciders` for which this asyncio task, and tasks started by it, decide."""
         _of_task.set((self, agent))
 
     def names(self) -> tuple[str, ...]:
@@ -102,7 +102,7 @@ class DecidePhase:
 
     @contextmanager
     def suspended(self, *, changes_world: bool = True) -> Iterator[None]:
-        """Run the own code of the program on behalf of a strategy, such as a drawer; or ours that only reads."""
+        """Lift the restrictions while a strategy runs: for code of the program such as drawers, or read-only code."""
         agent, self.agent = self.agent, None
         if changes_world:
             self.moment = None
@@ -112,11 +112,11 @@ class DecidePhase:
             self.agent = agent
 
 
-UNDECIDED = DecidePhase()  # of what belongs to no context: no agent ever decides
+UNDECIDED = DecidePhase()  # the phase of objects without a context, in which no agent ever decides
 
 
 def phase_of(ctx: object) -> DecidePhase:
-    """Return the phase of a context; of a context of another class one in which no agent ever decides."""
+    """Return the phase of a context; for foreign context classes, a phase in which no agent ever decides."""
     phase = getattr(ctx, "_phase", None)
     return phase if isinstance(phase, DecidePhase) else UNDECIDED
 
@@ -151,7 +151,7 @@ class Guarded(Shareable):
 
 
 class ContextPart(Guarded):
-    """Mix-in: a part of a context, of which only a copy of the context makes copies."""
+    """Mix-in: a part of a context, which is copied only together with the context."""
 
     __slots__ = ()
 
@@ -164,8 +164,8 @@ def copied_part(part: PartOfContext, memo: dict[int, Any]) -> PartOfContext:
     """Return a copy of a part for a copy of its context.
 
     Args:
-        part: what is copied.
-        memo: what takes the place of which objects there, by `id()`, see `copy.deepcopy`; it gets the copy.
+        part: the part.
+        memo: the memo of `copy.deepcopy`, to which the copy is added.
     """
     kind = type(part)
     twin = memo[id(part)] = kind.__new__(kind)
@@ -187,7 +187,7 @@ def refused_while_deciding(method: Method) -> Method:
 
 
 def outside_of_deciding(method: Method) -> Method:
-    """Let a verb that only reads run the program's own code, such as drawers, as if no strategy were running."""
+    """Decorate a read-only method that calls code of the program, such as drawers, to lift the restrictions."""
 
     @wraps(method)
     def suspending(self: Guarded, /, *args: object, **kwargs: object) -> Any:
@@ -200,11 +200,11 @@ def outside_of_deciding(method: Method) -> Method:
 
 
 class Protected(Generic[T]):
-    """An attribute of a `Guarded` object, of whose value strategies see a read-only copy.
+    """An attribute of a `Guarded` object; strategies see a read-only copy of its value.
 
     Args:
-        kind: what its value must be; a class, or several as `dict | None`.
-        part: the attribute of the object that holds the value under the same name; None: the object itself does.
+        kind: the required type of the value, such as `dict | None`.
+        part: the attribute of the object on which the value is stored under the same name; None: the object itself.
     """
 
     def __init__(self, kind: type | UnionType, part: str | None = None) -> None:

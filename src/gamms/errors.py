@@ -88,7 +88,7 @@ def _searchable(name: object) -> str:
 
 
 class UnknownName(GammsError, KeyError):
-    """A name or id that nothing has."""
+    """An unknown name or id."""
 
     def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
         super().__init__(f"Unknown {kind} {shown(name)}.{_way_out(name, known)}")
@@ -122,11 +122,11 @@ def _way_out(name: object, known: Iterable[object]) -> str:
 
 
 class UnknownType(GammsError, ValueError):
-    """A type that this call does not know."""
+    """An unknown type."""
 
 
 class UnknownEngine(GammsError, NotImplementedError):
-    """A visual engine that is not there."""
+    """An unknown visual engine."""
 
 
 class Duplicate(GammsError, ValueError):
@@ -158,11 +158,11 @@ class BadFile(GammsError, ValueError):
 
 
 class TooLarge(BadFile, BadValue):
-    """What a file holds, or a file or call declares, takes more memory than is allowed."""
+    """A file or a call needs more memory than is allowed."""
 
 
 class NoPath(GammsError, ValueError):
-    """No path leads from one node to another."""
+    """There is no path between two nodes."""
 
     def __init__(self, source: int, target: int) -> None:
         super().__init__(
@@ -194,7 +194,7 @@ def install_command(*extras: str) -> str:
 
 
 def _libraries(extra: str, declared: list[str]) -> Iterator[str]:
-    """Yield the requirements of an extra, and those of the extras that it names."""
+    """Yield the requirements of an extra, including the extras that it refers to."""
     for line in declared:
         requirement, _, marker = line.partition(";")
         if extra not in marker.replace("'", '"').split('"'):
@@ -208,7 +208,7 @@ def _libraries(extra: str, declared: list[str]) -> Iterator[str]:
 
 
 class NoDisplay(GammsError, RuntimeError):
-    """A window is asked for where none can be opened."""
+    """A window cannot be opened, because there is no display."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(
@@ -219,62 +219,62 @@ class NoDisplay(GammsError, RuntimeError):
 
 
 class PlaceError(GammsError, ValueError):
-    """A place that is unknown, or has no map."""
+    """A place is unknown, or has no map."""
 
 
 class NetworkError(GammsError, ConnectionError):
-    """A map server that cannot be reached, is busy, or answers with nonsense."""
+    """A map server cannot be reached, is busy, or sends an invalid answer."""
 
 
 class NotOffered(GammsError, NotImplementedError):
-    """A call that a class of the caller's may override, and does not."""
+    """An optional method is called that a user's class does not override."""
 
     def __init__(self, asked: object, call: str) -> None:
         super().__init__(f"{type(asked).__name__} does not offer {call}: override it in the class.")
 
 
 class NotYet(GammsError, NotImplementedError):
-    """A feature that is announced and not built yet."""
+    """A feature that is announced and not implemented yet."""
 
     def __init__(self, feature: str) -> None:
         super().__init__(f"Not in this version of GAMMS yet: {feature}.")
 
 
 class NotYetImportable(NotYet, ImportError):
-    """A name that belongs to a feature that is not built yet."""
+    """A name of a feature that is not implemented yet."""
 
 
 class NotYetAttribute(NotYet, AttributeError):
-    """A name that belongs to a feature that is not built yet, so that `hasattr` says False."""
+    """An attribute of a feature that is not implemented yet; `hasattr` returns False."""
 
 
 class MissingKey(GammsError, KeyError):
-    """A dict or call without something it needs."""
+    """A required key or argument is missing."""
 
 
 class MissingFolder(GammsError, FileNotFoundError):
-    """A file is to be written into a folder that is not there."""
+    """The folder of an output file does not exist."""
 
     def __init__(self, path: object, folder: object) -> None:
         super().__init__(f"There is no folder {str(folder)!r} to write {str(path)!r} into. Create it first.")
 
 
 class MissingFile(GammsError, FileNotFoundError):
-    """A file that is to be read is not there."""
+    """An input file does not exist."""
 
     def __init__(self, what: str, path: object) -> None:
         super().__init__(f"There is no file {str(path)!r} for {what}.")
 
 
 class Outdated(GammsError, RuntimeError):
-    """An answer that was computed before something changed."""
+    """A computed result is outdated, because its inputs have changed."""
 
     def __init__(self, change: str, way_out: str) -> None:
         super().__init__(f"This no longer holds: {change}. Call {way_out} again.")
 
 
 class WriteConflict(GammsError, RuntimeError):
-    """A file that another program has written since it was read."""
+    """Another program has written a file since it was read."""
 
 
 class ReservedName(GammsError, AttributeError):
@@ -289,11 +289,11 @@ class ReservedName(GammsError, AttributeError):
 
 
 class IllegalMutation(GammsError, RuntimeError):
-    """A strategy tries to change something otherwise than by its action."""
+    """A strategy tried to change something other than through its action."""
 
 
 class ContextTerminated(GammsError, AttributeError):
-    """The context has ended; its graph is gone and nothing can be created in it."""
+    """The context is terminated; its graph is closed, and nothing can be created in it."""
 
     def __init__(self, wanted: str) -> None:
         super().__init__(f"The context is terminated: {wanted} is no longer there. Create a new context.")

@@ -1,11 +1,11 @@
-"""How much memory a file may take: what it holds in proportion to its size, what it declares up to one bound.
+"""Memory limits for files: declared sizes have a fixed limit, decoded values a limit proportional to the file size.
 
-Readers of files from untrusted sources (recordings, maps, scenarios, databases) ask here and keep no bound of their
-own. `refuse_above` is for what a file *declares*: counts, grids, pieces of a line, pixels; it is estimated before it is
-built. `MemoryBudget` is for what a file *holds*: values packed in few bytes; it is charged before they are made.
-`KeyBudget` is for the keys of dicts and sets in a file, which take time where they were made to have one hash.
+All readers of untrusted files (recordings, maps, scenarios, databases) use these limits. `refuse_above` checks
+*declared* sizes, such as counts, grids and pixels, from an estimate before anything is built. `MemoryBudget` limits
+*decoded* values, and is charged before they are made. `KeyBudget` limits keys of dicts and sets with equal hashes,
+which a hostile file could use to waste time.
 
-`GarbagePause` is for what makes many objects of which none is garbage.
+`GarbagePause` speeds up code that makes many objects and no garbage.
 """
 
 import gc
@@ -18,7 +18,12 @@ from typing import Any
 from gamms.errors import BadFile, BadType, BadValue, TooLarge
 from gamms.text import shown
 
-__all__ = ["allowing", "max_memory", "parse_memory", "refuse_above"]  # what programs use; the rest is for our readers
+__all__ = [
+    "allowing",
+    "max_memory",
+    "parse_memory",
+    "refuse_above",
+]  # the rest is for readers of files
 
 _GIB = 1 << 30
 _DEFAULT = 2 * _GIB
@@ -30,7 +35,7 @@ _max_memory: ContextVar[int] = ContextVar("gamms_max_memory", default=_DEFAULT)
 
 
 def max_memory() -> int:
-    """Return how many bytes one file may make GAMMS take: 2 GiB, or what `allowing` says."""
+    """Return the memory limit of one file in bytes: 2 GiB, or the limit set by `allowing`."""
     return _max_memory.get()
 
 
@@ -72,14 +77,14 @@ def parse_memory(text: str) -> int:
 
 
 def refuse_above(estimated: float, what: str) -> None:
-    """Refuse something that would take more memory than is allowed, before it is built.
+    """Raise if an object would exceed the memory limit; call it before the object is built.
 
     Args:
         estimated: bytes.
-        what: the subject of the message, with the value that asks for it, such as "grid of 3000 x 3000 nodes".
+        what: the subject of the message, with its size, such as "grid of 3000 x 3000 nodes".
 
     Raises:
-        TooLarge (ValueError): it would take more than `max_memory()`.
+        TooLarge (ValueError): the estimate exceeds `max_memory()`.
     """
     if not estimated <= max_memory():
         raise TooLarge(
@@ -91,7 +96,7 @@ _WAY = 'Make it smaller, or allow more: --max-memory 8G on the command line, gam
 
 
 class MemoryBudget:
-    """The memory that values decoded from one file may still take, in proportion to the size of the file.
+    """The remaining memory for values decoded from one file, initially proportional to the size of the file.
 
     Args:
         file_size: bytes.
@@ -117,10 +122,10 @@ class MemoryBudget:
         self._left_at_once = max_memory()
 
     def charge(self, size: int) -> None:
-        """Take `size` bytes of the allowance.
+        """Take `size` bytes from the budget.
 
         Raises:
-            TooLarge (ValueError): they are not left.
+            TooLarge (ValueError): the budget is exceeded.
         """
         self.left -= size
         self._left_at_once -= size
@@ -142,7 +147,7 @@ _WORD = 1 << 64
 
 
 class KeyBudget:
-    """The keys that one file brings for dicts and sets, whichever of these they go into.
+    """Counts the keys with equal hashes in all dicts and sets of one file.
 
     Each key is compared with all others of its hash. Hashes of texts and bytes are secret, and few numbers of 64 bits
     share one; but any number of tuples, frozen sets and longer integers can be made to.
@@ -185,7 +190,7 @@ def _shown(size: float) -> str:
 
 
 class GarbagePause:
-    """A `with` block in which Python collects no garbage; without effect where it does not anyway.
+    """A `with` block without garbage collection; no effect if it is disabled already.
 
     Args:
         is_wanted: whether to pause.

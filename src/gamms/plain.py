@@ -1,4 +1,4 @@
-"""The one definition of a plain value: what recordings, saved graphs and what rules remember are made of.
+"""The definition of plain values, which recordings, saved graphs and the data of rules consist of.
 
 Plain are None, bool, int, float, str and bytes; arrays of at most eight dimensions of bools, integers and floats of at
 most 64 bits; and lists, tuples, sets and dicts of plain values, at most `MOST_DEPTH` in each other. Keys of dicts and
@@ -43,7 +43,7 @@ def to_plain(value: Plain) -> Plain:
 
 
 def as_json(value: Plain) -> Plain:
-    """Return what JSON can hold of a plain value; integers of more than 300 digits become hexadecimal texts."""
+    """Convert a plain value to JSON values; integers of more than 300 digits become hexadecimal texts."""
     if isinstance(value, dict):
         return {key if isinstance(key, str) else as_text(key): as_json(one) for key, one in value.items()}
     if isinstance(value, (list, tuple, set, frozenset)):
@@ -58,11 +58,11 @@ def as_json(value: Plain) -> Plain:
 
 
 def plain_subset(values: Mapping[Plain, Plain], left_out: list[Plain] | None = None) -> dict[Plain, Plain]:
-    """Return what of a dict is plain, as `to_plain` gives it, without anything else in it or in the dicts within.
+    """Return the plain items of a dict, as from `to_plain`; other items are omitted, also in nested dicts.
 
     Args:
         values: the dict.
-        left_out: gets the keys of the values of which something was left out.
+        left_out: collects the keys of values that were omitted in whole or in part.
     """
     if left_out is None:
         return _converted_dict(values, 0, lambda _: ...)
@@ -83,7 +83,7 @@ def plain_subset(values: Mapping[Plain, Plain], left_out: list[Plain] | None = N
 
 
 def is_same(one: Plain, other: Plain) -> bool:
-    """Return whether two values that `to_plain` gave are equal, arrays in them and the order of keys, too."""
+    """Return whether two values from `to_plain` are equal, including arrays and the order of keys."""
     if one is other:
         return True
     if type(one) is not type(other):
@@ -141,7 +141,7 @@ def _is_key(key: Plain) -> bool:
 
 
 def _converted(value: Plain, depth: int, other: Callable[[Plain], Plain]) -> Plain:
-    """Return a plain value; `other` says what stands for a value that is none, `...` that nothing does."""
+    """Convert a value to a plain value; `other` replaces values that are not plain, or returns `...` to omit them."""
     if isinstance(value, np.generic):
         value = value.item()
     if type(value) in _SCALARS:
@@ -186,7 +186,7 @@ def _is_exact_key(key: Plain) -> bool:
 
 
 def _described(value: Plain) -> str:
-    """Return what an object looks like, without where it lies in memory."""
+    """Return the `repr` of an object without memory addresses."""
     try:
         text = repr(value)
     except Exception:  # noqa: BLE001 - of an object of the user, which has none

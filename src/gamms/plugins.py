@@ -16,9 +16,9 @@ class Registry(Generic[T]):
     An installed package adds a name through an entry point of the registry's group.
 
     Args:
-        kind: of object, for errors.
-        group: of entry points.
-        home: the module that registers the factory "gamms"; it is imported when that is asked for.
+        kind: the kind of object, for error messages.
+        group: the group of entry points.
+        home: the module that registers the factory "gamms"; imported on first use.
     """
 
     def __init__(self, kind: str, group: str, home: str = "") -> None:

@@ -1,4 +1,4 @@
-"""What slow calls do for who waits: a line on the terminal that says how far they are, and Ctrl-C between two steps."""
+"""Progress of slow calls: a status line on the terminal, and interruption by Ctrl-C between two steps."""
 
 import signal
 import sys
@@ -36,10 +36,10 @@ def progress(patience_s: float = 1.0) -> Iterator[Show]:
 
 @contextmanager
 def uninterrupted(*, at_most_once: bool = False) -> Iterator[None]:
-    """Let Ctrl-C wait until the block is done: what it does is then neither left out nor done twice.
+    """Delay Ctrl-C until the end of the block, so that its work is neither skipped nor repeated.
 
     Args:
-        at_most_once: raise at the second Ctrl-C, since the block may take long.
+        at_most_once: whether a second Ctrl-C raises immediately, because the block may take long.
     """
     before = signal.getsignal(signal.SIGINT) if current_thread() is main_thread() else None
     if before is None:  # Ctrl-C goes to the main thread, and perhaps not to Python

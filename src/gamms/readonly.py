@@ -1,4 +1,4 @@
-"""Copies that cannot be written to, and copies that share nothing with the original."""
+"""Read-only copies, and independent deep copies."""
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -19,17 +19,17 @@ _CODE = (FunctionType, BuiltinFunctionType, MethodType, partial, ModuleType)
 _VALUES = frozenset({"datetime", "decimal", "fractions", "pathlib", "re", "uuid", "zoneinfo"})  # modules of values
 
 Array = TypeVar("Array", bound="np.ndarray[Any, Any]")
-Otherwise = Callable[[Any], Any]  # what becomes of an object of which nothing is known
+Otherwise = Callable[[Any], Any]  # handles objects of unknown classes
 
 
 class ReadOnly(GammsError, TypeError, AttributeError):
-    """A value that is only shown was written to."""
+    """A read-only value was modified."""
 
 
 class Immutable:
-    """Mix-in: no public attribute can be set, but by the class itself."""
+    """Mix-in: public attributes can be set only by the class itself."""
 
-    _way_out: ClassVar[str]  # what to do instead
+    _way_out: ClassVar[str]  # the advice in the message
 
     def __setattr__(self, name: str, value: object) -> None:
         """Refuse to set a public attribute."""
@@ -42,7 +42,7 @@ class Immutable:
 
 
 class ReadOnlyMapping(Mapping[Any, Any]):
-    """A mapping that shows a dict and cannot be written to.
+    """A read-only view of a dict.
 
     Unlike `types.MappingProxyType` it can be copied and pickled, and hands the dict to no operator of another object.
     """
@@ -93,7 +93,7 @@ class ReadOnlyMapping(Mapping[Any, Any]):
         return self._values.get(key, default)
 
     def copy(self) -> dict[Any, Any]:
-        """Return a dict that may be written to; what is in it may not."""
+        """Return a writable dict with the same read-only items."""
         return dict(self._values)
 
     def _refuse(self, *_: object, **__: object) -> NoReturn:
@@ -107,21 +107,20 @@ class ReadOnlyMapping(Mapping[Any, Any]):
 
 
 class Shareable:
-    """Mix-in: an object that strategies may see itself, because it refuses by itself to be changed by them."""
+    """Mix-in: an object that is passed to strategies without copying, because it refuses changes itself."""
 
     __slots__ = ()
 
 
 class Unfreezable(GammsError):
-    """An object may change, and is no container of which a read-only copy could be made."""
+    """An object is mutable, and not a container that can be copied read-only."""
 
 
 def frozen(value: object) -> Any:
-    """Return a read-only copy, all the way down.
+    """Return a deep read-only copy.
 
     Mappings become a `ReadOnlyMapping`, lists and deques tuples, sets frozensets, bytearrays bytes, arrays locked
-    copies. What cannot change stays itself, functions and the engines of a context included; of any other object it
-    is a deep copy.
+    copies. Immutable objects, functions and the engines of a context are not copied; other objects are deep-copied.
 
     Raises:
         BadValue: it is too deep, or contains itself.
@@ -130,10 +129,10 @@ def frozen(value: object) -> Any:
 
 
 def published(name: str, value: object) -> Any:
-    """Return a read-only copy that many may share: see `frozen`, but any other object is refused.
+    """Return a read-only copy that can be shared; like `frozen`, except that other mutable objects are refused.
 
     Raises:
-        BadType: there is an object in it that may change.
+        BadType: the value contains another mutable object.
         BadValue: it is too deep, or contains itself.
     """
     try:
@@ -193,7 +192,7 @@ def _copied(value: object, otherwise: Otherwise) -> Any:
 
 
 def _tuple_of(value: tuple[Any, ...], items: list[Any]) -> tuple[Any, ...]:
-    """Return the tuple itself if these are its items, else one of its class with them."""
+    """Return the tuple itself if its items are unchanged, else a tuple of the same class with the new items."""
     if all(item is own for item, own in zip(items, tuple.__iter__(value), strict=True)):
         return value
     make: Callable[[list[Any]], tuple[Any, ...]] = getattr(type(value), "_make", tuple)

@@ -1,4 +1,4 @@
-"""Values and texts of any origin in a form that is safe to read: bounded, and without control characters."""
+"""Safe display of untrusted values and texts: bounded in length, and without control characters."""
 
 import ast
 import re
@@ -13,7 +13,7 @@ T = TypeVar("T")
 
 _LONG = 200  # bits
 _PARSING = Lock()  # Python 3.11 raises a SystemError where two threads parse at the same time
-_MOST = 1000  # characters of what an error says
+_MOST = 1000  # characters of an error message
 _CONTROLS = re.compile(  # C0 but the line feed, C1, marks of direction, breaks of lines, tags, halves of pairs
     "[\x00-\x09\x0b-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
     "\ud800-\udfff\U000e0000-\U000e0fff]"
@@ -25,7 +25,7 @@ _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
 class _Bounded(Repr):
-    """Knows integers that Python refuses to write out, which have more than 4,300 digits."""
+    """A `Repr` that can format integers with more than 4,300 digits, which Python refuses to convert."""
 
     def repr_int(self, value: int, level: int) -> str:
         """An integer, or how long it is."""
@@ -39,22 +39,22 @@ _bounded.maxstring = _bounded.maxlong = _bounded.maxother = 80
 
 
 def shown(value: object) -> str:
-    """Return the `repr` of a value, shortened to what a message can hold; it never raises."""
+    """Return the `repr` of a value, shortened for messages; it never raises."""
     return printable(_bounded.repr(value)).replace("\n", " ")
 
 
 def syntax_tree(text: str | bytes, file: str = "<text>", mode: str = "exec") -> Any:
-    """Return what `ast.parse` makes of Python, in one thread at a time.
+    """Parse Python code with `ast.parse`, in one thread at a time.
 
     Raises:
-        SyntaxError, ValueError, RecursionError, MemoryError: it is not Python, or too much of it.
+        SyntaxError, ValueError, RecursionError, MemoryError: the code is invalid, or too large.
     """
     with _PARSING:
         return ast.parse(text, file, mode)
 
 
 class DescribedFunction(partial[Any]):
-    """A function that another one has made; it prints as the call that made it."""
+    """A function returned by a factory; its `repr` is the factory call."""
 
     call: str
 
@@ -62,7 +62,7 @@ class DescribedFunction(partial[Any]):
         return self.call
 
     def held(self) -> Iterator[object]:
-        """Yield what the function closes over, and what functions among that, which were made likewise, do."""
+        """Yield the values in the closure, recursively for described functions among these."""
         cells = [cell.cell_contents for cell in getattr(self.func, "__closure__", None) or ()]
         for value in cells:
             for one in value if isinstance(value, (list, tuple)) else (value,):
@@ -79,7 +79,7 @@ def as_code(value: object) -> str:
 
 
 def as_text(value: object) -> str:
-    """Return the `str` of a plain value, or what `shown` says where Python refuses to write an integer in it."""
+    """Return the `str` of a plain value, or `shown(value)` if it contains an integer too long to convert."""
     try:
         return str(value)
     except ValueError:
@@ -87,7 +87,7 @@ def as_text(value: object) -> str:
 
 
 def as_digits(number: float) -> str:
-    """Return a number with at most six digits, or what `shown` says of an integer that fits into no float."""
+    """Format a number with at most six digits; `shown(value)` for integers too large for a float."""
     try:
         return f"{number:g}"
     except OverflowError:
@@ -103,7 +103,7 @@ def written(value: object) -> str:
 
 
 def reason(error: BaseException) -> str:
-    """Return what an error says, shortened to what another message can hold; else what kind of error it is."""
+    """Return the message of an error, shortened for another message; its class name if the message is empty."""
     try:
         text = str(error)
     except ValueError:  # the key of a KeyError may be an integer that is not written out
@@ -117,7 +117,7 @@ def printable(text: str) -> str:
 
 
 def module_of(value: object) -> str:
-    """Return the name of the module in which a function or class was defined, the same in every process."""
+    """Return the name of the module that defines a function or class; it is the same in every process."""
     return main_module(str(getattr(value, "__module__", "?")))
 
 
@@ -132,16 +132,16 @@ def without_address(text: str) -> str:
 
 
 def as_xml(text: str, *, quote: bool = True) -> str:
-    """Return a text as XML has it, with a mark in the place of what XML cannot hold."""
+    """Escape a text for XML; characters that XML forbids become replacement characters."""
     from html import escape  # which few programs need
 
     return escape(re.sub(_NOT_IN_XML, "\ufffd", text), quote=quote)
 
 
 def as_cell(value: T) -> T | str:
-    """Return a value as a cell of a CSV file, in which a text that spreadsheets take for a formula begins with `'`.
+    """Format a value as a cell of a CSV file; texts that spreadsheets would take for formulas get a leading `'`.
 
-    A cell of a formula begins with =, +, -, @, a tab or a carriage return. Numbers stay as they are.
+    Formulas begin with =, +, -, @, a tab or a carriage return. Numbers stay as they are.
     """
     is_formula = isinstance(value, str) and _FORMULA.match(value) and not _NUMBER.fullmatch(value)
     return f"'{value}" if is_formula else value

@@ -1,4 +1,4 @@
-"""Processes that call functions for this one: Pythons of their own, into which no script is imported unasked."""
+"""Worker processes: fresh Python processes that call functions, and import the user's script only on demand."""
 
 import os
 import pickle
@@ -22,7 +22,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 SIGNALS_S = 0.5  # how often signals are looked for that came just before a wait, which Python then sleeps through
-_LOOK_S = 1.0  # how often a process that says nothing is looked at
+_LOOK_S = 1.0  # interval of checks of a silent process
 _IN_WORKER = "GAMMS_WORKER"
 _SCRIPT = """import signal
 signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -39,7 +39,7 @@ def cores() -> int:
 
 
 def first_done(futures: Collection[Future[T]]) -> set[Future[T]]:
-    """Wait until at least one of these is done, or Ctrl-C is pressed; return those that are done."""
+    """Wait until at least one future is done, or Ctrl-C is pressed; return the finished futures."""
     while not (done := wait_for(futures, SIGNALS_S, FIRST_COMPLETED).done):
         pass
     return done
@@ -52,11 +52,11 @@ def result_of(future: Future[T]) -> T:
 
 
 class WorkerDied(BrokenExecutor):
-    """A process ended while it played."""
+    """A worker process ended during a task."""
 
 
 class Worker:
-    """A process that does tasks, one at a time; it ends with this one, however that ends.
+    """A process that runs tasks, one at a time; it ends when this process ends, even by a crash.
 
     Attributes:
         pid: the number that the system gave it.
@@ -76,7 +76,7 @@ class Worker:
         self.pid = self._process.pid
 
     def ask(self, task: bytes) -> tuple[bool, Any]:
-        """Return whether a task was done, and what it gave, or raised.
+        """Run a task; return whether it succeeded, and its result or exception.
 
         Args:
             task: a function and its arguments, as `task_of` returns them.
@@ -100,7 +100,7 @@ class Worker:
         """Return the answer to the task that was sent; see `ask`."""
         stdout = cast("BinaryIO", self._process.stdout)
         while os.name == "posix" and not wait([stdout.fileno()], _LOOK_S):
-            if self._process.poll() is not None:  # though a child of its own keeps the pipe open
+            if self._process.poll() is not None:  # even if a child process keeps the pipe open
                 raise self._died()
         answer = _received(stdout)
         if answer is None:
@@ -109,11 +109,11 @@ class Worker:
         return found
 
     def end(self) -> None:
-        """End the process; what it is doing is lost."""
+        """End the process; its current task is lost."""
         self._process.kill()
         self._process.wait()
         for pipe in (self._process.stdin, self._process.stdout):
-            with suppress(OSError):  # what could not be written is lost, too
+            with suppress(OSError):  # unwritten data are lost, too
                 cast("BinaryIO", pipe).close()
 
     def _died(self) -> WorkerDied:
@@ -122,13 +122,13 @@ class Worker:
 
 
 class WorkerPool(ThreadPoolExecutor):
-    """Processes of which each may die without the others: its task raises `WorkerDied`, and another takes its place.
+    """A pool of worker processes; if a process dies, its task raises `WorkerDied` and the process is replaced.
 
-    They are fresh processes on every system, and end with this one however that ends.
+    Processes are started fresh on every system, and end when this process ends, even by a crash.
 
     Args:
-        workers: how many.
-        is_fresh: whether each task gets a process of its own.
+        workers: the number of processes.
+        is_fresh: whether each task gets a new process.
     """
 
     def __init__(self, workers: int, *, is_fresh: bool = False) -> None:
@@ -173,7 +173,7 @@ class WorkerPool(ThreadPoolExecutor):
 
 @contextmanager
 def _ctrl_c_waits() -> Iterator[None]:
-    """Start processes with SIGINT blocked: Ctrl-C is for the process that starts them."""
+    """Start processes with SIGINT blocked, because Ctrl-C is handled by this process."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
@@ -195,16 +195,16 @@ def _send(stream: BinaryIO, data: bytes) -> None:
 
 
 def _received(stream: BinaryIO) -> bytes | None:
-    """Return what was sent; None: nothing more comes."""
+    """Return the next message; None at the end of the stream."""
     size = stream.read(8)
     data = stream.read(int.from_bytes(size, "little"))
     return data if len(size) == 8 and len(data) == int.from_bytes(size, "little") else None
 
 
 def serve() -> None:
-    """Work as one of the processes: do tasks until there are no more."""
+    """Run as a worker process: execute tasks until the end of the input."""
     tasks, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what strategies print is no answer
+    os.dup2(2, 1)  # output of strategies must not mix with results
     os.environ[_IN_WORKER] = "1"
     with suppress(OSError):
         while (task := _received(tasks)) is not None:
@@ -225,15 +225,15 @@ def _answer(script: str | None, task: bytes) -> bytes:
 
 @cache
 def _import_script(path: str) -> None:
-    """Let this process have what the user's script defines, as the processes of `multiprocessing` have it."""
+    """Import the user's script as `multiprocessing` does, so that its definitions are available."""
     vars(sys.modules["__main__"]).update(runpy.run_path(path, run_name="__mp_main__"))
 
 
 def refuse_in_worker() -> None:
-    """Refuse to start processes in one that was started so.
+    """Raise in a worker process, because workers must not start workers.
 
     Raises:
-        BadValue: this is such a process.
+        BadValue: this is a worker process.
     """
     if _IN_WORKER in os.environ:
         raise BadValue(

@@ -1,7 +1,7 @@
-"""What can be done with a recording as a whole: replay it on its own, verify, compare and convert it.
+"""Operations on whole recordings: replay, verify, compare and convert.
 
-The command line is made of this; a program may call the same. A client: it uses contexts and recordings as any program
-would. Read `conversion.py` first: a new context for any recording; then `comparison.py`.
+The command line uses these functions; programs may call the same. A client: it uses contexts and recordings as any
+program would. Read `conversion.py` first: a new context for any recording; then `comparison.py`.
 """
 
 from gamms.recordings.comparison import Difference, first_difference, verify

@@ -1,4 +1,4 @@
-"""Compares recordings: where two games differ first, and whether one agrees with itself and with its replay."""
+"""Compare recordings: find the first difference of two games, and verify a recording by replaying it."""
 
 import io
 import os
@@ -20,15 +20,15 @@ from gamms.text import as_text, reason, shown, written
 
 
 class Difference(NamedTuple):
-    """The first thing in which two games differ.
+    """The first difference of two games.
 
     Attributes:
-        turn: after which they differ; 0: from the start.
-        agent: whose field it is; None: the game's own.
+        turn: the number of turns after which the states differ; 0: at the start.
+        agent: the agent with the field; None: a field of the game.
         field: a column of `State.agents`; or "agents", "scores", "data", "over", "components", "events", "map" or
             "turns".
         first: the value in the first game.
-        second: the value in the second.
+        second: the value in the second game.
     """
 
     turn: int
@@ -38,19 +38,19 @@ class Difference(NamedTuple):
     second: Plain
 
     def __str__(self) -> str:
-        """Say it in one line."""
+        """Return a description in one line."""
         whose = "" if self.agent is None else f"agent {self.agent!r}, "
         pair = written(self.first), written(self.second)
         return f"Turn {self.turn}, {whose}{self.field}: {pair[0]} in the first, {pair[1]} in the second"
 
 
 def first_difference(first: Recording, second: Recording) -> Difference | None:
-    """Return the first thing in which two games differ; None if they are the same game.
+    """Return the first difference of two games; None if the games are equal.
 
-    Their seeds, and who recorded them when, do not count.
+    Seeds, and the time and program of recording, are ignored.
 
     Raises:
-        RecordingError (ValueError): one of them is damaged.
+        RecordingError (ValueError): a recording is damaged.
     """
     for one in (first, second):
         if not isinstance(one, Recording):
@@ -113,7 +113,7 @@ def _is_equal(one: Plain, other: Plain) -> bool:
 
 
 def _plain(value: Plain) -> Plain:
-    """Return what a value can be compared by."""
+    """Return a comparable form of a value."""
     if isinstance(value, np.ndarray):
         return (str(value.dtype), _plain(value.tolist()))
     if isinstance(value, dict):
@@ -145,23 +145,21 @@ def _of_events(turn: int, first: Recording, second: Recording) -> Difference | N
 
 
 def verify(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> None:
-    """Read all of a recording of version 3, compute its keyframes again, then replay it and record that.
+    """Verify a recording of version 3: read it completely, recompute its keyframes, replay it, and record the replay.
 
-    What is recorded must be the same events, to the last bit; the same bytes, where the same versions of GAMMS and zlib
-    pack them.
+    The new recording must have exactly the same events, and with the same versions of GAMMS and zlib the same bytes.
 
     Args:
         path: of the recording.
-        map: a file that `ctx.graph.save` wrote, for a recording that does not hold its map.
+        map: a file written by `ctx.graph.save`, for recordings without their map.
 
     Raises:
-        RecordingError (ValueError): the first thing that is wrong: the recording was not finished, a block or the
-            index is damaged, a keyframe says something else than the turns before it, it cannot be replayed, it comes
-            out otherwise than it went in, or the map is another.
-        BadFile (ValueError): the map is damaged.
+        RecordingError (ValueError): the recording is unfinished, a block or the index is damaged, a keyframe
+        contradicts the turns before it, the replay fails or differs, or the map is a different one. BadFile
+        (ValueError): the map is damaged.
         OSError: one of the files cannot be read.
     """
-    with opened(path, graph=map) as recording:  # which says what to do with version 2
+    with opened(path, graph=map) as recording:  # its error explains what to do with version 2
         name = recording.header.get(HASH)
     with Reader(path) as reader:
         reader.verify()
@@ -179,7 +177,7 @@ def verify(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = No
 
 
 class _SequentialReader(Reader):
-    """Reads no keyframe but the first, so that every state follows from all turns before."""
+    """A reader that uses only the first keyframe, so that every state is computed from all turns before it."""
 
     def keyframe_before(self, turn: int) -> int:
         """Return the start."""
@@ -191,7 +189,7 @@ class _SequentialReader(Reader):
 
 
 def _check_keyframes(path: str | os.PathLike[str]) -> None:
-    """Compare what every keyframe says with what follows from the turns before it."""
+    """Compare every keyframe with the state computed from the turns before it."""
     with Reader(path) as reader, _SequentialReader(path) as walker:
         stored, computed = Recording(reader), Recording(walker)
         turns, turn = [], reader.keyframe_before(stored.turns)
@@ -208,7 +206,7 @@ def _check_keyframes(path: str | os.PathLike[str]) -> None:
 
 
 def _differing_part(before: bytes, after: bytes) -> str | None:
-    """Return the part in which two recordings differ; None if they differ only in blocks and packing."""
+    """Return the first part that differs between two recordings; None if only blocks and compression differ."""
     with Reader(io.BytesIO(before)) as first, Reader(io.BytesIO(after)) as second:
         if first.turns != second.turns:
             return "the number of turns"
@@ -224,7 +222,7 @@ def _packed(value: Plain) -> bytes:
 
 
 class _FinalBuffer(io.BytesIO):
-    """A buffer that is read only when the recording is finished, so that turns need not be written one by one."""
+    """A buffer that is read only after the end of the recording, so that turns need not be written one by one."""
 
     def seekable(self) -> bool:
         return False

@@ -1,4 +1,4 @@
-"""Makes contexts for recordings, and converts these: to version 3, to lines of JSON and to tables in CSV files."""
+"""Create contexts for recordings, and convert recordings to version 3, JSON lines and CSV tables."""
 
 import json
 import os
@@ -29,7 +29,7 @@ from gamms.visual import Engine
 
 _PROVENANCE = {"converted": "from a recording of version 2"}
 _Record = dict[str, Any]
-_ESCAPED = "backslashreplace"  # of halves of surrogate pairs, as JSON escapes them
+_ESCAPED = "backslashreplace"  # lone surrogates, as escaped in JSON
 _QUIET = {"level": "CRITICAL"}  # what a recording cannot say, such as the sensors of version 2, is no news
 _NODES = {kinds.AGENT_CURRENT_NODE, kinds.AGENT_PREV_NODE}
 
@@ -60,14 +60,14 @@ def context_for(
 
     Args:
         path: of the recording.
-        map: a file that `ctx.graph.save` wrote; None: no map, or for a recording of version 2, which has none, a node
-            at (0, 0) for each node id in it.
+        map: a file written by `ctx.graph.save`; None: the recorded map, or for version 2, which stores no map, one node
+            at (0, 0) for each node id.
         vis_engine: see `create_context`.
-        vis_kwargs: likewise.
+        vis_kwargs: see `create_context`.
 
     Raises:
-        BadFile, RecordingError (ValueError): a file is damaged at its beginning.
-        OSError: one cannot be read.
+        BadFile, RecordingError (ValueError): the beginning of a file is damaged.
+        OSError: a file cannot be read.
     """
     if version_of(path) > 2 or map is not None:
         return with_map(map, vis_engine, **vis_kwargs)
@@ -86,22 +86,22 @@ def watch(
     trails: int = 0,
     captions: bool = True,
 ) -> None:
-    """Show a recording in a window, until that is closed.
+    """Replay a recording in a window, until the window is closed.
 
     Args:
         path: of the recording.
         map: see `context_for`.
-        start: how many turns are over in the beginning.
-        seconds: how long a turn is shown.
+        start: the number of turns to skip.
+        seconds: the display time of a turn.
         theme: "light" or "dark".
-        labels: whether agents have their names beside them.
-        trails: of how many turns the ways of agents are shown.
-        captions: whether it is said what happens.
+        labels: whether to show the names of agents.
+        trails: the number of turns for which paths of agents are shown.
+        captions: whether to show captions of events.
 
     Raises:
         BadFile, RecordingError (ValueError): a file is damaged.
-        BadValue (ValueError): there is no such turn or theme.
-        NoDisplay (RuntimeError): no window can be opened here.
+        BadValue (ValueError): the turn or the theme does not exist.
+        NoDisplay (RuntimeError): there is no display for a window.
         OSError: a file cannot be read.
     """
     look = {"theme": theme, "labels": labels, "trails": trails, "captions": captions}
@@ -112,7 +112,7 @@ def watch(
 
 
 def with_map(map: str | os.PathLike[str] | None, vis_engine: Engine = Engine.NO_VIS, **vis_kwargs: object) -> Context:
-    """Create a context with the map in a file that `ctx.graph.save` wrote; None: without one.
+    """Create a context with a map written by `ctx.graph.save`; None: without a map.
 
     Raises:
         BadFile (ValueError): the file is damaged.
@@ -136,7 +136,7 @@ def records_of(path: str | os.PathLike[str]) -> Iterator[dict[str, Any]]:
     """Yield the records of a recording of version 2.
 
     Raises:
-        RecordingError (ValueError): it is damaged, or ends too early; the records before that were yielded.
+        RecordingError (ValueError): the recording is damaged or truncated; all records before the error were yielded.
     """
     with as_path(path, "The path of a recording").open("rb") as file:
         yield from version2.read(file)
@@ -165,7 +165,7 @@ def _node_ids(path: str | os.PathLike[str]) -> Iterator[int]:
 def to_version_3(
     path: str | os.PathLike[str], out: str | os.PathLike[str], map: str | os.PathLike[str] | None = None
 ) -> str | None:
-    """Write a recording of version 2 as one of version 3.
+    """Convert a recording of version 2 to version 3.
 
     Args:
         path: of the recording.
@@ -173,12 +173,12 @@ def to_version_3(
         map: see `context_for`.
 
     Returns:
-        What is missing, where the recording was damaged or not finished, or says what cannot be on this map; all before
-        that has been converted.
+        A message about the rest that was not converted, because the recording is damaged or unfinished or contradicts
+        the map; None if everything was converted.
 
     Raises:
         BadValue: the recording has another version.
-        RecordingError (ValueError): there is nothing in it.
+        RecordingError (ValueError): the recording is empty.
         FileExistsError: there is a file at `out`.
         OSError: one of the files cannot be read or written.
     """
@@ -242,15 +242,15 @@ def _is_move(ctx: Context, before: _Record, after: _Record) -> bool:
 
 
 def to_json_lines(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> str | None:
-    """Write every event of a recording of version 3 as a line of JSON, after one for the header and one for the start.
+    """Write a recording of version 3 as JSON lines: the header, the first state, then one line for each event.
 
-    Bytes are in base64; NaN is null. Of the map only the size is written. Halves of surrogate pairs are escaped.
+    Bytes are in base64; NaN is null. Only the size of the map is written. Lone surrogates are escaped.
 
     Returns:
-        What is missing of a recording that was not finished.
+        A message about the missing end of an unfinished recording; None if it is complete.
 
     Raises:
-        RecordingError (ValueError): it is damaged; nothing is written then.
+        RecordingError (ValueError): the recording is damaged; no file is written.
         FileExistsError: there is a file at `out`.
         OSError: one of the files cannot be read or written.
     """
@@ -281,31 +281,31 @@ def _lines(recording: Recording) -> Iterator[_Record]:
 # -- tables -----------------------------------------------------------------------------------------------------
 
 _TABLES = ("moves", "positions", "scores", "events", "deeds", "messages", "sensed")
-_MOST_KINDS = 100  # of events that get a file of their own
+_MOST_KINDS = 100  # kinds of events with a separate file
 _FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
 
 
 def to_csv(
     path: str | os.PathLike[str], out: str | os.PathLike[str], *, turn_seconds: float = 1.0
 ) -> tuple[list[Path], str | None]:
-    """Write the tables of a recording of version 3 as CSV files, those that have rows, and the tracks of its agents.
+    """Write the nonempty tables of a recording of version 3, and the tracks of its agents, as CSV files.
 
     `game.csv` gives `game_moves.csv`, `game_scores.csv`, and so on, with one file for each of the first hundred kinds
-    of events whose name can be part of a file's name. Values that are no number and no text are written as JSON.
-    `game_tracks.csv`, where the agents were after each turn, takes a recording that holds its map.
+    of events whose name can be part of a file's name. Values other than numbers and texts are written as JSON.
+    `game_tracks.csv`, with the positions of agents after each turn, needs a recording with its map.
 
     Args:
         path: of the recording.
-        out: of the files, but for what is added to their names.
-        turn_seconds: how long a turn takes, for the times of tracks.
+        out: the path from which the names of the files are derived.
+        turn_seconds: the duration of a turn, for the times in tracks.
 
     Returns:
-        The files, and what is missing of a recording that was not finished.
+        The files, and a message about the missing end of an unfinished recording.
 
     Raises:
         RecordingError (ValueError): it is damaged.
-        FileExistsError: one of the files is there already; nothing is written then.
-        BadValue: `turn_seconds` is negative or too long; nothing is written then.
+        FileExistsError: a file exists; no file is written.
+        BadValue: `turn_seconds` is negative or too long; no file is written.
         OSError: a file cannot be read or written.
     """
     target = as_path(out, "out")
@@ -336,13 +336,13 @@ def _cell(value: Plain) -> str | int | float | bool | None:
 
 
 def with_sensed(recording: Recording) -> Recording:
-    """Return a recording with what agents sense in front of each turn: itself, if it says so already.
+    """Return a recording that contains the sensor reports of each turn: the same recording if it has these already.
 
-    Else the sensors are asked in a replay. Those that report wrongly or late draw other errors than in the game, and
-    functions of the program's own report nothing.
+    Otherwise the sensors sense again in a replay. Sensors with errors or delay draw other errors than in the game, and
+    function sensors report nothing.
 
     Raises:
-        RecordingError (ValueError): it is damaged, or does not hold its map.
+        RecordingError (ValueError): the recording is damaged, or lacks its map.
     """
     if recording.counts().get("SENSED"):
         return recording

@@ -1,4 +1,4 @@
-"""Pictures, films and pages of recordings. A client: it replays into a context and draws that as any program would."""
+"""Pictures, films and pages of recordings. A client: it replays into a context, and draws the context."""
 
 import os
 from collections.abc import Callable, Collection, Iterator
@@ -25,7 +25,7 @@ __all__ = ["Fog", "RenderOptions", "render"]
 _VIEW_M, _VIEW_EDGES = 400.0, 30.0  # around the agent that is followed: on a real map, and on any other
 
 _PAGE = ".html"
-_OF_FILMS = ("fps", "frames_per_turn")  # options that say nothing of other files
+_OF_FILMS = ("fps", "frames_per_turn")  # options that apply only to some formats
 _OF_PICTURES = ("view", "width", "height", "fit", "scale_bar", "north", "captions")  # and of films
 
 Show = Callable[[str], None]
@@ -33,25 +33,25 @@ Show = Callable[[str], None]
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """How a recording is rendered as a picture or film.
+    """Options for rendering a recording as a picture or film.
 
     Attributes:
         first: the first turn of a film; None: from the beginning.
-        last: its last turn, and the one after which a picture shows the game (0: how it began); None: to the end.
+        last: the last turn of a film, or the turn after which a picture shows the game (0: the start); None: the end.
         follow: the name of an agent to keep in the middle.
-        view: how much of the map is then seen from left to right, map units; None: some hundred metres.
-        fog: a team, by its text: nothing is shown but what its sensors see.
-        width, height: pixels; None: as the map needs.
+        view: with `follow`, the width of the view, map units; None: some hundred metres.
+        fog: a team, as text: only the views of its sensors are shown.
+        width, height: pixels; None: depends on the map.
         fps: frames per second.
-        frames_per_turn: of a film; None: 5.
+        frames_per_turn: the number of film frames for each turn; None: 5.
         title: a line above the picture.
-        fit: "page", or "tight": as large as the map allows within width and height.
-        scale_bar: whether there is one; None: where lengths on the map are metres.
-        north: whether an arrow shows where north is.
-        captions: whether the turn and what happens in it stand below the map.
-        theme: "light", "dark" or "print"; None: "light", and "dark" where there is fog.
-        labels: whether agents have their names beside them, or which have; "auto": while they are few.
-        trails: of how many turns the ways of agents are shown.
+        fit: "page": exactly width and height; "tight": as small as the map allows within these.
+        scale_bar: whether to draw a scale bar; None: if map units are metres.
+        north: whether to draw a north arrow.
+        captions: whether to show the turn and captions of events below the map.
+        theme: "light", "dark" or "print"; None: "dark" with `fog`, else "light".
+        labels: whether to show the names of agents, or the agents whose names are shown; "auto": if there are few.
+        trails: the number of turns for which paths of agents are shown.
     """
 
     first: int | None = None
@@ -83,24 +83,23 @@ def render(
 ) -> int:
     """Make a picture (`.png`, `.svg`), a film (`.mp4`, `.gif`) or a page (`.html`) of a recording.
 
-    A page holds all turns, and begins before the first one that is asked for; with `fog` it holds what the team knew.
+    A page contains all turns, and opens at the first requested one; with `fog` it contains only the knowledge of the
+    team.
 
     Args:
-        path: of the recording, of any version.
-        out: an existing file is replaced.
-        options: which turns, and how they look.
-        map: of a recording of version 2, which holds none; see `recordings.context_for`.
-        show: called with a line of text as it goes on.
+        path: the recording, of any version.
+        out: the output file; an existing file is replaced.
+        options: the turns and their look.
+        map: the map, for recordings of version 2; see `recordings.context_for`.
+        show: called with a line of text that reports the progress.
 
     Returns:
-        The turn that a picture shows, or how many turns are in the film or on the page.
+        The turn of the picture, or the number of turns in the film or page.
 
     Raises:
-        BadValue: turns that are not there, options that say nothing of such a file, a format that cannot be written,
-            or a team that cannot see.
-        UnknownName (KeyError): there is no such agent or team.
-        RecordingError (ValueError): the recording is damaged; no file is written.
-        MissingExtra (ImportError): a library is not installed.
+        BadValue: a turn does not exist, an option does not apply to the format, the format is unknown, or the team has
+        no sensors. UnknownName (KeyError): the agent or the team does not exist. RecordingError (ValueError): the
+        recording is damaged; no file is written. MissingExtra (ImportError): a library is not installed.
         OSError: a file cannot be read or written.
     """
     options, out = options or RenderOptions(), Path(out)
@@ -117,7 +116,7 @@ def render(
 
 
 def _refuse_unused(suffix: str, options: RenderOptions) -> None:
-    """Refuse options that say nothing of a kind of file."""
+    """Raise for options that do not apply to a format."""
     if not isinstance(options, RenderOptions):
         raise BadType(f"options are RenderOptions(…), not {shown(options)}.")
     unused = () if suffix in FILMS else _OF_FILMS if suffix in FORMATS else (*_OF_FILMS, *_OF_PICTURES)
@@ -156,7 +155,7 @@ def _save_page(
 
 
 def _checked_turns(path: str | os.PathLike[str], options: RenderOptions) -> int | None:
-    """Return how many turns a recording has; None for one of version 2, which has to be replayed to know."""
+    """Return the number of turns of a recording; None for version 2, whose number is known only after a replay."""
     first, last = options.first, options.last
     if (first is not None and first < 1) or (last is not None and last < (first or 0)):
         raise BadValue(f"Turns are counted from 1 on; there are none from {first or 1} to {last or 'the end'}.")
@@ -171,7 +170,7 @@ def _checked_turns(path: str | os.PathLike[str], options: RenderOptions) -> int 
 
 
 class _Renderer:
-    """A context into which a recording is replayed, and what has to be declared in it."""
+    """A context into which a recording is replayed, and its declarations."""
 
     def __init__(self, ctx: Context, options: RenderOptions, total: int | None, show: Show) -> None:
         self._ctx, self._options, self._total, self._show = ctx, options, total, show
@@ -179,7 +178,7 @@ class _Renderer:
         self._fog: Fog | None = None
 
     def picture(self, records: Iterator[Any], out: Path) -> int:
-        """Save how things stand after the last turn that was asked for."""
+        """Save a picture of the state after the last requested turn."""
         from gamms.visual import files
 
         options = self._options
@@ -234,7 +233,7 @@ class _Renderer:
                     return
 
     def _play_start(self, records: Iterator[Any]) -> None:
-        """Show how a recording begins: the map and the agents come with its first record, which may be a move."""
+        """Show the start of a recording: map and agents come with the first record, which may be a move."""
         playbacks = list[IPlayback]()
         self._ctx.visual.show_playback = playbacks.append
         next(records, None)
@@ -243,7 +242,7 @@ class _Renderer:
             playback.close()
 
     def _begin(self) -> None:
-        """Declare what can only be declared once map and agents are there."""
+        """Make the declarations that need the map and the agents."""
         ctx, options = self._ctx, self._options
         if options.fog is not None and self._fog is None:
             self._fog = Fog(ctx, options.fog)
@@ -262,7 +261,7 @@ class _Renderer:
 
 
 def _view(ctx: Context) -> float:
-    """Return how much is seen around the agent that is followed, map units: some hundred metres at most."""
+    """Return the default width of the view with `follow`, map units: at most some hundred metres."""
     columns = ctx.graph.columns()
     wanted = _VIEW_EDGES * typical_edge_length(columns) if columns.crs is None else _VIEW_M
     widest = longer_side(columns)
