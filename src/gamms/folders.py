@@ -1,7 +1,7 @@
-"""Folders of the user and of runs: how their files are read within bounds, and written completely or not at all.
+"""Safe files in folders of the user and of results: bounded reading, and writing that is complete or has no effect.
 
-A folder of results may come from a stranger. `opened`, and all that reads by it, takes regular files only: a link, a
-pipe, a socket or a device in their place is refused. Nothing is written through a link, either.
+A folder of results may come from an untrusted source. `opened`, and all functions that use it, accept only regular
+files: links, pipes, sockets and devices are refused. Nothing is written through a link either.
 """
 
 import csv
@@ -36,7 +36,7 @@ _held: set[Path] = set()  # folders of this process, whose locks do not exclude 
 
 
 def home_folder() -> Path:
-    """The user's own folder; for one whom the system does not know, as in some containers, that of temporary files."""
+    """Return the home folder of the user; if it is unknown, as in some containers, the folder of temporary files."""
     try:
         return Path.home()
     except RuntimeError:
@@ -57,11 +57,11 @@ def cache_folder(name: str) -> Path:
 
 @contextmanager
 def made_folder(folder: Path) -> Iterator[None]:
-    """Make a folder for what the `with` block writes; an error that leaves nothing in it takes it away again.
+    """Create a folder for a `with` block; after an error, remove it if it is empty.
 
     Raises:
-        BadValue: there is a file of this name, or of that of a folder that it is in.
-        OSError: it cannot be made.
+        BadValue: a file has the name of the folder or of one of its parents.
+        OSError: the folder cannot be created.
     """
     made = [one for one in (folder, *folder.parents) if not one.exists()]
     last = [folder, *folder.parents][len(made)]
@@ -80,13 +80,13 @@ def made_folder(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Keep other runs, of this process and of others, from a folder; a process that has died keeps none.
+    """Lock a folder against other runs, in this and other processes; the lock of a dead process is void.
 
-    The file of the lock is there only as long as the lock, so that a run that is refused leaves no folder.
+    The lock file exists only during the lock, so that a refused run leaves no folder.
 
     Raises:
-        BadFile: there is something else in the place of the file of the lock.
-        WriteConflict: another run has it.
+        BadFile: the path of the lock file is not a regular file.
+        WriteConflict: another run has locked the folder.
     """
     real = folder.resolve()
     refusal = WriteConflict(f"Another run is writing into {str(folder)!r}: wait for it, or choose another folder.")
@@ -102,7 +102,7 @@ def locked(folder: Path) -> Iterator[None]:
             yield
         finally:
             _held.discard(real)
-            with suppress(OSError):  # where what is open cannot be deleted
+            with suppress(OSError):  # on systems that cannot delete open files
                 file.unlink()
 
 
@@ -134,11 +134,11 @@ else:
 
 
 def write_whole(path: Path, data: bytes, *, through_links: bool = False) -> None:
-    """Put a file in its place in one step.
+    """Write a file in one step: it is complete, or unchanged after an error.
 
     Args:
         path: the file.
-        data: what is in it.
+        data: the new content.
         through_links: see `whole_file`.
 
     Raises:
@@ -150,15 +150,15 @@ def write_whole(path: Path, data: bytes, *, through_links: bool = False) -> None
 
 @contextmanager
 def whole_file(path: Path, *, through_links: bool = False) -> Iterator[Path]:
-    """A file to be written in the `with` block, which is put in its place at the end; an error leaves nothing of it.
+    """Open a file that replaces `path` at the end of the `with` block; after an error, `path` is unchanged.
 
     Args:
-        path: the file. A link, pipe or device of its name is replaced by the file, unless `through_links`.
-        through_links: for a file that the user has named, not one within a folder of results: write to the target of a
-            symbolic link, and to a pipe or device, all of which stay.
+        path: the file. A link, pipe or device at this path is replaced, unless `through_links`.
+        through_links: write to the target of a symbolic link, and into a pipe or device; for files named by the user,
+            not for files in a folder of results.
 
     Raises:
-        OSError: it cannot be put there; nothing has changed then.
+        OSError: the file cannot be written; nothing has changed.
     """
     if through_links and path.exists() and not path.is_file() and not path.is_dir():
         with naming(path, path):
@@ -177,12 +177,12 @@ def whole_file(path: Path, *, through_links: bool = False) -> Iterator[Path]:
 
 @contextmanager
 def naming(path: Path, beside: Path) -> Iterator[None]:
-    """Let errors of the system name the file that could not be written.
+    """Add the path of the file to system errors in the block.
 
-    Those of `write` name none, and others the file beside it that a caller knows nothing of.
+    Errors of `write` name no file, and others name a temporary file that the caller does not know.
 
     Raises:
-        OSError: with the path.
+        OSError: an error occurred in the block; it now has the path.
     """
     try:
         yield
@@ -193,13 +193,13 @@ def naming(path: Path, beside: Path) -> Iterator[None]:
 
 
 def write_csv(file: Path, columns: Iterable[str], rows: Iterable[Iterable[object]], *, end: str = "\r\n") -> None:
-    """Write a table as CSV, in which no cell is a formula of a spreadsheet (see `as_cell`).
+    """Write a table as CSV; spreadsheets take no cell for a formula (see `as_cell`).
 
     Args:
         file: the file.
-        columns: their names.
+        columns: the names of the columns.
         rows: the cells of each row.
-        end: of a line.
+        end: the line terminator.
 
     Raises:
         OSError: it cannot be written.
@@ -222,7 +222,7 @@ def without_link(file: Path) -> Path:
 
 
 def refuse_link(folder: Path) -> None:
-    """Check that a folder within a folder of results is no link to another one.
+    """Check that a folder in a folder of results is not a link.
 
     Raises:
         BadFile: it is a link.
@@ -235,7 +235,7 @@ def refuse_link(folder: Path) -> None:
 
 
 def opened(file: Path, mode: Literal["rb", "ab", "r+b"]) -> BinaryIO:
-    """Open a regular file of a folder, and wait for nothing.
+    """Open a regular file without blocking.
 
     Raises:
         BadFile: it is a link, a folder, a pipe, a socket or a device.
@@ -276,14 +276,14 @@ def _refuse(path: Path, wanted: str) -> NoReturn:
 
 
 def bytes_of(file: Path, most: int | None = None) -> bytes:
-    """Return what is in a regular file of a folder.
+    """Read a regular file.
 
     Args:
         file: the file.
-        most: how many bytes it may have; None: as many as fit into the memory that a file may take.
+        most: the maximum size in bytes; None: the memory limit for files.
 
     Raises:
-        BadFile: it is another kind of file, or has more.
+        BadFile: the file is not regular, or too large.
         TooLarge: reading it would take more memory than is allowed.
         OSError: it cannot be read.
     """
@@ -298,15 +298,15 @@ def bytes_of(file: Path, most: int | None = None) -> bytes:
 
 
 def json_in(file: Path, what: str, kind: type[T]) -> T:
-    """Return the value in a file of JSON.
+    """Read a JSON file, and check the type of its value.
 
     Args:
         file: the file.
-        what: the subject that the file must be, for the message, such as "the plan of an experiment".
+        what: the expected content for messages, such as "the plan of an experiment".
         kind: the type of the value, such as a TypedDict with the keys that it must have.
 
     Raises:
-        BadFile: it is no regular file, not JSON, or holds another value.
+        BadFile: the file is not regular, not JSON, or has a value of another type.
         TooLarge: it would take more memory than is allowed.
         OSError: it cannot be read.
     """
@@ -318,17 +318,17 @@ def json_in(file: Path, what: str, kind: type[T]) -> T:
 
 
 def lines_in(file: Path, what: str, *kinds: type[object]) -> list[dict[str, Any]]:
-    """Return the objects in a file of JSON lines; [] if there is none.
+    """Read a file of JSON lines; an empty list if the file does not exist.
 
-    A last line without an end, where a program was killed, counts as not there.
+    An unterminated last line, left by a killed program, is ignored.
 
     Args:
         file: the file.
-        what: what each line must be, for the message, such as "a row".
-        kinds: the types that each object must have, such as a TypedDict with keys; it may have others.
+        what: the expected content of a line for messages, such as "a row".
+        kinds: the types that each object must match, such as a TypedDict; further keys are allowed.
 
     Raises:
-        BadFile: it is no regular file, or a line is no such object.
+        BadFile: the file is not regular, or a line does not match.
         TooLarge: it would take more memory than is allowed.
         OSError: it cannot be read.
     """
@@ -355,7 +355,7 @@ def damaged(file: Path, number: int, what: str, why: str) -> BadFile:
 
 
 def add_lines(file: Path, lines: Iterable[Mapping[str, object]]) -> None:
-    """Append objects to a file of JSON lines, all at once.
+    """Append objects to a file of JSON lines in one write.
 
     Raises:
         BadFile: it is no regular file.
@@ -366,7 +366,7 @@ def add_lines(file: Path, lines: Iterable[Mapping[str, object]]) -> None:
 
 
 def cut_torn_line(file: Path) -> None:
-    """Cut a last line without an end, where a program was killed, off a file of JSON lines, if there is the file.
+    """Remove an unterminated last line, left by a killed program, from a file of JSON lines; the file need not exist.
 
     Raises:
         BadFile: it is no regular file.
@@ -377,15 +377,15 @@ def cut_torn_line(file: Path) -> None:
 
 
 def as_lines(values: Iterable[Mapping[str, object]]) -> bytes:
-    """Return objects as lines of JSON; a half of a surrogate pair, which no file may hold, becomes a question mark."""
+    """Encode objects as JSON lines; lone surrogates, which files cannot store, become question marks."""
     return "".join(f"{json.dumps(one, ensure_ascii=False)}\n" for one in values).encode(errors="replace")
 
 
 def as_kind(value: object, kind: type[T]) -> T:
-    """Return a value of a file as the type that it must have.
+    """Convert a value from a file to a type, and check it.
 
     Raises:
-        BadFile: it is another; the message says where.
+        BadFile: the value has another type; the message names the place.
     """
     import msgspec
 
@@ -404,11 +404,11 @@ def _bounded(file: Path) -> bytes:
 
 
 def _value(data: bytes) -> Any:
-    """Return the value of a text of JSON.
+    """Parse JSON strictly.
 
     Raises:
-        BadFile: it is no JSON, or holds what we do not write: NaN, very long integers, very deep lists, halves of
-            surrogate pairs.
+        BadFile: the text is not JSON, or contains values that GAMMS never writes: NaN, very long integers, very deep
+            lists, lone surrogates.
     """
     try:
         text = data.decode()

@@ -299,7 +299,7 @@ class BaseAgent(AgentView, ContextPart, IAgent):
         return node.x, node.y
 
     def _note(self, kind: int, name: str, sensor: ISensor) -> None:
-        """Note in the journal that the agent gets or loses a sensor."""
+        """Record in the journal that the agent gets or loses a sensor."""
         journal = self._block.journal
         if not journal.is_silent:
             journal.note(kind, {"agent_name": self.name, "name": name, "sensor_id": sensor.sensor_id})

@@ -319,7 +319,7 @@ class Team:
             setattr(self._agent(self.names[i]), column, listed[i])
 
     def _note(self, column: str, numbers: list[int]) -> None:
-        """Note in the journal the values of members without an object."""
+        """Record in the journal the values of members without an object."""
         block = self._block_of()
         if numbers and not block.journal.is_silent:
             rows = block.rows.of_each([self.names[i] for i in numbers])
@@ -517,7 +517,7 @@ def starts_in(given: object, *, are_made: bool) -> list[int]:
 
 
 def note_created(block: AgentBlock, names: Sequence[str], given: Iterable[dict[str, Any]]) -> None:
-    """Note the creation of the last agents of a block, each with its keywords, as if they were created one by one."""
+    """Record the creation of the last agents of a block, each with its keywords, as if they were created one by one."""
     journal = block.journal
     first = len(block.names) - len(names)
     if journal.is_silent:

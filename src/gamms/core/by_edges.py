@@ -251,7 +251,7 @@ def decide(games: GameColumns, w: EdgeMovers, game: int) -> int:
 
 
 def choose(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
-    """Let an agent decide, and write its path through the turn."""
+    """Decide for an agent, and write its path through the turn."""
     row = game * games.agents + i
     node = games.node[row]
     begin(w.walks, i, node, games.edge[row], games.share[row])

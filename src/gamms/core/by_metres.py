@@ -114,7 +114,7 @@ def rest(t: MetreMovers, i: int) -> int:
 
 
 def choose(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
-    """Let an agent decide, and move it along a path to its target; an impossible move is noted as illegal."""
+    """Decide for an agent, and move it along a path to its target; an impossible move counts as illegal."""
     row = game * games.agents + i
     t.movers.blocked[row] = 0
     target = -1

@@ -222,7 +222,7 @@ def list_members(c: Contests, found: int) -> int:
 
 
 def end_exchanges(c: Contests, found: int) -> int:
-    """Let all agents move that go in the same direction as the winner of their exchange."""
+    """Allow the moves of all agents that go in the same direction as the winner of their exchange."""
     for k in range(found):
         way = -1
         for m in range(c.first[k], c.first[k + 1]):

@@ -219,7 +219,7 @@ def give_way(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
 
 
 def block(m: OneEdgeMovers, row: int, wanted: int) -> int:
-    """Note that a conflict has stopped an agent on the way to a place."""
+    """Record that a conflict has stopped an agent on the way to a place."""
     m.wanted[row] = wanted
     m.blocked[row] = 1
     m.blocks[row] += 1
@@ -227,7 +227,7 @@ def block(m: OneEdgeMovers, row: int, wanted: int) -> int:
 
 
 def settle(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
-    """Let agents stay that are held, and those that rules have put elsewhere since they decided."""
+    """Cancel the moves of held agents, and of agents that rules have placed elsewhere since they decided."""
     for i in range(games.agents):
         row = game * games.agents + i
         if is_put(games, m, row, i):
@@ -246,7 +246,7 @@ def is_put(games: GameColumns, m: OneEdgeMovers, row: int, i: int) -> bool:
 
 
 def put(games: GameColumns, m: OneEdgeMovers, row: int) -> int:
-    """Let an agent have begun the turn where it is, and stay there."""
+    """Set the start and the end of an agent's move to its current node."""
     games.start[row] = games.node[row]
     m.went[row] = games.node[row]
     m.ends[row] = games.node[row]
@@ -254,7 +254,7 @@ def put(games: GameColumns, m: OneEdgeMovers, row: int) -> int:
 
 
 def leave_or_join(games: GameColumns, m: OneEdgeMovers, row: int) -> int:
-    """Let an agent take part in the turn if it lives now."""
+    """Include an agent in the turn if it is alive."""
     m.held[row] = 0
     m.takes_part[row] = games.alive[row]
     if not games.alive[row]:

@@ -705,7 +705,7 @@ class Flags:
         legs: Legs,
         pieces: MotionIntervals,
     ) -> int:
-        """Let agents capture and take flags, in the order of time within the turn.
+        """Apply captures and takes of flags, in the order of time within the turn.
 
         Args:
             games: the block.
@@ -994,7 +994,7 @@ class FlagRule(Rule):
         self.sides = sides
 
     def happen(self, game: int) -> int:
-        """Let carriers drop, capture and take flags."""
+        """Apply drops, captures and takes of flags by carriers."""
         self.flags.drop(self.games, self.events, game, self.number)
         if not self.steps.are_one_edge or self.flags.concern(self.games, game):
             self.steps.fill(self.games, game)

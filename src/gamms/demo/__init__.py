@@ -97,7 +97,7 @@ def key_events(ctx: Context, played: Result) -> Iterator[tuple[int, str]]:
 
 
 def table(ctx: Context, played: Result) -> list[tuple[str, ...]]:
-    """Return one row per team: name, agents, then how often what happened."""
+    """Return one row per team: name, number of agents, and counts of events."""
     rows: list[tuple[str, ...]] = [("team", "agents", "captures", "flags taken", "tags", "flags saved")]
     for team, agents in sides(ctx).items():
         rows.append((team, str(len(agents)), *map(str, _counts(ctx, played, team).values())))

@@ -1,6 +1,6 @@
-"""How the agents play: plain functions of the state, which see the others through their sensor only.
+"""Strategies of the demo: plain functions of the state, which see other agents only through their sensor.
 
-Besides, they know the map, and what is announced to all: the team of each node, and which agent carries which flag.
+They also know the map and the public facts: the team of each node, and the carriers of flags.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,7 @@ def player(ctx: Context, defenders: int) -> Strategy:
 
 
 def attacker(ctx: Context) -> Strategy:
-    """Return a strategy: take the other team's flag and carry it home, around the defenders in sight."""
+    """Return a strategy: take the other team's flag and carry it home, avoiding visible defenders."""
     graph = ctx.graph.graph
 
     def strategy(state: State) -> None:
@@ -53,7 +53,7 @@ def attacker(ctx: Context) -> Strategy:
 
 
 def defender(ctx: Context) -> Strategy:
-    """Return a strategy: chase the nearest intruder in sight; walk about near the own flag while there is none."""
+    """Return a strategy: chase the nearest visible intruder; without one, walk around near the own flag."""
     graph = ctx.graph.graph
 
     def strategy(state: State) -> None:
@@ -78,13 +78,13 @@ def defender(ctx: Context) -> Strategy:
 
 
 def _steps(state: State) -> Sequence[int]:
-    """Return the nodes an agent may go to; staying is no step, except at a dead end without a way out."""
+    """Return the nodes that an agent may go to; its own node is included only at a dead end."""
     legal = state["legal"]
     return legal[1:] or legal
 
 
 def _places(ctx: Context, state: State, team: str) -> list[tuple[int, float, float]]:
-    """Return node, x and y of the agents of a team in sight."""
+    """Return node, x and y of the visible agents of a team."""
     seen = state["sensor"]["seen"][1]
     nodes = [node for name, node in seen.items() if ctx.agent.get_agent(name).team == team]
     return [(node, *ctx.graph.get_node(node)[1:3]) for node in nodes]

@@ -62,12 +62,12 @@ class Table(dict[str, Any]):
         return "\n".join([*aligned, *self.notes])
 
     def latex(self, *, caption: str = "", label: str = "", digits: int = 2) -> str:
-        """Return a table of LaTeX for the package booktabs; an interval stands behind its value, notes below.
+        """Return a LaTeX table for the package booktabs; intervals follow their values, notes are below.
 
         Args:
-            caption: of the table; "" leaves it out.
-            label: by which the text refers to it; "" leaves it out.
-            digits: behind the point of numbers that are not whole.
+            caption: the caption; "" omits it.
+            label: the label for references; "" omits it.
+            digits: the number of decimals of fractional numbers.
         """
         names = [name for name in self if name not in ("low", "high")]
         has_interval = len(names) < len(self) - 1
@@ -130,9 +130,9 @@ def plot(
     """Draw the means of series with their intervals.
 
     Args:
-        x: name of the horizontal axis.
-        y: name of the vertical axis.
-        hue: name of what the series differ in; None: there is one.
+        x: the label of the horizontal axis.
+        y: the label of the vertical axis.
+        hue: the title of the legend; None: there is only one series.
         series: of each, its values of x and intervals.
         ax: where; None: a figure of its own.
         notes: sentences above the axes.

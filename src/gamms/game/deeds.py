@@ -1,4 +1,4 @@
-"""Deeds: declarations of what agents may do besides moving, and checks of their requests."""
+"""Deeds, which are actions other than moves: their declarations, and checks of requests."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple

@@ -1,4 +1,4 @@
-"""Seed the global generators of `random` and `numpy.random` while a game runs."""
+"""Seed the global generators of `random` and `numpy.random` during a game."""
 
 import random
 from collections.abc import Iterator

@@ -48,7 +48,7 @@ class Refusals:
             self.deeds.setdefault(agent, {}).setdefault(deed, set()).add(why)
 
     def take_back(self, members: Iterable[int]) -> Iterator[tuple[int, str | None, str]]:
-        """Take back what is refused of the agents of some slots.
+        """Withdraw the refused moves and deeds of the agents of some slots.
 
         Yield the slot of each, the kind of the deed, None for its move, and why.
         """
@@ -252,7 +252,7 @@ class TurnMoves:
         return goes
 
     def stop_each(self, stopped: IntArray) -> None:
-        """Keep the agents of slots on their nodes; all of them move along one edge."""
+        """Make the agents of some slots stay; all agents of the turn move along one edge."""
         np.asarray(self.ends)[stopped] = np.asarray(self.starts).take(stopped)
         self.order.count_blocked(stopped)
         self._by_name = None

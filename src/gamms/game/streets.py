@@ -111,12 +111,12 @@ class StreetGraph:
 
     @cached_property
     def core(self) -> moves.LegalMoves:
-        """The same data in the form of the core."""
+        """The legal moves in the form of the core."""
         return moves.LegalMoves(*self._memory())
 
     @cached_property
     def core_with_all_legal(self) -> moves.LegalMoves:
-        """The same data in the form of the core, for games in which every node is legal."""
+        """The legal moves in the form of the core, for games that allow moves to any node."""
         return moves.LegalMoves(*self._memory(), are_all_legal=True)
 
     def _memory(self) -> tuple[Any, Any]:

@@ -185,7 +185,7 @@ class TurnEngine:
             self._order.update_counts()
 
     def _note_departed(self) -> None:
-        """Note the agents that were deleted since the last call, if the game had begun."""
+        """Record the agents that were deleted since the last call, if the game had begun."""
         if self._phase.agent is not None:
             return  # nothing changes while agents decide
         state, since = self._state, self._departure
@@ -333,7 +333,7 @@ class TurnEngine:
         return turn
 
     def _do_deeds(self, turn: TurnMoves, part: TurnPart, rules: RuleSet) -> TurnMoves:
-        """Let rules refuse moves and deeds, log the remaining deeds, and let rules execute them.
+        """Call the rules that refuse moves and deeds, log the remaining deeds, and call the rules that execute deeds.
 
         Return the moves of the current agents. An agent that a rule has placed elsewhere stays there, and an agent
         whose path was closed stays on its node.
@@ -358,7 +358,7 @@ class TurnEngine:
         return turn
 
     def refused(self, turn: TurnMoves, members: Iterable[int], rules: RuleSet) -> Iterable[tuple[int, str | None, str]]:
-        """Let rules refuse moves and deeds of the agents of some slots; see `Refusals.take_back`."""
+        """Call the rules that refuse moves and deeds, for the agents of some slots; see `Refusals.take_back`."""
         if not rules.now.checks:
             return ()
         self.refusals = refusals = Refusals(turn)

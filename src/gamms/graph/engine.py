@@ -500,7 +500,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
     @property
     def scenery(self) -> Scenery | str | None:
-        """What is drawn around the streets: columns, or the name of what is installed with GAMMS; settable."""
+        """The base map around the streets: columns, or the name of installed scenery; settable."""
         return self.graph.scenery
 
     @scenery.setter

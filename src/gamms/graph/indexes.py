@@ -44,7 +44,7 @@ class NodeGrid:
         self._late: set[int] = set()  # rows added or moved since the grid was built
 
     def note(self, row: int) -> None:
-        """Note that a node was added or moved."""
+        """Record that a node was added or moved."""
         self._late.add(row)
 
     @property
@@ -206,12 +206,12 @@ class Adjacency:
         self._is_exact = edges.dead == 0  # whether all grouped edges are alive and unmoved
 
     def note_added(self, node: int, edge: int) -> None:
-        """Note that an edge now has this end at `node`."""
+        """Record that an edge now has this end at `node`."""
         self._late.setdefault(node, []).append(edge)
         self._late_count += 1
 
     def note_changed(self) -> None:
-        """Note that an edge was removed or moved away from its node."""
+        """Record that an edge was removed or moved away from its node."""
         self._is_exact = False
 
     @property
@@ -506,12 +506,12 @@ class Indexes:
     # -- changes ------------------------------------------------------------------------------------------------
 
     def node_added(self, row: int) -> None:
-        """Note that a node was appended."""
+        """Record that a node was appended."""
         if self._grid is not None:
             self._grid.note(row)
 
     def node_moved(self, row: int) -> None:
-        """Note that the coordinates of a node changed; straight edges at it changed their shape."""
+        """Record that the coordinates of a node changed; straight edges at it changed their shape."""
         if not self.is_built:
             return
         self.node_added(row)
@@ -520,18 +520,18 @@ class Indexes:
         self._edge_values.forget(self.edges_at(nodes))
 
     def node_removed(self, row: int) -> None:
-        """Note that a node and its edges were removed."""
+        """Record that a node and its edges were removed."""
         self.forget(self._nodes.ids[row])
 
     def edge_added(self, row: int, source: int, target: int) -> None:
-        """Note that an edge was appended, or now has these ends."""
+        """Record that an edge was appended, or now has these ends."""
         for end, node in (("sources", source), ("targets", target)):
             if end in self._by_end:
                 self._by_end[end].note_added(node, row)
         self.forget(self._nodes.ids[source])
 
     def edge_changed(self, row: int, old_ends: tuple[int, int], ends: tuple[int, int]) -> None:
-        """Note that the length, shape or ends of an edge changed."""
+        """Record that the length, shape or ends of an edge changed."""
         if not self.is_built:
             return
         self._edge_values.forget(np.array([row]))
@@ -540,7 +540,7 @@ class Indexes:
             self.edge_added(row, *ends)
 
     def edge_removed(self, ends: tuple[int, int]) -> None:
-        """Note that an edge was removed, or moved away from these ends."""
+        """Record that an edge was removed, or moved away from these ends."""
         for adjacency in self._by_end.values():
             adjacency.note_changed()
         self.forget(self._nodes.ids[ends[0]])

@@ -201,7 +201,7 @@ class GraphStore:
         self.rows_added()
 
     def rows_added(self) -> None:
-        """Note that many rows were added to the tables."""
+        """Record that many rows were added to the tables."""
         self._discard_indexes()
         self.revision += 1
 

@@ -126,7 +126,7 @@ class ActionHistory:
         self.steps += games
 
     def cut(self) -> "ActionHistory":
-        """Return a copy to which nothing is added later."""
+        """Return an independent copy."""
         copied = copy(self)
         copied.steps = self.steps.copy()
         copied._first = self._first.copy()
@@ -172,7 +172,7 @@ class ScriptedActions:
         self._taken[turns, np.arange(len(turns))] = np.column_stack((moves, done, flown))
 
     def __call__(self, state: dict[str, Any]) -> None:
-        """Take the action that was stored for this turn of the current game."""
+        """Set the action that was stored for this turn of the current game."""
         legal, games = state["legal"], cast("Batch", self._games)
         move, deed, *flight = self._taken[state["turn"], games.loaded].tolist()
         agent = games.game.ctx.agent.agents[state["name"]]

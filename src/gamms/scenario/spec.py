@@ -1,4 +1,4 @@
-"""The schema of a scenario file: its keys, their types and defaults, and what is wrong with a value. Uses msgspec.
+"""The schema of scenario files: keys, types and defaults, and checks of values. Uses msgspec.
 
 `Spec` is the whole file. Every class is one mapping in it; a key that is not listed is an error.
 """
@@ -44,11 +44,11 @@ _T = TypeVar("_T", bound=msgspec.Struct)
 class _Mapping(
     msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True, rename={"with_": "with", "from_": "from"}
 ):
-    """A mapping of the file."""
+    """The base class of all mappings in the file."""
 
 
 class LatLon(_Mapping, frozen=True, kw_only=True):
-    """Degrees; the nearest node is meant."""
+    """A position in degrees, which stands for the nearest node."""
 
     lat: float
     lon: float
@@ -88,7 +88,7 @@ class Helsinki(_Mapping, frozen=True, kw_only=True):
 
 
 class StreetMap(_Mapping, frozen=True, kw_only=True):
-    """The keys of every map of real streets."""
+    """The common keys of maps of real streets."""
 
     osm_type: Travel | None = None
     modes: Annotated[Location, Meta(description="A TOML file of modes of travel in the folder.")] | None = None
@@ -120,7 +120,7 @@ class MapPlace(StreetMap, frozen=True, kw_only=True):
 
 
 class Map(_Mapping, frozen=True, kw_only=True):
-    """Where the game is played: exactly one of the kinds of maps, and the roads in it that are closed."""
+    """The map of a scenario: exactly one kind of map, and its closed roads."""
 
     grid: Grid | None = None
     helsinki: Helsinki | None = None
@@ -131,7 +131,7 @@ class Map(_Mapping, frozen=True, kw_only=True):
 
 
 class Sensor(_Mapping, frozen=True, kw_only=True):
-    """A kind of sensor, built-in or a function, of which each agent that names it gets one."""
+    """A sensor, built-in or a function; each agent that names it gets a separate instance."""
 
     type: str | None = None
     function: Reference | None = None
@@ -152,14 +152,14 @@ class Sensor(_Mapping, frozen=True, kw_only=True):
 
 
 class TeamDistance(_Mapping, frozen=True, kw_only=True):
-    """A distance to every agent of an earlier team, in a straight line."""
+    """A straight-line distance to every agent of an earlier team."""
 
     team: Name
     at_least: Metres
 
 
 class Equipment(_Mapping, frozen=True, kw_only=True):
-    """The keys that a team sets for all its agents, and an agent for itself."""
+    """The keys that a team sets for all its agents, or an agent for itself."""
 
     type: str | None = None
     speed: Annotated[float, Meta(gt=0.0)] | None = None
@@ -170,14 +170,14 @@ class Equipment(_Mapping, frozen=True, kw_only=True):
 
 
 class Agent(Equipment, frozen=True, kw_only=True):
-    """One agent; without a node it is placed as its team says."""
+    """An agent; without a node it is placed by the rules of its team."""
 
     name: Name
     node: Place | None = None
 
 
 class Team(Equipment, frozen=True, kw_only=True):
-    """Agents that play together: listed, or a number of them placed at random."""
+    """A team: listed agents, or a number of agents placed at random."""
 
     count: Count = 0
     agents: list[Agent] = []
@@ -204,7 +204,7 @@ class PriorityOrder(_Mapping, frozen=True, kw_only=True):
 
 
 class Conflicts(_Mapping, frozen=True, kw_only=True):
-    """How many may end a turn on a node, and who wins; the parameters of `gamms.rules.Conflicts`."""
+    """Conflicts of moves: the capacity of nodes, and the winners; the parameters of `gamms.rules.Conflicts`."""
 
     capacity: Count | str | dict[str | int, Count] | None = 1
     edge_capacity: Count | str | dict[str | int, Count] | None = None
@@ -233,7 +233,7 @@ class Settings(_Mapping, frozen=True, kw_only=True):
 
 
 class Jammer(_Mapping, frozen=True, kw_only=True):
-    """An agent, all of a team, or a place, around which nothing is heard on a channel: exactly one of these."""
+    """A jammer of a channel around an agent, all agents of a team, or a place: exactly one of these."""
 
     radius_m: Metres
     agent: Name | None = None
@@ -242,7 +242,7 @@ class Jammer(_Mapping, frozen=True, kw_only=True):
 
 
 class Channel(_Mapping, frozen=True, kw_only=True):
-    """By what agents can send messages; it needs range_m, hops or line_of_sight."""
+    """A channel for messages; it needs range_m, hops or line_of_sight."""
 
     range_m: Metres | None = None
     hops: Annotated[int, Meta(ge=1, description="Edges.")] | None = None
@@ -260,18 +260,18 @@ class Spec(_Mapping, frozen=True, kw_only=True):
     """A game, completely."""
 
     map: Map  # where it is played
-    teams: Annotated[dict[Name, Team], Meta(min_length=1)]  # their agents, where they start, and what decides
+    teams: Annotated[dict[Name, Team], Meta(min_length=1)]  # agents, their start nodes, and strategies
     name: str = ""
     description: str = ""
     seed: int | None = None  # all that is drawn follows from it; None: every game is another
-    max_turns: Count | None = None  # it ends after so many at the latest; None: when a rule says so
-    sensors: dict[Name, Sensor] = {}  # those that teams name; each agent that names one gets one of its own
+    max_turns: Count | None = None  # the maximum number of turns; None: only rules end the game
+    sensors: dict[Name, Sensor] = {}  # sensors by name; each agent that names one gets a separate instance
     rules: list[Reference | Rule] = []  # in the order in which they are applied
-    conflicts: Conflicts | None = None  # what decides where moves conflict; None: all moves are made
-    channels: dict[Name, Channel] = {}  # by what agents send messages
+    conflicts: Conflicts | None = None  # resolution of conflicting moves; None: all moves are made
+    channels: dict[Name, Channel] = {}  # channels for messages
     settings: Settings = Settings()  # of the turn engine
-    facts: Values = {}  # what every strategy sees
-    data: Values = {}  # what is in `ctx.game.data` at the beginning
+    facts: Values = {}  # facts for all strategies
+    data: Values = {}  # initial content of `ctx.game.data`
 
 
 def schema() -> Values:
@@ -292,7 +292,7 @@ def checked(value: object, kind: Any, path: str = "") -> Any:  # Any: a type, or
 
 
 def in_full(kind: type[_T], given: str | _T) -> _T:
-    """Return a mapping of the schema; a text stands for one with that value for its first key that is required."""
+    """Convert a value to a mapping of the schema; a text becomes the value of the first required key."""
     return kind(**{_first_required(kind): given}) if isinstance(given, str) else given
 
 
@@ -346,7 +346,7 @@ def _explained(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
 
 
 def _parts(value: Any, kind: Any, fields: Mapping[str, FieldInfo]) -> Iterator[tuple[object, Any, Any]]:
-    """Yield the name, the value and the type of what a value holds, if that is of the form of the type."""
+    """Yield the name, value and type of each item of a value, if the value has the form of the type."""
     origin, arguments = get_origin(kind), get_args(kind)
     if fields:
         yield from ((key, value[key], field.type) for key, field in fields.items() if key in value)
@@ -377,7 +377,7 @@ def _options(kind: object) -> list[object]:
 
 
 def _in_words(value: object, kind: object, message: str) -> str:
-    """Return what is possible instead of a value."""
+    """Return a hint about the valid values."""
     choices = [choice for option in _options(kind) if get_origin(option) is Literal for choice in get_args(option)]
     if choices:
         return f"use one of {', '.join(map(str, choices))}.{nearest(value, choices)}"

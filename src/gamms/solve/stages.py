@@ -11,7 +11,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.solve.table import StateGroup, Table
 
 Bound = Literal["exact", "lower", "upper", "none"]
-"""How a value bounds that of the game: equal, at most it, at least it, or uncertain."""
+"""The relation of a value to the value of the game: equal, lower or upper bound, or uncertain."""
 _MOST_SWEEPS = 100_000
 _FEW_SWEEPS, _MANY_SWEEPS = (
     100,

@@ -375,7 +375,7 @@ class _Explorer:
         return 5 if self._last is None else 1 if turn + 1 < self._last - 1 else -1
 
     def _explain(self, states: States, chosen: IntArray, turn: int, shift: Perturbation) -> None:
-        """Raise an error that tells what a turn depends on."""
+        """Raise an error that names the hidden dependence of a turn."""
         played = self._world.play(states, chosen, turn)
 
         def goes_differently(other: Perturbation) -> bool:
