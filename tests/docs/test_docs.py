@@ -30,15 +30,22 @@ DOCS = ROOT / "docs"
 PAGES = pages.all_pages()
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 WORDS_TYPED = {
+    "batch": "batches.md",
     "cite": "cite.md",
     "collision": "rules.md",
     "colors": "pictures.md",
+    "colours": "pictures.md",
     "gpu": "batches.md",
     "headless": "pictures.md",
     "jupyter": "browser.md",
+    "many agents": "agents.md",
+    "my first rl run": "howto/first_rl_run.md",
+    "my own map": "worlds.md",
+    "paper figure": "pictures.md",
     "radio": "messages.md",
     "real time": "travel.md",
-    "seed": "concepts.md",
+    "seeds": "concepts.md",
+    "snapshot": "game.md",
 }
 IS_REFRESHING = os.environ.get("GAMMS_REFRESH_EXAMPLES") == "1"
 
@@ -153,6 +160,16 @@ def test_the_navigation_has_at_most_60_pages_besides_the_reference():
         waiting += [one for one in linked - found if one.name == "index.md"]
         found |= linked
     assert 50 < len(found) <= 60
+
+
+def test_pages_for_contributors_are_not_in_the_navigation():
+    pattern = re.search(r'^_FOR_CONTRIBUTORS = re.compile\(r"(.+)"\)$', (DOCS / "conf.py").read_text(), re.MULTILINE)[1]
+    hidden = [page for page in PAGES if re.match(pattern, page.with_suffix("").as_posix().removeprefix(f"{DOCS}/"))]
+    listed = {
+        one for page in PAGES if page.name == "index.md" for _, several in pages.contents_of(page) for one in several
+    }
+    assert {"architecture.md", "releasing.md", "README.md"} <= {page.name for page in hidden}
+    assert not listed & set(hidden)
 
 
 def test_one_line_installs_the_extras_of_all_tutorials():
