@@ -19,6 +19,7 @@ from gamms.experiment.statistics import (
     rate_interval_of_seeds,
     sobol_indices,
 )
+from gamms.experiment.tables import in_words, plot
 
 
 def test_a_rate_has_the_interval_of_wilson():
@@ -332,13 +333,38 @@ def test_a_plot_has_a_series_for_each_hue_and_returns_its_axes():
     figure = pytest.importorskip("matplotlib.figure").Figure()
     axes = figure.subplots()
     assert ROWS.plot("way", "score.red", ax=axes) is axes
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("way", "score.red")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("way", "score of red")
     assert [label.get_text() for label in axes.get_xticklabels()] == ["a", "b"]
     (bars,) = axes.containers
     assert bars.lines[0].get_ydata().tolist() == [2.0, 4.0]
     assert axes.get_title().startswith("Bootstrap intervals")
     with pytest.raises(UnknownName):
         ROWS.plot("wya")
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("turns", "turns"),
+        ("max_turns", "max turns"),
+        ("wins.pursuers", "share of games won by pursuers"),
+        ("score.red", "score of red"),
+        ("strategies.blue", "strategy of blue"),
+        ("teams.red.count", "red: count"),
+        ("teams.red.sensors.eyes.range_m", "red: sensors.eyes.range m"),
+    ],
+)
+def test_axes_have_words_as_labels(key, words):
+    assert in_words(key) == words
+
+
+def test_ticks_of_whole_numbers_are_whole():
+    figure = pytest.importorskip("matplotlib.figure").Figure()
+    axes = figure.subplots()
+    points = [(count, (0.1 * count, 0.0, 1.0)) for count in (1, 2, 3)]
+    plot("teams.red.count", "wins.red", None, {None: points}, axes, [])
+    figure.canvas.draw()
+    assert all(float(tick).is_integer() for tick in axes.get_xticks())
 
 
 def test_a_plot_names_the_keys_that_it_averages_over():

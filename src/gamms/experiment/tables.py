@@ -119,6 +119,21 @@ def _escaped(text: str) -> str:
 _APART = 0.12  # offset between series of a category
 
 
+_WORDS = {  # the first part of a column or varied key -> its words on an axis
+    "wins": "share of games won by {}",
+    "score": "score of {}",
+    "alive": "{}: agents alive",
+    "strategies": "strategy of {}",
+}
+
+
+def in_words(key: str) -> str:
+    """Return the words of a column or varied key on an axis: "red: count" for `teams.red.count`."""
+    first, _, rest = key.partition(".")
+    words = _WORDS.get(first, "{}").format(rest) if rest else first
+    return words.replace(".", ": ", 1).replace("_", " ")
+
+
 def plot(
     x: str,
     y: str,
@@ -142,6 +157,7 @@ def plot(
     """
     with needing("A plot", "plot"):
         import matplotlib.pyplot as plt
+        from matplotlib.ticker import MaxNLocator
     axes: Axes = plt.subplots(layout="constrained")[1] if ax is None else ax
     places = list(dict.fromkeys(at for points in series.values() for at, _ in points))
     is_number = all(isinstance(at, (int, float)) and not isinstance(at, bool) for at in places)
@@ -158,10 +174,12 @@ def plot(
     if not is_number:
         axes.set_xticks(range(len(places)), [str(at) for at in places])
         axes.margins(x=0.2)
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
+    elif all(isinstance(at, int) for at in places):
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel(in_words(x))
+    axes.set_ylabel(in_words(y))
     if hue is not None:
-        axes.legend(title=hue)
+        axes.legend(title=in_words(hue))
     if notes:
         axes.set_title("\n".join(notes), fontsize="small")
     return axes
