@@ -354,6 +354,11 @@ class Inboxes:
                 inbox.append(message)
         return inbox
 
+    def entries(self) -> list[dict[str, Any]]:
+        """Return the log entries of the messages that agents hear in the next turn, in the order of sending."""
+        self._catch_up(self._state.messages)
+        return self._by_turn.get(self._state.turn + 1, [])
+
     def _arriving(self) -> "dict[str, list[_Arrival]]":
         self._catch_up(self._state.messages)
         turn = self._state.turn + 1

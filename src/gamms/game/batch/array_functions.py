@@ -4,7 +4,7 @@ There, the game is a block of one game: functions get the same view and the same
 """
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import WRAPPER_ASSIGNMENTS, partial, update_wrapper
 from typing import Any, NamedTuple, cast
 
@@ -13,7 +13,7 @@ import numpy as np
 from gamms.arguments import as_context, as_function_of, as_numbers_of
 from gamms.deciding import phase_of
 from gamms.errors import BadType
-from gamms.game.batch.channels import Heard, Radio
+from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import Roster, decider_of
 from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.forms import F, StrategySpec, declare, key_of, strategy_spec_of
@@ -26,7 +26,6 @@ from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTake
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView, asked_view
 from gamms.game.deeds import checked_value
-from gamms.game.messages import Inboxes
 from gamms.game.moves import TurnMoves
 from gamms.game.random_streams import ViewDraws
 from gamms.game.settings import RuleSpec, declared
@@ -141,15 +140,13 @@ class _World(NamedTuple):
     """The movement of the agents of a game, and the data computed for its map.
 
     Attributes:
-        version: changes when the movement has to be made again.
+        version: the revision of the map, and what else the movement depends on.
         movement: the movement of the agents.
-        revision: the revision of the map.
         shared: the data that array functions share.
     """
 
     version: tuple[object, ...]
     movement: Movement
-    revision: object
     shared: dict[Hashable, Any]
 
 
@@ -159,8 +156,9 @@ def _world(ctx: HostContext, roster: Roster) -> _World:
     version = revision, phase_of(ctx).setting_changes, tuple([agent.speed for agent in roster.agents])
     known: _World | None = cache.get(_CACHE)
     if known is None or revision is None or known.version != version:
-        shared = known.shared if known is not None and revision is not None and known.revision == revision else {}
-        known = cache[_CACHE] = _World(version, movement_of(ctx.game, roster, may_reopen=True), revision, shared)
+        is_same_map = known is not None and revision is not None and known.version[0] == revision
+        shared = known.shared if known is not None and is_same_map else {}
+        known = cache[_CACHE] = _World(version, movement_of(ctx.game, roster, may_reopen=True), shared)
     return known
 
 
@@ -298,7 +296,8 @@ def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
     block.look = look
     block.reading = partial(phase_of(ctx).suspended, changes_world=False)
     if game.channels:
-        block.radio = _RadioOfOne(game.channels, roster, turns.inboxes)
+        block.radio = Radio(game.channels, roster, roster.part_of(None), 1)
+        block.radio.go_on(_ONE, turns.inboxes.entries(), game.turn)
 
 
 def _plain_action(
@@ -316,39 +315,6 @@ def _plain_action(
         return int(target)
     path: list[int] = ctx.graph.graph.shortest_path(here, target)[1:]
     return (path if limit < 0 else path[:limit]) or int(here)
-
-
-class _RadioOfOne(Radio):
-    """The channels of a game that is played alone.
-
-    Args:
-        channels: by name.
-        roster: the agents.
-        inboxes: the messages that agents hear.
-    """
-
-    def __init__(self, channels: Mapping[str, Any], roster: Roster, inboxes: Inboxes) -> None:
-        super().__init__(channels, roster, roster.part_of(None), 1)
-        self._inboxes = inboxes
-
-    def _arriving(
-        self,
-        channel: str,
-        games: IntArray,  # noqa: ARG002 - there is one game
-        turns: IntArray,  # noqa: ARG002 - there is one turn
-        agents: IntArray,
-        asked: BoolArray,
-    ) -> Iterator[tuple[Heard, IntArray]]:
-        names = self._roster.names
-        for hearer in np.flatnonzero(asked[0]).tolist():
-            inbox = self._inboxes.of(names[agents[hearer]])
-            heard = [message for message in inbox if message["channel"] == channel]
-            at = np.zeros(len(heard), np.int64)
-            senders = np.array([names.index(message["sender"]) for message in heard], np.int64)
-            sent = np.array([message["turn"] for message in heard], np.int64)
-            overheard = np.array([message["overheard"] for message in heard], np.bool_)
-            bodies = [message["body"] for message in heard]
-            yield Heard(at, at + hearer, senders, bodies, sent, overheard), np.arange(len(heard))
 
 
 # -- rules ------------------------------------------------------------------------------------------------------------

@@ -240,17 +240,6 @@ class Radio(GameLog[list[_Sent]]):
             raise UnknownName("channel", channel, self.channels)
         none = np.zeros(0, np.int64)
         found, places = [Heard(none, none, none, [], none, none > 0)], [none]
-        for heard, place in self._arriving(channel, games, turns, agents, asked):
-            found.append(heard)
-            places.append(place)
-        heard = joined_rows(found)
-        keys = heard.overheard, np.concatenate(places), heard.turns, heard.hearers, heard.at
-        return some_rows(heard, np.lexsort(keys))
-
-    def _arriving(
-        self, channel: str, games: IntArray, turns: IntArray, agents: IntArray, asked: BoolArray
-    ) -> Iterator[tuple[Heard, IntArray]]:
-        """Yield messages that arrive, and numbers that order those of one turn."""
         number = places_of(games, len(self._of_game) + 1)  # at last the place of games that were forgotten
         column = places_of(agents, len(self._roster.names))
         for _, sent in self._under_way:
@@ -262,8 +251,11 @@ class Radio(GameLog[list[_Sent]]):
             rows = np.flatnonzero(arrives & asked[at, hearers])
             which, overheard = fates.messages[rows], fates.outcomes[rows] == core.OVERHEARD
             bodies = [box.bodies[message] for message in which.tolist()]
-            heard = Heard(at[rows], hearers[rows], box.senders[which], bodies, sent.turns[which] - 1, overheard)
-            yield heard, sent.place[which]
+            found.append(Heard(at[rows], hearers[rows], box.senders[which], bodies, sent.turns[which] - 1, overheard))
+            places.append(sent.place[which])
+        heard = joined_rows(found)
+        keys = heard.overheard, np.concatenate(places), heard.turns, heard.hearers, heard.at
+        return some_rows(heard, np.lexsort(keys))
 
     # -- the log ------------------------------------------------------------------------------------------------
 
