@@ -194,16 +194,18 @@ class _Decided(NamedTuple):
 
     Attributes:
         asked: the number of times that agents had been asked; see `TurnEngine`.
-        waiting: the names of the agents that have not taken their actions.
+        waiting: the agents that have not taken their actions, name -> index in the view.
         view: the agents.
+        drawn: (agents,) how many numbers each has drawn in this turn.
         given: (1, agents) their actions, or (1, agents, 3) their flights.
         deeds: agent -> deed -> its fields.
         messages: agent -> its messages, as `state["outbox"]` has them.
     """
 
     asked: int
-    waiting: set[str]
+    waiting: dict[str, int]
     view: ArrayView
+    drawn: IntArray
     given: Any
     deeds: dict[str, dict[str, dict[str, Any]]]
     messages: dict[str, list[dict[str, Any]]]
@@ -217,10 +219,8 @@ def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name:
     known: _Decided | None = cache.get(key)
     if known is None or known.asked != asked or agent not in known.waiting:
         known = cache[key] = _decided(ctx, state, function, name)
-    known.waiting.discard(agent)
-    view, done = known.view, known.deeds.get(agent, {})
-    place = view["name"].index(agent)
-    state["draw"].go_to(int(np.broadcast_to(view.draw.count, view.node.shape)[0, place]) or None)
+    view, place, done = known.view, known.waiting.pop(agent), known.deeds.get(agent, {})
+    state["draw"].go_to(int(known.drawn[place]) or None)
     state.get("outbox", []).extend(known.messages.get(agent, ()))
     if view.flies:
         state["action"] = flown(known.given[0, place].tolist(), ctx.agent.agents[agent].speed, done)
@@ -255,7 +255,9 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
     for box in view._outboxes or ():
         for number, to, body in zip(box.senders.tolist(), box.to, box.bodies, strict=True):
             messages.setdefault(names[number], []).append({"channel": box.channel, "to": to, "body": body})
-    return _Decided(asked, {*view["name"]}, view, given, deeds, messages)
+    waiting = {name: place for place, name in enumerate(view["name"])}
+    drawn = np.broadcast_to(view.draw.count, view.node.shape)[0]
+    return _Decided(asked, waiting, view, drawn, given, deeds, messages)
 
 
 def _asked_with(ctx: HostContext, block: GameArrays, name: str, function: ArrayStrategy) -> IntArray:
