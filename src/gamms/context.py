@@ -216,6 +216,7 @@ class Context(Surface, Guarded, typing.IContext):
     def rng(self) -> "Generator":
         """The random stream of the scenario; hidden from strategies, which use `state['rng']`."""
         self._phase.refuse("draw from ctx.rng, which all share instead of state['rng']")
+        self.__dict__["_seed_uses"] += 1
         if self._rng is None:
             self._rng = self.stream("context")
         return self._rng

@@ -67,6 +67,8 @@ def test_what_functions_of_gamms_make_of_parameters_is_the_same_in_all_games(nam
 MINE = """
 import random
 
+import gamms
+
 def drawn(ctx):
     return ctx.graph.place(1)
 
@@ -101,6 +103,16 @@ def map_strategy(config):
         return strategy
     return {name: made(one["start_node_id"]) for name, one in config.items()}
 
+def homing(ctx):
+    return gamms.strategies.goto(ctx, ctx.agent.get_agent("red_0").current_node_id)
+
+def planned(ctx):
+    k = ctx.seed
+    def plan(states):
+        for state in states.values():
+            state["action"] = state["legal"][(k + state["turn"]) % len(state["legal"])]
+    return plan
+
 class Prepared:
     def prepare(self, ctx):
         ctx.game.data["lot"] = ctx.stream("lot").integers(9)
@@ -128,9 +140,6 @@ def by(strategy):
         (arrive("mine:drawn"), "rules.0.with.nodes"),
         (arrive("mine:lucky"), "rules.0.with.nodes"),
         (by("mine:same"), None),
-        (by({"function": "mine:by_seed", "with": {"period": 5}}), "teams.red.strategy"),
-        (by("mine:by_place"), "teams.red.strategy"),
-        (by("mine"), "teams.red.strategy"),
         ({"rules": [{"rule": "mine:prepared"}]}, "rules.0"),
     ],
 )
@@ -143,6 +152,46 @@ def test_only_what_differs_with_the_seed_is_made_for_each_game(given, where, tmp
         games.run()
         for number in range(0 if where and "lucky" in str(given) else 3):
             assert plain(games.result(number)) == plain(scenario.play(seed=1 + number))
+
+
+@pytest.mark.parametrize(
+    "strategy",
+    [
+        {"function": "mine:by_seed", "with": {"period": 5}},
+        "mine:by_place",
+        "mine",
+        "mine:homing",
+        {"function": "gamms.strategies:patrol", "with": {"nodes": {"function": "mine:drawn"}}},
+    ],
+)
+def test_strategies_that_differ_with_the_seed_are_called_in_the_core(strategy, tmp_path):
+    (tmp_path / "mine.py").write_text(MINE)
+    scenario = Scenario(**{**scene([TAG]).to_dict(), "folder": tmp_path})
+    scenario = scenario.replace(**{f"teams.{team}.strategy": strategy for team in ("red", "blue")})
+    with scenario.batch(4, seed=1) as games:
+        for seeds in (range(1, 5), [7, 2, 9, 9]):
+            games.reset(seeds=seeds)
+            games.run()
+            assert games.is_in_arrays, games.slow
+            assert games.slow.startswith("the strategy")
+            for number, seed in enumerate(seeds):
+                assert games.result(number) == scenario.play(seed=seed)
+                assert plain(games.context(number).game.result()) == plain(games.result(number))
+
+
+def test_plans_that_differ_with_the_seed_are_called_in_the_core_on_several_maps(tmp_path):
+    (tmp_path / "mine.py").write_text(MINE)
+    given = {"teams": {"red": {"count": 2, "plan": "mine:planned"}, "blue": {"count": 1, "strategy": "mine:by_place"}}}
+    scenario = Scenario(**{**scene([TAG]).to_dict(), **given, "folder": tmp_path})
+    maps = [{"grid": {"width": 4, "height": 4}}, {"grid": {"width": 6, "height": 3}}]
+    with scenario.batch(6, seed=1, maps=maps) as games:
+        games.step()
+        games.reset([2, 3], seeds=[40, 41])
+        games.run()
+        assert games.is_in_arrays, games.slow
+        for number, seed in enumerate(games.seeds):
+            alone = scenario.replace(map=maps[games.maps[number]])
+            assert plain(games.result(number)) == plain(alone.play(seed=seed))
 
 
 def test_run_says_once_why_many_games_are_played_one_by_one(caplog):

@@ -201,7 +201,8 @@ class MapStorage(Guarded, IMapStorage):
 
     def place_stream(self) -> "Generator":
         """Return the random stream of `ctx.graph.place`."""
-        self._place_stream = self._place_stream or self._ctx.stream("graph", "place")
+        stream = self._ctx.stream("graph", "place")  # each time, as a use of the seed
+        self._place_stream = self._place_stream or stream
         return self._place_stream
 
     @property

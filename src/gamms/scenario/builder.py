@@ -1,7 +1,7 @@
 """Build the game of a scenario in a context, rebuild it for another seed, and write out its defaults."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from functools import partial
@@ -40,7 +40,7 @@ from gamms.scenario.placement import AgentPlacement, TeamMember, members, node_a
 from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full, to_plain
 from gamms.scenario.validation import NamedCode, call_in, code_in, flies, sensor_type
 from gamms.sensor.catalog import KINDS
-from gamms.text import shown
+from gamms.text import DescribedFunction, shown
 from gamms.typing.actions import strategy_in
 from gamms.typing.game import IConflicts, Rule
 
@@ -174,17 +174,39 @@ class Builder:
         game.scores.update(changes["scores"])
         game.events.extend(changes["events"].values())
 
-    def varies(self, others: Iterable["Builder"]) -> str | None:
-        """Return the path of a function whose result depends on the seed; None: there is none.
+    def varying(self, others: Iterable["Builder"]) -> list[str]:
+        """Return the paths of functions whose results depend on the seed.
 
         Args:
             others: builders of the same game with other seeds; used only if there are functions of users.
         """
-        if not self._by_seed and self._called:
-            known = {path: image_of(gave) for path, gave in self._called.items()}
+        if self._called:
+            known = {path: _image(gave) for path, gave in self._called.items()}
             for other in others:
-                self._by_seed += [path for path, image in known.items() if image_of(other._called.get(path)) != image]
-        return next(iter(self._by_seed), None)
+                self._by_seed += [path for path, image in known.items() if _image(other._called.get(path)) != image]
+        return [*dict.fromkeys(self._by_seed)]
+
+    def without_deciders(self, paths: Iterable[str]) -> list[str]:
+        """Return the paths that are not those of strategies and plans, or of their parameters."""
+        deciders = {self._strategy_path(member) for member in self.members}
+        deciders |= {f"teams.{team}.plan" for team in self._plans}
+        return [path for path in paths if not any(_is_within(path, decider) for decider in deciders)]
+
+    def deciders_at(self, paths: Sequence[str], seed: int) -> dict[tuple[str, str], Function | None]:
+        """Reset the game with a seed; return its strategies and plans at these paths, by agent or team."""
+        self.ctx.game.reset(seed=seed)
+        where = {("agent", member.name): self._strategy_path(member) for member in self.members}
+        where |= {("team", team): f"teams.{team}.plan" for team in self._plans}
+        chosen = [key for key, decider in where.items() if any(_is_within(path, decider) for path in paths)]
+        return {key: self._decider(*key) for key in chosen}
+
+    def _decider(self, kind: str, name: str) -> Function | None:
+        return self._plans[name].function if kind == "team" else self._agents[name].strategy
+
+    def _strategy_path(self, member: TeamMember) -> str:
+        """Return the place of the strategy of an agent."""
+        is_given = member.name in self.given or member.team in self.given
+        return f"strategies[{shown(member.team)}]" if is_given else self._place_of(member, "strategy")
 
     @contextmanager
     def _noting(self, part: str) -> Iterator[None]:
@@ -340,7 +362,7 @@ class Builder:
     def _strategy(self, member: TeamMember, mapped: dict[str, Mapping[str, Function]]) -> Function | None:
         given = self.given.get(member.name, self.given.get(member.team))
         if given is not None:
-            where = f"strategies[{shown(member.team)}]"
+            where = self._strategy_path(member)
             own: Function = self._noted(given, where, partial(made, given, {}, self.ctx, where, "strategy"))
             return own
         path = self._place_of(member, "strategy")
@@ -581,3 +603,13 @@ def _write_defaults(plain: Values, one: NamedCode, function: Function | None) ->
         elif one.what == "sensor":
             given = None
     here[one.keys[-1]] = {**code, "with": given}
+
+
+def _image(gave: Any) -> tuple[object, str]:
+    """Return an object that is equal for results that do the same; functions of GAMMS show their arguments."""
+    return image_of(gave), gave.call if isinstance(gave, DescribedFunction) else ""
+
+
+def _is_within(path: str, outer: str) -> bool:
+    """Return whether a path is another one, or the path of a part of it."""
+    return path == outer or path.startswith(f"{outer}.")

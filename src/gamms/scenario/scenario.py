@@ -391,10 +391,12 @@ class Scenario(Immutable):
         ctx, builder = self._built(seeds[0], strategies, vis_engine)
         try:
             others = islice(dict.fromkeys(seeds[:_AMONG]), 1, 1 + _PROBES)
-            varying = None if reason else builder.varies(self._builder_for(one, strategies) for one in others)
-            reason = reason if varying is None else f"{varying}, which a function makes for each game"
+            varying = [] if reason else builder.varying(self._builder_for(one, strategies) for one in others)
+            unknown = builder.without_deciders(varying)
+            reason = f"{unknown[0]}, which a function makes for each game" if unknown else reason
+            deciders = partial(builder.deciders_at, varying) if varying and not unknown else None
             place = AgentPlacement(ctx, self.spec, members(self.spec)).place if are_drawn else None
-            return BatchSource(ctx.game, place, reason, partial(self.build, strategies=strategies))
+            return BatchSource(ctx.game, place, reason, partial(self.build, strategies=strategies), deciders)
         except BaseException:
             ctx.terminate()
             raise

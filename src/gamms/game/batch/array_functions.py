@@ -18,8 +18,7 @@ from gamms.game.batch.columns import Roster, decider_of
 from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.forms import F, StrategySpec, declare, key_of, strategy_spec_of
 from gamms.game.batch.given import as_flights, flown
-from gamms.game.batch.initial_state import movement_of
-from gamms.game.batch.last_turn import LastTurn
+from gamms.game.batch.initial_state import LastTurn, movement_of
 from gamms.game.batch.movement import AIMS, LIMITED, STOP, Movement
 from gamms.game.batch.sensing import note_sensors, note_sights
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp

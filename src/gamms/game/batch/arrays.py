@@ -36,6 +36,7 @@ from gamms.game.batch.given import Given, as_flights
 from gamms.game.batch.in_core import Block, CoreGames, is_function
 from gamms.game.batch.initial_state import InitialState, goes_along_one_edge, movement_of
 from gamms.game.batch.movement import Movement, MovementOnMaps
+from gamms.game.batch.own_functions import function_in
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.sensing import called_each_turn, carried_by, look, note_sensors, turns_with_agent
 from gamms.game.batch.state import GameArrays, NotTakenUp
@@ -787,7 +788,7 @@ class ArrayEngine:
         }
         plans, known = on_map.game.settings()["plans"], template.provenance["strategies"]
         come = [(name, one) for name, one in zip(roster.names, roster.agents, strict=True) if name in agents]
-        strategies = {name: strategy_name(decider_of(one, plans)) for name, one in come if name not in known} | known
+        strategies = known | {name: strategy_name(function_in(decider_of(one, plans), game)) for name, one in come}
         departed = {name: one for name, one in template.agents.items() if name not in on_map.game.ctx.agent.agents}
         over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
         return Result(

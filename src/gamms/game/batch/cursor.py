@@ -18,6 +18,7 @@ from gamms.game.batch.courses import Routes
 from gamms.game.batch.flights import Flights
 from gamms.game.batch.forms import decides_in_arrays
 from gamms.game.batch.in_core import CoreGames, core_form_of
+from gamms.game.batch.own_functions import OwnFunction, some_function
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.scores import fits_float
 from gamms.game.batch.sensing import called_each_turn
@@ -266,11 +267,11 @@ class Cursor:
         self._core_keys = frozenset(_keys_in_core(game))
         specs = [one.spec for one in game.rules if one.spec.core_form is not None]
         self._facts_in_core = {str(spec.key): spec.fact_of_game for spec in specs if spec.fact_of_game is not None}
-        plans = game.settings()["plans"]
-        deciders = [decider_of(state.roster.agents[number], plans) for number in asked]
+        deciders = [decider_of(state.roster.agents[number], game.settings()["plans"]) for number in asked]
         collectors = parts.collectors.by_name.values()
         self._periods = {one.every for one in collectors}
-        self.functions = [*_functions_of_rules(game), *deciders, *(one.fn for one in collectors)]
+        self._own_functions = [one for one in deciders if isinstance(one, OwnFunction)]
+        self.functions = [*_functions_of_rules(game), *map(some_function, deciders), *(one.fn for one in collectors)]
         self._part: int | None = None  # of the turn in which agents are about to move
         # of each game, as Python objects
         games = range(len(state))
@@ -413,6 +414,8 @@ class Cursor:
         values, state, pointed = self._values, self._state, self._pointed
         for number in pointed.each(games):
             self._number = number
+            for own in self._own_functions:
+                own.number = number
             self._read.clear()
             values.team_memories = self._team_memories[number]
             values.over = self._over = state.over[number]

@@ -16,6 +16,7 @@ from gamms.game.batch.cursor import first_called
 from gamms.game.batch.given import Acting, Given, as_given, as_kept
 from gamms.game.batch.maps import OneByOneOnMaps, drawn_maps
 from gamms.game.batch.one_by_one import OneByOneEngine
+from gamms.game.batch.own_functions import MakeDeciders, OwnFunctions
 from gamms.game.batch.state import Columns, GameArrays, NotTakenUp
 from gamms.game.batch.view import ArrayView
 from gamms.game.global_random import global_state, seeded_for_run
@@ -44,7 +45,8 @@ class BatchSource(NamedTuple):
         game: at its start, in a context of the batch's own.
         starts: returns where agents begin with each of several seeds, by name the ids of nodes, (seeds,); None: with
             every seed where they are.
-        follows_seed: what else differs with the seed, in words; None: nothing that is not drawn in turns.
+        follows_seed: what else differs with the seed, in words; None: nothing but `deciders`.
+        deciders: makes the strategies and plans that differ with the seed; None: there are none.
         build: makes a context with the game of a seed; None: recordings cannot be made.
     """
 
@@ -52,6 +54,7 @@ class BatchSource(NamedTuple):
     starts: Callable[[Sequence[int]], Mapping[str, IntArray]] | None
     follows_seed: str | None
     build: Callable[[int], Any] | None
+    deciders: MakeDeciders | None = None
 
 
 class _Alone(NamedTuple):
@@ -103,6 +106,8 @@ class Batch(Immutable):
             roster.first_nodes(source.game) for source, roster in zip(sources, self._rosters, strict=True)
         ]
         self._begin: IntArray = np.zeros((len(seeds), len(self._roster.names)), np.int64)  # see `_starts`
+        made = [(source.game, source.deciders) for source in sources]
+        self._own = [None if make is None else OwnFunctions(game, make, self.seeds) for game, make in made]
         self._engine = self._made_engine()
         self._left: str | None = None  # why the games have left the core
         is_kept = as_bool(record, "record") or self._engine.may_leave
@@ -138,13 +143,24 @@ class Batch(Immutable):
         for source in self._sources:
             if source.follows_seed is not None:
                 raise NotTakenUp(source.follows_seed)
+        self._take_functions(np.arange(len(self)))
         games = [source.game for source in self._sources]
         movements = [movement_in_core(game, roster) for game, roster in zip(games, self._rosters, strict=True)]
         self._begin = self._starts(self.seeds, self.maps)
         return ArrayEngine(games, movements, self.seeds, self.maps, self._begin, self._rosters)
 
+    def _take_functions(self, games: IntArray) -> None:
+        """Make the strategies and plans of some games, where they differ between games."""
+        for number, own in enumerate(self._own):
+            if own is not None:
+                on_map = games[self.maps[games] == number]
+                own.take(on_map, [self.seeds[game] for game in on_map.tolist()])
+                own.install()
+
     def _made_one_by_one(self) -> OneByOneOnMaps:
         """Return what plays the games one after the other."""
+        for own in filter(None, self._own):
+            own.remove()
         engines = [
             OneByOneEngine(source.game, roster, self.seeds)
             for source, roster in zip(self._sources, self._rosters, strict=True)
@@ -426,6 +442,9 @@ class Batch(Immutable):
             self._put_public(maps=locked(maps))
         self._put_public(seeds=tuple(changed.get(game, seed) for game, seed in enumerate(self.seeds)))
         if isinstance(self._engine, ArrayEngine):
+            if any(self._own):
+                self._engine.release()
+                self._take_functions(np.array(numbers))
             self._engine.start(np.array(numbers), given, self.maps[numbers], self._begin[numbers])
         else:
             self._engine.start(np.array(numbers), given, self.maps[numbers])
