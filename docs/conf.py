@@ -1,9 +1,9 @@
 """Builds the documentation site: `make docs`.
 
-Pages are plain Markdown, which a code host shows as well. Everything else that Sphinx needs is made here: the
-navigation follows the links of `index.md` and of each section's index, the reference is written from the source,
-replays are made by the code of the pages that show them, and a comment `<!-- index: word, other word -->` lets the
-search find a section under these words. Pages for contributors are neither in the navigation nor in the search.
+Pages are plain Markdown. The build adds the rest: the navigation follows the links of `index.md` and of each
+section's index, the reference is written from the source, the code of pages makes their replays, and a comment
+`<!-- index: word, other word -->` adds words under which the search finds a section. Pages for contributors are
+neither in the navigation nor in the search.
 """
 
 import os
@@ -68,14 +68,14 @@ _FRAME = (
 
 
 def setup(app: Sphinx) -> None:
-    """Connect what is worked out here to the steps of a build."""
+    """Connect the functions of this file to the steps of a build."""
     app.connect("builder-inited", write_reference)
     app.connect("source-read", complete)
     app.connect("build-finished", make_replays)
 
 
 def write_reference(_: Sphinx) -> None:
-    """Write a page for each public package; only one that has changed, so that the others are not built again."""
+    """Write a page for each public package; unchanged pages stay, so that they are not built again."""
     for package in reference.packages():
         path, text = DOCS / "reference" / f"{package}.md", reference.page_of(package)
         if not path.exists() or path.read_text(encoding="utf-8") != text:
@@ -83,7 +83,7 @@ def write_reference(_: Sphinx) -> None:
 
 
 def complete(_: Sphinx, docname: str, source: list[str]) -> None:
-    """Add the navigation to a page of contents, and frames to a page that shows replays."""
+    """Add the navigation to a page of contents, and frames to pages with replays."""
     page = DOCS / f"{docname}.md"
     if page.name == "index.md":
         source[0] += "".join(toctree_of(page, heading, linked) for heading, linked in pages.contents_of(page))
@@ -97,20 +97,20 @@ def complete(_: Sphinx, docname: str, source: list[str]) -> None:
 
 
 def _index_entries(match: re.Match[str]) -> str:
-    """Return the directive that makes main entries of the index of the words in a comment."""
+    """Return the directive that adds the words of a comment to the index as main entries."""
     words = ", ".join(f"! {word.strip()}" for word in match[1].split(","))
     return f"```{{index}} {words}\n```"
 
 
 def _within(page: Path, match: re.Match[str]) -> str:
-    """Return a link; of one to a page outside the documentation, the words alone."""
+    """Return a link; for a page outside the documentation, its text alone."""
     target = (page.parent / match[2].partition("#")[0]).resolve()
     is_outside = target.suffix == ".md" and target.exists() and not target.is_relative_to(DOCS)
     return match[1] if is_outside else match[0]
 
 
 def toctree_of(page: Path, heading: str, linked: list[Path]) -> str:
-    """Return the part of the navigation that a heading of a page of contents stands for."""
+    """Return the toctree of the pages below a heading of a page of contents."""
     names = [os.path.relpath(path, page.parent) for path in linked if path.is_relative_to(DOCS) and path != page]
     if page.parent == DOCS / "reference":
         names += [f"{package}.md" for package in reference.packages()] if not heading else []
@@ -120,9 +120,9 @@ def toctree_of(page: Path, heading: str, linked: list[Path]) -> str:
 
 
 def make_replays(app: Sphinx, exception: Exception | None) -> None:
-    """Run the code of the pages that show replays, and put these beside the pages that show them.
+    """Run the code of pages with replays, and copy the replays beside the pages.
 
-    The games of the gallery are played once for a folder of the site: `make clean` lets them be played again.
+    The games of the gallery are played once for a folder of the site; `make clean` removes them.
     """
     if exception is not None or app.builder.name != "html":
         return

@@ -1,5 +1,5 @@
-// How the search of the site ranks what it finds: pages of the guide first, then the reference, then changes. A query that
-// looks like a name in code, such as create_agent or Scenario, ranks the reference like the guide.
+// The ranking of the site's search: pages of the guide first, then the reference, then changes. A query that looks like a name
+// in code, such as create_agent or Scenario, ranks the reference like the guide.
 const asked = typeof location === "undefined" ? "" : new URLSearchParams(location.search).get("q") || "";
 const isName = /[_.]|[A-Z]/.test(asked);
 
