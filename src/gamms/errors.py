@@ -1,33 +1,33 @@
 """The exceptions that GAMMS raises on purpose.
 
 GammsError
-├─ UnknownName (KeyError)          a name or id that no sensor, agent, node, edge or store has
-├─ UnknownAttribute (AttributeError) a name that a package or a part of the context lacks
-├─ UnknownType (ValueError)        a type that this call does not know
-├─ UnknownEngine (NotImplementedError) a visual engine that is not there
-├─ Duplicate (ValueError)          a name that is already taken
-├─ DuplicateId (KeyError)          an id that is already in the graph
-├─ BadValue (ValueError)           an argument of the right type with an impossible value
-├─ BadType (TypeError)             an argument of the wrong type
-├─ BadFile (ValueError)            a file that is damaged, foreign or too large
-│  └─ TooLarge (also BadValue)     what a file holds or declares takes more memory than is allowed
-├─ NoPath (ValueError)             no path leads from one node to another
-├─ PlaceError (ValueError)         a place that is unknown, or has no map
-├─ NetworkError (ConnectionError)  a map server that cannot be reached, is busy, or answers with nonsense
-├─ MissingExtra (ImportError)      an optional library is needed and absent
-├─ MissingKey (KeyError)           a dict or call without something it needs
-├─ MissingFolder (FileNotFoundError) a file is to be written into a folder that is not there
-├─ MissingFile (FileNotFoundError) a file that is to be read is not there
-├─ NoDisplay (RuntimeError)        a window is asked for where none can be opened
-├─ NotOffered (NotImplementedError) a class of the caller's that does not override this call
-├─ NotYet (NotImplementedError)    a feature that is announced and not built yet
-│  ├─ NotYetImportable (ImportError)   ... and was asked for by an import
-│  └─ NotYetAttribute (AttributeError) ... and was asked for by its name
-├─ Outdated (RuntimeError)         an answer that was computed before something changed
-├─ WriteConflict (RuntimeError)    a file that another program has written since it was read
-├─ ReservedName (AttributeError)   a keyword of `create_agent` that is the name of a method or property of agents
-├─ IllegalMutation (RuntimeError)  a strategy tries to change something otherwise than by its action
-└─ ContextTerminated (AttributeError) the context has ended
+├─ UnknownName (KeyError)          an unknown name or id of a sensor, agent, node, edge or store
+├─ UnknownAttribute (AttributeError) an unknown name of a package or of a part of the context
+├─ UnknownType (ValueError)        an unknown type
+├─ UnknownEngine (NotImplementedError) an unknown visual engine
+├─ Duplicate (ValueError)          a name is already taken
+├─ DuplicateId (KeyError)          an id is already used in the graph
+├─ BadValue (ValueError)           an argument has the right type and an invalid value
+├─ BadType (TypeError)             an argument has the wrong type
+├─ BadFile (ValueError)            a file is damaged, of another kind, or too large
+│  └─ TooLarge (also BadValue)     a file or a call needs more memory than is allowed
+├─ NoPath (ValueError)             there is no path between two nodes
+├─ PlaceError (ValueError)         a place is unknown, or has no map
+├─ NetworkError (ConnectionError)  a map server cannot be reached, is busy, or sends an invalid answer
+├─ MissingExtra (ImportError)      an optional library is required and not installed
+├─ MissingKey (KeyError)           a required key or argument is missing
+├─ MissingFolder (FileNotFoundError) the folder of an output file does not exist
+├─ MissingFile (FileNotFoundError) an input file does not exist
+├─ NoDisplay (RuntimeError)        a window cannot be opened, because there is no display
+├─ NotOffered (NotImplementedError) an optional method that a user's class does not override
+├─ NotYet (NotImplementedError)    a feature that is announced and not implemented yet
+│  ├─ NotYetImportable (ImportError)   ... in an import
+│  └─ NotYetAttribute (AttributeError) ... as an attribute
+├─ Outdated (RuntimeError)         a computed result is outdated
+├─ WriteConflict (RuntimeError)    another program has written a file since it was read
+├─ ReservedName (AttributeError)   a keyword of `create_agent` is the name of a method or property of agents
+├─ IllegalMutation (RuntimeError)  a strategy tried to change something other than through its action
+└─ ContextTerminated (AttributeError) the context is terminated
 
 Packages add their own: NoStrategy (agent), IllegalAction, UnknownSetting and SnapshotError (game), ReadOnly (readonly),
 ScenarioError (scenario), RecordingError, RecorderBusy and Damaged (recorder), UnknownMap, DuplicateKey and BadKeyField
@@ -130,14 +130,14 @@ class UnknownEngine(GammsError, NotImplementedError):
 
 
 class Duplicate(GammsError, ValueError):
-    """A name that is already taken."""
+    """A name is already taken."""
 
     def __init__(self, kind: str, name: object) -> None:
         super().__init__(f"There is already {kind} named {shown(name)}. Choose another name or delete that one first.")
 
 
 class DuplicateId(GammsError, KeyError):
-    """An id that is already in the graph."""
+    """An id is already used in the graph."""
 
     def __init__(self, kind: str, id: int) -> None:
         super().__init__(
@@ -146,15 +146,15 @@ class DuplicateId(GammsError, KeyError):
 
 
 class BadValue(GammsError, ValueError):
-    """An argument of the right type with an impossible value."""
+    """An argument has the right type and an invalid value."""
 
 
 class BadType(GammsError, TypeError):
-    """An argument of the wrong type."""
+    """An argument has the wrong type."""
 
 
 class BadFile(GammsError, ValueError):
-    """A file that is damaged, foreign or too large."""
+    """A file is damaged, of another kind, or too large."""
 
 
 class TooLarge(BadFile, BadValue):
@@ -172,7 +172,7 @@ class NoPath(GammsError, ValueError):
 
 
 class MissingExtra(GammsError, ImportError):
-    """An optional library is needed and absent."""
+    """An optional library is required and not installed."""
 
     def __init__(self, feature: str, extra: str) -> None:
         super().__init__(f"{feature} needs an optional library (extra {extra!r}): {install_command(extra)}")

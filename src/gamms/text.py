@@ -28,7 +28,7 @@ class _Bounded(Repr):
     """A `Repr` that can format integers with more than 4,300 digits, which Python refuses to convert."""
 
     def repr_int(self, value: int, level: int) -> str:
-        """An integer, or how long it is."""
+        """Return the digits of an integer, or its number of bits if it is too long."""
         if value.bit_length() <= _LONG:
             return super().repr_int(value, level)
         return f"<an integer of {value.bit_length()} bits>"

@@ -101,7 +101,7 @@ class ReachBounds:
         return labels
 
     def _covered(self, place: ExactPosition, speed: float) -> float:
-        """Return the label of an agent seen at a place, for the beginning of this turn."""
+        """Convert the position of a seen agent to its label at the beginning of this turn."""
         gone = place.time * speed if np.isfinite(speed) else 0.0
         return place.offset_m - gone + _ROUNDED * (1.0 + place.offset_m + gone)
 

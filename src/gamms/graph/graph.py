@@ -268,7 +268,7 @@ class Graph(Guarded, IGraph):
         return found if self._phase.agent is None else ReadOnlyMapping(found)  # type: ignore[return-value] # it reads like them
 
     def has_node(self, node_id: int) -> bool:
-        """Return whether there is a node with that id."""
+        """Return whether a node with this id exists."""
         return self._store.nodes.index.row(records.as_id(node_id, "a node")) >= 0
 
     def within(

@@ -132,7 +132,7 @@ class RowsByName:
         self.version += 1
 
     def close_up(self, gone: Sequence[int]) -> None:
-        """Drop rows, ascending."""
+        """Remove the given rows, which are ascending."""
         drop(self._numbers, gone)
         self.version += 1
 

@@ -31,7 +31,7 @@ _TOLERANCE_M = 0.5  # if the mode does not state the width of its junctions
 
 
 class Access(NamedTuple):
-    """How a mode may use an open way."""
+    """The access of a mode of travel to an open way."""
 
     speed_kph: float
     forward: bool = True  # in the order of its vertices

@@ -176,7 +176,7 @@ class MapServers:
         return _request(method, url, patience_s, self._show, **options)
 
     def _pause(self, url: str, seconds: float) -> None:
-        """Wait, but neither too long nor too often in one call."""
+        """Wait for a busy server; raise a `NetworkError` if the waits of one call are too many or too long in total."""
         if is_local(url):
             seconds = min(seconds, _LOCAL_PAUSE_S)
         self._pauses += 1

@@ -135,7 +135,7 @@ class LiveState(State):
             artists.add_drawing(drawing)
 
     def change_component(self, kind: int, data: dict[str, Any]) -> None:
-        """Apply a change of components, which record it themselves."""
+        """Apply a change of components; the components record it if the context is being recorded."""
         self._ctx.record.components.apply(OpCodes(kind).name, data)
 
 

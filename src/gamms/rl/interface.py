@@ -133,7 +133,7 @@ class EnvInterface:
 
 
 def mask_in(columns: Columns) -> dict[str, Any]:
-    """Return infos with the mask in the columns, if there is one; flying agents have none."""
+    """Return the infos of an environment: the action mask, if the columns contain one; flying agents have no mask."""
     return {key: value for key, value in columns.items() if key == "action_mask"}
 
 

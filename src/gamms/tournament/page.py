@@ -185,7 +185,7 @@ def _game(row: Row, first: str, folder: Path) -> str:
 
 
 def _text(text: str) -> str:
-    """Return a cell that is aligned to the left, whatever it begins with."""
+    """Return a left-aligned table cell."""
     return f"<span>{escape(text)}</span>"
 
 

@@ -6,7 +6,7 @@ from logging import CRITICAL, DEBUG, ERROR, INFO, NOTSET, WARNING
 
 
 class ILogger(ABC):
-    """What GAMMS calls on a logger; a standard library `logging.Logger` is one."""
+    """The methods of loggers that GAMMS calls; `logging.Logger` of the standard library has them."""
 
     @abstractmethod
     def debug(self, msg: str, *args: object) -> None:

@@ -574,7 +574,7 @@ class Drawing:
         return out - self.events.eliminated() if out and as_float(share, "share") < 1.0 else out
 
     def group_colors(self, more: Iterable[Any] = ()) -> dict[str, Rgb]:
-        """Return a colour for each group of agents, and for more teams, by text; the same in all pictures of a game."""
+        """Return group -> color for the groups of all agents and for further teams, as text; constant during a game."""
         names = self._ctx.agent.positions.names
         teams = self._ctx.agent.positions.teams
         groups = dict.fromkeys(teams)

@@ -215,7 +215,7 @@ class PictureEngine(Surface, Guarded, IVisualizationEngine):
 
     @refused_while_deciding
     def terminate(self) -> None:
-        """End the films that are being made, and forget where agents were."""
+        """Finish open films, and clear the stored positions of agents."""
         self.pictures.finish_films()
         self.drawing.turns.forget()
 

@@ -413,7 +413,7 @@ class Film:
             self._close()
 
     def _hold(self, writer: FilmWriter, seconds: float) -> None:
-        """Show the frame that was painted last for some time."""
+        """Repeat the last frame for a duration."""
         for _ in range(round(seconds * self.plan.fps)):
             writer.add(self._frames.canvas)
             self.frames += 1

@@ -452,7 +452,7 @@ class _StraightParts(NamedTuple):
 
 
 def _stretches(points: FloatArray, along: FloatArray, width: float, page: Rectangle) -> _StraightParts:
-    """Return where a street is straight for so long, and inside the page, with the left end first."""
+    """Return the straight parts of a street that are long enough and inside the page, left end first."""
     half = width / 2 + _ROOM_PX
     middles = np.arange(half, max(float(along[-1]) - half, 0.0), _TRY_PX)
     between = _points_at(points, along, middles)

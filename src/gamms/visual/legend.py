@@ -224,7 +224,7 @@ class Legend:
                 break
 
     def draw(self, pen: "Pen", left: float, top: float, ground: Rgba) -> None:
-        """Draw it; the ground lies between it and the map."""
+        """Draw the legend on a background that covers the map."""
         if self._blocks:
             pen.rectangle(
                 left - _PAD_PX, top - _PAD_PX, self.width + 2.0 * _PAD_PX, self.height + 2.0 * _PAD_PX, ground
@@ -274,7 +274,7 @@ class Pen:
 
     @property
     def faint(self) -> Rgb:
-        """The ink of headings: paler, and light where other words are."""
+        """The color of headings: a pale variant of the text color."""
         return _FAINT if sum(self._ink) < 3 * 128 else _FAINT_BY_NIGHT
 
     def _place(self, x: float, y: float) -> tuple[float, float]:

@@ -67,6 +67,6 @@ class WebEngine(PictureEngine):
 
     @refused_while_deciding
     def terminate(self) -> None:
-        """Stop the server, and discard unfinished films."""
+        """Stop the server, and finish open films."""
         self.live.close()
         super().terminate()

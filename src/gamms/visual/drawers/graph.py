@@ -25,7 +25,7 @@ _EDGE_PX = 3.0
 
 
 def render_values(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw `data['values']`, the highest on top; values of removed nodes and edges are left out."""
+    """Draw `data['values']`, the highest on top; values of removed nodes and edges are omitted."""
     values: ColoredValues = data["values"]
     columns = ctx.graph.columns()
     order = np.argsort(values.places, kind="stable")
@@ -120,7 +120,7 @@ _Outline = list[list[float]]  # corners (x, y)
 
 
 class Footprints(NamedTuple):
-    """The outlines of buildings, and which faces are around each."""
+    """The outlines of buildings, and the faces around each."""
 
     points: FloatArray  # (points, 2)
     offsets: IntArray  # (footprints + 1,)  footprint `i` is `points[offsets[i]:offsets[i + 1]]`

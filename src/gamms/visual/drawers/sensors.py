@@ -242,6 +242,6 @@ def _without(corners: FloatArray, is_left_out: "np.ndarray[Any, np.dtype[np.bool
 
 
 def _faint(color: AnyColor, alpha: int) -> Rgba:
-    """Return the colour with our transparency, unless it brings more of its own."""
+    """Return a color with the default transparency, unless it is more transparent already."""
     red, green, blue, own = rgba(color)
     return red, green, blue, min(own, alpha)

@@ -68,8 +68,8 @@ class _Streets(NamedTuple):
 def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the graph as `data['graph_data']`, a GraphData, describes it; a two-way street is drawn once.
 
-    On a real map roads are as broad as their class, `highway`, asks for. Tunnels are dashed and lie below, bridges
-    above. Where `data['tunnels']` is "below", they are left out.
+    On a real map the width of a road depends on its class, `highway`. Tunnels are dashed and lowest, bridges are on
+    top. If `data['tunnels']` is "below", tunnels are omitted.
     """
     look: GraphData = data["graph_data"]
     columns = ctx.graph.columns()

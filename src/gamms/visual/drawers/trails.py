@@ -21,7 +21,7 @@ _THIN_PX = 1.0
 
 
 def render_past_trails(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the ways of `data["turns"]` turns but the last, in `data["colors"]`, by agent; old ones are faint."""
+    """Draw the paths of `data["turns"]` turns except the last, in `data["colors"]` by agent; older ones are fainter."""
     ages = list(enumerate(drawing_of(ctx).motion.past(data["turns"])))[1:]
     for age, moves in reversed(ages):
         _draw(ctx, moves, 1.0, data["colors"], round(_ALPHA * (1.0 - age / (data["turns"] + 1))))

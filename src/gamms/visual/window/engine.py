@@ -197,12 +197,12 @@ class WindowEngine(WindowNames, PictureEngine):
         self._caption(after_jump=True)
 
     def toggle_theme(self) -> None:
-        """Go from light to dark, or back."""
+        """Switch between the light and the dark theme."""
         self.set_theme("light" if self._theme == "dark" else "dark")
 
     @refused_while_deciding
     def quit(self) -> None:
-        """End the context because the window was closed; in the midst of a turn of `ctx.game`, when it is over."""
+        """End the context because the window was closed; during a turn of `ctx.game`, wait for the end of the turn."""
         self._will_quit = self._was_closed = True
         game = self.ctx.current_game
         if game is None or not game.is_moving:
@@ -325,7 +325,7 @@ class WindowEngine(WindowNames, PictureEngine):
     # -- fog and visibility -------------------------------------------------------------------------------
 
     def _see_as(self, team: str) -> None:
-        """Show no more than a team knows, unless the graph was declared, or the team has no sensor."""
+        """Restrict the display to the knowledge of a team, unless the graph was declared, or the team has no sensor."""
         fog = self._fogs.get(team)
         if fog is None and not self.artists.is_graph_declared:
             with suppress(BadValue, UnknownName):  # the team has no sensor
