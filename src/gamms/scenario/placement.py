@@ -237,7 +237,7 @@ class _TeamPlacement:
         return np.array([self._without_repeats(of_seed) for of_seed in numbers.reshape(words.shape[:2]).tolist()])
 
     def _without_repeats(self, numbers: list[int]) -> list[int]:
-        """Return the rows for numbers that each count only the rows not yet taken."""
+        """Convert draws without replacement to rows: each number is an index among the free rows not yet taken."""
         taken: list[int] = []  # ascending
         rows = list[int]()
         for number in numbers:

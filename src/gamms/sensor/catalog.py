@@ -75,7 +75,7 @@ class SensorKind(NamedTuple):
         )
 
     def keywords_of(self, sensor: ISensor) -> dict[str, Any]:
-        """Return the keywords that make such a sensor again."""
+        """Return keywords that create an equal sensor."""
         given = {name: getattr(sensor, ATTRIBUTES_OF.get(name, name)) for name in self.keywords}
         for setting in self.settings:
             part, _, name = setting.rpartition(".")

@@ -244,7 +244,7 @@ class _StreamWindow:
         return self._behind + self.position
 
     def grow(self) -> bool:
-        """Read more data; return whether there was any. The window doubles, so that long records are rarely parsed again."""
+        """Read more data, at least doubling the window for long records; return whether there was any."""
         left = self.data[self.position :]
         more = self._stream.read(max(_BLOCK, len(left)))
         if not isinstance(more, bytes):

@@ -106,7 +106,7 @@ class FlightChoice:
         self.answer = _UP if step > 0 else _DOWN
 
     def type_digit(self, digit: int) -> None:
-        """Stay where the digit is 0."""
+        """Answer "stay" for the digit 0; other digits are invalid."""
         if digit == 0:
             self.answer = (0, 0, 0)
         else:
