@@ -150,7 +150,8 @@ def install() -> None:
         sys.meta_path.append(_OldPaths())
     for path in _SHADOWED:
         module = sys.modules.setdefault(path, _Alias(path))
-        module.__spec__, module.__path__ = ModuleSpec(path, None, is_package=True), []
+        module.__spec__ = ModuleSpec(path, None, is_package=True)
+        module.__path__ = []
 
 
 def resolve(name: str) -> Any:

@@ -269,7 +269,8 @@ class Context(Surface, Guarded, typing.IContext):
             The context, and the memo of `copy.deepcopy`: `id()` of a replaced object -> its replacement.
         """
         ahead = Context(InternalContext(memory_engine=memory.MemoryEngine()), logger=self._logger)
-        ahead._seed, ahead.is_seeded = seed, self.is_seeded
+        ahead._seed = seed
+        ahead.is_seeded = self.is_seeded
         ahead._phase.known_names = self._phase.known_names  # whose warnings are not repeated
         ahead.graph_engine = graph.GraphEngine(ahead)
         ahead.agent_engine = agent.AgentEngine(ahead)
@@ -422,7 +423,8 @@ def create_context(
     vis_engine = as_member(visual.Engine, vis_engine) or vis_engine
     ctx = Context(logger=_configured_logger(_keywords(logger_config, "logger_config")))
     if seed is not None:
-        ctx._seed, ctx.is_seeded = as_int(seed, "seed"), True
+        ctx._seed = as_int(seed, "seed")
+        ctx.is_seeded = True
     if game is not None:
         ctx.game.configure(game)
     ctx.internal_context = InternalContext(memory_engine=memory.MemoryEngine())
@@ -501,5 +503,6 @@ def _configured_logger(config: dict[str, Any]) -> logging.Logger:
 
 def _made_printable(record: logging.LogRecord) -> bool:
     """Remove control characters from a log message, for example from the name of a file in it."""
-    record.msg, record.args = printable(record.getMessage()), None
+    record.msg = printable(record.getMessage())
+    record.args = None
     return True

@@ -103,7 +103,8 @@ class DecidePhase:
     @contextmanager
     def suspended(self, *, changes_world: bool = True) -> Iterator[None]:
         """Lift the restrictions while a strategy runs: for code of the program such as drawers, or read-only code."""
-        agent, self.agent = self.agent, None
+        agent = self.agent
+        self.agent = None
         if changes_world:
             self.moment = None
         try:
@@ -208,7 +209,8 @@ class Protected(Generic[T]):
     """
 
     def __init__(self, kind: type | UnionType, part: str | None = None) -> None:
-        self._kind, self._part = kind, part
+        self._kind = kind
+        self._part = part
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = f"_{name}" if self._part is None else name

@@ -75,7 +75,8 @@ def nearest(name: object, known: Iterable[object], alike: float = _ALIKE) -> str
     """Return the hint of an error message: the known names most like `name`; nothing if none is, or too many are."""
     from difflib import SequenceMatcher, get_close_matches
 
-    wanted, names = _searchable(name), [_searchable(one) for one in islice(known, _MANY)]
+    wanted = _searchable(name)
+    names = [_searchable(one) for one in islice(known, _MANY)]
     near = get_close_matches(wanted, names, _GUESSES + 1, alike)
     ratios = [SequenceMatcher(None, one, wanted).ratio() for one in near]
     best = [one for one, ratio in zip(near, ratios, strict=True) if ratio == ratios[0]]

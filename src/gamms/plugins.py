@@ -22,7 +22,9 @@ class Registry(Generic[T]):
     """
 
     def __init__(self, kind: str, group: str, home: str = "") -> None:
-        self._kind, self._group, self._home = kind, group, home
+        self._kind = kind
+        self._group = group
+        self._home = home
         self._factories: dict[str, Callable[..., T]] = {}
 
     def register(self, name: str) -> Callable[[Callable[..., T]], Callable[..., T]]:

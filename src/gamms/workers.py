@@ -203,7 +203,8 @@ def _received(stream: BinaryIO) -> bytes | None:
 
 def serve() -> None:
     """Run as a worker process: execute tasks until the end of the input."""
-    tasks, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    tasks = os.fdopen(os.dup(0), "rb")
+    answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # output of strategies must not mix with results
     os.environ[_IN_WORKER] = "1"
     with suppress(OSError):

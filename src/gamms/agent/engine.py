@@ -248,7 +248,8 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
             members = self._added_together(names, nodes, team, strategy, values)
             note_created(self._block, names, given)
             return Team(self._ctx, team, members, lambda: self._block)
-        members, known = UncreatedMembers(names, strategy, {}), set(self._ctx.sensor.sensors)
+        members = UncreatedMembers(names, strategy, {})
+        known = set(self._ctx.sensor.sensors)
         try:
             for one, keywords in zip(names, given, strict=True):
                 members.made[one] = self.create_agent(one, **keywords)

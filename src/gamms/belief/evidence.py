@@ -115,7 +115,8 @@ class TurnObservations:
     """
 
     def __init__(self, turn: int, texts: Mapping[str, str]) -> None:
-        self._turn, self.texts = turn, dict(sorted(texts.items()))
+        self._turn = turn
+        self.texts = dict(sorted(texts.items()))
         self.digest = blake2b("\n".join(map("\n".join, self.texts.items())).encode(), digest_size=16).digest()
 
     @cached_property

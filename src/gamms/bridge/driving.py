@@ -25,7 +25,9 @@ _MOST_POINTS = (
     500  # points in one message, so that it fits into a line; the next message continues from the robot's position
 )
 _DECIMALS, _DEGREES = 3, 8
-_MARK_PX, _LINE_PX, _WAY_PX = 9.0, 2, 4
+_MARK_PX = 9.0
+_LINE_PX = 2
+_WAY_PX = 4
 
 
 def drive(
@@ -162,7 +164,8 @@ class Drive:
 
     def __call__(self, ctx: Context) -> None:
         """Put the agent of a late robot on the last node that the robot has passed."""
-        node, self._put_on = self._put_on, None
+        node = self._put_on
+        self._put_on = None
         if node is not None and self.agent in ctx.agent.agents:  # a rule may have deleted it meanwhile
             ctx.agent.get_agent(self.agent).current_node_id = node
 

@@ -161,7 +161,8 @@ def _cells(row: dict[str, Any], teams: list[str]) -> tuple[str, ...]:
 
 def _summary(rows: list[dict[str, Any]], teams: list[str]) -> str:
     """Return in words how often each team won, and the length of the games."""
-    wins, turns = Counter(row["winner"] for row in rows), [row["turns"] for row in rows]
+    wins = Counter(row["winner"] for row in rows)
+    turns = [row["turns"] for row in rows]
     winners = [*teams, *(one for one in wins if one is not None and one not in teams)]
     parts = [f"{one} won {wins[one]} ({wins[one] / len(rows):.0%})" for one in winners]
     if wins[None]:

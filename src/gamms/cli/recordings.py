@@ -65,7 +65,8 @@ def diff(
     from gamms import recorder, recordings
 
     with recorder.open(first) as one, recorder.open(second) as other:
-        turns, found = one.turns, recordings.first_difference(one, other)
+        turns = one.turns
+        found = recordings.first_difference(one, other)
         if html is not None:
             from gamms.web import page_of_two
 
@@ -119,7 +120,8 @@ def _converted(file: Path, out: Path, map: Path | None, turn_seconds: float) -> 
     """Convert a recording; return the written files, and a warning if the recording is incomplete."""
     from gamms import recorder, recordings
 
-    is_old, form = recordings.version_of(file) < 3, out.suffix.lower()
+    is_old = recordings.version_of(file) < 3
+    form = out.suffix.lower()
     if is_old and form in (".jsonl", ".csv", ".gpx", ".geojson"):
         raise BadValue(f"{str(file)!r} has version 2: convert it to a .ggr of version 3 first, and that to {form}.")
     if map is not None and not is_old:
@@ -180,7 +182,8 @@ def replay(  # noqa: PLR0913, PLR0917 - one argument per option
     from gamms import recordings, visual
     from gamms.recorder import RecordingError
 
-    warning, look = None, {"theme": theme, "labels": labels, "trails": trails, "captions": captions}
+    warning = None
+    look = {"theme": theme, "labels": labels, "trails": trails, "captions": captions}
     usual = {"theme": "light", "labels": False, "trails": 0, "captions": True}
     if not window and look != usual:
         option = next(name for name, value in usual.items() if look[name] != value)

@@ -34,7 +34,8 @@ def attacker(ctx: Context) -> Strategy:
     graph = ctx.graph.graph
 
     def strategy(state: State) -> None:
-        flags, whose = state["facts"]["flags"], state["facts"]["territory"]
+        flags = state["facts"]["flags"]
+        whose = state["facts"]["territory"]
         (enemy,) = (team for team in flags if team != state["team"])
         home = flags[enemy]["carrier"] == state["name"]
         goal = flags[state["team"] if home else enemy]["node"]
@@ -57,7 +58,9 @@ def defender(ctx: Context) -> Strategy:
     graph = ctx.graph.graph
 
     def strategy(state: State) -> None:
-        flags, whose, steps = state["facts"]["flags"], state["facts"]["territory"], _steps(state)
+        flags = state["facts"]["flags"]
+        whose = state["facts"]["territory"]
+        steps = _steps(state)
         (enemy,) = (team for team in flags if team != state["team"])
         flag = flags[state["team"]]["node"]
         intruders = [place for place in _places(ctx, state, enemy) if whose.get(place[0]) == state["team"]]

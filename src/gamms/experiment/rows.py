@@ -249,7 +249,8 @@ class Rows(Sequence[Row]):
         """
         if x is None and not self.keys:
             raise BadValue("Nothing was varied, so there is no x to plot by.")
-        name, across = self._as_metric(y), self.keys[0] if x is None else x
+        name = self._as_metric(y)
+        across = self.keys[0] if x is None else x
         keys = self._as_keys([across] if hue is None else [across, hue])
         averaged = [key for key in self.keys if key not in keys]
         notes = [f"Averaged over {', '.join(averaged)}."] if averaged else []

@@ -112,7 +112,8 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     """
     refuse_in_worker()
     plan = _make_plan(scenario, seeds, vary, collect)
-    chosen, part = executor_for(executor, workers), folders.shard_of(shard)
+    chosen = executor_for(executor, workers)
+    part = folders.shard_of(shard)
     if part is not None and out is None:
         raise BadValue("A shard needs out, the folder in which merge finds its rows.")
     for variant in plan.variants:
@@ -262,7 +263,8 @@ class _Runner:
     def play(self, shard: tuple[int, int] | None, is_shown: bool) -> None:
         """Play all games of a shard that have no row yet."""
         wanted = self._missing_games(shard)
-        total, begin = sum(len(games.seeds) for games in wanted), time.monotonic()
+        total = sum(len(games.seeds) for games in wanted)
+        begin = time.monotonic()
         self._queue.extend(wanted)
         before = len(self.rows)
         with self._pools, progress_line() as show:

@@ -26,7 +26,9 @@ class Sample(Sequence[dict[str, Plain]]):
     """
 
     def __init__(self, keys: Sequence[str], n: int, method: str, points: Sequence[dict[str, Plain]]) -> None:
-        self.keys, self.n, self.method = tuple(keys), n, method
+        self.keys = tuple(keys)
+        self.n = n
+        self.method = method
         self._points = list(points)
 
     def __len__(self) -> int:
@@ -58,7 +60,8 @@ def sample(space: Mapping[str, Range], n: int, method: str = "sobol", *, seed: i
     if not given:
         raise BadValue("space has no keys: give each key that is varied a range.")
     ranges = {key: _range(key, one) for key, one in given.items()}
-    count, how = as_count(n, "n"), as_choice(method, "method", METHODS)
+    count = as_count(n, "n")
+    how = as_choice(method, "method", METHODS)
     is_sobol = how == "sobol"
     if is_sobol and count & (count - 1):
         raise BadValue(f"n must be a power of two for method='sobol', such as {1 << count.bit_length()}, not {count}.")

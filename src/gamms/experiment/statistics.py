@@ -234,9 +234,12 @@ def sobol_indices(values: FloatArray, keys: int, confidence: float = 0.95) -> li
 
 def _indices(blocks: FloatArray, drawn: IntArray) -> FloatArray:
     """Return the indices of resamples, (resamples, 2, keys)."""
-    first, second, mixed = blocks[0][drawn], blocks[1][drawn], blocks[2:][:, drawn]
+    first = blocks[0][drawn]
+    second = blocks[1][drawn]
+    mixed = blocks[2:][:, drawn]
     both = np.concatenate((first, second), axis=-1)
-    variance, centred = both.var(axis=-1), second - both.mean(axis=-1, keepdims=True)
+    variance = both.var(axis=-1)
+    centred = second - both.mean(axis=-1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
         of_first = (centred * (mixed - first)).mean(axis=-1) / variance
         of_total = ((first - mixed) ** 2).mean(axis=-1) / (2.0 * variance)

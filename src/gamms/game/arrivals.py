@@ -28,7 +28,9 @@ class Arrivals:
     """
 
     def __init__(self, turn: TurnMoves, block: AgentBlock, *, has_end: bool) -> None:
-        self._turn, self._under_way, self._has_end = turn, block.under_way, has_end
+        self._turn = turn
+        self._under_way = block.under_way
+        self._has_end = has_end
         self._queue = Queue(len(turn.slots))
         self._moved: set[int] = set()  # slots
         on_edges = [block.on_edge(slot.row) for slot in turn.slots]
@@ -48,7 +50,9 @@ class Arrivals:
 
     def times(self) -> Iterator[tuple[float, list[int]]]:
         """Yield (time, slots of the agents that arrive then, in the order of their names)."""
-        queue, under_way, turn = self._queue, self._under_way, self._turn
+        queue = self._queue
+        under_way = self._under_way
+        turn = self._turn
         while queue.size:
             now, here = queue.first_time(), list[int]()
             while queue.first_time() == now:

@@ -177,7 +177,9 @@ _CHECKS: dict[str, Any] = {  # keyword -> what checks it
 
 def unknown_in(channel: Channel, ctx: HostContext) -> list[str]:
     """Return error texts for agents, teams and nodes that a channel mentions and that do not exist."""
-    agents, teams, graph = ctx.agent.agents, set(ctx.agent.teams), ctx.graph.graph
+    agents = ctx.agent.agents
+    teams = set(ctx.agent.teams)
+    graph = ctx.graph.graph
     missing = [one for one in channel.named() if one not in teams and one not in agents]
     found = [str(UnknownName("agent or team", one, [*agents, *teams])) for one in sorted(missing, key=str)]
     nodes = [one.at for one in channel.jammers if isinstance(one.at, int) and not graph.has_node(one.at)]
@@ -222,7 +224,9 @@ def checked_outboxes(
         channels: name -> channel.
         teams: agent -> its team, for all agents.
     """
-    wanted, flaws, senders = dict[tuple[int, int], Outgoing](), dict[tuple[int, int], str](), list[S]()
+    wanted = dict[tuple[int, int], Outgoing]()
+    flaws = dict[tuple[int, int], str]()
+    senders = list[S]()
     for place, (sender, outbox) in enumerate(outboxes):
         senders.append(sender)
         if type(outbox) not in (list, tuple):
@@ -240,7 +244,8 @@ def checked_outboxes(
         rows, sizes = (
             np.array(column) for column in ([row_of[one.sender] for one in messages], [one.size for one in messages])
         )
-        left, to = bytes_of(channel, (1, len(teams))), [one.to for one in messages]
+        left = bytes_of(channel, (1, len(teams)))
+        to = [one.to for one in messages]
         refused = refusals(channel, (np.zeros_like(rows), rows, to, sizes), np.ones(left.shape, np.bool_), teams, left)
         for row, why in refused.items():
             del wanted[keys[row]]
@@ -278,7 +283,8 @@ def refusals(
     at, senders, to, sizes = sent
     if channel.max_bytes_per_turn is None and to.count(None) == len(to):
         return {}
-    uses, verdicts = np.array([channel.is_for(team) for team in teams.values()], np.uint8), np.zeros_like(at)
+    uses = np.array([channel.is_for(team) for team in teams.values()], np.uint8)
+    verdicts = np.zeros_like(at)
     columns: Any = at, senders, *groups_of(to, teams), uses, is_there.view(np.uint8), sizes, left, verdicts
     core.admit(*map(flat, columns))
     return {
@@ -315,7 +321,9 @@ def groups_of(to: Sequence[Any], teams: Mapping[str, Any]) -> tuple[IntArray, In
         in `teams`.
     """
     number_of = {one: number for number, one in enumerate(dict.fromkeys([None, *to]), -1)}
-    row_of, members, first = {name: row for row, name in enumerate(teams)}, list[int](), [0]
+    row_of = {name: row for row, name in enumerate(teams)}
+    members = list[int]()
+    first = [0]
     for one in list(number_of)[1:]:
         members += [row_of[name] for name in receivers_of(one, teams)]
         first.append(len(members))
@@ -340,7 +348,8 @@ def _checked_message(given: object, sender: Sender, channels: Mapping[str, Chann
         raise UnknownName("channel", message["channel"], channels)
     if not channel.is_for(sender.team):
         raise BadValue(f"Channel {channel.name!r} is not for team {shown(sender.team)}.")
-    to, body = as_key(message["to"], "The receiver of a message"), message["body"]
+    to = as_key(message["to"], "The receiver of a message")
+    body = message["body"]
     flaw = why_not_plain(body)
     if flaw:
         raise BadType(f"The body must be a plain value, such as numbers, texts, lists and dicts of these: body{flaw}.")

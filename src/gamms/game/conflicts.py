@@ -247,12 +247,15 @@ class TurnConflicts:
             moves_of: returns the moves of slots, by name and in order.
             ctx: the context.
         """
-        whole, key = order.whole, (getattr(conflicts, "allow_swaps", None), ctx.seed)
+        whole = order.whole
+        key = (getattr(conflicts, "allow_swaps", None), ctx.seed)
         if order is not self._order or conflicts is not self._conflicts or self._key != key:
             known = _own(conflicts)
             names, teams = (whole.of_ground(values) for values in (order.names, order.all_teams()))
             self._agents = None if known is None else _Agents(known, names, teams, ctx.seed)
-            self._order, self._conflicts, self._key = order, conflicts, key
+            self._order = order
+            self._conflicts = conflicts
+            self._key = key
         if moves is not None and self._agents is not None and self._agents.is_ranked and whole.on_ground is None:
             return self._agents.losers_of(moves, turn)
         if self._agents is None:
@@ -418,7 +421,9 @@ class _Agents:
 
     def _ask(self, found: int, movers_of: MoversOf, ctx: HostContext, *, is_exchange: bool) -> None:
         """Call the resolver for the contests of a round, in the order of their nodes."""
-        memory, resolver, contests = self._memory, self._conflicts._resolver, []
+        memory = self._memory
+        resolver = self._conflicts._resolver
+        contests = []
         first = memory.first[: found + 1].tolist()
         for k in range(found):
             rows = memory.members[first[k] : first[k + 1]].tolist()
@@ -590,7 +595,8 @@ def _winners_of(contest: Contest, resolve: Resolver, ctx: HostContext) -> set[st
     if isinstance(answer, (str, Move)) or not isinstance(answer, Iterable):
         form = "must give a list of the winners, names or moves, not"
         raise BadType(f"{_asked(resolve, contest)} {form} {shown(answer)}.")
-    winners, names = set[str](), [mover.agent for mover in contest.movers]
+    winners = set[str]()
+    names = [mover.agent for mover in contest.movers]
     for one in answer:
         winner = one.agent if isinstance(one, Move) else one
         if not isinstance(winner, str):
@@ -652,7 +658,8 @@ class _Capacities:
         is_edge = [isinstance(place, EdgePlace) for place in places]
         nodes = [place for place in places if not isinstance(place, EdgePlace)]
         edges = [place.edge for place in places if isinstance(place, EdgePlace)]
-        of_node, of_edge = iter(self._nodes.of(ctx, nodes)), iter(self._edges.of(ctx, edges))
+        of_node = iter(self._nodes.of(ctx, nodes))
+        of_edge = iter(self._edges.of(ctx, edges))
         return [next(of_edge if is_one else of_node) for is_one in is_edge]
 
     def rows(self, columns: GraphColumns, *, has_edges: bool) -> IntArray:

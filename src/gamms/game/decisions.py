@@ -63,10 +63,13 @@ class TeamArrays:
         team_memory: dict[Any, Any],
     ) -> None:
         self.team: Any = commanded.team  # programs look it up in dicts of their own
-        self.turn, self.names = turn, commanded.deciders.names
-        self._legal, self._nodes = legal, nodes
+        self.turn = turn
+        self.names = commanded.deciders.names
+        self._legal = legal
+        self._nodes = nodes
         self._chosen: IntArray | None = None
-        self.facts, self.team_memory = facts, team_memory
+        self.facts = facts
+        self.team_memory = team_memory
         self.draw = TeamDraws(partial(commanded.draw_keys, seed), turn)
         self._seed = seed
 
@@ -230,8 +233,11 @@ class Decisions:
         legality: Legality,
         observe: Callable[[AgentSlot], State],
     ) -> None:
-        self._settings, self.state = settings, state
-        self._phase, self._legality, self.observe = phase, legality, observe
+        self._settings = settings
+        self.state = state
+        self._phase = phase
+        self._legality = legality
+        self.observe = observe
         self._forget()
         self.begin([], [])
 
@@ -312,7 +318,8 @@ class Decisions:
         Raises:
             BadType: an agent of the team flies.
         """
-        indices, is_all = commanded.indices, len(commanded.indices) == len(self.slots)
+        indices = commanded.indices
+        is_all = len(commanded.indices) == len(self.slots)
         flying = [] if commanded.are_plain else [i for i in indices if self.slots[i].flies]
         if flying:
             raise BadType(
@@ -341,7 +348,8 @@ class Decisions:
 
     def collect(self, loop: "EventLoop") -> None:
         """Await all stored awaitables, and process the results in the order of names."""
-        awaited, self.awaited = self.awaited, []
+        awaited = self.awaited
+        self.awaited = []
         deadline = self._settings.deadline_s
         pairs = [(question.decider, awaitable) for question, awaitable in awaited]
         outcomes = loop.collect(self._phase, pairs, deadline, strict=self._settings.on_error == "raise")
@@ -414,7 +422,8 @@ class Decisions:
         return _Question(agent, f"strategy of agent {agent.name!r}", agent.strategy, state, [i], is_plan=False)
 
     def _put_plan(self, commanded: PlannedAgents, given: TeamArrays | dict[str, State]) -> None:
-        deciders, name = commanded.deciders, f"plan of team {shown(commanded.team)}"
+        deciders = commanded.deciders
+        name = f"plan of team {shown(commanded.team)}"
         self._put(
             _Question(
                 *(deciders, name, commanded.plan.function, given, commanded.indices),
@@ -465,9 +474,11 @@ class Decisions:
     def _take_nodes(self, question: _Question, arrays: TeamArrays, nodes: IntArray) -> None:
         starts: Any = self.starts
         slots, indices = self.slots, question.indices
-        is_all, chosen = len(indices) == len(starts), arrays.take_chosen(nodes)
+        is_all = len(indices) == len(starts)
+        chosen = arrays.take_chosen(nodes)
         if question.are_plain and chosen is not None and is_all and isinstance(starts, memoryview):
-            self.ends, self.moves = chosen.data, None
+            self.ends = chosen.data
+            self.moves = None
             return
         ends = self.ends_to_write()
         is_known = np.ones(len(nodes), np.bool_) if chosen is not None else arrays.is_legal(nodes)

@@ -24,7 +24,9 @@ class KnownFacts(ReadOnlyMapping):
     __slots__ = ("_agent", "_state", "_team")
 
     def __init__(self, state: GameState, team: Hashable, agent: str | None) -> None:
-        self._state, self._team, self._agent = state, team, agent
+        self._state = state
+        self._team = team
+        self._agent = agent
 
     @property
     def _values(self) -> dict[str, Any]:  # type: ignore[override] # what it shows changes

@@ -59,7 +59,8 @@ class Game(Surface, RuleVerbs):
 
     def __repr__(self) -> str:
         """Return the turn, the rules, the scores and the end."""
-        state, rules = self._state, ", ".join(rule.name for rule in self._ruleset.rules)
+        state = self._state
+        rules = ", ".join(rule.name for rule in self._ruleset.rules)
         end = "" if state.over is None else f", over: {state.over['reason']}"
         return f"Game(turn={state.turn}, rules=[{rules}], scores={shown(dict(state.scores))}{end})"
 
@@ -215,7 +216,8 @@ class Game(Surface, RuleVerbs):
     def _warn_of_unknown_teams(self) -> None:
         """Log a warning for each new plan whose team has no agents."""
         while self._unchecked_plans:
-            team, teams = self._unchecked_plans.pop(0), dict.fromkeys(self.ctx.agent.block.teams)
+            team = self._unchecked_plans.pop(0)
+            teams = dict.fromkeys(self.ctx.agent.block.teams)
             if team in self.plans and team not in teams:
                 self.ctx.logger.warning(f"command: {UnknownName('team', team, teams)} Its plan decides for no agent.")
 
@@ -235,7 +237,8 @@ class Game(Surface, RuleVerbs):
         """Take the snapshot that `reset` restores."""
         state, snapshot = self._state, self._snapshots.take()
         seeds = (self.ctx.seed, self.ctx.rng_state()) if state.start is None else state.start.first_seed
-        state.start, state.has_begun = GameStart(snapshot, self.ctx.rng_state(), seeds), True
+        state.start = GameStart(snapshot, self.ctx.rng_state(), seeds)
+        state.has_begun = True
 
     def _play(self) -> None:
         state, rules = self._state, self._ruleset
@@ -376,7 +379,9 @@ class Game(Surface, RuleVerbs):
         state, start = self._state, self._state.start
         if state.has_begun and start is not None:
             self._snapshots.restore(start.snapshot, forget=True)
-            state.start, state.has_begun, state.last_turn = start, False, None
+            state.start = start
+            state.has_begun = False
+            state.last_turn = None
             self._reseed(start.snapshot.seed)
         elif wanted is None:
             return

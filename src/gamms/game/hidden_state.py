@@ -66,7 +66,8 @@ class HiddenState:
         return ""
 
     def _now(self) -> _Variables:
-        found, self._looked = _Variables(), set[int]()
+        found = _Variables()
+        self._looked = set[int]()
         _look(self._function, found, self._looked)
         return found
 
@@ -139,7 +140,8 @@ def _variables_of(function: FunctionType) -> Iterator[tuple[str, object]]:
             yield f"The closure variable {name!r} {whose}", cell.cell_contents
         except ValueError:  # it has no value yet
             continue
-    arguments, defaults = code.co_varnames[: code.co_argcount], function.__defaults__ or ()
+    arguments = code.co_varnames[: code.co_argcount]
+    defaults = function.__defaults__ or ()
     last = dict(zip(arguments[len(arguments) - len(defaults) :], defaults, strict=True))
     for name, value in {**last, **(function.__kwdefaults__ or {})}.items():
         yield f"The default argument {name!r} {whose}", value

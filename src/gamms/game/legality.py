@@ -37,7 +37,8 @@ class Legality:
     """
 
     def __init__(self, ctx: HostContext, settings: Settings) -> None:
-        self._ctx, self._settings = ctx, settings
+        self._ctx = ctx
+        self._settings = settings
         self.travel = Travel(ctx, settings)
         self._streets: StreetGraph | None = None  # of the last revision of the graph
         self._walking: MultiEdgeMoves | None = None

@@ -68,13 +68,17 @@ class MessagePositions(NamedTuple):
     @classmethod
     def of(cls, ctx: HostContext, agents: Sequence[IAgent], turn: int) -> "MessagePositions":
         """Return the current positions of the living agents of one game."""
-        graph, block, ids = ctx.graph.graph, ctx.agent.block, [agent.current_node_id for agent in agents]
-        xyz, near = np.zeros((1, len(agents), 3)), dict[tuple[int, int], BoolArray]()
+        graph = ctx.graph.graph
+        block = ctx.agent.block
+        ids = [agent.current_node_id for agent in agents]
+        xyz = np.zeros((1, len(agents), 3))
+        near = dict[tuple[int, int], BoolArray]()
         xyz[0, :, :2], ground = graph.positions(ids), graph.ground(ids)
         xyz[0, :, 2] = 0.0 if ground is None else ground.z
         antennas = xyz + ANTENNA
         for row, agent in enumerate(agents if block.flyers or block.travellers else ()):
-            position, progress = getattr(agent, "position", None), block.on_edge(block.row_of(agent.name))
+            position = getattr(agent, "position", None)
+            progress = block.on_edge(block.row_of(agent.name))
             place = None if progress is None else located(graph, progress)
             if position is not None:
                 xyz[0, row] = antennas[0, row] = position
@@ -111,11 +115,13 @@ def sent(ctx: HostContext, agents: Sequence[IAgent], outgoing: Sequence[Outgoing
         outgoing: the messages; those of dead senders are dropped.
         turn: the number of turns played before this one.
     """
-    row_of, channels = {agent.name: row for row, agent in enumerate(agents)}, ctx.game.channels
+    row_of = {agent.name: row for row, agent in enumerate(agents)}
+    channels = ctx.game.channels
     going = [one for one in outgoing if one.channel in channels and one.sender in row_of]
     if not going:
         return []
-    scene, fates = MessagePositions.of(ctx, agents, turn), dict[str, Iterator[dict[str, Any]]]()
+    scene = MessagePositions.of(ctx, agents, turn)
+    fates = dict[str, Iterator[dict[str, Any]]]()
     for name in dict.fromkeys(one.channel for one in going):
         messages = [one for one in going if one.channel == name]
         senders = np.array([row_of[one.sender] for one in messages])
@@ -173,15 +179,18 @@ def outcomes_of(
         senders: (messages,) the numbers of the senders.
         to: (messages,) the recipient of each message: an agent, a team, or None.
     """
-    network, numbers = _Network(channel, scene, senders), np.zeros(len(at), np.int64)
+    network = _Network(channel, scene, senders)
+    numbers = np.zeros(len(at), np.int64)
     groups, first, members = groups_of(to, scene.teams)
     if channel.loss:
         core.count_messages(at.data, senders.data, network.rows.data, numbers.data)
-    at_once, parts = max(1, _AT_ONCE // len(scene.teams)), list[MessageOutcomes]()
+    at_once = max(1, _AT_ONCE // len(scene.teams))
+    parts = list[MessageOutcomes]()
     for begin in range(0, len(at), at_once):
         part = slice(begin, begin + at_once)
         shape = len(at[part]), len(scene.teams)
-        outcomes, arrivals = np.empty(shape, np.uint8), np.empty(shape, np.int64)
+        outcomes = np.empty(shape, np.uint8)
+        arrivals = np.empty(shape, np.int64)
         written = np.zeros(shape[0], np.uint8), outcomes, arrivals
         columns: Any = at[part], senders[part], groups[part], first, members, numbers[part], *written
         network.spread(core.Messages(*map(flat, columns)))
@@ -204,8 +213,10 @@ class _Network:
 
     def __init__(self, channel: Channel, scene: MessagePositions, senders: IntArray) -> None:
         games, agents = scene.alive.shape
-        self._channel, self._scene = channel, scene
-        names, jammers = tuple(scene.teams), tuple(place for one in channel.jammers for place in _places_of(one, scene))
+        self._channel = channel
+        self._scene = scene
+        names = tuple(scene.teams)
+        jammers = tuple(place for one in channel.jammers for place in _places_of(one, scene))
         self._terms = _terms_of(channel, names, tuple(scene.teams.values()), jammers)
         self._purposes = np.zeros((games, agents) if channel.loss else 0, np.uint64)
         for sender in np.unique(senders).tolist() if channel.loss else ():
@@ -232,7 +243,9 @@ class _Network:
 
     def _reached(self, network: core.ChannelNetwork, transmitters: IntArray) -> ByteArray:
         """Return which agents each transmitter reaches, (transmitters, agents)."""
-        channel, scene, agents = self._channel, self._scene, len(self._scene.teams)
+        channel = self._channel
+        scene = self._scene
+        agents = len(self._scene.teams)
         reach = np.empty((len(transmitters), agents), np.uint8)
         core.find_in_range(self._terms, network, len(reach), flat(reach))
         at, by = np.divmod(transmitters, agents)
@@ -289,7 +302,8 @@ class Outboxes:
     """
 
     def __init__(self, ctx: HostContext, settings: Settings) -> None:
-        self._ctx, self._settings = ctx, settings
+        self._ctx = ctx
+        self._settings = settings
         self.outgoing: list[Outgoing] = []
         self._known_channels: list[Channel] = []  # channels whose names were checked
 
@@ -308,13 +322,15 @@ class Outboxes:
 
     def read(self, slots: Iterable[AgentSlot]) -> tuple[list[Outgoing], list[tuple[AgentSlot, str]]]:
         """Return the messages in outboxes, and (slot, error text) for each message that cannot be sent."""
-        channels, teams = self._settings.channels, {one.name: one.team for one in self._ctx.agent.create_iter()}
+        channels = self._settings.channels
+        teams = {one.name: one.team for one in self._ctx.agent.create_iter()}
         outboxes = [(slot, slot.last[0].get("outbox", ())) for slot in slots]
         return checked_outboxes([one for one in outboxes if one[1] != []], channels, teams)
 
     def sent(self, agents: Sequence[IAgent], turn: int) -> list[dict[str, Any]]:
         """Send the collected messages, after all agents have moved; return their log entries."""
-        outgoing, self.outgoing = self.outgoing, []
+        outgoing = self.outgoing
+        self.outgoing = []
         return sent(self._ctx, agents, outgoing, turn)
 
     def _warn_of_unknown_names(self) -> None:
@@ -334,7 +350,8 @@ class Inboxes:
     """
 
     def __init__(self, ctx: HostContext, state: GameState) -> None:
-        self._ctx, self._state = ctx, state
+        self._ctx = ctx
+        self._state = state
         self._known: list[dict[str, Any]] = []  # the log at the last call
         self._by_turn: dict[int, list[dict[str, Any]]] = {}  # turn of arrival -> log entries
         self._turn: int | None = None  # the turn of `_found`
@@ -342,7 +359,8 @@ class Inboxes:
 
     def of(self, name: str) -> list[dict[str, Any]]:
         """Return the messages that an agent hears in the next turn, in the order of sending."""
-        arriving, inbox = self._arriving().get(name), list[dict[str, Any]]()
+        arriving = self._arriving().get(name)
+        inbox = list[dict[str, Any]]()
         if not arriving:
             return inbox
         channels = set(self._ctx.game.channels)
@@ -363,7 +381,8 @@ class Inboxes:
         self._catch_up(self._state.messages)
         turn = self._state.turn + 1
         if self._turn != turn:
-            self._turn, self._found = turn, defaultdict(list)
+            self._turn = turn
+            self._found = defaultdict(list)
             for entry in self._by_turn.get(turn, ()):
                 for key in ARRIVALS:
                     message = {part: entry[part] for part in ("channel", "sender", "to", "body")}

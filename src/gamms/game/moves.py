@@ -80,7 +80,10 @@ class TurnMoves:
         actions: dict[int, ResolvedAction],
         moves: MoveColumns | None = None,
     ) -> None:
-        self.order, self.starts, self.ends, self.actions = order, starts, ends, actions
+        self.order = order
+        self.starts = starts
+        self.ends = ends
+        self.actions = actions
         self._moves = moves
         self.slots = order.slots
         self._by_name: dict[str, Move] | None = None
@@ -165,7 +168,8 @@ class TurnMoves:
         if on_edges:
             starts, ends = list(starts), list(ends)
             for i in on_edges:
-                begun, progress = self.actions[i].begun, self.actions[i].progress
+                begun = self.actions[i].begun
+                progress = self.actions[i].progress
                 if begun is not None:
                     starts[i] = EdgePlace(begun.edge)
                 if progress is not None:
@@ -174,7 +178,10 @@ class TurnMoves:
 
     def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
         """Return the tracks of agents; an agent that was placed or flew is on its node only at time 1."""
-        index_of, slots, ends, track = self.order.index_of, self.slots, self.ends, self.track
+        index_of = self.order.index_of
+        slots = self.slots
+        ends = self.ends
+        track = self.track
         tracks: list[Track] = []
         for agent in agents:
             node, i = agent.current_node_id, index_of.get(agent.name)
@@ -228,7 +235,9 @@ class TurnMoves:
 
     def was_put(self, i: int) -> bool:
         """Return whether an agent on the end node of its move got there otherwise: it flew, or a rule placed it."""
-        slot, action, block = self.slots[i], self.actions.get(i), self.order.block
+        slot = self.slots[i]
+        action = self.actions.get(i)
+        block = self.order.block
         if block.placed and slot.name in block.rows and block.row_of(slot.name) in block.placed:
             return True
         if slot.flies:
@@ -241,7 +250,9 @@ class TurnMoves:
 
     def stop(self, i: int) -> bool:
         """Keep the agent of a slot at its start; return whether it would have moved."""
-        slot, here, action = self.slots[i], self.starts[i], self.actions.get(i)
+        slot = self.slots[i]
+        here = self.starts[i]
+        action = self.actions.get(i)
         goes = self.ends[i] != here
         if action is not None:
             goes = goes or len(action.path) > 1 or action.position is not None
@@ -259,7 +270,9 @@ class TurnMoves:
 
     def give_up(self, block: AgentBlock) -> None:
         """Cancel the moves of agents that a rule has placed elsewhere since they decided."""
-        nodes, self.starts, self.ends = self.order.nodes(), copied_column(self.starts), copied_column(self.ends)
+        nodes = self.order.nodes()
+        self.starts = copied_column(self.starts)
+        self.ends = copied_column(self.ends)
         self._moves = None
         put = {
             i
@@ -310,7 +323,9 @@ class TurnMoves:
                     places[i] = -1
         order.block.locate()
         nodes, there = order.nodes(), np.flatnonzero(places >= 0)
-        starts, ends, before = np.array(nodes, np.int64), np.array(nodes, np.int64), places[there]
+        starts = np.array(nodes, np.int64)
+        ends = np.array(nodes, np.int64)
+        before = places[there]
         starts[there], ends[there] = np.asarray(self.starts)[before], np.asarray(self.ends)[before]
         number = dict(zip(before.tolist(), there.tolist(), strict=True)) if self.actions else {}
         actions = {number[j]: self.actions[j] for j in sorted(self.actions) if j in number}
@@ -350,7 +365,9 @@ class TurnMoves:
 
     def then(self, later: "TurnMoves", members: Sequence[int]) -> "TurnMoves":
         """Return these moves combined with later moves of the slots `members`; both have the same order."""
-        starts, ends, where = list(self.starts), list(self.ends), zip(later.starts, self.ends, strict=True)
+        starts = list(self.starts)
+        ends = list(self.ends)
+        where = zip(later.starts, self.ends, strict=True)
         was_put = [start != end for start, end in where]
         theirs = [(i, later.actions[i]) for i in members if i in later.actions]
         acting = {i: action for i, action in theirs if not (was_put[i] and _just_stays(action))}

@@ -46,7 +46,10 @@ class PlannedAgents:
         *,
         are_plain: bool,
     ) -> None:
-        self.team, self.plan, self.indices, self.are_plain = team, plan, indices, are_plain
+        self.team = team
+        self.plan = plan
+        self.indices = indices
+        self.are_plain = are_plain
         self.deciders = Deciders(f"The plan of team {shown(team)}", tuple(names))
         self.name_keys = name_keys
         self._draw_keys: tuple[int, BitArray] | None = None  # a seed, and the keys
@@ -154,7 +157,8 @@ class TurnPart:
             self.observing = [i for i in self.observing if slots.teams[i] in plans or slots.names[i] not in idle]
         chosen = slots.at(self.observing)
         self.see_world_only = all(slot.sees_world_only for slot in chosen)
-        self.asked, asked = self.observing, chosen
+        self.asked = self.observing
+        asked = chosen
         if plans:
             self.asked = [i for i in self.observing if slots.teams[i] not in plans]
             asked = slots.at(self.asked)
@@ -162,10 +166,12 @@ class TurnPart:
             if team in plans and indices:
                 is_all = len(indices) == len(slots)
                 names = slots.names if is_all else [slots.names[i] for i in indices]
-                members, keys = range(len(slots)) if is_all else indices, partial(slots.keys_of, indices)
+                members = range(len(slots)) if is_all else indices
+                keys = partial(slots.keys_of, indices)
                 are_plain = slots.are_plain or all(slots[i].is_plain for i in indices)
                 self.commanded.append(PlannedAgents(team, plans[team], members, names, keys, are_plain=are_plain))
-        mine, flying = set(self.members) if slots.flying or slots.paced else set[int](), set(slots.flying)
+        mine = set(self.members) if slots.flying or slots.paced else set[int]()
+        flying = set(slots.flying)
         ground = [i for i in self.members if i not in flying] if flying else self.members
         self.on_ground = None if len(ground) == len(slots) else list(ground)
         rows = slots.selection.rows
@@ -185,7 +191,8 @@ class TurnPart:
                 one.sensors if one.template is None else tuple([_numbered(look, first) for look in one.sensors])
                 for one in self.individuals
             ]
-            self._looked_at, self._looks = version, [sensor for _, sensor in first.values()]
+            self._looked_at = version
+            self._looks = [sensor for _, sensor in first.values()]
         return self._looks
 
     def of_ground(self, values: Any) -> Any:
@@ -240,12 +247,17 @@ class TurnOrder:
         before: "TurnOrder | None",
         change: AgentSetChange | None,
     ) -> None:
-        self.slots, self.block, self.structure_version = slots, block, block.structure.version
-        self.progress, self.rows_version = block.progress, block.rows.version
+        self.slots = slots
+        self.block = block
+        self.structure_version = block.structure.version
+        self.progress = block.progress
+        self.rows_version = block.rows.version
         self.groups = order
-        self.has_channels, self.has_deeds = bool(settings.channels), bool(settings.deeds)
+        self.has_channels = bool(settings.channels)
+        self.has_deeds = bool(settings.deeds)
         self.whole = TurnPart(slots, None, block.progress, settings)
-        self.parts, self.unlisted = [self.whole], None
+        self.parts = [self.whole]
+        self.unlisted = None
         if order is not None:
             all_teams = self.all_teams()
             listed = {team for teams in order for team in teams}
@@ -274,10 +286,8 @@ class TurnOrder:
         """Continue from an earlier order: take over its counts, and its names for agents that remain."""
         if isinstance(self.slots, LazySlots):
             before.update_some(change.gone)
-            self._moved, self._blocked = (
-                change.of_array(before._moved, 0),
-                change.of_array(before._blocked, 0),
-            )
+            self._moved = change.of_array(before._moved, 0)
+            self._blocked = change.of_array(before._blocked, 0)
             return
         before.update_counts()
         self.names = change.of(before.names, [self.block.names[row] for row in change.rows])

@@ -152,7 +152,8 @@ class TeamDraws(ArrayDraws):
     """
 
     def __init__(self, first_keys: Callable[[], BitArray], turn: int) -> None:
-        self._first_keys, self._turn = first_keys, turn
+        self._first_keys = first_keys
+        self._turn = turn
         self._keys: BitArray | None = None  # of this turn
         self._count = 0
 
@@ -200,7 +201,8 @@ class ViewDraws(ArrayDraws):
         if self._keys is None:
             first, turns = self._of
             self._keys = kernels.turn_key_rows(first, turns[:, None])
-        count, self._count = self._count, self._count + counted
+        count = self._count
+        self._count = self._count + counted
         return kernels.bits_at_rows(self._keys, count)
 
 
@@ -222,7 +224,8 @@ class TurnGenerator(Generator):
     # 1.7 kB (benchmarks: turns).
 
     def __init__(self, table: DrawTable, name: str) -> None:
-        self._table, self._name = table, name
+        self._table = table
+        self._name = name
         self._begun = -1  # `table.begun` at the last draw
         self._seed = -1  # `table.seed` at the last draw
         self._begin: Any = None  # the initial state of a turn with that seed

@@ -206,7 +206,8 @@ class Result:
             yield [("", "score"), *others]
 
     def __repr__(self) -> str:
-        scores, end = shown(dict(self.scores)), f"winner={shown(self.winner)}, reason={shown(self.reason)}"
+        scores = shown(dict(self.scores))
+        end = f"winner={shown(self.winner)}, reason={shown(self.reason)}"
         return f"Result(turns={self.turns}, {end}, scores={scores}, seed={self.seed})"
 
     def __str__(self) -> str:

@@ -107,7 +107,8 @@ class RuleVerbs(Settings):
         Raises:
             BadValue: no check of a rule is running.
         """
-        refusals, reason = self._turns.refusals, as_name(why, "a reason")
+        refusals = self._turns.refusals
+        reason = as_name(why, "a reason")
         if refusals is None:
             raise BadValue("ctx.game.refuse is for the check of a rule: rule.check = function(ctx).")
         if deed is not None and deed not in self.deeds:

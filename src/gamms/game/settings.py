@@ -149,7 +149,8 @@ class Settings(ContextPart):
         """Return the settings with plain values, including defaults, for `configure`."""
         plain = {name: getattr(self, name) for name in _ALWAYS_NOTED}
         plain.update((name, getattr(self, name)) for name in _TRAVEL if getattr(self, name) != getattr(Settings, name))
-        default, channels = self.default_action, {name: one.options() for name, one in self.channels.items()}
+        default = self.default_action
+        channels = {name: one.options() for name, one in self.channels.items()}
         declared = {"order": self.order, "deeds": to_plain(self.deeds), "channels": channels}
         plain.update((name, value) for name, value in declared.items() if value)
         if not self.team_memory:
@@ -214,7 +215,8 @@ def refuse_unused(settings: Settings) -> None:
         BadValue: a setting has no effect together with the others.
     """
     for name in _TRAVEL:
-        value, needs_seconds = getattr(settings, name), name == "turn_seconds"
+        value = getattr(settings, name)
+        needs_seconds = name == "turn_seconds"
         idle = ("edges", "metres") if needs_seconds else ("edges",)
         if value != getattr(Settings, name) and settings.speed_unit in idle:
             unit = "metres_per_second" if needs_seconds else "metres"
@@ -523,7 +525,8 @@ class RuleSet:
 
     def put(self, rules: RuleTable) -> None:
         """Replace all rules, and update their artists."""
-        before, self.now = self.now.drawings, rules
+        before = self.now.drawings
+        self.now = rules
         if before == rules.drawings:
             return
         visual = self._ctx.visual
@@ -563,7 +566,8 @@ class RuleSet:
             added = [one for one in known.rules if one not in seen]
             if not added:
                 return was_called
-            seen, called = (*seen, *added), _groups([one for one in added if one.phase == phase])
+            seen = (*seen, *added)
+            called = _groups([one for one in added if one.phase == phase])
 
     def check(self, state: GameState) -> bool:
         """Call the `check` of each rule, to refuse moves and deeds; return whether there are any."""

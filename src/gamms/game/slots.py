@@ -70,8 +70,10 @@ class AgentSlot:
         settings: Settings,
         fork: PrivateForks,
     ) -> None:
-        self.agent, self.fork = agent, fork
-        self.name, self.team = agent.name, agent.team
+        self.agent = agent
+        self.fork = fork
+        self.name = agent.name
+        self.team = agent.team
         self.row, self.carried, self.last = access
         self.flies = agent.type is AgentType.AERIAL
         self.speed = None if self.flies else _speed(agent)
@@ -208,10 +210,16 @@ class LazySlots(Sequence[AgentSlot]):
         before: "LazySlots | None",
         change: AgentSetChange,
     ) -> None:
-        kind, speed, progress = block.kind, block.speed, block.progress
-        selection, names, teams = Selection([]), list[str](), list[Any]()
+        kind = block.kind
+        speed = block.speed
+        progress = block.progress
+        selection = Selection([])
+        names = list[str]()
+        teams = list[Any]()
         if before is not None:
-            selection, names, teams = before.selection, before.names, before.teams
+            selection = before.selection
+            names = before.names
+            teams = before.teams
         self.names: list[str] = change.of(names, [block.names[row] for row in change.rows])
         self.selection: Selection = selection.after(change)
         self.teams: list[Any] = change.of(teams, [block.teams[row] for row in change.rows])
@@ -226,7 +234,9 @@ class LazySlots(Sequence[AgentSlot]):
         ]
         has_speed = travels or any(speed[rows[i]] is not None for i in self.paced)
         self.are_plain = settings.legal == "edges" and not self.flying and not has_speed
-        self._make, self._counts, self._departure = make, counts, departure
+        self._make = make
+        self._counts = counts
+        self._departure = departure
         self._departed: dict[str, IAgent] = {}
         self._made: dict[str, AgentSlot] = {}
         if before is not None:
@@ -309,7 +319,8 @@ class LazySlots(Sequence[AgentSlot]):
             return slot
 
         twin = copy(self)
-        twin._make, twin._made = make, {}
+        twin._make = make
+        twin._made = {}
         return twin
 
 
@@ -329,7 +340,11 @@ class SlotMaker:
         settings: Settings,
         fork: PrivateForks,
     ) -> None:
-        self._ctx, self._state, self._facts, self._settings, self._fork = ctx, state, facts, settings, fork
+        self._ctx = ctx
+        self._state = state
+        self._facts = facts
+        self._settings = settings
+        self._fork = fork
         self._table: DrawTable | None = None  # of the slots made last
 
     @property

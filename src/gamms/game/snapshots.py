@@ -41,8 +41,11 @@ class Snapshot:
     __slots__ = ("_of", "_parts", "_values", "seed", "turn")
 
     def __init__(self, turn: int, seed: int, of: GameState, values: list[Any], parts: dict[str, Any]) -> None:
-        self.turn, self.seed = turn, seed
-        self._of, self._values, self._parts = of, values, parts
+        self.turn = turn
+        self.seed = seed
+        self._of = of
+        self._values = values
+        self._parts = parts
 
     def __repr__(self) -> str:
         return f"Snapshot(turn={self.turn}, seed={self.seed})"
@@ -79,7 +82,8 @@ class Snapshot:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Snapshot":
         """Copy the snapshot together with its context."""
-        moves, agents = self._value("moves"), deepcopy(self._parts["agent_engine"], memo).agents
+        moves = self._value("moves")
+        agents = deepcopy(self._parts["agent_engine"], memo).agents
         if moves is not None and id(moves) not in memo:  # they hold views of arrays
             block = memo.get(id(moves.order.block), moves.order.block)
             memo[id(moves)] = moves.of_agents(agents, block, partial(_twin_of, memo))
@@ -149,7 +153,9 @@ class SnapshotTaker(NamedTuple):
 
     def restore(self, snapshot: Snapshot, *, forget: bool = False) -> None:
         """Restore everything except random streams; with `forget`, sensors drop their last data."""
-        ctx, state, parts = self.ctx, self.state, snapshot._parts
+        ctx = self.ctx
+        state = self.state
+        parts = snapshot._parts
         ctx.graph.storage.restore(parts["world"])
         ctx.sensor.storage.restore_keywords(parts["sensors"])
         ctx.agent.storage.restore(parts["agents"])
@@ -269,8 +275,11 @@ def _rebound_function(function: FunctionType, memo: Memo) -> FunctionType:
     if all(new is cell for new, cell in zip(made, cells, strict=True)):
         return function
     twin = FunctionType(function.__code__, function.__globals__, function.__name__, function.__defaults__, made)
-    twin.__kwdefaults__, twin.__annotations__ = function.__kwdefaults__, annotations_of(function)
-    twin.__module__, twin.__qualname__, twin.__doc__ = function.__module__, function.__qualname__, function.__doc__
+    twin.__kwdefaults__ = function.__kwdefaults__
+    twin.__annotations__ = annotations_of(function)
+    twin.__module__ = function.__module__
+    twin.__qualname__ = function.__qualname__
+    twin.__doc__ = function.__doc__
     twin.__dict__.update(function.__dict__)
     memo[id(function)] = twin
     return twin
@@ -344,7 +353,8 @@ class GameInternals(Guarded):
     _called = "ctx.game.internals"
 
     def __init__(self, parts: SnapshotTaker, phase: DecidePhase) -> None:
-        self._parts, self._phase = parts, phase
+        self._parts = parts
+        self._phase = phase
         self.state: GameState = parts.state
         self.draw_start: Callable[[], None] | None = None
         self.after_reset: list[Callable[[], None]] = []
@@ -413,7 +423,9 @@ class GameInternals(Guarded):
         ahead: GameInternals = ctx.game.internals
         memo |= {id(source.ctx.game): ctx.game, id(self.state): ahead.state}
         copy_game(source, ahead.parts, memo)
-        ahead.state.began, ahead.scenario, ahead.digests = self.starts, self.scenario, self.digests
+        ahead.state.began = self.starts
+        ahead.scenario = self.scenario
+        ahead.digests = self.digests
         return ctx, memo
 
     def copy_streams(self, target: "GameInternals") -> None:

@@ -43,7 +43,9 @@ class StreetGraph:
     """
 
     def __init__(self, columns: GraphColumns, queries: RouteSource) -> None:
-        self.columns, self._queries, self.num_nodes = columns, queries, len(columns.node_ids)
+        self.columns = columns
+        self._queries = queries
+        self.num_nodes = len(columns.node_ids)
         self.offsets, self.targets = map(locked, queries.neighborhoods())
         self.counts: IntArray = locked(np.diff(self.offsets))
         self._ids_are_rows = bool((columns.node_ids == np.arange(len(columns.node_ids))).all())
@@ -88,7 +90,8 @@ class StreetGraph:
             BadType: the ids are not integers.
             UnknownName (KeyError): a node is not on the map.
         """
-        wanted, known = as_array(ids, "ids of nodes", "integers").astype(np.int64, copy=False), self.columns.node_ids
+        wanted = as_array(ids, "ids of nodes", "integers").astype(np.int64, copy=False)
+        known = self.columns.node_ids
         if self._order is None and wanted.size and wanted.view(np.uint64).max() < len(known):
             return wanted
         if self._order is None:
@@ -142,7 +145,8 @@ class StreetGraph:
         # NOTE: most of a turn of many agents is reading this from all over the map: counts take a byte or two, steps
         # two where they fit, and no offsets are read where rows are about as long as each other (benchmarks: teams).
         nodes, most = len(self.counts), int(self.counts.max(initial=1))
-        steps, offsets = self.targets - np.repeat(np.arange(nodes), self.counts), self.offsets.astype(np.int32)
+        steps = self.targets - np.repeat(np.arange(nodes), self.counts)
+        offsets = self.offsets.astype(np.int32)
         steps = steps.astype(np.int16 if np.abs(steps).max(initial=0) < 1 << 15 else np.int32)
         is_even = nodes * most <= 2 * len(steps)
         if is_even:
@@ -209,7 +213,8 @@ class StreetGraph:
         Raises:
             BadType, BadValue: `rows` are not rows of nodes, or `targets` are not integers.
         """
-        rows, targets = self.checked(rows, "rows"), as_array(targets, "targets", "integers")
+        rows = self.checked(rows, "rows")
+        targets = as_array(targets, "targets", "integers")
         matches = self.legal[rows] == targets[..., None]
         matches &= np.arange(matches.shape[-1]) < self.counts[rows][..., None]
         return np.where(matches.any(axis=-1), matches.argmax(axis=-1), -1)
@@ -232,7 +237,8 @@ class LegalNodes:
     def along_streets(cls, streets: StreetGraph, nodes: IntArray) -> "LegalNodes":
         """Return the legal nodes of agents that move along one edge, from the ids of their nodes, (agents,)."""
         legal = cls.__new__(cls)
-        legal._streets, legal._rows = streets, streets.rows(nodes)
+        legal._streets = streets
+        legal._rows = streets.rows(nodes)
         return legal
 
     @cached_property

@@ -72,8 +72,10 @@ class ReachableNodes:
     """
 
     def __init__(self, nodes: int) -> None:
-        ints, floats = np.zeros((6, nodes), np.int64), np.zeros((2, nodes))
-        self.nodes, self.times = ints[0], floats[0]
+        ints = np.zeros((6, nodes), np.int64)
+        floats = np.zeros((2, nodes))
+        self.nodes = ints[0]
+        self.times = floats[0]
         listed, heap, places, rank, seen = (column.data for column in ints[1:])
         self.core = core.ReachSearch(self.nodes.data, self.times.data, listed, heap, places, floats[1].data, rank, seen)
 
@@ -91,18 +93,25 @@ class TurnPaths:
     """
 
     def __init__(self, rows: int, most: int, route: int | None = None) -> None:
-        states, shares = np.zeros((6, rows), np.int64), np.zeros((4, rows))
+        states = np.zeros((6, rows), np.int64)
+        shares = np.zeros((4, rows))
         self.node, self.edge, self.motion, self.left, self.legs, self.passed = states
         self.share, self.now, self.speed, self.pace = shares
-        self.most, self.edges, self.nodes = most, np.zeros((rows, most), np.int64), np.zeros((rows, most + 1), np.int64)
-        parts, self.times = np.zeros((4, rows, most)), np.zeros((rows, most + 1))
+        self.most = most
+        self.edges = np.zeros((rows, most), np.int64)
+        self.nodes = np.zeros((rows, most + 1), np.int64)
+        parts = np.zeros((4, rows, most))
+        self.times = np.zeros((rows, most + 1))
         self.route = np.zeros(most if route is None else route, np.int64)
         self.begins, self.ends, self.since, self.until = parts
         columns = (*states, *shares, self.edges, *parts, self.nodes, self.times, self.route)
         views: list[Any] = [column.reshape(-1).data for column in columns]
         self.core = core.TurnPaths(most, *views)
         # NOTE: items of memoryviews are numbers of Python, which arrays make in twice the time (benchmarks: travel).
-        self._edge, self._motion, self._counts, self._passed = views[1], views[2], views[4], views[5]
+        self._edge = views[1]
+        self._motion = views[2]
+        self._counts = views[4]
+        self._passed = views[5]
         self._share = views[6]
         self._legs = views[10:15]
         self._nodes, self._times = views[15:17]
@@ -232,7 +241,8 @@ class EdgeIds(dict[int, tuple[int, int, int, int | None]]):
 
     def __init__(self, columns: GraphColumns, roads: core.RoadEdges) -> None:
         super().__init__()
-        self._columns, self._roads = columns, roads
+        self._columns = columns
+        self._roads = roads
 
     def __missing__(self, row: int) -> tuple[int, int, int, int | None]:
         columns, back = self._columns, core.back(self._roads, row)
@@ -344,7 +354,8 @@ class Travel:
     """
 
     def __init__(self, ctx: HostContext, settings: Settings) -> None:
-        self._ctx, self._settings = ctx, settings
+        self._ctx = ctx
+        self._settings = settings
         self._roads: RoadMap | None = None
         self._key: tuple[Any, ...] = ()
         self.now = 0.0
@@ -360,7 +371,8 @@ class Travel:
             has_speeds = settings.weight == "travel_time" and settings.speed_unit == "metres_per_second"
             seconds = graph.weights(settings.weight) if has_speeds else None
             roads = RoadMap(graph, self._ctx.graph.columns(), settings.weight, seconds, turn_seconds)
-            self._roads, self._key = roads, key
+            self._roads = roads
+            self._key = key
             self._make_room(len(roads.ids) + _MORE_LEGS)
         return self._roads
 
@@ -419,7 +431,10 @@ class Travel:
         """
         if not route:
             return self.stay(place, here)
-        roads, nodes, at, motion = self.roads, route[1:] if route[0] == here else route, here, Motion.FORWARD
+        roads = self.roads
+        nodes = route[1:] if route[0] == here else route
+        at = here
+        motion = Motion.FORWARD
         if place is not None and nodes and nodes[0] == place.target:
             nodes, at = nodes[1:], place.target
         elif place is not None:
@@ -464,13 +479,15 @@ class Travel:
     def _make_room(self, most: int) -> None:
         """Allocate memory for paths with `most` legs."""
         self._written = trips = TurnPaths(1, most)
-        self._most, self._trips = most, trips.core
+        self._most = most
+        self._trips = trips.core
         self._route = trips.route.data
 
     def _begin(self, roads: RoadMap, place: Progress | None, here: int, speed: float | None) -> None:
         """Place an agent at the start of its path."""
         edge, share, motion = (-1, 0.0, 0) if place is None else (roads.of(place), place.share, place.motion)
-        pace, most = nan if speed is None else speed, 1 if self._settings.decide == "arrival" else ENDLESS
+        pace = nan if speed is None else speed
+        most = 1 if self._settings.decide == "arrival" else ENDLESS
         core.begin(self._trips, 0, roads.row(here), edge, share, motion, self.now, pace, most)
 
     def _go(

@@ -65,7 +65,10 @@ class TurnEngine:
     """
 
     def __init__(self, ctx: HostContext, settings: Settings, state: GameState, phase: DecidePhase) -> None:
-        self._ctx, self._settings, self._state, self._phase = ctx, settings, state, phase
+        self._ctx = ctx
+        self._settings = settings
+        self._state = state
+        self._phase = phase
         self._legality = Legality(ctx, settings)
         self.travel = self._legality.travel
         self._slots = SlotMaker(ctx, state, ReadOnlyMapping(state.facts), settings, PrivateForks(ctx))
@@ -98,7 +101,8 @@ class TurnEngine:
         key = block, self._phase.setting_changes, state.stream_version, is_public, block.structure.version
         if self._order is None or self._order_key != key:
             self._order = self._new_order(block, key)
-            self._order_key, self._near = key, self._ctx.graph.graph.neighborhoods
+            self._order_key = key
+            self._near = self._ctx.graph.graph.neighborhoods
         return self._order
 
     def _new_order(self, block: AgentBlock, key: tuple[Any, ...]) -> TurnOrder:
@@ -118,7 +122,8 @@ class TurnEngine:
 
     def take_order(self, order: TurnOrder) -> None:
         """Reuse an order that was made here before, when its agents live again."""
-        state, version = self._state, self._ctx.agent.block.structure.version
+        state = self._state
+        version = self._ctx.agent.block.structure.version
         is_public = not (state.agent_facts or state.team_facts)
         order.structure_version = version
         self._order = order
@@ -239,7 +244,9 @@ class TurnEngine:
         self, slot: AgentSlot, here: int, sensed: dict[str, Any], decisions: Decisions, inboxes: Inboxes
     ) -> dict[str, Any]:
         """Return the state of an agent at a node with its sensed data, ready for a decision."""
-        block, row, game = self._ctx.agent.block, slot.row, decisions.state
+        block = self._ctx.agent.block
+        row = slot.row
+        game = decisions.state
         state: dict[str, Any] = (AerialState if slot.flies else State)(slot.template)
         state["sensor"] = sensed
         if slot.flies:
@@ -277,7 +284,8 @@ class TurnEngine:
         order = self.order()
         if order.unlisted is not None:
             raise left_out(order.unlisted.name, order.unlisted.team)
-        self._groups, self.is_moving = order.groups, True
+        self._groups = order.groups
+        self.is_moving = True
         order.block.placed.clear()
         try:
             self._play_in_parts(order, observers, rules)
@@ -312,7 +320,8 @@ class TurnEngine:
         return turn
 
     def _play_part(self, order: TurnOrder, number: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
-        part, self.part = order.parts[number], number
+        part = order.parts[number]
+        self.part = number
         spent, began = self._state.timings, perf_counter()
         ask = self._ask_at_arrivals if part.decides_at_arrivals else self._ask
         turn = self._state.moves = ask(order, part, observers)
@@ -322,7 +331,9 @@ class TurnEngine:
         spent["decide"] += now - began
         if order.has_deeds or rules.now.act_before_moves:
             turn = self._do_deeds(turn, part, rules)
-            part, began, now = turn.order.parts[number], now, perf_counter()
+            part = turn.order.parts[number]
+            began = now
+            now = perf_counter()
             spent["rules"] += now - began
         if self._settings.conflicts is not None and not part.decides_at_arrivals:
             self._resolve(turn)
@@ -344,7 +355,8 @@ class TurnEngine:
             else:
                 self._note_illegal(turn.slots[i], why)
         deeds = turn.deeds
-        number, revision = self._state.turn + 1, self._ctx.graph.graph.revision
+        number = self._state.turn + 1
+        revision = self._ctx.graph.graph.revision
         self._state.deeds += [
             {"turn": number, "agent": deed.agent, "deed": deed.kind, "at": deed.at, **deed.values} for deed in deeds
         ]
@@ -397,7 +409,8 @@ class TurnEngine:
         if part.paced:
             self._leave_closed_edges(order, part)
         self.asked += 1
-        self.is_deciding, phase.moment = True, object() if part.see_world_only else None
+        self.is_deciding = True
+        phase.moment = object() if part.see_world_only else None
         try:
             if part is order.whole and part.is_usual and not observers:
                 decisions.ask_each(part, self._near)
@@ -456,7 +469,9 @@ class TurnEngine:
 
     def _ask_at_arrivals(self, order: TurnOrder, part: TurnPart, observers: list[Observer]) -> TurnMoves:
         """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""
-        block, travel, slots = self._ctx.agent.block, self._legality.travel, order.slots
+        block = self._ctx.agent.block
+        travel = self._legality.travel
+        slots = order.slots
         places = {i: block.on_edge(slots[i].row) for i in part.paced if slots[i].travels}
         going = {i: place for i, place in places.items() if place is not None and travel.is_going(place)}
         resting = [i for i in part.members if i not in going]
@@ -464,14 +479,16 @@ class TurnEngine:
         turn.let_stand([i for i in places if i not in going], travel)
         for i, place in going.items():
             turn.go(i, travel.go_on(place, block.node[slots[i].row], slots[i].speed))
-        arrivals, asked = Arrivals(turn, block, has_end=self._settings.conflicts is not None), Counter[int]()
+        arrivals = Arrivals(turn, block, has_end=self._settings.conflicts is not None)
+        asked = Counter[int]()
         for i in self._give_way(turn, arrivals, part.members, turn.actions):
             turn.stop(i)
         for i in part.members:
             arrivals.depart(i)
         try:
             for now, here in arrivals.times():
-                travel.now, actions = now, dict[int, ResolvedAction]()
+                travel.now = now
+                actions = dict[int, ResolvedAction]()
                 if now < 1.0:
                     actions = self._ask(order, TurnPart(slots, here, order.progress, self._settings), []).actions
                 losers = self._give_way(turn, arrivals, here, actions)
@@ -526,7 +543,9 @@ class TurnEngine:
         self._block(slot, message)
 
     def _forget_blocked(self, order: TurnOrder, part: TurnPart) -> None:
-        blocked, slots, members = self._state.blocked, order.slots, part.members
+        blocked = self._state.blocked
+        slots = order.slots
+        members = part.members
         if len(members) == len(slots):
             blocked.drop_conflicts(order.names)
         indices = members if isinstance(members, range) else frozenset(members)
@@ -622,7 +641,9 @@ class TurnEngine:
 
     def _apply(self, turn: TurnMoves, part: TurnPart) -> None:
         """Write the moves of a part to the columns of the agents."""
-        order, ends, block = turn.order, turn.ends, turn.order.block
+        order = turn.order
+        ends = turn.ends
+        block = turn.order.block
         block.move_all(part.ground, ends if part.on_ground is None else part.of_ground(ends))
         order.count_moves(turn.in_core(), ends)
         if part.paced or turn.actions:

@@ -565,7 +565,8 @@ def share_map(target: GraphEngine, source: GraphEngine, memo: dict[int, Any]) ->
         source: the engine of the other context.
         memo: maps parts of `source` to their counterparts in `target`; see `copy.deepcopy`.
     """
-    target._store, target._obstacles = source._store.fork(), source._obstacles.fork()
+    target._store = source._store.fork()
+    target._obstacles = source._obstacles.fork()
     target._graph = source.graph._fork(target._store, target._phase)
     target._storage = MapStorage(target._ctx, target._store, target._obstacles, target._phase)
     target._storage.visibility_rows = source._storage.visibility_rows

@@ -507,7 +507,8 @@ class Graph(Guarded, IGraph):
         indexes = self._store.indexes
         nodes = indexes.node_values(discs.nodes)
         edges = indexes.edge_values(discs.edges)
-        starts, ends = discs.node_offsets.tolist(), discs.edge_offsets.tolist()
+        starts = discs.node_offsets.tolist()
+        ends = discs.edge_offsets.tolist()
         for first, last, begin, end in zip(starts, starts[1:], ends, ends[1:], strict=False):
             yield Surroundings({node[0]: node for node in nodes[first:last]}, edges[begin:end])
 

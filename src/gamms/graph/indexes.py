@@ -339,7 +339,8 @@ def edge_values(
     edges: EdgeTable, nodes: NodeTable, rows: RowArray, take_nodes: Callable[[RowArray], list[Node]]
 ) -> list[OSMEdge]:
     """Return the values of edge rows; use `take_nodes` for node rows."""
-    sources, targets = edges.array("sources")[rows], edges.array("targets")[rows]
+    sources = edges.array("sources")[rows]
+    targets = edges.array("targets")[rows]
     ids = nodes.array("ids")
     first: list[Any] = take_nodes(sources)
     last: list[Any] = take_nodes(targets)
@@ -492,7 +493,8 @@ class Indexes:
         ids = self._nodes.array("ids").astype(object)
         offsets, order = kernels.group_rows(self._edges.array("sources")[edges], self._nodes.count)
         targets = ids[self._edges.array("targets")[edges][order]].tolist()
-        starts, ends = offsets[nodes].tolist(), offsets[nodes + 1].tolist()
+        starts = offsets[nodes].tolist()
+        ends = offsets[nodes + 1].tolist()
         for id, start, end in zip(ids[nodes].tolist(), starts, ends, strict=True):
             yield id, tuple(dict.fromkeys((id, *targets[start:end])))
 

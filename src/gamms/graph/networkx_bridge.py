@@ -127,7 +127,8 @@ class Grid(IGraphSource):
     """
 
     def __init__(self, rows: int, columns: int, spacing: float = 10.0) -> None:
-        self._rows, self._columns = _side(rows, "rows"), _side(columns, "columns")
+        self._rows = _side(rows, "rows")
+        self._columns = _side(columns, "columns")
         self._step = as_positive(spacing, "spacing")
         _refuse_too_many(self._rows, self._columns, _NODE_BYTES)
 
@@ -137,7 +138,8 @@ class Grid(IGraphSource):
         y, x = np.indices(ids.shape).astype(np.float64) * self._step
         one = np.concatenate([ids[:, :-1].ravel(), ids[:-1].ravel()])
         other = np.concatenate([ids[:, 1:].ravel(), ids[1:].ravel()])
-        sources, targets = np.concatenate([one, other]), np.concatenate([other, one])
+        sources = np.concatenate([one, other])
+        targets = np.concatenate([other, one])
         order = np.lexsort((targets, sources))
         offsets, out_edges = kernels.group_rows(sources[order], ids.size)
         columns = GraphColumns(
@@ -177,7 +179,8 @@ class _NetworkxImport:
         if not (hasattr(G, "nodes") and hasattr(G, "edges") and hasattr(G, "is_directed")):
             raise BadType(f"it must be a networkx graph, not {shown(G)}")
         crs, attribution = (None if (text := G.graph.get(key)) is None else str(text) for key in ("crs", "attribution"))
-        self.crs, self.attribution = records.as_text(crs, "its crs"), records.as_text(attribution, "its attribution")
+        self.crs = records.as_text(crs, "its crs")
+        self.attribution = records.as_text(attribution, "its attribution")
         self.node_data = [data for _, data in G.nodes(data=True)]
         self.id_of = _ids_of_labels(store, list(G.nodes))
         self.edges = list(G.edges(data=True)) if G.is_directed() else list(_both_directions(G))

@@ -223,7 +223,8 @@ class Obstacles:
     def _own(self) -> None:
         """Stop sharing the table; called before every change."""
         if self._sharers is not None and self._stop_sharing():
-            new, self._new = self._new, {}
+            new = self._new
+            self._new = {}
             columns = self.columns()
             self._faces = _FaceTable()
             self._new = new
@@ -231,7 +232,8 @@ class Obstacles:
 
     def _stop_sharing(self) -> bool:
         """Leave the shared table to its other owners; return whether it was shared."""
-        sharers, self._sharers = self._sharers, None
+        sharers = self._sharers
+        self._sharers = None
         if sharers is not None:
             sharers.discard(self)
         return bool(sharers)
@@ -282,7 +284,8 @@ class FaceGrid:
 
 def surroundings(origin: FloatArray, targets: FloatArray) -> tuple[Corner2D, Corner2D]:
     """Return the corners of a rectangle that contains all faces that may block lines from `origin` to `targets`."""
-    low, high = np.minimum(targets.min(axis=0), origin), np.maximum(targets.max(axis=0), origin)
+    low = np.minimum(targets.min(axis=0), origin)
+    high = np.maximum(targets.max(axis=0), origin)
     with np.errstate(over="ignore"):
         margin = kernels.MARGIN * float((high - low).sum())
     (low_x, low_y, _), (high_x, high_y, _) = low.tolist(), high.tolist()

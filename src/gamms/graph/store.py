@@ -303,7 +303,8 @@ class GraphStore:
         if sharers is None:
             return False
         sharers.discard(self)
-        askers, self._askers = self._askers, WeakSet()
+        askers = self._askers
+        self._askers = WeakSet()
         for store in askers:
             if store.neighborhoods.source is self.neighborhoods:
                 store.neighborhoods.source = None
@@ -404,7 +405,9 @@ class Cache:
 
     def take_over(self, other: "Cache") -> None:
         """Replace the entries by those of another cache."""
-        self.revision, self.entries, self.bytes = other.revision, other.entries.copy(), other.bytes
+        self.revision = other.revision
+        self.entries = other.entries.copy()
+        self.bytes = other.bytes
 
     def clear(self) -> None:
         """Discard all entries."""

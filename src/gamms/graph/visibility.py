@@ -50,7 +50,8 @@ class MapFingerprint:
         self.node_ids, self.xy, *ground = _nodes_of(store)
         self.ground = ground[0] if ground else np.zeros((len(self.xy), 2))  # (nodes, 2) height, tunnel
         self.corners: FloatArray = obstacles.columns().corners  # (faces, 4, 3)
-        self._nodes, self._faces = _digest(self.node_ids, self.xy, *ground), _digest(self.corners)
+        self._nodes = _digest(self.node_ids, self.xy, *ground)
+        self._faces = _digest(self.corners)
 
     @property
     def is_current(self) -> bool:

@@ -246,7 +246,8 @@ class AgentBlock(AgentColumns):
         """Replace another block: use its journal, with new version numbers."""
         self.graph = block.graph
         self.journal = block.journal
-        self._version, self.rows.version = block.version + 1, block.rows.version + 1
+        self._version = block.version + 1
+        self.rows.version = block.rows.version + 1
         self.structure.note_all(block.structure.version)
 
     def row_of(self, name: str) -> int:

@@ -154,7 +154,8 @@ class BlockedAgents(MutableMapping[str, str]):
 
     def _written(self) -> dict[str, str]:
         if self.stopped:
-            stopped, self.stopped = self.stopped, []
+            stopped = self.stopped
+            self.stopped = []
             for names, agents, nodes in stopped:
                 for i, node in zip(agents.tolist(), nodes.tolist(), strict=True):
                     self.add(names[i], in_conflict(node))

@@ -38,7 +38,8 @@ def message_table(entries: Iterable[Mapping[str, Any]]) -> dict[str, list[Any]]:
     """Return entries as columns, one row per message and receiver; receiver None if a message reaches no agent."""
     rows: list[tuple[Any, ...]] = []
     for entry in entries:
-        first, last = [entry[key] for key in MESSAGE_COLUMNS[:4]], [entry["size"], entry["body"]]
+        first = [entry[key] for key in MESSAGE_COLUMNS[:4]]
+        last = [entry["size"], entry["body"]]
         outcomes: list[tuple[str | None, str, int | None]] = []
         for outcome in (*ARRIVALS, *_NAMES):
             known: Collection[str] = entry[outcome]

@@ -108,7 +108,8 @@ def neighborhoods(sources: IntArray, targets: IntArray, nodes: int) -> tuple[Int
         `offsets` (nodes + 1,) and `rows`: those of node `i` are `rows[offsets[i]:offsets[i + 1]]`.
     """
     own = np.arange(nodes)
-    starts, ends = np.concatenate((own, sources)), np.concatenate((own, targets))
+    starts = np.concatenate((own, sources))
+    ends = np.concatenate((own, targets))
     _, first = np.unique(starts * nodes + ends, return_index=True)
     kept = np.sort(first)  # the node itself, then its edges in order
     offsets, order = group_rows(starts[kept], nodes)

@@ -56,7 +56,8 @@ def yaw(quat: Quaternion) -> tuple[float, float]:
     """
     w, x, y, z = quat
     # Equals (1 - 2(yy + zz), 2(xy + wz)) for length 1, and is exact for a quarter turn.
-    east, north = w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z)
+    east = w * w + x * x - y * y - z * z
+    north = 2.0 * (x * y + w * z)
     level = hypot(east, north)
     return (0.0, 0.0) if level < _VERTICAL else (east / level, north / level)
 

@@ -67,9 +67,11 @@ def _by_simplex(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
                 tableau[going] = _of_basis(_first_tableau(scaled[going]), basis[going], pivots)
     total = tableau[:, -1, -1]
     at, row = np.nonzero(basis < columns)
-    ys, xs = np.zeros((games, columns)), np.maximum(tableau[:, -1, columns:-2], 0.0)
+    ys = np.zeros((games, columns))
+    xs = np.maximum(tableau[:, -1, columns:-2], 0.0)
     ys[at, basis[at, row]] = np.maximum(tableau[at, row, -1], 0.0)
-    xs, ys = xs / xs.sum(axis=1, keepdims=True), ys / ys.sum(axis=1, keepdims=True)
+    xs = xs / xs.sum(axis=1, keepdims=True)
+    ys = ys / ys.sum(axis=1, keepdims=True)
     return (1.0 / total - 1.0) * spread[:, 0, 0] + least[:, 0, 0], xs, ys
 
 

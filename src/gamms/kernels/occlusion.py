@@ -234,7 +234,8 @@ def _faces_and_targets(corners: FloatArray, targets: FloatArray) -> _NearFaces:
     gap = np.maximum(np.maximum(low, -high), 0.0)  # (3, faces) distance from the observer to the box of the face
     spread = gap + 2.0 * (high - low)
     blur = 2.0 * _BLUR * (spread[0] + spread[1] + spread[2])
-    least, most = np.minimum(targets.min(axis=1), 0.0)[:, None], np.maximum(targets.max(axis=1), 0.0)[:, None]
+    least = np.minimum(targets.min(axis=1), 0.0)[:, None]
+    most = np.maximum(targets.max(axis=1), 0.0)[:, None]
     is_out = (low - blur > most) | (high + blur < least)
     faces = (~(is_out[0] | is_out[1] | is_out[2])).nonzero()[0]
     distance = np.hypot(gap[0, faces], gap[1, faces])
@@ -348,7 +349,8 @@ def _views(quads: FloatArray, observers: FloatArray) -> _FaceViews:
     turns = _turns(x, y)
     away = turns - turns[0]
     away -= _PARTS * np.rint(away / _PARTS)
-    start, end = turns[0] + away.min(axis=0), turns[0] + away.max(axis=0)
+    start = turns[0] + away.min(axis=0)
+    end = turns[0] + away.max(axis=0)
     shift = np.where(start < 0.0, float(_PARTS), 0.0)
     low, high = quads[:3].min(axis=1), quads[:3].max(axis=1)
     size = _extent(high - low)
@@ -380,7 +382,8 @@ def _hidden_beyond(views: _FaceViews, is_wall: BoolArray, tall: FloatArray) -> F
     squares = np.maximum(x[0] * x[0] + y[0] * y[0], x[1] * x[1] + y[1] * y[1])
     reach = np.sqrt(squares) + views.size
     least_volume = np.maximum(_SURE * reach * reach * views.size, 10.0 * _LEAST)
-    first, last = np.ceil(views.start + _EDGE), np.floor(views.end - _EDGE)
+    first = np.ceil(views.start + _EDGE)
+    last = np.floor(views.end - _EDGE)
     is_sure = is_wall & (last > first) & (tall * np.abs(x[0] * y[1] - x[1] * y[0]) >= least_volume)
     places = np.flatnonzero(is_sure)
     begins, counts = (parts.take(places).astype(np.int64) for parts in (first, last - first))

@@ -405,7 +405,9 @@ def _messages_in(
 def _message(given: Plain, ctx: Context) -> dict[str, Plain]:
     if not isinstance(given, dict) or given.keys() != {"channel", "to", "body"}:
         raise WrongAnswer("a message has exactly 'channel', 'to' and 'body'")
-    channel, to, body = given["channel"], given["to"], given["body"]
+    channel = given["channel"]
+    to = given["to"]
+    body = given["body"]
     if not isinstance(channel, str) or channel not in ctx.game.channels:
         raise WrongAnswer(f"there is no channel {shown(channel)}")
     if not isinstance(body, str) or len(body) > _MOST_OF_A_MESSAGE:

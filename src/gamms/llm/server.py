@@ -154,7 +154,9 @@ class _HidingFilter(logging.Filter):
             text += "\n" + "".join(format_exception(*record.exc_info))
         safe = without_secrets(text)
         if safe != text:
-            record.msg, record.args, record.exc_info = safe, (), None
+            record.msg = safe
+            record.args = ()
+            record.exc_info = None
         return True
 
 

@@ -42,10 +42,12 @@ class Field:
     """One named, typed field of a map: `cell` encodes a value for storage, `value` decodes it."""
 
     def __init__(self, map_name: str, name: str, python_type: type) -> None:
-        self.name, self.python_type = name, python_type
+        self.name = name
+        self.python_type = python_type
         self.place = f"Field {name!r} of map {map_name!r}"
         self._simple = _SIMPLE.get(python_type)
-        module, type_name = module_of(python_type), python_type.__qualname__
+        module = module_of(python_type)
+        type_name = python_type.__qualname__
         # for messages and files; never turned back into a type
         self.type_name = type_name if module == "builtins" else f"{module}.{type_name}"
 

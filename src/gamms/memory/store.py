@@ -70,7 +70,8 @@ class Store(IStore):
     _type: ClassVar = StoreType.MEMORY
 
     def __init__(self, name: str, path: IPathLike | None = None) -> None:
-        self._name, self._path = as_name(name, "a store"), path
+        self._name = as_name(name, "a store")
+        self._path = path
         self._maps: dict[str, _MapRows] = {}
         self.is_closed = False
 
@@ -253,7 +254,8 @@ class _MapRows:
     """The rows of a map in memory: key -> cells."""
 
     def __init__(self, schema: Schema) -> None:
-        self.schema, self.fields = schema, [*schema.fields.values()]
+        self.schema = schema
+        self.fields = [*schema.fields.values()]
         self._rows: dict[Any, dict[str, Any]] = {}
 
     def append(self, row: dict[str, Any]) -> None:
@@ -294,11 +296,13 @@ class _SqlMapRows(_MapRows):
             )
         database.check_table(place.table, place.sql())
         self._columns = {name: quoted(place.columns[name]) for name in schema.fields}
-        self._table, self._key = quoted(place.table), self._columns[schema.key.name]
+        self._table = quoted(place.table)
+        self._key = self._columns[schema.key.name]
         self._where = f"WHERE {self._key} = ?"
 
     def append(self, row: dict[str, Any]) -> None:
-        names, marks = ", ".join(self._columns.values()), ", ".join("?" * len(row))
+        names = ", ".join(self._columns.values())
+        marks = ", ".join("?" * len(row))
         insert = f"INSERT INTO {self._table} ({names}) VALUES ({marks})"  # noqa: S608 - quoted names
         try:
             self._database.write(insert, [*row.values()])

@@ -87,7 +87,8 @@ def obstacle_from_file(
     heights = as_elevation(more.get("elevation"))
     plane = _plane(crs, heights, lambda points: _crs_of(segments_of(roads)) or utm_crs(points))
     file = as_file(filepath)
-    outlines, fences = read_footprints(file, rules), read_barriers(file, rules)
+    outlines = read_footprints(file, rules)
+    fences = read_barriers(file, rules)
     if not len(outlines.owners) and not len(fences.owners):
         return iter(())
     roads = read_ways(file, lambda _: None)

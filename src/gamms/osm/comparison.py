@@ -22,7 +22,8 @@ _Places = np.ndarray[tuple[int], np.dtype[np.complex128]]
 
 def roads_once(edges: RoadNetwork) -> RoadNetwork:
     """Join the edges of both directions between two nodes into one road if their lengths are exactly equal."""
-    low, high = np.minimum(edges.sources, edges.targets), np.maximum(edges.sources, edges.targets)
+    low = np.minimum(edges.sources, edges.targets)
+    high = np.maximum(edges.sources, edges.targets)
     order = np.lexsort((edges.lengths, high, low))
     keys = np.column_stack((low, high, edges.lengths))[order]
     new = np.ones(len(order), np.bool_)
@@ -44,7 +45,8 @@ def pieces_of(roads: RoadNetwork, source: RoadNetwork, resolution: float) -> tup
     """
     nodes = np.concatenate((roads.sources, roads.targets))
     lengths = np.tile(roads.lengths, 2)
-    longest, shortest = np.full(len(roads.xy), -np.inf), np.full(len(roads.xy), np.inf)
+    longest = np.full(len(roads.xy), -np.inf)
+    shortest = np.full(len(roads.xy), np.inf)
     np.maximum.at(longest, nodes, lengths)
     np.minimum.at(shortest, nodes, lengths)
     chains = chains_of(roads, (longest == shortest) & ~np.isin(_complex(roads.xy), _complex(source.points)))
@@ -98,7 +100,8 @@ def surplus(roads: RoadNetwork, source: RoadNetwork) -> float:
     A piece whose two ends lie on one straight piece of the source runs along it, because the distance is a convex
     function. Only other pieces are examined at more points.
     """
-    mine, theirs = segment_starts(roads.offsets), segment_starts(source.offsets)
+    mine = segment_starts(roads.offsets)
+    theirs = segment_starts(source.offsets)
     if not len(mine) or not len(theirs):
         return math.inf if len(mine) else 0.0
     here, there = roads.points[mine], roads.points[mine + 1]
@@ -136,7 +139,8 @@ def wrong_directions(edges: RoadNetwork, source: RoadNetwork, merged: RoadNetwor
         counts[:, moved] = _roads_below(chosen_roads(chosen, moved), merged)
     found, allowed, both = counts
     lengths = edges.lengths[judged]
-    against, only = (found > 0) & (allowed == 0), (found > 0) & (both == found) & alone[judged]
+    against = (found > 0) & (allowed == 0)
+    only = (found > 0) & (both == found) & alone[judged]
     return float(lengths[against].sum()), float(lengths[only].sum())
 
 
@@ -156,11 +160,14 @@ def _without_way_back(edges: RoadNetwork) -> BoolArray:
 
 def _roads_below(edges: RoadNetwork, source: RoadNetwork) -> IntArray:
     """Return (3, edges): the number of source roads under each edge, those in its direction, and two-way ones."""
-    mine, theirs = segment_starts(edges.offsets), segment_starts(source.offsets)
-    size, line = np.hypot(*(edges.points[mine + 1] - edges.points[mine]).T), _lines_of_pieces(edges)
+    mine = segment_starts(edges.offsets)
+    theirs = segment_starts(source.offsets)
+    size = np.hypot(*(edges.points[mine + 1] - edges.points[mine]).T)
+    line = _lines_of_pieces(edges)
     order = np.lexsort((size, line))
     mine = mine[order[np.append(np.diff(line[order]) > 0, True)]]  # the longest piece of each edge
-    step, steps = edges.points[mine + 1] - edges.points[mine], source.points[theirs + 1] - source.points[theirs]
+    step = edges.points[mine + 1] - edges.points[mine]
+    steps = source.points[theirs + 1] - source.points[theirs]
     middles = edges.points[mine] + step / 2.0
     edge, piece = lines_near(middles, source.points[theirs], source.points[theirs + 1], _ON_LINE_M)
     onward = (step[edge] * steps[piece]).sum(axis=1)
@@ -177,7 +184,8 @@ def wrong_joints(roads: RoadNetwork, source: RoadNetwork, tolerance: float) -> i
     Places that may be a merged junction, or were merged into one, are not counted.
     """
     source = consolidate(source, 0.0)
-    ours, theirs = _joints(roads.xy, degrees(roads)), _joints(source.xy, degrees(source))
+    ours = _joints(roads.xy, degrees(roads))
+    theirs = _joints(source.xy, degrees(source))
     two_way = source.two_way
     ends = (
         np.concatenate((source.sources, source.targets[two_way])),

@@ -76,10 +76,8 @@ class Elevation:
             inside = (south_west == corner).all(axis=1)
             file = self._find(*corner.tolist())
             if file is None:
-                name, place = (
-                    _name_of(*np.floor(lonlat[inside][0]).astype(np.int64).tolist()),
-                    lonlat[inside][0].tolist(),
-                )
+                name = _name_of(*np.floor(lonlat[inside][0]).astype(np.int64).tolist())
+                place = lonlat[inside][0].tolist()
                 raise BadValue(f"{str(self._path)!r} has no heights at {place}: {name}.hgt is needed. {_WAY_OUT}")
             heights[inside] = _interpolated(_read(file), lonlat[inside] - corner, file)
         return heights

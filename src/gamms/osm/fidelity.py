@@ -247,7 +247,8 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
     uncut = np.flatnonzero(~is_cut)
     regular = roads.lengths[is_cut & ~is_parted] / resolution
     untrue = untrue_lengths(roads, uncut, source)
-    before, after = float(source.lengths.sum()), float(roads.lengths.sum())
+    before = float(source.lengths.sum())
+    after = float(roads.lengths.sum())
     merged = min(_merged(source, about), key=lambda one: abs(before - after - one.merged.length_m))
     against, alone = _directions(edges, source, merged, about)
     joints = wrong_joints(roads, source, about.get("tolerance", _WIDEST_DEFAULT))
@@ -337,7 +338,8 @@ def _selection(
         raise BadValue(f"The graph is for the mode {name!r}, which is yours. Give report(…, osm_type=), as before.")
     if name:
         return selection_of(recipe, modes()[name])
-    kind, every_way = OSMType[classic] if classic else None, bool(about.get("every_way", False))
+    kind = OSMType[classic] if classic else None
+    every_way = bool(about.get("every_way", False))
     closed = None if every_way else classic_closed_rule(kind)
     rule = classic_rule(kind, every_way=every_way)
     return RoadSelection(rule, "", retain_all, strong, closed, around_buildings=recipe.around_buildings)

@@ -28,7 +28,9 @@ TagFilter = Mapping[str, bool | str | Iterable[str]]  # key -> True for every va
 ANY = "*"
 PART = "building:part"
 BARRIER_TYPE = 37  # the types of gamms 1.0.0 end at 36
-_LEVEL_M, _FOOT_M, _INCH_M = 3.0, 0.3048, 0.0254
+_LEVEL_M = 3.0
+_FOOT_M = 0.3048
+_INCH_M = 0.0254
 _TALLEST_M = 1000.0  # greater heights are typing errors
 _LONGEST = 255  # letters of a value, the limit of OpenStreetMap
 _UNITS = {  # letters after a number -> meters
@@ -260,7 +262,8 @@ def known_parts(offsets: IntArray, lonlat: FloatArray, about: Sequence[Any]) -> 
         lonlat: (vertices, 2) degrees, NaN where the map lacks the node.
         about: (lines,) the description of each line.
     """
-    known, line = np.flatnonzero(np.isfinite(lonlat[:, 0])), np.repeat(np.arange(len(about)), np.diff(offsets))
+    known = np.flatnonzero(np.isfinite(lonlat[:, 0]))
+    line = np.repeat(np.arange(len(about)), np.diff(offsets))
     begins = np.append(True, (np.diff(known) > 1) | (np.diff(line[known]) > 0))[: len(known)]
     first = np.flatnonzero(begins)
     sizes = np.diff(np.append(first, len(known)))
@@ -279,7 +282,8 @@ def footprints_of(outlines: Outlines) -> Shapes:
 
     shapes: Shapes = np.full(len(outlines.about), shapely.Polygon(), object)
     is_alone = np.bincount(outlines.owners, minlength=len(shapes))[outlines.owners] == 1
-    first, last = outlines.lonlat[outlines.offsets[:-1]], outlines.lonlat[outlines.offsets[1:] - 1]
+    first = outlines.lonlat[outlines.offsets[:-1]]
+    last = outlines.lonlat[outlines.offsets[1:] - 1]
     is_ring = is_alone & (first == last).all(axis=1) & (np.diff(outlines.offsets) > 3)
     # A closed way keeps its points and their order; other footprints are assembled from lines.
     points, row = _chosen(outlines, is_ring)
@@ -442,7 +446,8 @@ def _cells(area: "BaseGeometry", most_m2: float) -> "list[BaseGeometry]":
     west, south, east, north = area.bounds
     columns, rows = (math.ceil(side / math.sqrt(most_m2)) for side in (east - west, north - south))
     refuse_above(_BYTES_PER_CELL * columns * rows, f"A map asked for in {columns} x {rows} parts")
-    x, y = np.linspace(west, east, columns + 1), np.linspace(south, north, rows + 1)
+    x = np.linspace(west, east, columns + 1)
+    y = np.linspace(south, north, rows + 1)
     squares = shapely.box(
         *(side.ravel() for side in np.meshgrid(x[:-1], y[:-1])), *(side.ravel() for side in np.meshgrid(x[1:], y[1:]))
     )

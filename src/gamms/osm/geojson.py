@@ -83,7 +83,9 @@ def _ways(text: bytes) -> OsmRoads:
     features = [document if document.type == "Feature" else _GeoJsonObject(geometry=document)]
     if document.type == "FeatureCollection":
         features = document.features
-    lines, tags, against = [], [], []
+    lines = []
+    tags = []
+    against = []
     for number, feature in enumerate(features, 1):
         for line in _lines_of(feature.geometry):
             try:
@@ -183,7 +185,8 @@ def _nearest_lines(
     lines: dict[int, FloatArray], ends: list[tuple[int, int]], xy: FloatArray, metres: float
 ) -> dict[tuple[int, int], int]:
     """Return (line, position) of an end -> the nearest other line within `metres`."""
-    tree, numbers = NearLines([*lines.values()]), np.array([*lines], np.int64)
+    tree = NearLines([*lines.values()])
+    numbers = np.array([*lines], np.int64)
     found: dict[tuple[int, int], int] = {}
     total = 0
     for first in range(0, len(ends), _AT_ONCE):

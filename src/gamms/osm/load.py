@@ -474,7 +474,8 @@ def recipe_of(
     """
     metres = as_positive(resolution, "resolution", hint=" metres. The default is 10.")
     both = osm_type in (None, OSMType.WALK) if bidirectional is None else as_bool(bidirectional, "bidirectional")
-    retain_all, simplify = as_bool(retain_all, "retain_all"), as_bool(simplify, "simplify")
+    retain_all = as_bool(retain_all, "retain_all")
+    simplify = as_bool(simplify, "simplify")
     name = "" if osm_type is None else osm_type.name
     return GraphRecipe(metres, _tolerance(tolerance), both, retain_all, simplify, name)
 

@@ -72,7 +72,8 @@ class Mode:
 
     def why_closed(self, tags: Mapping[str, str]) -> str:
         """Return the tag that closes a way to this mode, such as "access=private"; empty if it is open."""
-        highway, never = tags.get("highway", "no"), _match(self.never, tags)
+        highway = tags.get("highway", "no")
+        never = _match(self.never, tags)
         if never or (highway not in self.highways and highway not in self.by_permission):
             return never or f"highway={highway}"
         is_open, why = self._signed(tags)
@@ -109,7 +110,8 @@ class Mode:
         if key is None:
             along, against = bool(_match(self.implied_oneway, tags)), False
         else:
-            along, against = tags[key] in self.oneway[key], tags[key] in _AGAINST
+            along = tags[key] in self.oneway[key]
+            against = tags[key] in _AGAINST
         if key in (None, "oneway") and _match(self.contraflow, tags):
             return True, True
         return not against, not along
@@ -165,7 +167,8 @@ def _complete(table: object, known: Mapping[str, dict[str, Any]], where: str) ->
     """Return the fields of a table of the file, completed from the mode that it extends."""
     if not isinstance(table, dict):
         raise BadFile(f"{where} must be a table of fields, not {shown(table)}.")
-    given, names = dict(table), [field.name for field in fields(Mode) if field.name != "name"]
+    given = dict(table)
+    names = [field.name for field in fields(Mode) if field.name != "name"]
     base = given.pop("extends", None)
     if base is not None and base not in known:
         raise BadFile(f"{where} extends {shown(base)}, which is not a mode above it.{nearest(base, known)}")

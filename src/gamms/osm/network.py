@@ -215,7 +215,9 @@ def largest_part(segments: RoadSegments, one_way: BoolArray | None = None) -> Ro
 
 
 def _in_largest(segments: RoadSegments, one_way: BoolArray | None) -> BoolArray:
-    count, sources, targets = len(segments.lonlat), segments.sources, segments.targets
+    count = len(segments.lonlat)
+    sources = segments.sources
+    targets = segments.targets
     if one_way is None:
         label = components(sources, targets, count)
     else:
@@ -249,7 +251,8 @@ def components(a: IntArray, b: IntArray, count: int) -> IntArray:
         if not differ.any():
             return label
         a, b = a[differ], b[differ]
-        low, high = np.minimum(left, right)[differ], np.maximum(left, right)[differ]
+        low = np.minimum(left, right)[differ]
+        high = np.maximum(left, right)[differ]
         np.minimum.at(label, high, low)
         while not np.array_equal(further := label[label], label):
             label = further
@@ -282,7 +285,9 @@ def _neighbours(sources: IntArray, targets: IntArray, count: int) -> tuple[list[
 
 def _left_in_order(begins: list[int], onward: list[int]) -> list[int]:
     """Return all rows in the order in which a depth-first search leaves them."""
-    seen, cursor, order = bytearray(len(begins) - 1), begins[:-1], list[int]()
+    seen = bytearray(len(begins) - 1)
+    cursor = begins[:-1]
+    order = list[int]()
     for start in range(len(seen)):
         walk = [] if seen[start] else [start]
         seen[start] = True
@@ -332,7 +337,8 @@ def with_ends(
         The new offsets, the new points, and the growth of each line.
     """
     head, tail = points[offsets[:-1]], points[offsets[1:] - 1]
-    before, after = (head != start).any(axis=1), (tail != end).any(axis=1)
+    before = (head != start).any(axis=1)
+    after = (tail != end).any(axis=1)
     grown = offsets_of(np.diff(offsets) + before + after)
     result = np.empty((grown[-1], 2))
     shift = np.repeat(grown[:-1] + before - offsets[:-1], np.diff(offsets))
@@ -352,7 +358,8 @@ def moved_ends(
     """
     moved = points.copy()
     moved[offsets[:-1]], moved[offsets[1:] - 1] = start, end
-    before, after = lengths_of(offsets, points), lengths_of(offsets, moved)
+    before = lengths_of(offsets, points)
+    after = lengths_of(offsets, moved)
     return moved, np.divide(after, before, out=np.ones_like(after), where=before > 0.0)
 
 
@@ -435,9 +442,11 @@ def network_of_part(segments: RoadSegments, tags: Sequence[Mapping[str, Any]], *
 
 def network_of_segments(segments: RoadSegments, tags: Sequence[Mapping[str, Any]]) -> RoadNetwork:
     """Project pieces of road to meters; lengths are measured on the ellipsoid, not on the map."""
-    start, end = segments.lonlat[segments.sources], segments.lonlat[segments.targets]
+    start = segments.lonlat[segments.sources]
+    end = segments.lonlat[segments.targets]
     crs = utm_crs(segments.lonlat)
-    lengths, ends = ellipsoid_lengths(start, end), (segments.sources, segments.targets)
+    lengths = ellipsoid_lengths(start, end)
+    ends = (segments.sources, segments.targets)
     roads = network_of_lines(project(segments.lonlat, WGS84, crs), ends, {}, lengths, tags, crs)
     one_way = np.fromiter((bool(of_way["oneway"]) for of_way in tags), np.bool_, len(tags))
     return replace(roads, two_way=~one_way[segments.ways], ways=segments.ways, refs=segments.refs)
@@ -463,13 +472,15 @@ def network_of_lines(
     points[offsets[:-1]], points[offsets[1:] - 1] = xy[sources], xy[targets]
     for road, polyline in polylines.items():
         points[offsets[road] : offsets[road + 1]] = polyline
-    two_way, ways = np.zeros(len(sources), np.bool_), np.arange(len(sources))
+    two_way = np.zeros(len(sources), np.bool_)
+    ways = np.arange(len(sources))
     return RoadNetwork(xy, sources, targets, offsets, points, lengths, two_way, ways, tags, crs)
 
 
 def projected(network: RoadNetwork, source: str) -> RoadNetwork:
     """Project a network in degrees to UTM; measure unknown lengths on the ellipsoid."""
-    crs, start = utm_crs(network.xy), segment_starts(network.offsets)
+    crs = utm_crs(network.xy)
+    start = segment_starts(network.offsets)
     steps = ellipsoid_lengths(network.points[start], network.points[start + 1])
     line = np.repeat(np.arange(len(network.sources)), np.diff(network.offsets) - 1)
     measured = np.bincount(line, weights=steps, minlength=len(network.sources))
@@ -484,7 +495,8 @@ def projected(network: RoadNetwork, source: str) -> RoadNetwork:
 
 def connected(network: RoadNetwork) -> RoadNetwork:
     """Extend every polyline to its nodes, and set unknown lengths to those of the polylines."""
-    start, end = network.xy[network.sources], network.xy[network.targets]
+    start = network.xy[network.sources]
+    end = network.xy[network.targets]
     offsets, points, _ = with_ends(network.offsets, network.points, start, end)
     on_map = along(offsets, points)[offsets[1:] - 1]
     lengths = np.where(np.isnan(network.lengths), on_map, network.lengths)
@@ -546,7 +558,8 @@ def joined_directions(network: RoadNetwork) -> RoadNetwork:
 def _is_reverse(network: RoadNetwork, road: int, other: int) -> bool:
     here = network.points[network.offsets[road] : network.offsets[road + 1]]
     there = network.points[network.offsets[other] : network.offsets[other + 1]]
-    length, length_there = float(network.lengths[road]), float(network.lengths[other])
+    length = float(network.lengths[road])
+    length_there = float(network.lengths[other])
     return (
         len(here) == len(there)
         and abs(length - length_there) <= _SAME * max(length, length_there)

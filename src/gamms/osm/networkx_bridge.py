@@ -307,7 +307,8 @@ def _attribute_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray
         for name, value in of_way.items():
             given.setdefault(name, {})[way] = value if type(value) in _SIMPLE else deepcopy(value)
         given.setdefault("speed_kph", {})[way] = speeds[way]
-    ways, code_of_way = network.ways[roads], np.empty(len(network.tags), np.int64)
+    ways = network.ways[roads]
+    code_of_way = np.empty(len(network.tags), np.int64)
     columns: dict[str, CodedValues] = {}
     for name, by_way in given.items():
         code_of_way.fill(-1)
@@ -316,7 +317,8 @@ def _attribute_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray
         rows = np.flatnonzero(codes >= 0)
         if len(rows):
             columns[name] = CodedValues(rows, codes[rows], [*by_way.values()])
-    times, slopes = travel_times(network, np.array(speeds, np.float64)), _slopes(network, roads, is_back)
+    times = travel_times(network, np.array(speeds, np.float64))
+    slopes = _slopes(network, roads, is_back)
     if not len(roads):
         return columns
     every = np.arange(len(roads))
@@ -417,10 +419,16 @@ def _edges(network: RoadNetwork, numbers: IntArray) -> Iterator[tuple[int, int, 
     tags = [{**deepcopy(dict(of_way)), "speed_kph": speed_kph(of_way)} for of_way in network.tags]
     times = travel_times(network, np.array([of_way["speed_kph"] for of_way in tags], np.float64))
     climbs = [_climbs(network, times, is_back=is_back) for is_back in (False, True)]
-    sources, targets = numbers[network.sources].tolist(), numbers[network.targets].tolist()
-    lengths, two_way, ways = network.lengths.tolist(), network.two_way.tolist(), network.ways.tolist()
+    sources = numbers[network.sources].tolist()
+    targets = numbers[network.targets].tolist()
+    lengths = network.lengths.tolist()
+    two_way = network.two_way.tolist()
+    ways = network.ways.tolist()
     for road, id in enumerate(ids):
-        u, v, length, of_way = sources[road], targets[road], lengths[road], tags[ways[road]]
+        u = sources[road]
+        v = targets[road]
+        length = lengths[road]
+        of_way = tags[ways[road]]
         yield u, v, {"id": id, "linestring": there[road], "length": length, **of_way, **climbs[0][road]}
         if two_way[road]:
             yield v, u, {"id": id + 1, "linestring": back[road], "length": length, **of_way, **climbs[1][road]}

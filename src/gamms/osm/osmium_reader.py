@@ -161,8 +161,10 @@ class _WayVertices:
 
     def __init__(self, allowance: MemoryBudget) -> None:
         self.allowance = allowance
-        self.offsets, self.refs = array("q", (0,)), array("q")
-        self.x, self.y = array("q"), array("q")
+        self.offsets = array("q", (0,))
+        self.refs = array("q")
+        self.x = array("q")
+        self.y = array("q")
         self.row_of: dict[int, int] = {}  # way id -> row
 
     def add(self, way: "osm.Way", clip: "_ClippedNodes | None" = None) -> None:
@@ -222,7 +224,9 @@ class _ClippedNodes:
         from osmium import FileProcessor, osm
 
         west, south, east, north = (round(one * _DEGREE) for one in region.bounds)
-        ids, x, y = array("q"), array("q"), array("q")
+        ids = array("q")
+        x = array("q")
+        y = array("q")
         for one in FileProcessor(source, osm.NODE):
             place = cast("osm.Node", one).location
             if west <= place.x <= east and south <= place.y <= north:
@@ -410,7 +414,8 @@ def read_footprints(file: Path, rules: AreaRules) -> Outlines:
         BadFile: the file is not OpenStreetMap data, is damaged, or too large.
         MissingExtra: osmium is not installed.
     """
-    source, found = _source_of(file), _FootprintReader(rules, allowance_of(file))
+    source = _source_of(file)
+    found = _FootprintReader(rules, allowance_of(file))
     with _errors_of(file):
         if rules.keys:
             found.read(source)
@@ -443,7 +448,8 @@ def _read_lines(
     file: Path, keys: Sequence[str], about_of: _AboutOf, but: AreaRules | None = None
 ) -> tuple["_WayVertices", list[object]]:
     """Read the ways that a function accepts, without areas that the rules `but` accept."""
-    source, lines = _source_of(file), _WayVertices(allowance_of(file))
+    source = _source_of(file)
+    lines = _WayVertices(allowance_of(file))
     about: list[object] = []
     with _errors_of(file):
         for way in _ways(source, *keys) if keys else ():
@@ -465,7 +471,8 @@ class _FootprintReader:
     """Reads footprints: collects the lines around them while a file is being read."""
 
     def __init__(self, rules: AreaRules, allowance: MemoryBudget, part: _ClippedNodes | None = None) -> None:
-        self.rules, self.part = rules, part
+        self.rules = rules
+        self.part = part
         self.lines = _WayVertices(allowance)
         self.walls: list[object] = []
         self.ways_of: list[list[int]] = []  # ids of the ways around each footprint
@@ -507,7 +514,8 @@ class _FootprintReader:
             self.lines.add(way, self.part)
 
     def outlines(self) -> Outlines:
-        offsets, row_of = np.array(self.lines.offsets, np.int64), self.lines.row_of
+        offsets = np.array(self.lines.offsets, np.int64)
+        row_of = self.lines.row_of
         # Several relations may share a way.
         points = sum(
             int(offsets[row_of[id] + 1] - offsets[row_of[id]]) for ways in self.ways_of for id in ways if id in row_of
@@ -560,7 +568,8 @@ class _BuildingReader(_FootprintReader):
         from osmium.geom import WKBFactory
 
         super().__init__(rules, allowance, part)
-        self._factory, self._made = WKBFactory(), list[str]()
+        self._factory = WKBFactory()
+        self._made = list[str]()
 
     def _add_way(self, way: "osm.Way") -> None:
         from osmium import InvalidLocationError

@@ -235,7 +235,8 @@ def _ways(found: "_OverpassElements", options: StreetOptions) -> OsmRoads:
             row_of[way.id] = len(lines)
             read.append(of_way)
             lines.append([ref for ref, _ in groupby(way.nodes)])
-    tags, against = [of_way for of_way, _ in read], np.array([is_against for _, is_against in read], np.bool_)
+    tags = [of_way for of_way, _ in read]
+    against = np.array([is_against for _, is_against in read], np.bool_)
     if rule is None and options.osm_type is OSMType.WALK:
         tags, against = [{**of_way, "oneway": False} for of_way in tags], np.zeros(len(tags), np.bool_)
     offsets, lonlat, ids = _vertices(found, lines)
@@ -263,7 +264,8 @@ def _areas(
     areas = [(way.tags, [way.id]) for way in closed if way.tags.get("area") != "no"]  # tags, and the ways around it
     areas += [(tags, rings) for _, tags, rings in _rings(found) if tags.get("type") in ("multipolygon", "boundary")]
     areas = [(tags, rings) for tags, rings in areas if is_asked_for(tags, wanted)]
-    about, row_of = [tags for tags, _ in areas], {id: row for row, id in enumerate(found.ways)}
+    about = [tags for tags, _ in areas]
+    row_of = {id: row for row, id in enumerate(found.ways)}
     offsets, lonlat, _ = _vertices(found, [way.nodes for way in found.ways.values()])
     outlines = footprints.outlines_of_ways(offsets, lonlat, row_of, [rings for _, rings in areas], about)
     shapes = footprints.repaired(footprints.footprints_of(outlines))
@@ -277,7 +279,8 @@ def _lines(
     """Return the ways with one of these keys that are not in `_areas`, as lines with all their tags."""
     ways = [one for one in found.ways.values() if not keys.isdisjoint(one.tags) and not is_asked_for(one.tags, wanted)]
     offsets, lonlat, _ = _vertices(found, [way.nodes for way in ways])
-    row_of, ids = {way.id: row for row, way in enumerate(ways)}, [[way.id] for way in ways]
+    row_of = {way.id: row for row, way in enumerate(ways)}
+    ids = [[way.id] for way in ways]
     outlines = footprints.outlines_of_ways(offsets, lonlat, row_of, ids, [way.tags for way in ways])
     shapes = footprints.lines_of(outlines).tolist()
     return [(shape, dict(outlines.about[row])) for shape, row in zip(shapes, outlines.owners.tolist(), strict=True)]
@@ -451,4 +454,5 @@ def _element(one: Json) -> _Element | None:
         raise ValueError(f"{str(one)[:100]} is not an element: {error}") from None
 
 
-read_streets, read_areas = partial(read_elements, most_cut=0.0), partial(read_elements, most_cut=_MOST_CUT)
+read_streets = partial(read_elements, most_cut=0.0)
+read_areas = partial(read_elements, most_cut=_MOST_CUT)

@@ -128,7 +128,8 @@ def graph_from_bbox(
 
     `PlaceOptions` explains the other arguments; the result and the errors are those of `create_osm_graph`.
     """
-    box, name = _box(left, bottom, right, top), f"the box {(left, bottom, right, top)}"
+    box = _box(left, bottom, right, top)
+    name = f"the box {(left, bottom, right, top)}"
     return _graph_of_area(streets_of_polygon, polygon_of(box), name, options)
 
 
@@ -138,7 +139,8 @@ def graph_from_point(lat: float, lon: float, radius_m: float, **options: Unpack[
 
     `PlaceOptions` explains the other arguments; the result and the errors are those of `create_osm_graph`.
     """
-    circle, name = _circle(lat, lon, radius_m), f"the circle of {radius_m} m around lat={lat}, lon={lon}"
+    circle = _circle(lat, lon, radius_m)
+    name = f"the circle of {radius_m} m around lat={lat}, lon={lon}"
     return _graph_of_area(streets_of_polygon, polygon_of(circle), name, options)
 
 
@@ -169,7 +171,9 @@ def _graph_of_area(
 ) -> "nx.DiGraph[int]":
     refuse_unknown(given, PlaceOptions, "areas")
     rest: dict[str, Any] = {**_DEFAULTS, **given}
-    mode, bidirectional, strong = as_mode(rest.pop("osm_type")), rest["bidirectional"], rest.pop("strong")
+    mode = as_mode(rest.pop("osm_type"))
+    bidirectional = rest["bidirectional"]
+    strong = rest.pop("strong")
     if rest["tolerance"] is None:
         rest["tolerance"] = tolerance_of(mode)
     ground = as_ground(rest.pop("elevation"), mode)
@@ -232,7 +236,9 @@ def _box(left: float, bottom: float, right: float, top: float) -> list[tuple[flo
 
 
 def _circle(lat: float, lon: float, radius_m: float) -> FloatArray:
-    latitude, longitude, radius = as_float(lat, "lat"), as_float(lon, "lon"), as_float(radius_m, "radius_m")
+    latitude = as_float(lat, "lat")
+    longitude = as_float(lon, "lon")
+    radius = as_float(radius_m, "radius_m")
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
         raise BadValue(f"lat={latitude}, lon={longitude} is not a position: they are degrees up to 90 and 180.")
     if not 0.0 < radius <= _MOST_RADIUS_M:

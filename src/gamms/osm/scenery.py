@@ -78,8 +78,10 @@ def scenery_from_file(filepath: str | os.PathLike[str], ctx: IContext, *, buildi
         MissingExtra: osmium or pyproj is not installed.
     """
     crs, box = _place_of(ctx)
-    file, rules = as_file(filepath), _SceneryRules(buildings=buildings)
-    areas, lines = read_footprints(file, rules), read_lines(file, _LINE_KEYS, _line_of)
+    file = as_file(filepath)
+    rules = _SceneryRules(buildings=buildings)
+    areas = read_footprints(file, rules)
+    lines = read_lines(file, _LINE_KEYS, _line_of)
     shapes = chain(
         zip(footprints.footprints_of(areas), areas.about, strict=True),
         zip(footprints.lines_of(lines), (lines.about[row] for row in lines.owners.tolist()), strict=True),
@@ -98,7 +100,8 @@ def scenery_from_osm(location: Location, ctx: IContext, *, buildings: bool = Tru
         MissingExtra: requests or pyproj is not installed.
     """
     crs, box = _place_of(ctx)
-    rules, wanted = _SceneryRules(buildings=buildings), dict[str, bool | list[str]]()
+    rules = _SceneryRules(buildings=buildings)
+    wanted = dict[str, bool | list[str]]()
     for key, value in _AREAS:
         wanted.setdefault(key, []).append(value)  # type: ignore[union-attr] # a list, as each of them is
     if buildings:
@@ -152,7 +155,8 @@ def _place_of(ctx: IContext) -> tuple[str, "BaseGeometry"]:
     crs, in_degrees = crs_of(columns.crs)
     if in_degrees:
         raise BadValue(f"The streets are in {crs}, which counts in degrees; scenery needs metres.")
-    low, high = columns.xy.min(axis=0) - _MARGIN_M, columns.xy.max(axis=0) + _MARGIN_M
+    low = columns.xy.min(axis=0) - _MARGIN_M
+    high = columns.xy.max(axis=0) + _MARGIN_M
     return crs, shapely.box(*low.tolist(), *high.tolist())
 
 
@@ -246,7 +250,8 @@ def _sea(coasts: Shapes, box: "BaseGeometry") -> "list[BaseGeometry]":
     is_in = shapely.length(pieces) > 0.0
     pieces, ways = pieces[is_in], ways[is_in]
     middles = shapely.get_coordinates(shapely.line_interpolate_point(pieces, 0.5, normalized=True))
-    right, lengths = ways[:, ::-1] / np.hypot(*ways.T)[:, None] * (1.0, -1.0), shapely.length(pieces)
+    right = ways[:, ::-1] / np.hypot(*ways.T)[:, None] * (1.0, -1.0)
+    lengths = shapely.length(pieces)
     cut = shapely.union_all([*shapely.intersection(coasts, box), box.boundary, *_ways_out(coasts, box)])
     parts = shapely.get_parts(shapely.polygonize(shapely.get_parts(cut)))
     found, tree = [], shapely.STRtree(parts)

@@ -78,10 +78,15 @@ class MapServers:
             with needing("Loading places by name", "osm-online"):
                 import requests  # noqa: F401 - whether it is there
         timeout = as_positive(setting("requests_timeout"), "gamms.osm.settings.requests_timeout", hint=" seconds.")
-        self._name, self._show, self._offline, self._timeout_s = name, show, offline, timeout
+        self._name = name
+        self._show = show
+        self._offline = offline
+        self._timeout_s = timeout
         self._folder = Path(setting("cache_folder") or cache_folder("places"))
-        self._nominatim, self._overpass = _address("nominatim_url"), _address("overpass_url")
-        self._paused_s, self._pauses = 0.0, 0
+        self._nominatim = _address("nominatim_url")
+        self._overpass = _address("overpass_url")
+        self._paused_s = 0.0
+        self._pauses = 0
         self._unsaved: list[tuple[Path, bytes]] = []
 
     def search(self, query: str | dict[str, str], read: Read[T]) -> T:
@@ -261,7 +266,8 @@ def _read(
 
 def _checked(url: str, answer: _HttpAnswer, read: Read[T]) -> tuple[Json, T]:
     """Return the checked data of an answer, and its converted content."""
-    host, said = _host(url), " ".join(re.sub(r"<[^>]*>", " ", answer.text).split())[:120]
+    host = _host(url)
+    said = " ".join(re.sub(r"<[^>]*>", " ", answer.text).split())[:120]
     if answer.status >= HTTPStatus.BAD_REQUEST:
         refusal = f"{host} answers {answer.status} {answer.reason}, saying {said!r}."
         if answer.status == HTTPStatus.BAD_REQUEST:

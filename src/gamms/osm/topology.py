@@ -80,7 +80,8 @@ def tunnels_of(network: RoadNetwork) -> IntArray:
 
 
 def _is_underground(tags: Mapping[str, Any]) -> bool:
-    tunnel, layer = str(tags.get("tunnel", "no")), str(tags.get("layer", "0"))
+    tunnel = str(tags.get("tunnel", "no"))
+    layer = str(tags.get("layer", "0"))
     return tunnel not in _NO_TUNNELS or (tunnel == "no" and _BELOW.fullmatch(layer) is not None)
 
 
@@ -300,7 +301,8 @@ def _floors(network: RoadNetwork) -> IntArray:
         if tags.get("highway") not in UPRIGHT:
             for floor in product(*(str(tags.get(name, 0)).split(";") for name in ("layer", "level"))):
                 ways_on.setdefault(floor, []).append(way)
-    once, twice = np.zeros(len(network.xy), np.int64), np.zeros(len(network.xy), np.int64)
+    once = np.zeros(len(network.xy), np.int64)
+    twice = np.zeros(len(network.xy), np.int64)
     for number, ways in enumerate(ways_on.values()):
         roads = np.isin(network.ways, ways)
         ends = np.bincount(np.concatenate((network.sources[roads], network.targets[roads])), minlength=len(once))
@@ -332,7 +334,8 @@ def _junctions(network: RoadNetwork, chains: RoadChains, is_flat: BoolArray, tol
     floors = dict(zip(nodes.tolist(), _floors(network)[nodes].tolist(), strict=True)) if len(nodes) else {}
     leader = {node: node for node in box}
     for first, second in chains.ends[rows].tolist():
-        one, other = _leader_of(first, leader), _leader_of(second, leader)
+        one = _leader_of(first, leader)
+        other = _leader_of(second, leader)
         (west, south, east, north), (w, s, e, n) = box[one], box[other]
         union = min(west, w), min(south, s), max(east, e), max(north, n)
         common = floors[one] & floors[other]

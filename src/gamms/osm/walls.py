@@ -94,7 +94,8 @@ def _boundaries(shapes: Shapes) -> tuple[Shapes, IntArray]:
     parts, owner = shapely.get_parts(shapes, return_index=True)
     kind = shapely.get_type_id(parts)
     rings, polygon = shapely.get_rings(parts[kind == _POLYGON], return_index=True)
-    of_rings, of_lines = owner[kind == _POLYGON][polygon], owner[kind == _LINE]
+    of_rings = owner[kind == _POLYGON][polygon]
+    of_lines = owner[kind == _LINE]
     order = np.argsort(np.concatenate((of_rings, of_lines)), kind="stable")
     return np.concatenate((rings, parts[kind == _LINE]))[order], np.concatenate((of_rings, of_lines))[order]
 
@@ -170,7 +171,8 @@ def _beside_parts(shapes: Shapes, walls: Sequence[WallProfile]) -> tuple[Shapes,
         is_wide = ~shapely.is_empty(shapely.buffer(pieces, -_SLIVER_M))
         shapes[owner] = shapely.multipolygons(pieces[is_wide & (shapely.get_type_id(pieces) == _POLYGON)])
         for row in some.tolist():
-            base, top = walls[row].base, walls[row].top if walls[row].is_measured else walls[owner].top
+            base = walls[row].base
+            top = walls[row].top if walls[row].is_measured else walls[owner].top
             heights[row] = walls[row]._replace(base=base if base < top else 0.0, top=top, type=walls[owner].type)
     return shapes, heights
 
@@ -179,7 +181,8 @@ def _containing(parts: Shapes, areas: Shapes) -> tuple[IntArray, IntArray]:
     """Return the parts that lie in an area, and the smallest such area of each."""
     import shapely
 
-    tree, sizes = shapely.STRtree(shapely.point_on_surface(parts)), shapely.area(areas)
+    tree = shapely.STRtree(shapely.point_on_surface(parts))
+    sizes = shapely.area(areas)
     pairs = [np.zeros((2, 0), np.int64)]
     for first in range(0, len(areas) if len(parts) else 0, _AT_ONCE):
         pairs.append(tree.query(areas[first : first + _AT_ONCE], predicate="contains") + np.array([[first], [0]]))

@@ -224,7 +224,8 @@ class _GainRange:
     """The range of gains in a search so far, used to scale gains to 0 to 1."""
 
     def __init__(self) -> None:
-        self._least, self._most = inf, -inf
+        self._least = inf
+        self._most = -inf
 
     def add(self, gain: float) -> None:
         """Extend the range by a gain."""
@@ -324,7 +325,8 @@ class _PairedTrials:
         if untried:
             return untried[0]
         tries = sum(self.counts)
-        spread, explore = sqrt(self._squares / tries), _EXPLORATION * sqrt(log(tries))
+        spread = sqrt(self._squares / tries)
+        explore = _EXPLORATION * sqrt(log(tries))
         return max(rest, key=lambda one: self._mean(one) + spread * explore / sqrt(self.counts[one]))
 
     def best(self, confidence: float) -> int:
@@ -334,7 +336,9 @@ class _PairedTrials:
             confidence: by how many standard errors another action has to be better than the first.
         """
         tries = sum(self.counts)
-        spread, best, most = sqrt(self._squares / max(tries, 1)), 0, 0.0
+        spread = sqrt(self._squares / max(tries, 1))
+        best = 0
+        most = 0.0
         for action in range(1, len(self.counts)):
             margin = self._mean(action) - confidence * spread / sqrt(max(self.counts[action], 1))
             if margin > most:
@@ -395,12 +399,14 @@ class _TreeWalker:
             action = _draw_index(chances, state["draw"].random())
             chance = chances[action]
         self.visits.append((self._search.turn, node, action, chance))
-        self._branch, self._action = node.children, action
+        self._branch = node.children
+        self._action = action
         return node.actions[action]
 
     def _in_order(self, state: State) -> list[Action]:
         """Return the actions to search: the policy's first, the others in random order."""
-        rest, draw = list(self._search.settings.actions(state)), state["draw"]
+        rest = list(self._search.settings.actions(state))
+        draw = state["draw"]
         actions = [rest.pop(draw.below(len(rest))) for _ in range(len(rest))]
         self._policy(state)
         return _policy_first(actions, state.pop("action", None))
@@ -509,7 +515,8 @@ class _Search:
         In each world all agents first take the best actions found so far, which for agents not yet searched are the
         policy's. Then the agent takes another action instead, twice. The difference of the gains counts.
         """
-        names, found = list(self._model.states), dict.fromkeys(self._model.states, 0)
+        names = list(self._model.states)
+        found = dict.fromkeys(self._model.states, 0)
         begin = next(iter(self._model.states.values()))["turn"] % len(names)
         known: dict[Key, float | None] = {}
         spent = 0

@@ -84,13 +84,15 @@ class Model:
         checked_options(options, ModelOptions)
         self.states = states_of(state)
         some = next(iter(self.states.values()))
-        self._seed, self._turn = as_int(seed, "seed"), some["turn"]
+        self._seed = as_int(seed, "seed")
+        self._turn = some["turn"]
         self._sample = options.get("sample")
         if self._sample is not None and not callable(self._sample):
             raise BadType(f"sample is a function of the context and a generator, not {shown(self._sample)}.")
         information = options.get("information", "private")
         fork = some["fork"](0, information=information)
-        self.names, self.team = fork.names, some["team"]
+        self.names = fork.names
+        self.team = some["team"]
         if set(self.names) != set(self.states):
             raise BadValue(
                 f"A model is made of all states that a plan gets, those of {list(self.names)}, not only of "
@@ -123,7 +125,8 @@ class Model:
         Raises:
             BadType, BadValue: the number is not an integer from 0.
         """
-        game, which = self.game, as_count(number, "number of a world", 0)
+        game = self.game
+        which = as_count(number, "number of a world", 0)
         game.restore(self._now)
         names = ",".join(self.names)
         self.ctx.reseed(kernels.purpose_key(self._seed, "model", names, self._turn, which) >> 1)

@@ -25,7 +25,8 @@ class StepTime:
     def note(self, seconds: float) -> None:
         """Add the duration of a step."""
         if self.least == inf:
-            self.mean, self._deviation = seconds, seconds / 2.0
+            self.mean = seconds
+            self._deviation = seconds / 2.0
         error = seconds - self.mean
         self.mean += error / 8.0
         self._deviation += (abs(error) - self._deviation) / 4.0
@@ -86,7 +87,8 @@ class SearchTimer:
 
     def __init__(self, seconds: float, pace: SearchPace) -> None:
         self._began = self._last = self._iteration = perf_counter()
-        self._end, self._costs = self._began + seconds / _RESERVE, pace.costs
+        self._end = self._began + seconds / _RESERVE
+        self._costs = pace.costs
         self._kind: str | None = "model"
         self._is_first = True
 
@@ -113,7 +115,8 @@ class SearchTimer:
         now = perf_counter()
         if self._kind is not None:
             self._costs[self._kind].note(now - self._last)
-        self._last, self._kind = now, None
+        self._last = now
+        self._kind = None
         return now
 
     def end_iteration(self) -> None:

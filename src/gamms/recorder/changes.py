@@ -347,7 +347,10 @@ class SensorChanges:
     """
 
     def __init__(self, ctx: HostContext, check: Callable[[list[dict[str, Any]]], None]) -> None:
-        self._ctx, self._phase, self._check, self._all = ctx, phase_of(ctx), check, ctx.sensor.sensors
+        self._ctx = ctx
+        self._phase = phase_of(ctx)
+        self._check = check
+        self._all = ctx.sensor.sensors
         self.accept()
 
     @property
@@ -442,7 +445,8 @@ class DrawingChanges:
         artists = self._artists
         if artists is None or not (self._with_custom or self._known or artists.drawings.commands):
             return []
-        known, self._known = self._known, artists.recorded_drawings(with_custom=self._with_custom)
+        known = self._known
+        self._known = artists.recorded_drawings(with_custom=self._with_custom)
         return [
             (kinds.VISUAL_COMMANDS, data)
             for name, data in self._known.items()

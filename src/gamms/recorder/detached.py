@@ -266,7 +266,8 @@ class DetachedAgents(AgentsState):
         self.settle()
         own = self.columns["numbers"]
         if self._order is None:
-            self._order, self._is_counted = own.argsort(kind="stable"), bool((own == np.arange(len(own))).all())
+            self._order = own.argsort(kind="stable")
+            self._is_counted = bool((own == np.arange(len(own))).all())
         if self._is_counted and int(numbers.min()) >= 0 and int(numbers.max()) < len(own):
             return numbers  # numbers are equal to rows
         rows = kernels.rows_of(own, numbers, self._order)
@@ -292,7 +293,8 @@ class DetachedAgents(AgentsState):
     def _add_new(self) -> None:
         if not self._new:
             return
-        new, self._new = self._new, []
+        new = self._new
+        self._new = []
         begin = self._size
         self._size = self._size + len(new)
         for name in LISTS:

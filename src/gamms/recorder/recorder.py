@@ -177,7 +177,8 @@ class Recorder(Surface, ComponentNames, Guarded, IRecorder):
             session.close()
         finally:
             session.abandon()
-            target, self._target = self._target, None
+            target = self._target
+            self._target = None
             if target is not None and not target.close():
                 self.ctx.logger.warning("The file of the recording was removed while it was written; it is lost.")
 

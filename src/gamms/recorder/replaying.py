@@ -327,7 +327,8 @@ class LiveAgents(AgentsState):
         if block.journal.is_silent:
             yield
             return
-        journal, block.journal = block.journal, MutedJournal(block.journal)
+        journal = block.journal
+        block.journal = MutedJournal(block.journal)
         try:
             yield
         finally:

@@ -107,7 +107,8 @@ def looks_of(data: Mapping[str, Any], agent: int | None = None) -> list[tuple[in
         end = ends[2 * row + 1]
         form = int(data["forms"][row])
         other = data["others"][others[row] - 1] if form in WITH_OTHER else None
-        first, second = data["ids"][begin:middle].tolist(), data["ids"][middle:end].tolist()
+        first = data["ids"][begin:middle].tolist()
+        second = data["ids"][middle:end].tolist()
         found.append((int(owners[row]), Look(sensor, kind, form, first, second, other)))
     return found
 

@@ -55,7 +55,8 @@ class RecordingSession:
         self.ctx = ctx
         self._with_sensed = with_sensed
         self._versions: tuple[Any, ...] = ()  # versions of the recorded parts, to detect changes
-        self._graph, self._phase = ctx.graph, phase_of(ctx)
+        self._graph = ctx.graph
+        self._phase = phase_of(ctx)
         self._writer: TurnWriter | None = None
         self._front = 0  # position in the log for map changes: after earlier events of another start
         self.turn = 0

@@ -227,7 +227,8 @@ def _is_move(ctx: Context, before: _Record, after: _Record) -> bool:
     """Return whether two records are a move of an agent on the ground from its node."""
     if after["opCode"] != kinds.AGENT_CURRENT_NODE:
         return False
-    name, there = after["data"]["agent_name"], after["data"]["node_id"]
+    name = after["data"]["agent_name"]
+    there = after["data"]["node_id"]
     agent = ctx.agent.agents.get(name) if isinstance(name, str) else None
     return (
         agent is not None

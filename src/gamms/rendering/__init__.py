@@ -173,7 +173,10 @@ class _Renderer:
     """A context into which a recording is replayed, and its declarations."""
 
     def __init__(self, ctx: Context, options: RenderOptions, total: int | None, show: Show) -> None:
-        self._ctx, self._options, self._total, self._show = ctx, options, total, show
+        self._ctx = ctx
+        self._options = options
+        self._total = total
+        self._show = show
         self._turn = 0
         self._fog: Fog | None = None
 

@@ -59,7 +59,8 @@ class AgentEnv(CopyableEnv, gymnasium.Env[Observed, Any]):
         played = self.learners.step(*heads)
         found = self._columns()
         infos = {**mask_in(found), "is_legal": was_legal}
-        is_out, is_late = bool(played.terminated[0, 0]), bool(played.truncated[0, 0])
+        is_out = bool(played.terminated[0, 0])
+        is_late = bool(played.truncated[0, 0])
         return self._interface.given(found), float(played.rewards[0, 0]), is_out, is_late, infos
 
     def action_masks(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
@@ -198,7 +199,9 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
 
     def _play(self, actions: ActionArray) -> SlotsTurn:
         """Play a turn."""
-        learners, was_over, was_alive = self.learners, self.learners.is_over, self.learners.alive
+        learners = self.learners
+        was_over = self.learners.is_over
+        was_alive = self.learners.alive
         played = learners.step(*self._interface.heads_of([(np.arange(self.num_agents), actions)]))
         if self._autoreset_mode is AutoresetMode.NEXT_STEP and was_over.any():
             learners.begin_again(np.flatnonzero(was_over))
@@ -264,7 +267,8 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
                 f"options['reset_mask'] must name at least one of {self.num_envs} slots, in the shape "
                 f"({self.num_envs},), not {shown(given)}."
             )
-        named, plays = mask.reshape(self.num_games, self.num_agents), self._plays()
+        named = mask.reshape(self.num_games, self.num_agents)
+        plays = self._plays()
         goes_on = (plays & ~named).any(axis=1)
         torn = goes_on & (plays & named).any(axis=1)
         if torn.any():

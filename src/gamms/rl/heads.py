@@ -72,7 +72,8 @@ def as_actions(
     """
     if not learners.has_begun:
         raise BadValue("No game has begun: call reset() before step().")
-    shape, choices = (games, len(agents)), 0 if learners.deeds is None else len(learners.deeds)
+    shape = (games, len(agents))
+    choices = 0 if learners.deeds is None else len(learners.deeds)
     if learners.flies[agents[0]]:
         wide = AXES + choices
         return _numbers(actions, (*shape, wide), "iuf", f"{wide} numbers from -1 to 1 for each")

@@ -76,7 +76,8 @@ class EnvInterface:
 
     def action_space(self, agent: int = 0) -> spaces.Discrete | spaces.Box | MovesAndDeeds:
         """Return the action space of an agent, by its number; see `heads`."""
-        learners, has_deeds = self.learners, self.learners.deeds is not None
+        learners = self.learners
+        has_deeds = self.learners.deeds is not None
         if learners.flies[agent]:
             return spaces.Box(-1.0, 1.0, (heads.AXES + has_deeds * self._choices,), np.float32)
         if has_deeds and not self._are_flat:

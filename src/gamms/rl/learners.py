@@ -131,13 +131,17 @@ class Learners:
         for name, function, given in (("observation", observation, "a view"), ("reward", reward, "a turn")):
             if function is not None:
                 as_function_of(function, name, given)
-        self.scenario, self.observation, self._reward = scenario, observation or default_observation, reward
+        self.scenario = scenario
+        self.observation = observation or default_observation
+        self._reward = reward
         self._threads = min(as_count(threads, "threads"), as_count(num_games, "num_games"))
         self._observe = observation or partial(default_observation, threads=self._threads)
-        strategies, self._scripted = dict(as_mapping(others or {}, "others")), None
+        strategies = dict(as_mapping(others or {}, "others"))
+        self._scripted = None
         if agent is not None:
             strategies[agent] = self._scripted = ScriptedActions()
-        first, number = as_int(seed, "seed"), as_count(num_games, "num_games")
+        first = as_int(seed, "seed")
+        number = as_count(num_games, "num_games")
         self.games: Batch = scenario.batch(
             number,
             seed=first,
@@ -148,7 +152,9 @@ class Learners:
             most_agents=most_agents,
             maps=maps,
         )
-        self._first, self._episodes, self.stride = first + np.arange(number), np.zeros(number, np.int64), number
+        self._first = first + np.arange(number)
+        self._episodes = np.zeros(number, np.int64)
+        self.stride = number
         try:
             self._look_at((teams,) if isinstance(teams, str) else teams, agent)
         except BaseException:
@@ -398,7 +404,8 @@ class Learners:
         A game with fewer turns begins later, so that it reaches its last turn together with the others.
         """
         if carried.seeds is not None:
-            seeds, steps = np.array(carried.seeds, object), carried.prefix.steps
+            seeds = np.array(carried.seeds, object)
+            steps = carried.prefix.steps
             behind = steps.max() - steps
             self.begin(np.arange(len(steps)), seeds.tolist())
             for turn in range(int(steps.max()) + 1):

@@ -116,7 +116,8 @@ class Network(NamedTuple):
 
     def logits(self, actions: int) -> Logits:
         """Return the function that evaluates the network."""
-        inputs, shared = self.architecture.inputs, self.architecture.shared
+        inputs = self.architecture.inputs
+        shared = self.architecture.shared
         layers = [
             (
                 self.weights[f"{number}.weight"].T.astype(np.float64),
@@ -152,11 +153,13 @@ def network_of(model: Any, shared: int | None = None) -> Network:
     if hasattr(model, "policy") and hasattr(model.policy, "mlp_extractor"):
         policy = model.policy
         extractors = getattr(policy.features_extractor, "extractors", {})
-        inputs, modules = list(extractors), [*extractors.values(), policy.mlp_extractor.policy_net, policy.action_net]
+        inputs = list(extractors)
+        modules = [*extractors.values(), policy.mlp_extractor.policy_net, policy.action_net]
     elif hasattr(model, "policy") and hasattr(getattr(model.policy, "actor", None), "latent_pi"):  # SAC
         actor = model.policy.actor
         extractors = getattr(actor.features_extractor, "extractors", {})
-        inputs, modules = list(extractors), [*extractors.values(), actor.latent_pi, actor.mu]
+        inputs = list(extractors)
+        modules = [*extractors.values(), actor.latent_pi, actor.mu]
     else:
         inputs, modules = ["observation"], [model]
     layers: list[str] = []

@@ -41,7 +41,8 @@ class Neighbourhood:
     names, of_each = NEAR, True
 
     def __init__(self, hops: int, nodes: int | None) -> None:
-        self.hops, self._most = hops, nodes
+        self.hops = hops
+        self._most = nodes
         self._tables: WeakKeyDictionary[StreetGraph, tuple[IntArray, IntArray, FloatArray]] = WeakKeyDictionary()
 
     def __call__(self, view: ArrayView) -> Float32Array:
@@ -65,8 +66,12 @@ class Neighbourhood:
         refuse_above(len(counts) * most * 24, f"A neighbourhood of {most} nodes of each of {len(counts)}")
         rank = np.arange(len(source)) - np.repeat(np.cumsum(counts) - counts, counts)
         kept = rank < most
-        source, node, far, rank = source[kept], node[kept], far[kept], rank[kept]
-        rows, hops = np.zeros((len(counts), most), np.int64), np.full((len(counts), most), -1)
+        source = source[kept]
+        node = node[kept]
+        far = far[kept]
+        rank = rank[kept]
+        rows = np.zeros((len(counts), most), np.int64)
+        hops = np.full((len(counts), most), -1)
         rows[source, rank], hops[source, rank] = node, far
         return rows, hops, _places(streets)
 
@@ -169,7 +174,8 @@ def _around(streets: StreetGraph, hops: int) -> tuple[IntArray, IntArray, IntArr
         counts = streets.counts[node]
         refuse_above(int(counts.sum()) * 80, f"A neighbourhood of {hops} hops on {nodes} nodes")
         action = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-        source, node = np.repeat(source, counts), streets.legal[np.repeat(node, counts), action]
+        source = np.repeat(source, counts)
+        node = streets.legal[np.repeat(node, counts), action]
         key, first = np.unique(source * nodes + node, return_index=True)
         first = np.sort(first[~np.isin(key, known)])
         source, node = source[first], node[first]

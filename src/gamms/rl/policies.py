@@ -284,7 +284,8 @@ def _flight(player: _PolicyOptions, observe: Observation, view: ArrayView) -> Fl
             "A policy plays agents that fly by an observation that gives each the same in a view of it alone, and says "
             "so: observation.of_each = True."
         )
-    values, choices = np.asarray(observe(view)), choices_of(view, view["deeds"])
+    values = np.asarray(observe(view))
+    choices = choices_of(view, view["deeds"])
     deeds = 0 if choices is None else len(choices)
     evaluate = _fitting(player.policy, (AXES, deeds, *values.shape[2:]), flies=True)
     mask = np.ones((len(view.agents), AXES + deeds), np.bool_)
@@ -452,11 +453,13 @@ def _save_onnx(model: object, file: Path, found: PolicyDescription) -> None:
 def _describe(learners: Learners) -> PolicyDescription:
     """Return the description of a policy trained by these learners."""
     refuse_mixed(learners, range(len(learners.names)), "a policy")
-    shape, function = list(np.asarray(learners.observe()).shape[2:]), learners.observation
+    shape = list(np.asarray(learners.observe()).shape[2:])
+    function = learners.observation
     name = f"{module_of(function)}:{getattr(function, '__qualname__', type(function).__name__)}"
     named = _DEFAULT if function is default_observation else name[:500]
     flies = bool(learners.flies.all())
-    actions, deeds = AXES if flies else learners.num_actions, 0 if learners.deeds is None else len(learners.deeds)
+    actions = AXES if flies else learners.num_actions
+    deeds = 0 if learners.deeds is None else len(learners.deeds)
     spaces = PolicySpaces(shape, actions, named, deeds, flies)
     scenario = learners.scenario
     return PolicyDescription(

@@ -133,7 +133,8 @@ class ProcessesEnv(GamesEnv):
         """Close the games and end the processes."""
         for worker in self._workers:
             worker.end()
-        self._workers, self._memory = [], {}
+        self._workers = []
+        self._memory = {}
         self._unlink()
         self.learners.close()
 
@@ -222,7 +223,8 @@ class _WorkerGames:
     """
 
     def __init__(self, games: GamesEnv, arrays: Arrays) -> None:
-        self._games, self._arrays = games, arrays
+        self._games = games
+        self._arrays = arrays
 
     def begin(self, which: IntArray, seeds: Seeds) -> None:
         observed, self._arrays["valid"][:] = self._games._begin(which, seeds)
@@ -326,7 +328,9 @@ def _new_file(size: int) -> Path:
 def _mapped(file: Path, columns: Sequence[SharedColumn]) -> Arrays:
     """Return the arrays in a memory-mapped file."""
     with file.open("r+b") as opened:
-        memory, found, begin_at = mmap.mmap(opened.fileno(), 0), Arrays(), 0
+        memory = mmap.mmap(opened.fileno(), 0)
+        found = Arrays()
+        begin_at = 0
     for name, shape, kind in columns:
         number = int(np.prod(shape))
         found[name] = np.frombuffer(memory, kind, number, begin_at).reshape(shape)

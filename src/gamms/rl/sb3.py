@@ -58,7 +58,8 @@ class _LivingRollouts(RolloutBuffer):  # type: ignore[misc] # Stable-Baselines3 
 
     def __init__(self, *given: object, validity: SlotValidity, **more: object) -> None:
         super().__init__(*given, **more)
-        self._validity, self._shape = validity, (self.buffer_size, self.n_envs)
+        self._validity = validity
+        self._shape = (self.buffer_size, self.n_envs)
         self._is_valid = np.ones(self._shape, np.bool_)
 
     def reset(self) -> None:
@@ -86,7 +87,9 @@ class _LivingRollouts(RolloutBuffer):  # type: ignore[misc] # Stable-Baselines3 
             self.observations = {key: self.swap_and_flatten(one)[rows] for key, one in self.observations.items()}
         else:
             self.observations = self.swap_and_flatten(self.observations)[rows]
-        self.buffer_size, self.n_envs, self.generator_ready = len(rows), 1, True
+        self.buffer_size = len(rows)
+        self.n_envs = 1
+        self.generator_ready = True
 
 
 class LivingRollouts(_LivingRollouts, MaskableDictRolloutBuffer):  # type: ignore[misc] # as above
@@ -108,7 +111,9 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
     """
 
     def __init__(self, games: GamesEnv) -> None:
-        self._games, self.learners, self._actions = games, games.learners, np.zeros(games.num_envs, np.int64)
+        self._games = games
+        self.learners = games.learners
+        self._actions = np.zeros(games.num_envs, np.int64)
         self._seed: int | None = None
         self._validity = SlotValidity()
         is_dict = isinstance(games.single_observation_space, spaces.Dict)
@@ -141,7 +146,8 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
     def step_wait(self) -> tuple[Any, Any, Any, list[dict[str, Any]]]:
         """Play the turn."""
         observed, rewards, terminated, truncated, infos = self._games.step(self._actions)
-        ends, self._validity.now = terminated | truncated, infos["valid"]
+        ends = terminated | truncated
+        self._validity.now = infos["valid"]
         of_slots: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for slot in np.flatnonzero(~infos["valid"]).tolist():
             of_slots[slot]["valid"] = False

@@ -91,7 +91,8 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
             self._known(name)
         given = [actions.get(name, self._idle[name]) for name in self.possible_agents]
         heads = self._interface.heads_of([(agents, [given[number] for number in agents]) for agents in self._parts])
-        is_legal, alive = are_legal(self.learners, heads)[0].tolist(), self.learners.alive[0].tolist()
+        is_legal = are_legal(self.learners, heads)[0].tolist()
+        alive = self.learners.alive[0].tolist()
         was_legal = {
             name: legal and (name in actions or not lives)
             for name, legal, lives in zip(self.possible_agents, is_legal, alive, strict=True)
@@ -145,7 +146,9 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
 
     def _answers(self, names: list[str]) -> tuple[Observed, Observed]:
         """Return the observations of these agents, and their infos."""
-        columns, values, infos = self._interface.columns(), {}, {}
+        columns = self._interface.columns()
+        values = {}
+        infos = {}
         for name in names:
             number = self._number[name]
             found = {key: column[0, number] for key, column in columns.items()}

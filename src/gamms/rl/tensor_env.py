@@ -41,7 +41,10 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
         self.group_map = {str(team): list(names[team]) for team in learners.teams}
         example = _tensor(learners.observe())
         shape, kind = example.shape[2:], example.dtype
-        observed, acting, rewards, ends = {}, {}, {}, {}
+        observed = {}
+        acting = {}
+        rewards = {}
+        ends = {}
         for team, members in self.group_map.items():
             size = games, len(members)
             box = (

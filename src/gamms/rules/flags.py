@@ -125,7 +125,8 @@ class _FlagRule(NamedTuple):
 
     def fact_of_game(self, state: GameArrays, number: int) -> Any:
         """Return where the flags are in one game of a batch, as `_publish` publishes it."""
-        rows, names = state.kept["capture_flag", self.key]["carriers"][number].tolist(), state.roster.names
+        rows = state.kept["capture_flag", self.key]["carriers"][number].tolist()
+        names = state.roster.names
         carriers = {team: names[row] if row >= 0 else None for team, row in zip(self.bases, rows, strict=True)}
         return published(self.key, self._fact(carriers))
 
@@ -189,7 +190,8 @@ class _FlagRule(NamedTuple):
         data["seen"] = len(events)
         if known.fact is not game.facts.get(key) or known.told != carriers:
             self._publish(ctx, carriers)
-            known.told, known.fact = dict(carriers), game.facts.get(key)
+            known.told = dict(carriers)
+            known.fact = game.facts.get(key)
 
     def _drop(self, ctx: Context, carriers: dict[Hashable, str | None], stopped: set[str]) -> None:
         for flag, name in carriers.items():
@@ -239,7 +241,8 @@ class _CoreFlags:
         takes = [-1 if team is None else roster.teams[team] for team in roster.team_of]
         if roster.fly is not None:
             takes = [-1 if flies else team for team, flies in zip(takes, roster.fly, strict=True)]
-        self._carriers, self._captures = column("q", [-1] * count), column("q", [0] * len(teams))
+        self._carriers = column("q", [-1] * count)
+        self._captures = column("q", [0] * len(teams))
         self._events = core.Events(0)
         self._core = core.Flags(
             count,

@@ -245,7 +245,8 @@ class _NodeIndex:
     """
 
     def __init__(self, ids: IntArray, xy: FloatArray) -> None:
-        self.ids, self.at = set[int](ids.tolist()), dict[tuple[float, float], list[int]]()
+        self.ids = set[int](ids.tolist())
+        self.at = dict[tuple[float, float], list[int]]()
         for node, x, y in zip(ids.tolist(), *xy.T.tolist(), strict=True):
             self.at.setdefault((x, y), []).append(node)
 

@@ -83,7 +83,10 @@ class Builder:
     """
 
     def __init__(self, ctx: Context, spec: Spec, library: CodeLibrary, strategies: Strategies) -> None:
-        self.ctx, self.spec, self.library, self.given = ctx, spec, library, strategies
+        self.ctx = ctx
+        self.spec = spec
+        self.library = library
+        self.given = strategies
         self.by_team = members(spec)
         self.members = list(chain.from_iterable(self.by_team.values()))
         self._agents: dict[str, _BuiltAgent] = {}
@@ -151,7 +154,8 @@ class Builder:
         game = self.ctx.game
         now, first = _values_of(game), self._values
         changes = {name: _changed(now[name], first[name], is_same) for name in ("data", "scores", "events")}
-        facts, removed = _changed(now["facts"], first["facts"], is_), first["data"].keys() - now["data"].keys()
+        facts = _changed(now["facts"], first["facts"], is_)
+        removed = first["data"].keys() - now["data"].keys()
         state = game.internals.state
         private = _changed(now["private"], first["private"], is_)
         for values in (state.facts, state.agent_facts, state.team_facts, game.data, game.scores):
@@ -233,12 +237,16 @@ class Builder:
 
     def _draw_plans(self) -> None:
         """Make the plans again, and replace those that are still in use."""
-        game, before, self._plans = self.ctx.game, self._plans, self._made_plans()
+        game = self.ctx.game
+        before = self._plans
+        self._plans = self._made_plans()
         game.plans = {team: self._plans[team] if one == before.get(team) else one for team, one in game.plans.items()}
 
     def _draw_rules(self) -> None:
         """Make the seeded rules again, prepare all rules, and replace those that are still in use."""
-        now, known, self._rules = self.ctx.game.rules, self._rules, {}
+        now = self.ctx.game.rules
+        known = self._rules
+        self._rules = {}
         for (name, before), (number, given) in zip(known.items(), enumerate(self.spec.rules), strict=True):
             with at(f"rules.{number}"):
                 rule = before if number in self._lasting else self._rule(given, f"rules.{number}")
@@ -266,7 +274,8 @@ class Builder:
     # -- agents and sensors -------------------------------------------------------------------------------------
 
     def _add_agent(self, member: TeamMember, node: int) -> _BuiltAgent:
-        start, meta = self._start(member, node), self._config(member)["meta"]
+        start = self._start(member, node)
+        meta = self._config(member)["meta"]
         keywords: dict[str, Any] = {"team": member.team, "meta": meta}
         if isinstance(start, tuple):
             keywords |= {"type": "AERIAL", "position": start}
@@ -282,7 +291,8 @@ class Builder:
         return _BuiltAgent(agent, node, start, deepcopy(meta), functions)
 
     def _draw_agent(self, member: TeamMember, node: int) -> _BuiltAgent:
-        built, start = self._agents[member.name], self._start(member, node)
+        built = self._agents[member.name]
+        start = self._start(member, node)
         agent: Any = built.agent  # Any: with attributes of its own
         _move_start(agent, built.start, start)
         if "agents" not in self._again:
@@ -391,7 +401,8 @@ class Builder:
         for name, team in self.spec.teams.items():
             if team.plan is None or name in self.given:
                 continue
-            plan, path = in_full(schema.Plan, team.plan), f"teams.{name}.plan"
+            plan = in_full(schema.Plan, team.plan)
+            path = f"teams.{name}.plan"
             named = [member.name for member in self.by_team[name] if member.name in self.given]
             if named:
                 raise ScenarioError(path, f"decides for {named[0]!r} as well: give a strategy for the whole team.")

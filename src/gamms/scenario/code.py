@@ -273,7 +273,9 @@ def _owner(found: CodeReference, sources: CodeSources) -> str:
     """Return the installed package, or its part, whose functions may be named."""
     from importlib.metadata import entry_points
 
-    dotted, top, path = found.module, found.module.partition(".")[0], found.path
+    dotted = found.module
+    top = found.module.partition(".")[0]
+    path = found.path
     if top in _REFUSED:
         raise ScenarioError(
             path, f"{found.text!r} is not code for games: Python's own modules are not offered to scenarios."
@@ -473,7 +475,8 @@ def _private(found: CodeReference, folder: Path) -> ModuleType:
         sys.modules[package] = ModuleType(package)
         sys.modules[package].__path__ = [str(folder)]
     importlib.invalidate_caches()
-    before, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    before = sys.dont_write_bytecode
+    sys.dont_write_bytecode = True
     try:
         module = importlib.import_module(f"{package}.{found.module}")
     finally:
@@ -507,7 +510,8 @@ def made(function: Function, given: Parameters, ctx: Context, path: str, what: s
     Raises:
         ScenarioError: the parameters do not fit, or its result is not a function.
     """
-    first, name = first_of(function), getattr(function, "__name__", function)
+    first = first_of(function)
+    name = getattr(function, "__name__", function)
     if what == "rule" and first == "state":
         raise ScenarioError(path, f"{name} takes a state: it is not a rule, but a strategy.")
     if what == "strategy" and first not in ("state", "ctx") and first not in given and needs(function):

@@ -32,7 +32,9 @@ class ScenarioError(GammsError, ValueError):
     """
 
     def __init__(self, path: str, message: str, file: object = None, place: str | None = None) -> None:
-        self.path, self.message, self.file = path, message, None if file is None else str(file)
+        self.path = path
+        self.message = message
+        self.file = None if file is None else str(file)
         self.place = path if place is None else place
         super().__init__(printable(": ".join(part for part in (self.file, self.place, message) if part)))
 
@@ -339,7 +341,8 @@ class _YamlComposer:
     """
 
     def __init__(self, events: "Iterator[yaml.Event]") -> None:
-        self._events, self._made = events, 0
+        self._events = events
+        self._made = 0
         self._anchored: dict[str, tuple[Plain, int]] = {}  # each with its number of values
 
     def composed(self, event: "yaml.Event", path: str, depth: int) -> Plain:
@@ -372,7 +375,8 @@ class _YamlComposer:
         """Return a mapping or a list."""
         import yaml
 
-        is_map, tag = isinstance(event, yaml.MappingStartEvent), getattr(event, "tag", None)
+        is_map = isinstance(event, yaml.MappingStartEvent)
+        tag = getattr(event, "tag", None)
         if tag not in (None, "!", f"{_TAG}{'map' if is_map else 'seq'}"):
             raise ScenarioError(path, f"{_line(event)}: the tag {tag!r} is not allowed.")
         items: list[Plain] = []

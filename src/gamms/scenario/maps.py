@@ -88,7 +88,8 @@ def mode_of(map: Map, folder: Path | None) -> osm.Mode | None:
     Raises:
         ScenarioError: the mode is unknown, or its file is missing, outside the folder or not valid.
     """
-    kind, given = kind_of(map), map.file if map.place is None else map.place
+    kind = kind_of(map)
+    given = map.file if map.place is None else map.place
     if not isinstance(given, StreetMap) or (given.osm_type is None and given.modes is None):
         return None
     path, known = f"map.{kind}.modes", osm.modes()
@@ -133,7 +134,8 @@ def load(map: Map, folder: Path | None, library: CodeLibrary) -> MapSnapshot:
 
 
 def _load_file(ctx: Context, given: MapFile, file: Path, options: Values) -> None:
-    is_saved, is_geojson = file.suffix == ".gamms", osm.is_geojson(file)
+    is_saved = file.suffix == ".gamms"
+    is_geojson = osm.is_geojson(file)
     named = {*options, *(name for name in ("buildings", "scenery") if getattr(given, name))}
     for option in named if is_saved else _OF_OSM & named if is_geojson else ():
         raise ScenarioError(f"map.file.{option}", f"{file.name} is no OpenStreetMap file, which this is for.")

@@ -135,8 +135,10 @@ class NodePlaces:
     """
 
     def __init__(self, ctx: Context) -> None:
-        self.ctx, self.columns = ctx, ctx.graph.columns()
-        self.ids, self.xy = self.columns.node_ids, self.columns.xy
+        self.ctx = ctx
+        self.columns = ctx.graph.columns()
+        self.ids = self.columns.node_ids
+        self.xy = self.columns.xy
         self._xs, self._ys = np.ascontiguousarray(self.xy.T)
         self._far: dict[tuple[int, float], WordArray] = {}
 
@@ -176,7 +178,10 @@ class _TeamPlacement:
     """Places the agents of one team."""
 
     def __init__(self, map: NodePlaces, name: str, spec: Team, team: list[TeamMember]) -> None:
-        self.map, self.name, self.spec, self.path = map, name, spec, f"teams.{name}"
+        self.map = map
+        self.name = name
+        self.spec = spec
+        self.path = f"teams.{name}"
         self.away = [spec.from_] if isinstance(spec.from_, TeamDistance) else spec.from_
         self.members = team
 
@@ -203,7 +208,8 @@ class _TeamPlacement:
         for one in self.away:
             for of_agent in others[one.team].T:
                 allowed &= self.map.far_from(of_agent, one.at_least)
-        left, most = np.arange(len(seeds)), np.zeros(len(seeds), np.int64)
+        left = np.arange(len(seeds))
+        most = np.zeros(len(seeds), np.int64)
         for attempt in range(_TRIES if self.spec.apart else 1):
             drawn = self._try([seeds[number] for number in left.tolist()], free, allowed[left], attempt)
             rows[left[:, None], free], placed = drawn, (drawn >= 0).sum(axis=1)
@@ -215,14 +221,17 @@ class _TeamPlacement:
 
     def _try(self, seeds: Sequence[int], free: list[int], allowed: WordArray, attempt: int) -> IntArray:
         """Draw a remaining node for one agent after the other, (seeds, agents); -1: no node remained."""
-        drawn, at = np.full((len(seeds), len(free)), -1), np.arange(len(seeds))
+        drawn = np.full((len(seeds), len(free)), -1)
+        at = np.arange(len(seeds))
         for row in self.fixed.values():
             self._close(allowed, np.full(len(seeds), row))
         words = self._words(seeds, free, attempt)
         for column in range(len(free)):
             counts = _COUNTS[allowed]
             is_left = counts.any(axis=1)
-            at, allowed, counts = at[is_left], allowed[is_left], counts[is_left]
+            at = at[is_left]
+            allowed = allowed[is_left]
+            counts = counts[is_left]
             if not len(at):
                 break
             drawn[at, column] = rows = _drawn(words[at, column], allowed, counts)
@@ -276,7 +285,8 @@ class _TeamPlacement:
         return as_words(allowed)
 
     def _refusal(self, placed: int, wanted: int) -> str:
-        words, ways_out = [f"only {placed} of {wanted} agents could be placed"], ["count"]
+        words = [f"only {placed} of {wanted} agents could be placed"]
+        ways_out = ["count"]
         if self.spec.within is not None:
             words.append(f"within {self.spec.within:g} of {_in_words(self.spec.near)}")
             ways_out.append("within")
@@ -301,7 +311,8 @@ def _drawn(words: BitArray, sets: WordArray, counts: np.ndarray[tuple[int, ...],
         sets: (sets, words) the sets of nodes.
         counts: (sets, words) the number of nodes in each word.
     """
-    ends, at = counts.cumsum(axis=1, dtype=np.int64), np.arange(len(sets))
+    ends = counts.cumsum(axis=1, dtype=np.int64)
+    at = np.arange(len(sets))
     number = kernels.below_of_words(words, ends[:, -1])[:, None]
     word = (ends <= number).sum(axis=1)
     before = ends[at, word] - counts[at, word]

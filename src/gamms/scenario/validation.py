@@ -198,7 +198,8 @@ def _check_teams_of(one: NamedCode, spec: Spec) -> None:
     """Check the parameters of a function of GAMMS that are annotated as teams."""
     function = offered_function(one.reference, one.short)
     for name, names in ({} if function is None else team_parameters(function)).items():
-        given, path = one.given.get(name), reduce(joined, ("with", name), one.path)
+        given = one.given.get(name)
+        path = reduce(joined, ("with", name), one.path)
         if is_call(given):
             continue
         teams = [team for team in (given if isinstance(given, (dict, list)) else [given]) if isinstance(team, str)]
@@ -313,7 +314,8 @@ def check_code(spec: Spec, sources: CodeSources) -> list[CodeReference]:
 
 def _check_kind(one: NamedCode, function: Function, known: Mapping[tuple[str | int, ...], Function]) -> None:
     """Check that a function of GAMMS is allowed at its place; `known` holds the functions around it."""
-    kind, name = kind_of(function, first_of(function)), one.reference.rpartition(":")[2]
+    kind = kind_of(function, first_of(function))
+    name = one.reference.rpartition(":")[2]
     if one.what != "value":
         check_kind(kind, one.what, name, one.path)
     elif "with" in one.keys:

@@ -240,7 +240,8 @@ class SensorStorage(Guarded):
     _called = "ctx.sensor.storage"
 
     def __init__(self, engine: SensorEngine) -> None:
-        self._engine, self._phase = engine, phase_of(engine.ctx)
+        self._engine = engine
+        self._phase = phase_of(engine.ctx)
         self.memory = SensorCaches(engine.ctx)
         self._settings_now: SensorSettings | None = None
         self._changes = -1, -1  # change counters at the last look-up of the settings

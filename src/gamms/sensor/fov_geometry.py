@@ -152,7 +152,8 @@ class _Cone:
         self.axis = np.asarray(axis, np.float64) / np.linalg.norm(axis)
         aside = np.cross(self.axis, np.eye(3)[np.argmin(np.abs(self.axis))])
         self._aside = np.sin(half) * aside / np.linalg.norm(aside)
-        self._ahead, self._across = np.cos(half) * self.axis, np.cross(self.axis, self._aside)
+        self._ahead = np.cos(half) * self.axis
+        self._across = np.cross(self.axis, self._aside)
 
     def rays(self, turns: FloatArray) -> FloatArray:
         """Return unit rays (turns, 3) at angles around the axis."""

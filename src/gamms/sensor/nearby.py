@@ -72,7 +72,8 @@ class NearbyAgents:
     """
 
     def __init__(self, ctx: IContext) -> None:
-        self._ctx, self._phase = ctx, phase_of(ctx)
+        self._ctx = ctx
+        self._phase = phase_of(ctx)
         self._graph: IGraph | None = None
         self._key: tuple[Positions | None, int, int | None] = (None, 0, None)
         self._places: FloatArray | None = None

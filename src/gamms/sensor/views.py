@@ -166,7 +166,8 @@ class ViewCache:
     """A cache of surroundings by radius and field of view, and by place."""
 
     def __init__(self, ctx: IContext) -> None:
-        self._ctx, self._phase = ctx, phase_of(ctx)
+        self._ctx = ctx
+        self._phase = phase_of(ctx)
         self._graph: IGraph | None = None
         self._moment: object = None
         self._revision: Any = None

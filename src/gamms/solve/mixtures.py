@@ -166,8 +166,10 @@ def double_oracle(  # noqa: PLR0913 - what `solve` takes, and two limits
         UnknownName (KeyError): the team does not exist.
         TooLarge: see `solve`; or the first best responses exceed `max_nodes`.
     """
-    teams, share = teams_of(scenario, team), checked_discount(reward, discount)
-    most, nodes = as_count(iterations, "iterations"), as_count(max_nodes, "max_nodes")
+    teams = teams_of(scenario, team)
+    share = checked_discount(reward, discount)
+    most = as_count(iterations, "iterations")
+    nodes = as_count(max_nodes, "max_nodes")
     if len(teams) != 2:
         raise BadValue(
             f"double_oracle is for games of two teams, not of {len(teams)} ({', '.join(map(shown, teams))}): let all "
@@ -226,7 +228,8 @@ class _StrategyGame:
     """A table with rewards, and the pure strategies of both teams so far."""
 
     def __init__(self, table: Table, rewards: Rewards, max_nodes: int) -> None:
-        self.table, self._rewards = table, rewards
+        self.table = table
+        self._rewards = rewards
         self.max_nodes: int | None = max_nodes
         self._nodes = 0
         self.strategies: tuple[list[_PureStrategy], list[_PureStrategy]] = [_StayStrategy()], [_StayStrategy()]
@@ -234,7 +237,8 @@ class _StrategyGame:
         self._is_over = (np.diff(table.offsets) == 0).tolist()
         self.later: list[int] = table.usual.after.tolist()
         last = rewards.usual if rewards.last is None else rewards.last
-        self._usual, self._last = rewards.usual.tolist(), last.tolist()
+        self._usual = rewards.usual.tolist()
+        self._last = last.tolist()
 
     def next_iteration(self, before: DoubleOracle | None) -> DoubleOracle:
         """Return the next iteration's mixtures, and add best responses to them; `before` is None at first.
@@ -244,10 +248,12 @@ class _StrategyGame:
         """
         payoffs = self.extended(np.zeros((0, 0)) if before is None else before.payoffs)
         _, rows, columns = matrix_game(payoffs)
-        upper, lower = _BestResponse(self, 0, columns), _BestResponse(self, 1, rows)
+        upper = _BestResponse(self, 0, columns)
+        lower = _BestResponse(self, 1, rows)
         low, high = (-inf, inf) if before is None else before.bounds
         bounds = max(low, lower.value) + 0.0, min(high, upper.value) + 0.0
-        gap, value = max(0.0, upper.value - lower.value), float(rows @ payoffs @ columns)
+        gap = max(0.0, upper.value - lower.value)
+        value = float(rows @ payoffs @ columns)
         found = DoubleOracle(self, payoffs, (*(before.gaps if before else ()), gap), bounds)
         if upper.value - value > _TOLERANCE / 2.0:
             self.strategies[0].append(upper)
@@ -288,7 +294,9 @@ class _StrategyGame:
     def reward_of_pair(self, first: int, second: int) -> float:
         """Return the first team's reward if the teams play their strategies of these numbers."""
         pair = self.strategies[0][first], self.strategies[1][second]
-        seen, state, total = [0, 0], 0, 0.0
+        seen = [0, 0]
+        state = 0
+        total = 0.0
         late = 0 if self.moves_second(0) else 1
         for turn in range(self.turns):
             if self.is_over(turn, state):
@@ -331,7 +339,9 @@ class _BestResponse:
     """
 
     def __init__(self, game: _StrategyGame, side: int, shares: FloatArray) -> None:
-        self._game, self._side, self._shares = game, side, shares.tolist()
+        self._game = game
+        self._side = side
+        self._shares = shares.tolist()
         self._others = tuple(game.strategies[1 - side])
         self._beliefs: list[tuple[tuple[int, int], ...]] = []  # history -> (strategy, its own history), …
         self._numbers: dict[tuple[tuple[int, int], ...], int] = {}
@@ -417,13 +427,15 @@ class _MixedStrategy(TableStrategy):
 
     def __init__(self, game: _StrategyGame, side: int, shares: FloatArray) -> None:
         super().__init__(game.table, side)
-        self._game, self._shares = game, shares
+        self._game = game
+        self._shares = shares
 
     def __repr__(self) -> str:
         return f"DoubleOracle.strategy({shown(self.team)})"
 
     def _action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:
-        strategies, turn = self._game.strategies[self._side], state["turn"]
+        strategies = self._game.strategies[self._side]
+        turn = state["turn"]
         before = state["memory"].get(_MEMORY)
         if before is None:
             sums = np.cumsum(self._shares)

@@ -184,7 +184,8 @@ def evaluate(
         UnknownName (KeyError): the team does not exist.
         TooLarge, MissingExtra: see `best_response`.
     """
-    teams, named = teams_of(scenario, team), as_mapping(opponents, "opponents")
+    teams = teams_of(scenario, team)
+    named = as_mapping(opponents, "opponents")
     if len(teams) != 2 or not named:
         raise BadValue(
             f"evaluate needs a game of two teams and opponents=, name -> strategy, not {list(teams)} and {list(named)}."
@@ -233,7 +234,8 @@ def nash_conv(
         BadType, BadValue, TooLarge: see `best_response`.
         UnknownName (KeyError): the team does not exist.
     """
-    teams, given = teams_of(scenario, team), as_mapping(strategies, "strategies")
+    teams = teams_of(scenario, team)
+    given = as_mapping(strategies, "strategies")
     for one in given:
         as_known(one, "team", teams)
     if len(teams) != 2 or len(given) != 2:
@@ -291,7 +293,8 @@ def openspiel(
     """
     with needing("A game of OpenSpiel", "solve"):
         from gamms.solve.teams_game import TeamsGame
-    teams, share = teams_of(scenario, team), checked_discount(reward, discount)
+    teams = teams_of(scenario, team)
+    share = checked_discount(reward, discount)
     if len(teams) != 2:
         raise BadValue(f"A game of {len(teams)} teams cannot become a game of OpenSpiel: it needs two teams.")
     setup = setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
@@ -339,7 +342,8 @@ def _search_response(
 
 def _estimated(team: str, method: Method, values: FloatArray, strategy: object) -> Response:
     """Return a response whose value is the mean of the rewards in games."""
-    mean, half = float(values.mean()), float(1.96 * values.std(ddof=1) / len(values) ** 0.5)
+    mean = float(values.mean())
+    half = float(1.96 * values.std(ddof=1) / len(values) ** 0.5)
     return Response(team, method, mean, (mean - half, mean + half), strategy)
 
 

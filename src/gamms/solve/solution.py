@@ -60,7 +60,8 @@ class TableStrategy(ABC):
     """
 
     def __init__(self, table: Table, side: int) -> None:
-        self._table, self._side = table, side
+        self._table = table
+        self._side = side
         self.team = table.setup.teams[side]
 
     def __repr__(self) -> str:
@@ -213,7 +214,10 @@ class Solution:
     information = "full"
 
     def __init__(self, table: Table, stages: ValueIteration, team: str, reward: Reward) -> None:
-        self.table, self._stages, self.team, self._reward = table, stages, team, reward
+        self.table = table
+        self._stages = stages
+        self.team = team
+        self._reward = reward
         self._side = table.setup.teams.index(team)
         self._sign = 1.0 if self._side == 0 else -1.0
         self.error = stages.error
@@ -277,7 +281,8 @@ class Solution:
         Raises:
             UnknownName, BadValue: see `value_at`.
         """
-        played, nodes = as_count(turn, "turn", 0), self.table.nodes[:, self._agent(agent)]
+        played = as_count(turn, "turn", 0)
+        nodes = self.table.nodes[:, self._agent(agent)]
         found = {}
         for node in np.unique(nodes).tolist():
             numbers = self.table.states_at(self._nodes({**(places or {}), agent: node}), played)
@@ -298,7 +303,8 @@ class Solution:
         Raises:
             UnknownName, BadValue: see `value_at`.
         """
-        side, number = self._side_of(team), self._number(places or {}, as_count(turn, "turn", 0))
+        side = self._side_of(team)
+        number = self._number(places or {}, as_count(turn, "turn", 0))
         own, other = (shares_of(self._stages, number, self._stages.left(turn, one), one) for one in (side, 1 - side))
         shares = own[:, int(other[:, 0].argmax())]
         chosen = sorted(enumerate(shares.tolist()), key=lambda item: -item[1])

@@ -64,9 +64,12 @@ class ValueIteration:
     """
 
     def __init__(self, table: Table, rewards: Rewards, tolerance: float) -> None:
-        self.table, self.rewards = table, rewards
+        self.table = table
+        self.rewards = rewards
         self.values = [np.zeros(len(table))]
-        self.error, self._gap, self.tolerance = 0.0, 0.0, tolerance
+        self.error = 0.0
+        self._gap = 0.0
+        self.tolerance = tolerance
         self.side: Bound = "exact"
         if table.by_turn:
             self._sweep_levels()
@@ -125,7 +128,8 @@ class ValueIteration:
 
     def _fewest(self, states: IntArray, left: int) -> IntArray:
         """Return the smallest number of turns left that gives states the same values, (states,)."""
-        fewest, wanted = np.full(len(states), left), self.values[left][states]
+        fewest = np.full(len(states), left)
+        wanted = self.values[left][states]
         for fewer in range(left - 1, 0, -1):
             is_same = (self.values[fewer][states] == wanted) & (fewest == fewer + 1)
             if not is_same.any():
@@ -204,7 +208,9 @@ class ValueIteration:
 
     def _sweep_on(self, tolerance: float) -> None:
         """Repeat sweeps for a game without a last turn, until the values converge."""
-        discount, change, changes = self.rewards.discount, np.inf, list[float]()
+        discount = self.rewards.discount
+        change = np.inf
+        changes = list[float]()
         patience = _FEW_SWEEPS + min(len(self.table), _MANY_SWEEPS)
         while change > 0.0:
             self.values.append(self._sweep(len(self.values)))
@@ -245,7 +251,8 @@ class BestResponseValues(ValueIteration):
     """
 
     def __init__(self, table: Table, rewards: Rewards, tolerance: float, other: ValueIteration, team: int) -> None:
-        self._other, self._team = other, team
+        self._other = other
+        self._team = team
         super().__init__(table, rewards, tolerance)
 
     def _is_settled(self, left: int) -> bool:

@@ -104,16 +104,23 @@ class Table:
     def __init__(
         self, setup: GameSetup, world: TurnSimulator, parts: "_FoundStates", *, by_turn: bool, by_winner: bool
     ) -> None:
-        self.setup, self.roster, self.last_turn = setup, world.roster, world.terms.last_turn
+        self.setup = setup
+        self.roster = world.roster
+        self.last_turn = world.terms.last_turn
         self.by_winner = by_winner
-        self.order, self.by_turn, self.by_scores = _order_of(world, setup.teams), by_turn, world.with_scores
+        self.order = _order_of(world, setup.teams)
+        self.by_turn = by_turn
+        self.by_scores = world.with_scores
         self.earlier = [_before(world, team) for team in setup.teams]
         states = len(parts.nodes)
-        self.nodes, self.alive = np.array(parts.nodes), np.array(parts.alive)
-        self.level, self.parents = np.array(parts.level), np.array(parts.parents).reshape(-1, 2)
+        self.nodes = np.array(parts.nodes)
+        self.alive = np.array(parts.alive)
+        self.level = np.array(parts.level)
+        self.parents = np.array(parts.parents).reshape(-1, 2)
         most = max((one.shape[2] for one in parts.legal), default=1)
         self.legal = np.full((states, len(self.roster.names), most), -1)
-        self.counts, self.sizes = np.ones(self.nodes.shape, np.int64), np.zeros((states, 2), np.int64)
+        self.counts = np.ones(self.nodes.shape, np.int64)
+        self.sizes = np.zeros((states, 2), np.int64)
         for ids, legal, counts, sizes in zip(parts.played, parts.legal, parts.counts, parts.sizes, strict=True):
             self.legal[ids, :, : legal.shape[2]], self.counts[ids], self.sizes[ids] = legal, counts, sizes
         self.offsets = np.concatenate(([0], np.cumsum(self.sizes.prod(axis=1))))
@@ -199,7 +206,8 @@ class Table:
     @cached_property
     def _at(self) -> dict[tuple[int | None, ...], list[int]]:
         found: dict[tuple[int | None, ...], list[int]] = {}
-        places, levels = np.where(self.alive, self.nodes, -1).tolist(), self.level.tolist()
+        places = np.where(self.alive, self.nodes, -1).tolist()
+        levels = self.level.tolist()
         for state in np.flatnonzero(np.diff(self.offsets)).tolist():
             found.setdefault((levels[state] if self.by_turn else None, *places[state]), []).append(state)
         return found
@@ -288,7 +296,10 @@ class _Explorer:
     """Plays all turns from all states, level by level."""
 
     def __init__(self, world: TurnSimulator, setup: GameSetup, *, by_turn: bool, by_winner: bool) -> None:
-        self._world, self._setup, self._by_turn, self._by_winner = world, setup, by_turn, by_winner
+        self._world = world
+        self._setup = setup
+        self._by_turn = by_turn
+        self._by_winner = by_winner
         self._members = [world.roster.members(team) for team in setup.teams]
         self._last = world.terms.last_turn
         self._known: dict[bytes, int] = {}
@@ -330,7 +341,8 @@ class _Explorer:
         sources = np.repeat(np.arange(len(ids)), numbers)
         actions = np.arange(len(sources)) - np.repeat(np.cumsum(numbers) - numbers, numbers)
         for begin in range(0, len(sources), self._world.rows):
-            source, action = sources[begin : begin + self._world.rows], actions[begin : begin + self._world.rows]
+            source = sources[begin : begin + self._world.rows]
+            action = actions[begin : begin + self._world.rows]
             states = frontier.take(source)
             chosen = self._decoded(action, counts[source], sizes[source])
             played = self._play(states, chosen, turn)
@@ -396,7 +408,9 @@ class _Explorer:
 
     def _number(self, states: States, winner: IntArray, turn: int, parents: IntArray) -> IntArray:
         """Return the numbers of states; store new ones."""
-        known, found, new = self._known, self._found, []
+        known = self._known
+        found = self._found
+        new = []
         numbers = np.zeros(len(states), np.int64)
         for row, (key, won) in enumerate(zip(states.keys, winner.tolist(), strict=True)):
             name = key if won == GOES_ON else b"%d over " % won + key
@@ -437,14 +451,16 @@ class _Explorer:
     def _compare(self, number: int, states: States, turn: int, place: int) -> None:
         found = self._found
         of_state = int(np.flatnonzero(found.played[place] == number)[0])
-        counts, sizes = found.counts[place][of_state], found.sizes[place][of_state]
+        counts = found.counts[place][of_state]
+        sizes = found.sizes[place][of_state]
         actions = np.arange(int(sizes.prod()))
         of_rows = np.zeros(len(actions), np.int64)
         chosen = self._decoded(actions, np.tile(counts, (len(actions), 1)), np.tile(sizes, (len(actions), 1)))
         later = self._world.play(states.take(of_rows), chosen, turn)
         for rows, outcomes in zip(found.rows, found.usual, strict=True):
             for at in np.flatnonzero(rows[:, 0] == number).tolist():
-                action, name = int(rows[at, 1]), later.states.keys[int(rows[at, 1])]
+                action = int(rows[at, 1])
+                name = later.states.keys[int(rows[at, 1])]
                 won = int(later.winner[action])
                 key = name if won == GOES_ON else b"%d over " % won + name
                 changed = abs(later.gains[action] - outcomes.gains[at]).max() > TOLERANCE

@@ -28,7 +28,8 @@ class _SharedModel:
     """
 
     def __init__(self, table: Table, rewards: Rewards) -> None:
-        self.table, self.rewards = table, rewards
+        self.table = table
+        self.rewards = rewards
         self.turns: int = table.last_turn or 0
         self.players = len(table.setup.teams)
         self.first = None if table.order == 0 else int(table.order > 0)
@@ -125,11 +126,14 @@ class TeamsState(pyspiel.State):  # type: ignore[misc] # OpenSpiel has no types
 
     def __init__(self, game: TeamsGame, model: _SharedModel) -> None:
         super().__init__(game)
-        self.model, self.number, self.turn = model, 0, 0
+        self.model = model
+        self.number = 0
+        self.turn = 0
         self.seen = [[int(one)] for one in model.observed[0]]  # by player
         self.done: list[list[int]] = [[] for _ in range(model.players)]  # by player
         self._moved: int | None = None  # the first player's action in this turn, if the second moves after it
-        self._last, self._sum = 0.0, 0.0
+        self._last = 0.0
+        self._sum = 0.0
 
     def current_player(self) -> Any:
         """Return the player to move."""
@@ -151,7 +155,8 @@ class TeamsState(pyspiel.State):  # type: ignore[misc] # OpenSpiel has no types
     def _apply_action(self, action: int) -> None:
         player, first = self.current_player(), self.model.first or 0
         if player == first:
-            self._moved, self._last = action, 0.0
+            self._moved = action
+            self._last = 0.0
             self.done[first].append(action)
             self.seen[1 - first].append(self.model.observed_within(self.number, action))
             return
@@ -173,7 +178,8 @@ class TeamsState(pyspiel.State):  # type: ignore[misc] # OpenSpiel has no types
         row = table.row_of(self.number, actions)
         self._last = self.model.reward(row, self.turn)
         self._sum += self._last
-        self.number, self.turn = int(table.usual.after[row]), self.turn + 1
+        self.number = int(table.usual.after[row])
+        self.turn = self.turn + 1
 
     def _action_to_string(self, player: int, action: int) -> str:
         nodes = self.model.table.actions_of(self.number, player, action)
@@ -198,7 +204,8 @@ class _KnowledgeEncoder:
     """Encodes the knowledge of a player: the current observations, or all observations and actions."""
 
     def __init__(self, model: _SharedModel, *, recalls: bool) -> None:
-        self._model, self._recalls = model, recalls
+        self._model = model
+        self._recalls = recalls
         turns = model.turns + 1 if recalls else 1
         self._seen: FloatArray = np.zeros((turns, model.num_observations))
         self._done = np.zeros((model.turns if recalls else 0, model.num_actions))

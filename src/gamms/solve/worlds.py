@@ -66,7 +66,11 @@ class States:
         columns: Columns | None = None,
         snapshots: Sequence[Snapshot] = (),
     ) -> None:
-        self.keys, self.nodes, self.alive, self.columns, self.snapshots = keys, nodes, alive, columns, snapshots
+        self.keys = keys
+        self.nodes = nodes
+        self.alive = alive
+        self.columns = columns
+        self.snapshots = snapshots
 
     def __len__(self) -> int:
         return len(self.keys)
@@ -84,7 +88,8 @@ def joined(parts: Sequence[States]) -> States:
     first = parts[0].columns
     columns = None if first is None else {name: np.concatenate([_of(one, name) for one in parts]) for name in first}
     keys, snapshots = ([one for part in parts for one in getattr(part, name)] for name in ("keys", "snapshots"))
-    nodes, alive = np.concatenate([one.nodes for one in parts]), np.concatenate([one.alive for one in parts])
+    nodes = np.concatenate([one.nodes for one in parts])
+    alive = np.concatenate([one.alive for one in parts])
     return States(keys, nodes, alive, columns, snapshots)
 
 
@@ -246,7 +251,8 @@ def _positions(ctx: Context, setup: GameSetup) -> int:
 
 def _within(graph: GraphColumns, row: int, steps: int) -> int:
     """Return the number of nodes within this many edges of a node."""
-    seen, frontier = np.zeros(len(graph.node_ids), np.bool_), np.array([row])
+    seen = np.zeros(len(graph.node_ids), np.bool_)
+    frontier = np.array([row])
     seen[row] = True
     for _ in range(steps):
         _, entries = kernels.expand_ranges(graph.offsets[frontier], graph.offsets[frontier + 1])
@@ -280,9 +286,11 @@ class BatchSimulator:
     with_scores = False
 
     def __init__(self, batch: Batch, setup: GameSetup) -> None:
-        self._batch, self._teams = batch, setup.teams
+        self._batch = batch
+        self._teams = setup.teams
         game = batch.game
-        self.roster, self.rows = Roster.of(game.agents), len(batch)
+        self.roster = Roster.of(game.agents)
+        self.rows = len(batch)
         self.terms = TurnTerms.of(batch.game.ctx.game, setup.last_turn)
         batch.step()  # so that rules and strategies have created their memories
         batch.reset()
@@ -350,7 +358,8 @@ class BatchSimulator:
             team: columns.pop(("score", team), np.zeros(self.rows)) + more * (place + 1)
             for place, team in enumerate(self._batch.teams)
         }
-        numbers, maps = columns.pop("roads", np.zeros(self.rows, np.int64)), [*self._maps]
+        numbers = columns.pop("roads", np.zeros(self.rows, np.int64))
+        maps = [*self._maps]
         if numbers.any():
             at_start = bytes(len(maps[0]))
             packed = b"".join(maps[number - 1] if number else at_start for number in numbers.tolist())
@@ -361,7 +370,8 @@ class BatchSimulator:
     def _states(self) -> States:
         batch = self._batch
         columns = batch.columns()
-        roads, number = columns.get("roads", np.zeros((len(batch), 0), np.int32)), self._maps
+        roads = columns.get("roads", np.zeros((len(batch), 0), np.int32))
+        number = self._maps
         columns["roads"] = np.array(
             [number.setdefault(row.tobytes(), 1 + len(number)) if row.any() else 0 for row in roads]
         )
@@ -380,13 +390,15 @@ class ContextSimulator:
 
     def __init__(self, ctx: Context, setup: GameSetup) -> None:
         self._game: Game = ctx.game
-        self.roster, self.terms = Roster.of(ctx.game.agents), TurnTerms.of(ctx.game, setup.last_turn)
+        self.roster = Roster.of(ctx.game.agents)
+        self.terms = TurnTerms.of(ctx.game, setup.last_turn)
         self._actions: dict[str, int] = {}
         self._legal: dict[str, tuple[int, ...]] = {}
         for team in setup.teams:
             self._game.command(team, self._decide)
         self._hidden = [HiddenState(one.rule) for one in self._game.rules]
-        self._start, map = self._game.snapshot(), ctx.graph.columns()
+        self._start = self._game.snapshot()
+        map = ctx.graph.columns()
         self._roads = map.offsets.tobytes() + map.targets.tobytes()
 
     def close(self) -> None:
@@ -413,7 +425,8 @@ class ContextSimulator:
         """Return the ids of legal nodes, (states, agents, most)."""
         found = []
         for snapshot, nodes in zip(states.snapshots, states.nodes.tolist(), strict=True):
-            self._actions, self._legal = {}, {}
+            self._actions = {}
+            self._legal = {}
             self._restore(snapshot, turn, SAME)
             self._game.step()
             found.append([self._legal.get(name, (node,)) for name, node in zip(self.roster.names, nodes, strict=True)])
@@ -422,7 +435,10 @@ class ContextSimulator:
 
     def play(self, states: States, actions: IntArray, turn: int, shift: Perturbation = SAME) -> TurnResults:
         """Play a turn from each state."""
-        game, moments, gains, winners = self._game, [], [], []
+        game = self._game
+        moments = []
+        gains = []
+        winners = []
         teams, names = self.roster.teams, self.roster.names
         for row, (snapshot, chosen) in enumerate(zip(states.snapshots, actions.tolist(), strict=True)):
             self._restore(snapshot, turn, shift._replace(seed=shift.seed and shift.seed + row))
@@ -456,7 +472,9 @@ class ContextSimulator:
     def _now(self) -> "_CapturedState":
         """Return the current state of the game."""
         game = self._game
-        snapshot, state, agents = game.snapshot(), game.internals.state, game.ctx.agent.agents
+        snapshot = game.snapshot()
+        state = game.internals.state
+        agents = game.ctx.agent.agents
         living = [name in agents and agents[name].alive for name in self.roster.names]
         nodes = [agents[name].current_node_id if name in agents else -1 for name in self.roster.names]
         block = game.ctx.agent.block
@@ -473,7 +491,8 @@ class ContextSimulator:
 
     def _as_states(self, moments: "Sequence[_CapturedState]") -> States:
         nodes, alive = (np.array([moment[place] for moment in moments]) for place in (1, 2))
-        keys, snapshots = [one.key for one in moments], [one.snapshot for one in moments]
+        keys = [one.key for one in moments]
+        snapshots = [one.snapshot for one in moments]
         return States(keys, nodes, alive.astype(np.bool_), snapshots=snapshots)
 
 

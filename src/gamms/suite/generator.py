@@ -67,7 +67,8 @@ def generate(kind: str, map: str = "grid", seed: int = 0) -> GeneratedTask:
     Raises:
         BadValue: the kind or the map does not exist.
     """
-    chosen, where = as_choice(kind, "kind", KINDS), as_choice(map, "map", list(MAPS))
+    chosen = as_choice(kind, "kind", KINDS)
+    where = as_choice(map, "map", list(MAPS))
     return _DRAWN[chosen](_TaskMap(where, as_int(seed, "seed"), chosen))
 
 
@@ -75,9 +76,12 @@ class _TaskMap:
     """A map with two drawn bases and two towers: the common part of all kinds of scenarios."""
 
     def __init__(self, map: str, seed: int, kind: str) -> None:
-        self.map, self._seed, self._kind = map, seed, kind
+        self.map = map
+        self._seed = seed
+        self._kind = kind
         columns = Scenario(map=MAPS[map], teams={"one": {"count": 1}}).columns()
-        self._ids, self._xy = columns.node_ids, columns.xy
+        self._ids = columns.node_ids
+        self._xy = columns.xy
         self.bases = self._bases(map)
         self.towers = [self._node("tower", number) for number in range(2)]
         self.turns = (_TURNS_OF_HUNTS if kind in ("pursuit", "evasion") else _TURNS)[map]

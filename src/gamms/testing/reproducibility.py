@@ -123,7 +123,8 @@ class _RepeatableGame:
     """
 
     def __init__(self, make_ctx: Callable[..., Context], rule: Rule | None, turns: int) -> None:
-        self.make_ctx, self.turns = make_ctx, turns
+        self.make_ctx = make_ctx
+        self.turns = turns
         self._rule = rule
 
     @contextmanager
@@ -146,7 +147,8 @@ class _RepeatableGame:
 
     def check_repeatable(self) -> None:
         """Check that `make_ctx` makes the same game twice."""
-        one, other = self.once(with_rule=False), self.once(with_rule=False)
+        one = self.once(with_rule=False)
+        other = self.once(with_rule=False)
         if one != other:
             raise AssertionError(
                 "make_ctx must always make the same game, and two that it made went differently: "
@@ -279,7 +281,8 @@ class _WatchedStrategy:
     """
 
     def __init__(self, ctx: Context, agent: str, strategy: _AnyStrategy | None) -> None:
-        self._ctx, self._agent = ctx, ctx.agent.get_agent(agent)
+        self._ctx = ctx
+        self._agent = ctx.agent.get_agent(agent)
         self.strategy = cast("Strategy", self._agent.strategy if strategy is None else strategy)
         if self.strategy is None:
             raise AssertionError(f"Agent {agent!r} has no strategy to check: make_ctx must give it one.")

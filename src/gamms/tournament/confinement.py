@@ -46,8 +46,17 @@ _MOST_CAPABILITIES = 64
 _CAPABILITIES_VERSION = 0x20080522
 _CREATE_RULESET, _ADD_RULE, _RESTRICT = 444, 445, 446  # system calls of Landlock, on all architectures
 
-_EXECUTE, _WRITE, _READ, _LIST, _TRUNCATE, _CONTROL = 1, 1 << 1, 1 << 2, 1 << 3, 1 << 14, 1 << 15
-_REMOVE_FOLDER, _REMOVE_FILE, _MAKE_FOLDER, _MAKE_FILE, _MOVE = 1 << 4, 1 << 5, 1 << 7, 1 << 8, 1 << 13
+_EXECUTE = 1
+_WRITE = 1 << 1
+_READ = 1 << 2
+_LIST = 1 << 3
+_TRUNCATE = 1 << 14
+_CONTROL = 1 << 15
+_REMOVE_FOLDER = 1 << 4
+_REMOVE_FILE = 1 << 5
+_MAKE_FOLDER = 1 << 7
+_MAKE_FILE = 1 << 8
+_MOVE = 1 << 13
 _OF_FILES = _EXECUTE | _WRITE | _READ | _TRUNCATE | _CONTROL  # the rights that a rule for a file may name
 _OF_SCRATCH = _WRITE | _READ | _LIST | _REMOVE_FOLDER | _REMOVE_FILE | _MAKE_FOLDER | _MAKE_FILE | _MOVE | _TRUNCATE
 _RIGHTS = {1: 13, 2: 14, 3: 15, 5: 16}  # version of Landlock -> number of its rights on files
@@ -230,7 +239,8 @@ class ControlGroups:
 
     def has_killed(self) -> bool:
         """Return whether the kernel has killed a process for lack of memory since the last call."""
-        before, self._killed = self._killed, 0
+        before = self._killed
+        self._killed = 0
         for group in self._joined:
             for name in _COUNTERS:
                 with suppress(OSError):

@@ -182,7 +182,8 @@ def play(
     with ExitStack() as open_things:
         ctx = open_things.enter_context(scenario.build(fixture.seed))
         game = ctx.game
-        game.on_illegal, game.time_budget = "stay", None
+        game.on_illegal = "stay"
+        game.time_budget = None
         players = {
             team: open_things.enter_context(EntryProcess(launchers[one])) for team, one in fixture.entries.items()
         }
@@ -228,7 +229,8 @@ def trial(scenario: Scenario, seed: int, sides: tuple[str, str], launcher: Launc
     team, other = sides
     with ExitStack() as open_things:
         ctx = open_things.enter_context(scenario.build(seed))
-        ctx.game.on_illegal, ctx.game.time_budget = "stay", None
+        ctx.game.on_illegal = "stay"
+        ctx.game.time_budget = None
         player = open_things.enter_context(EntryProcess(launcher))
         fixture = Fixture("", {team: launcher.entry.name}, seed, 0)
         side = _Side(player, ctx, team, _start(ctx, team, fixture, launcher))

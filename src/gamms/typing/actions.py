@@ -66,7 +66,8 @@ def as_heading(heading: object) -> tuple[float, float]:
         x, y = cast("Iterable[object]", heading)
     except (TypeError, ValueError):
         raise BadValue(f"An orientation must be a pair (cos, sin), not {shown(heading)}.") from None
-    cos, sin = as_float(x, "An orientation"), as_float(y, "An orientation")
+    cos = as_float(x, "An orientation")
+    sin = as_float(y, "An orientation")
     scale = max(abs(cos), abs(sin))  # scale first, so that no square overflows or vanishes
     if scale == 0.0:
         raise BadValue("An orientation must not be (0, 0). Use None to clear it.")

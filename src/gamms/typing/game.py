@@ -429,7 +429,8 @@ class Move(NamedTuple):
         if not self.legs:
             return self.start, self.end
         first, last = self.legs[0], self.legs[-1]
-        begins, ends = first.since == 0.0 and 0.0 < first.begin < 1.0, 0.0 < last.end < 1.0
+        begins = first.since == 0.0 and 0.0 < first.begin < 1.0
+        ends = 0.0 < last.end < 1.0
         return EdgePlace(first.edge) if begins else self.start, EdgePlace(last.edge) if ends else self.end
 
 

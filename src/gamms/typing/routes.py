@@ -150,7 +150,8 @@ class Routes(ABC):
 
     def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None) -> FloatArray:
         """Return the distances (sources, targets), searched from the side with fewer different nodes."""
-        starts, ends = self.rows(sources, "sources"), self.rows(targets, "targets")
+        starts = self.rows(sources, "sources")
+        ends = self.rows(targets, "targets")
         (from_starts, start_of), (from_ends, end_of) = (np.unique(side, return_inverse=True) for side in (starts, ends))
         reverse = len(from_ends) <= len(from_starts)
         roots, others = (from_ends, starts) if reverse else (from_starts, ends)

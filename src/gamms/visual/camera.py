@@ -56,7 +56,8 @@ def clipped(
         start = starts[:, axis]
         is_parallel = np.abs(way) < _SHORTEST
         step = np.where(is_parallel, 1.0, way)
-        at_low, at_high = (low[axis] - start) / step, (high[axis] - start) / step
+        at_low = (low[axis] - start) / step
+        at_high = (high[axis] - start) / step
         enter = np.maximum(enter, np.where(is_parallel, 0.0, np.minimum(at_low, at_high)))
         leave = np.minimum(leave, np.where(is_parallel, 1.0, np.maximum(at_low, at_high)))
         is_inside &= ~is_parallel | ((start >= low[axis]) & (start <= high[axis]))
@@ -111,7 +112,8 @@ class FollowView(NamedTuple):
     def camera(self, place: tuple[float, float], width: int, height: int) -> Camera:
         """Return the camera over a point, moved by whole pixels so that streets do not flicker."""
         camera = FixedView(*place, self.world_width).camera(width, height)
-        left, top = round(camera.left * camera.scale) / camera.scale, round(camera.top * camera.scale) / camera.scale
+        left = round(camera.left * camera.scale) / camera.scale
+        top = round(camera.top * camera.scale) / camera.scale
         return camera._replace(left=left, top=top)
 
 
@@ -142,7 +144,9 @@ class Viewpoint(Guarded):
         Raises:
             BadType, BadValue: not finite numbers, or a width that is not positive.
         """
-        x, y, width = as_float(x, "x"), as_float(y, "y"), as_float(width, "width")
+        x = as_float(x, "x")
+        y = as_float(y, "y")
+        width = as_float(width, "width")
         if width <= 0.0:
             raise BadValue(f"A view needs a positive width in world units, not {width:g}.")
         self.look = FixedView(x, y, width)
@@ -280,7 +284,8 @@ class WindowCamera:
         self._x = camera_x
         self._y = camera_y
         self._size = camera_size
-        self._width, self._height = screen_width, screen_height
+        self._width = screen_width
+        self._height = screen_height
         self.is_pointed = False  # whether a person or a program has set the view
 
     # -- settable values -------------------------------------------------------------------------------------
@@ -341,10 +346,12 @@ class WindowCamera:
         Raises:
             BadValue: a size is not positive.
         """
-        width, height = as_int(width, "screen_width"), as_int(height, "screen_height")
+        width = as_int(width, "screen_width")
+        height = as_int(height, "screen_height")
         if width <= 0 or height <= 0:
             raise BadValue(f"A screen needs a positive width and height, not {width} x {height}.")
-        self._width, self._height = width, height
+        self._width = width
+        self._height = height
 
     def look_at_box(self, low: FloatArray, high: FloatArray, margins: Margins = NO_MARGINS) -> None:
         """Show the box between two corners, centered if margins of these sizes in pixels allow it."""
@@ -369,7 +376,8 @@ class WindowCamera:
         if around is not None:
             x, y = self.screen_to_world(*around)
             share = size / self._size
-            self._x, self._y = x + (self._x - x) * share, y + (self._y - y) * share
+            self._x = x + (self._x - x) * share
+            self._y = y + (self._y - y) * share
         self.camera_size = size
 
     # -- derived values --------------------------------------------------------------------------------------
@@ -412,7 +420,8 @@ class WindowCamera:
     def camera(self) -> Camera:
         """Return the camera for painting, moved by whole pixels, so that painted tiles can be shifted."""
         scale = self.scale
-        left, top = round(self.bound_left * scale), round(self.bound_bottom * scale)
+        left = round(self.bound_left * scale)
+        top = round(self.bound_bottom * scale)
         return Camera(self._width, self._height, left / scale, top / scale, scale)
 
     # -- conversions -----------------------------------------------------------------------------------------

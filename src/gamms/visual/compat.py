@@ -44,7 +44,8 @@ class RenderManager(WindowCamera):
 
     def set_origin(self, x: float, y: float, graph_width: float = 0.0, graph_height: float = 0.0) -> None:  # noqa: ARG002 - 1.0.0 takes and ignores them
         """Look at a world point, cut to whole units."""
-        self.camera_x, self.camera_y = int(x), int(y)
+        self.camera_x = int(x)
+        self.camera_y = int(y)
 
     def world_to_screen_scale(self, world_size: float) -> float:
         """Return a length in world units as pixels."""

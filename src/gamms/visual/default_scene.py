@@ -104,7 +104,8 @@ class DefaultScene:
         self._colors: dict[str, Rgb] = {}  # of agents, by name
         self._views: dict[str, Artist] = {}  # of sensors
         self._territories: dict[str, TerritoryDrawer] = {}  # they keep polylines of territories
-        self._tags, self._legend = Artist(ctx, render_tags, Layer.TAGS), legend_of_teams(ctx)
+        self._tags = Artist(ctx, render_tags, Layer.TAGS)
+        self._legend = legend_of_teams(ctx)
 
     def artists(self, declared: Mapping[str, IArtist], *, sensors: bool = True) -> dict[str, IArtist]:
         """Return the artists of the map, all agents, the sensors while they are few, rules, and the legend, by name.
@@ -129,7 +130,8 @@ class DefaultScene:
 
     def limit_marks(self, most: float) -> bool:
         """Draw agents no larger than this, world units; return whether that changes their size."""
-        before, self._most = self._mark, most
+        before = self._mark
+        self._most = most
         return self._mark != before
 
     def of_rules(self) -> dict[str, IArtist]:
@@ -157,7 +159,8 @@ class DefaultScene:
             return
         columns = graph.columns()
         tones = self._theme.map
-        self._map_key, self._unit = key, sight_radius(columns)
+        self._map_key = key
+        self._unit = sight_radius(columns)
         streets = self._static(render_graph, Layer.GRAPH)
         size = (0.35 if columns.crs is None else 0.15) * self._unit  # where paths are slim, larger ones would be beads
         streets.data = {"graph_data": GraphData(tones.nodes, size, tones.streets), "tunnels": "below"}

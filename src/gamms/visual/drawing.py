@@ -72,7 +72,8 @@ class Commands:
         self.owner: Owner | None = None
         self._owners: dict[int, Owner] = {}  # by row
         self._columns = {name: array(code) for name, code in _COLUMNS.items()}
-        self._color, self._text = bytearray(), list[str]()
+        self._color = bytearray()
+        self._text = list[str]()
         self._points: list[FloatArray] = []
         self._counts = array("q")  # of points, of each command
 

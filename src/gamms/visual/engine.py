@@ -286,5 +286,6 @@ class OffscreenEngine(PictureEngine):
         if self.viewpoint.look is None:
             return None
         camera = self.viewpoint.look.camera(self.pictures.width, self.pictures.height)
-        right, low = camera.left + camera.width / camera.scale, camera.top - camera.height / camera.scale
+        right = camera.left + camera.width / camera.scale
+        low = camera.top - camera.height / camera.scale
         return camera.left, right, low, camera.top, camera.scale

@@ -81,7 +81,8 @@ def size(width: int, height: int, bytes_per_pixel: int = _PICTURE_BYTES) -> tupl
         BadValue: one is not positive, or too large.
         TooLarge (BadValue): it would take more memory than is allowed.
     """
-    width, height = as_int(width, "The width of a picture"), as_int(height, "The height of a picture")
+    width = as_int(width, "The width of a picture")
+    height = as_int(height, "The height of a picture")
     if width <= 0 or height <= 0:
         raise BadValue(f"A picture needs a positive width and height, not {width} x {height}.")
     if max(width, height) > _LONGEST_PX:
@@ -218,7 +219,8 @@ class _CachedPainting:
     def paint(self, canvas: Canvas, camera: Camera, key: object, draw: Callable[[], DrawCommands]) -> None:
         """Paint the drawing of a function; for an equal key, reuse the last drawing."""
         if key != self._key:
-            self._key, self._painting = key, Painting(draw())
+            self._key = key
+            self._painting = Painting(draw())
         self._painting.paint(canvas, camera)
 
 
@@ -397,7 +399,8 @@ class Film:
         """Hold the last frame, show the result card, and move the film to its path; without turns, write no file."""
         if self._writer is None:
             return
-        writer, self._writer = self._writer, None
+        writer = self._writer
+        self._writer = None
         try:
             if self.frames:
                 with naming(self.plan.path, self._part):
@@ -421,7 +424,8 @@ class Film:
     def discard(self) -> None:
         """Give the film up: nothing is written."""
         if self._writer is not None:
-            writer, self._writer = self._writer, None
+            writer = self._writer
+            self._writer = None
             try:
                 with suppress(OSError):  # errors of pending writes when the disk is full
                     writer.discard()

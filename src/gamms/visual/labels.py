@@ -279,9 +279,11 @@ def are_free(
     is_free = np.asarray(((low >= page[:2]) & (high <= page[2:])).all(axis=2), np.bool_)
     for left, top, right, bottom in taken:
         is_free = is_free & ((high <= (left, top)) | (low >= (right, bottom))).any(axis=2)
-    around_low, around_high = low.min(axis=1) - comes[:, None], high.max(axis=1) + comes[:, None]
+    around_low = low.min(axis=1) - comes[:, None]
+    around_high = high.max(axis=1) + comes[:, None]
     reach = dots.radii[:, None] + _DOTS_PX
-    dots_low, dots_high = (dots.centers - reach).T, (dots.centers + reach).T
+    dots_low = (dots.centers - reach).T
+    dots_high = (dots.centers + reach).T
     # NOTE: one axis after the other, which takes a fraction of the time (frames with 1,000 names).
     is_near = (dots_high[0] > around_low[:, :1]) & (dots_low[0] < around_high[:, :1])
     is_near &= (dots_high[1] > around_low[:, 1:]) & (dots_low[1] < around_high[:, 1:])
@@ -417,7 +419,10 @@ class StreetNames:
     def _fresh(
         self, streets: _NamedStreets, camera: Camera, page: Rectangle, taken: Sequence[Rectangle], kept: AgentDots
     ) -> list[StreetName]:
-        scale, before, self._places, found = camera.scale, self._places, dict[int, float](), list[StreetName]()
+        scale = camera.scale
+        before = self._places
+        self._places = dict[int, float]()
+        found = list[StreetName]()
         left, top, right, bottom = page
         west, east = (camera.left + x / scale for x in (left, right))
         south, north = (camera.top - y / scale for y in (bottom, top))

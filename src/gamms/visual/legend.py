@@ -210,7 +210,9 @@ class Legend:
     def __init__(self, blocks: tuple[Block, ...], width: float, height: float) -> None:
         self._blocks = ()
         self._zoom = 1.0
-        self.width, self.height, self.least = 0.0, 0.0, (0.0, 0.0)
+        self.width = 0.0
+        self.height = 0.0
+        self.least = (0.0, 0.0)
         for tried, zoom, share in _tries(blocks):
             wide = zoom * max(map(_width, tried), default=0.0)
             high = zoom * (sum(map(_height, tried)) + _GAP_PX * (len(tried) - 1))
@@ -582,7 +584,8 @@ def _span(values: FloatArray, span: tuple[float | None, float | None], *, is_eve
     if is_even and given == (None, None):
         farthest = max(abs(low), abs(high))
         return -farthest, farthest
-    low, high = low if given[0] is None else given[0], high if given[1] is None else given[1]
+    low = low if given[0] is None else given[0]
+    high = high if given[1] is None else given[1]
     if given != (None, None) and low >= high:
         raise BadValue(f"The colours need vmin below vmax, not from {low:g} to {high:g}.")
     return low, high

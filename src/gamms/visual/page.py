@@ -136,7 +136,8 @@ class Page:
         foot = self._margin if not any(self._feet) else _ROW_PX * self._rows + _GAP_PX
         self._lines = sum(self._size[1] >= least for least in _LEAST_HEIGHTS_PX) if style.has_captions else 0
         self.has_captions = self._lines > 0
-        foot, self._foot = foot + LINE_PX * self._lines, self._foot + LINE_PX * self._lines
+        foot = foot + LINE_PX * self._lines
+        self._foot = self._foot + LINE_PX * self._lines
         header = _HEADER_PX if style.title else self._margin
         self.legend = Legend(blocks, self._size[0], self._size[1] - header - foot)
         aside = self._margin + (self.legend.width + self._margin if self.legend.width else 0.0)
@@ -228,7 +229,8 @@ class Page:
         """Return where words may be, and where the legend is."""
         (width, height), (left, top) = self._size, self._legend_at(corner)
         page = 2.0, _HEADER_PX if self._style.title else 2.0, width - 2.0, height - self._foot
-        right, bottom = left + self.legend.width, top + self.legend.height
+        right = left + self.legend.width
+        bottom = top + self.legend.height
         taken = [(left - self._margin, top - self._margin, right, bottom + self._margin)] * bool(self.legend.width)
         return page, taken
 

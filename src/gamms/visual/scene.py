@@ -77,7 +77,8 @@ class FrameBudget:
 
     def has_time(self, seconds: float) -> bool:
         """Return whether there is time for a step of a given duration; always true for the first step."""
-        is_first, self._is_first = self._is_first, False
+        is_first = self._is_first
+        self._is_first = False
         return is_first or perf_counter() + seconds < self._end
 
     def spend(self) -> None:
@@ -128,7 +129,8 @@ class _Level:
         """Return the pixels of this level that a camera sees."""
         share = self.scale / camera.scale
         x, y = self._phase
-        left, top = round(camera.left * self.scale - x), round(-camera.top * self.scale - y)
+        left = round(camera.left * self.scale - x)
+        top = round(-camera.top * self.scale - y)
         return _Area(left, top, left + round(camera.width * share), top + round(camera.height * share))
 
     def camera(self, tiles: _Area) -> Camera:
@@ -365,7 +367,8 @@ _Grid = tuple[float, tuple[float, float]]  # scale and phase
 
 def _grid_of(camera: Camera) -> _Grid:
     """Return the scale of a camera, and by how much it lies right of and below whole pixels of the world."""
-    across, down = camera.left * camera.scale, -camera.top * camera.scale
+    across = camera.left * camera.scale
+    down = -camera.top * camera.scale
     x, y = (part - round(part) for part in (across, down))
     return camera.scale, (x if abs(x) > _ROUNDING_PX else 0.0, y if abs(y) > _ROUNDING_PX else 0.0)
 
@@ -395,7 +398,8 @@ def _stretches(numbers: list[int]) -> Iterator[tuple[int, int]]:
 
 def _part(surface: "Surface", tiles: _Area, place: Place) -> Any:
     """Return a copy of a tile, so that it does not keep the whole surface alive."""
-    x, y = (place[0] - tiles.left) * SIDE, (place[1] - tiles.top) * SIDE
+    x = (place[0] - tiles.left) * SIDE
+    y = (place[1] - tiles.top) * SIDE
     return surface.subsurface((x, y, SIDE, SIDE)).copy()
 
 

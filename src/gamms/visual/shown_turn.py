@@ -367,7 +367,8 @@ class LastMoves:
         except ContextTerminated:
             return np.full((len(steps), 2), -1)
         if columns is not self._columns:
-            self._columns, self._sorted = columns, np.argsort(columns.node_ids, kind="stable")
+            self._columns = columns
+            self._sorted = np.argsort(columns.node_ids, kind="stable")
         return kernels.rows_of(columns.node_ids, np.array(steps, np.int64), self._sorted)
 
     def _bends(self, ends: IntArray) -> dict[int, FloatArray]:
@@ -421,7 +422,8 @@ class TurnEvents:
         if latest is not None and latest is not self._shown:
             self._shown = latest
             self._eliminated = self._ends = None
-            self._begin, self._end = latest[6], latest[3]
+            self._begin = latest[6]
+            self._end = latest[3]
         if len(events) < self._end:  # the game was reset
             self._begin = self._end = 0
             self._eliminated = self._ends = None

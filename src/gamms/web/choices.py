@@ -162,7 +162,8 @@ def channels_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) ->
     """
     if "outbox" not in state:
         return {}
-    me, heard = state["name"], [message["sender"] for message in state["inbox"]]
+    me = state["name"]
+    heard = [message["sender"] for message in state["inbox"]]
     teams = {agent.name: agent.team for agent in ctx.agent.create_iter()}
     known = sorted(({*own, *heard, *_names_in_sight(state)} - {me}) & teams.keys())
     offered: dict[str, dict[str, Plain]] = {}
@@ -248,7 +249,8 @@ def _checked_deeds(given: Plain, question: Question, ctx: Context | None) -> dic
         raise RefusedChoice("illegal", f"What an agent does is a mapping from deeds to fields, not {shown(given)}.")
     done: dict[str, Any] = {}
     for deed, fields in given.items():
-        offered, values = question.deeds.get(deed), {} if fields is None else fields
+        offered = question.deeds.get(deed)
+        values = {} if fields is None else fields
         if offered is None or not isinstance(values, Mapping):
             raise RefusedChoice("illegal", f"There is no deed {shown(deed)} with {shown(fields)}.")
         for key, value in values.items():

@@ -25,10 +25,15 @@ from gamms.typing.context import HostContext
 MOST_SIDES = 20  # with more sides, pages do not show what each side sees
 _MOST_KNOWN = 20_000  # cached fields of view
 _NONE = np.zeros(0, np.int64)
-_MOST_WORDS, _MOST_ITEMS, _MOST_PAIRS, _MOST_ROWS = 400, 24, 50, 400
+_MOST_WORDS = 400
+_MOST_ITEMS = 24
+_MOST_PAIRS = 50
+_MOST_ROWS = 400
 _MOST_BODY = 120  # letters of a message
 _NOTHING = "\u2013"  # a dash
-_OPEN, _DECISION, _MESSAGES = "", "Decision", "Messages"
+_OPEN = ""
+_DECISION = "Decision"
+_MESSAGES = "Messages"
 _OF_ONE = {  # kinds of events that change the facts about the agent that they name
     kinds.AGENT_TEAM,
     kinds.AGENT_SPEED,
@@ -106,7 +111,8 @@ class KnowledgeTracker:
     """
 
     def __init__(self, ctx: HostContext, step: Callable[[], float]) -> None:
-        self._ctx, self._step = ctx, step
+        self._ctx = ctx
+        self._step = step
         self._covered: dict[Any, IntArray] = {}
         self._shapes: dict[Any, FieldOutline | None] = {}
         self._columns: GraphColumns | None = None
@@ -153,7 +159,8 @@ class KnowledgeTracker:
 
     def _seen(self, name: str, look: Look, names: Mapping[int, str], now: Mapping[str, int]) -> SensorLook:
         nodes, edges, agents, other = parts_of(look)
-        rows, edge_rows = self.rows("nodes", nodes), self.rows("edges", edges)
+        rows = self.rows("nodes", nodes)
+        edge_rows = self.rows("edges", edges)
         at = self.rows("nodes", [node for _, node in agents]).tolist()
         pairs = [(names[number], row) for (number, _), row in zip(agents, at, strict=True) if number in names]
         seen = [(other, -1 if now[other] == row else row) for other, row in pairs]
@@ -393,7 +400,8 @@ class AgentFacts:
 
     def _send(self, message: Mapping[str, Any], found: dict[str, Facts]) -> None:
         """Add the facts about a message that was sent: to its sender now, and to its receivers on arrival."""
-        sender, body = message["sender"], words_of(message["body"], _MOST_BODY)
+        sender = message["sender"]
+        body = words_of(message["body"], _MOST_BODY)
         fates = {key: list(message.get(key) or ()) for key in (*ARRIVALS, "lost", "jammed")}
         fate = "; ".join(f"{key} by {', '.join(map(as_text, to[:6]))}" for key, to in fates.items() if to)
         words = f"{body} ({fate})" if fate else body

@@ -101,7 +101,8 @@ class TurnPacing:
     """
 
     def __init__(self, speed: float | None, *, is_paused: bool) -> None:
-        self.speed, self.is_paused = speed, is_paused
+        self.speed = speed
+        self.is_paused = is_paused
         self._steps = 0
         self._is_released = False
         self._next_at = 0.0
@@ -123,7 +124,8 @@ class TurnPacing:
     def pause(self, *, is_paused: bool) -> None:
         """Pause the game, or continue it."""
         with self._changed:
-            self.is_paused, self._steps = is_paused, 0
+            self.is_paused = is_paused
+            self._steps = 0
             self._changed.notify_all()
 
     def change_speed(self, speed: float | None) -> None:
@@ -136,7 +138,8 @@ class TurnPacing:
     def step(self) -> None:
         """Play one turn, then pause."""
         with self._changed:
-            self.is_paused, self._steps = True, min(self._steps + 1, _MOST_STEPS)
+            self.is_paused = True
+            self._steps = min(self._steps + 1, _MOST_STEPS)
             self._changed.notify_all()
 
     def release(self, *, is_released: bool) -> None:
@@ -205,11 +208,14 @@ class Live(Handle):
         self.when_joined: list[Callable[[Connection], None]] = [self._tell_status]
         self.when_failed: list[Callable[[BaseException], object]] = []
         self._players = Players(self)
-        self._options, self._seed = options, options.get("seed")
+        self._options = options
+        self._seed = options.get("seed")
         self._result: Result | None = None
         self._error: BaseException | None = None
         self._trouble: str | None = None  # an error in changed files
-        self._is_over, self._is_closed, self._wanted = threading.Event(), threading.Event(), threading.Event()
+        self._is_over = threading.Event()
+        self._is_closed = threading.Event()
+        self._wanted = threading.Event()
         self._asking = threading.Lock()
         self._is_following = False
         self._tokens = dict[Grant, str]()
@@ -348,7 +354,8 @@ class Live(Handle):
                 if stamps == known:
                     continue
                 known = stamps
-                self.scenario, self._trouble = source(), None
+                self.scenario = source()
+                self._trouble = None
                 self._play_again()
             except Exception as error:  # noqa: BLE001 - files may be half written, and the code in them raise anything
                 self._trouble = f"not begun again: {reason(error)}"
@@ -501,7 +508,8 @@ class Live(Handle):
         seed, chosen = message.get("seed"), message.get("numbers", {})
         if seed is not None and not (isinstance(seed, int) and not isinstance(seed, bool) and abs(seed) < 1 << 53):
             raise Refused("A seed is a whole number.")
-        self.scenario, self._seed = _with_numbers(self.scenario, chosen), seed
+        self.scenario = _with_numbers(self.scenario, chosen)
+        self._seed = seed
         self._play_again()
 
     def _play_again(self) -> None:

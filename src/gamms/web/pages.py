@@ -86,7 +86,8 @@ def _checked(options: Mapping[str, Any], turns: int, title: str) -> dict[str, An
     """Check options, and return those of the viewer that are set; `title` is the default title."""
     if unknown := sorted(options.keys() - _OPTIONS):
         raise BadValue(f"A page has no {shown(unknown[0])}; there is: {', '.join(sorted(_OPTIONS))}.")
-    turn, theme = as_int(options.get("turn", 0), "turn"), options.get("theme")
+    turn = as_int(options.get("turn", 0), "turn")
+    theme = options.get("theme")
     if not 0 <= turn <= turns:
         raise BadValue(f"There is no state after {turn} turns: this recording has {turns} turns.")
     if theme not in (None, "light", "dark"):

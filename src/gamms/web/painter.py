@@ -146,7 +146,8 @@ class Painter:
 
     def begin(self) -> None:
         """Begin a part that can be read without earlier parts; it repeats the last turn."""
-        changes, facts = list(self._slots.items()), list(self._facts.present())
+        changes = list(self._slots.items())
+        facts = list(self._facts.present())
         last = self._turn({}, [], [], [], None) if self._last is None else self._last
         self._turns = [last._replace(changes=changes, facts=facts, captions=[])]
         self._is_whole = True
@@ -191,7 +192,8 @@ class Painter:
         rest = self._sights.sensed(self._looked, self._state) if is_last and self._looked else None
         first = self._at - len(self._turns) + 1
         found = part_of(first, self._turns, self._step(), is_whole=self._is_whole, rest=rest)
-        self._turns, self._is_whole = [], False
+        self._turns = []
+        self._is_whole = False
         return frame(found)
 
     def _game_turn(self) -> int:
@@ -310,7 +312,8 @@ class Painter:
         return found
 
     def _signs(self, theme: str) -> dict[str, IArtist]:
-        artists, key = self._ctx.visual.artists, (self._edition, self._ctx.visual.artists.edits)
+        artists = self._ctx.visual.artists
+        key = (self._edition, self._ctx.visual.artists.edits)
         if self._artists.get(theme, (None,))[0] != key:
             with self._ctx.visual.drawing.themed(THEMES[theme]):
                 self._artists[theme] = key, artists.signs()

@@ -136,8 +136,11 @@ class Participants:
     """
 
     def __init__(self, file: Path, size: int, conditions: Sequence[str], seed: int, partner_within: float) -> None:
-        self._file, self._size, self._conditions = file, size, conditions
-        self._seed, self._partner_within = seed, partner_within
+        self._file = file
+        self._size = size
+        self._conditions = conditions
+        self._seed = seed
+        self._partner_within = partner_within
         self.by_code: dict[str, Participant] = {}
         self.groups: list[Group] = []
         self._agreed = 0  # consents, including those of removed participants

@@ -154,7 +154,8 @@ class People:
             mine = [question for name, question in self._questions.values() if name == person]
             for question in mine:
                 now = monotonic()
-                question.until, question.began = now + question.limit_s, now
+                question.until = now + question.limit_s
+                question.began = now
         for question in mine:
             question.wake()
         self._notify()
@@ -304,8 +305,11 @@ class Human:
         otherwise: Callable[[Any], Awaitable[None] | None],
         choices: "dict[tuple[int, str], list[Choice]] | None",
     ) -> None:
-        self.name, self._seconds, self._joins_within = name, seconds, joins_within
-        self._otherwise, self._choices = otherwise, choices
+        self.name = name
+        self._seconds = seconds
+        self._joins_within = joins_within
+        self._otherwise = otherwise
+        self._choices = choices
         self._people: People | None = None
         self._played: Counter[tuple[int, str]] = Counter()  # (turn, agent) -> replayed choices
 

@@ -122,7 +122,8 @@ class Connection:
 
     def told(self) -> list[str]:
         """Return the queued messages, and clear the queue."""
-        told, self._told = self._told, {}
+        told = self._told
+        self._told = {}
         return list(told.values())
 
 
@@ -224,8 +225,10 @@ class Server:
         listener = _listener(host, as_int(port, "port"))
         port = listener.getsockname()[1]
         name = f"[{host}]" if ":" in host else host
-        self.address, self.links = f"http://{name}:{port}", site.links
-        self._hub, idle = _SiteRouter(site), IdleTimeout(_MOST_QUIET, _QUIET_S)
+        self.address = f"http://{name}:{port}"
+        self.links = site.links
+        self._hub = _SiteRouter(site)
+        idle = IdleTimeout(_MOST_QUIET, _QUIET_S)
         guard = _Guard(self._hub.application(), _own_names(port) if is_local else None, idle)
 
         def protocol(**keywords: Any) -> WatchedConnection:  # called by uvicorn
@@ -331,7 +334,8 @@ class IdleTimeout:
     """
 
     def __init__(self, most: int, seconds: float) -> None:
-        self._most, self._seconds = most, seconds
+        self._most = most
+        self._seconds = seconds
         self._quiet: dict[Client, tuple[float, Callable[[], object]]] = {}  # idle since, oldest first; closes it
         self._busy: dict[Client, tuple[float, Callable[[], object]]] = {}
         self._timer: asyncio.TimerHandle | None = None
@@ -371,7 +375,8 @@ class IdleTimeout:
 
     def _look(self) -> None:
         """Close the connections whose time is over."""
-        now, self._timer = monotonic(), None
+        now = monotonic()
+        self._timer = None
         for known, most in ((self._quiet, self._seconds), (self._busy, _MOST_S)):
             for client in [client for client, (since, _) in known.items() if now - since > most]:
                 self._end(client)
@@ -388,7 +393,8 @@ class WatchedConnection(asyncio.Protocol):
     """
 
     def __init__(self, protocol: asyncio.Protocol, idle: IdleTimeout) -> None:
-        self._protocol, self._idle = protocol, idle
+        self._protocol = protocol
+        self._idle = idle
         self._client: Client = "", 0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -431,7 +437,9 @@ class _Guard:
     """
 
     def __init__(self, application: "ASGIApp", names: frozenset[str] | None, idle: IdleTimeout) -> None:
-        self._application, self._names, self._idle = application, names, idle
+        self._application = application
+        self._names = names
+        self._idle = idle
 
     async def __call__(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
         client = _client_of(scope)

@@ -64,7 +64,8 @@ class AudienceStream:
     """
 
     def __init__(self, audience: Audience, header: Keyframe, state: Keyframe, turns: int, nearest: Nearest) -> None:
-        is_everything, visuals = audience.is_everything, header.get("visuals")
+        is_everything = audience.is_everything
+        visuals = header.get("visuals")
         self._cut = None if is_everything else KnowledgeFilter(state, audience.has, nearest, visuals)
         if self._cut is not None:
             state = self._cut.keyframe(0)
@@ -188,10 +189,14 @@ class Streams:
         with self._lock:
             self._waiting.clear()
             self._most_waiting = min(max(_MOST_WAITING // max(len(state["names"]), 1), 1), _MOST_PARTS)
-            self._header, self._since, self.turns, self._turns = header, [], 0, 0
+            self._header = header
+            self._since = []
+            self.turns = 0
+            self._turns = 0
             self._drawings = {one["artist"]: one for one in header.get("drawings", [])}
             self._sides = partial(sides_of, header, {name: state[name] for name in ("names", "teams")})
-            self._state, self._error = DetachedState(deepcopy(state)), None
+            self._state = DetachedState(deepcopy(state))
+            self._error = None
             self._close()
             self._streams = {audience: self._begun(audience) for audience in self._streams}
 
@@ -219,7 +224,9 @@ class Streams:
                 self._add(self._state, streams, *self._waiting.popleft())
         except Exception as error:
             self._close()
-            self._error, self._state, self._streams = error, None, dict.fromkeys(self._streams)
+            self._error = error
+            self._state = None
+            self._streams = dict.fromkeys(self._streams)
             raise
         for stream in streams:
             stream.write()
@@ -270,7 +277,8 @@ class Streams:
         """End all streams."""
         with self._lock:
             self._close()
-            self._streams, self._state = {}, None
+            self._streams = {}
+            self._state = None
 
     def _close(self) -> None:
         for stream in filter(None, self._streams.values()):

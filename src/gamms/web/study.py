@@ -147,7 +147,8 @@ class Study(Handle):
                 f"study has no option {shown(unknown[0])}; there is: {', '.join(StudyOptions.__annotations__)}."
             )
         self.folder = folder
-        self._consent, self._options = consent, options
+        self._consent = consent
+        self._options = options
         self._seed = as_int(options.get("seed", 0), "seed")
         self._practice = as_count(options.get("practice", 1), "practice", 0)
         self._rounds = as_count(options.get("rounds", 1), "rounds")
@@ -434,7 +435,8 @@ class Study(Handle):
 
     def _end(self, group: Group) -> None:
         """End the game of a group without writing rows; the group may begin it again."""
-        live, group.live = group.live, None
+        live = group.live
+        group.live = None
         group.ready.clear()
         if live is not None:
             live.close()
@@ -463,7 +465,10 @@ class Study(Handle):
             add_lines(self.folder / "rows.jsonl", rows)
             self._rows += rows
             self._write_csv()
-            group.played, group.attempts, group.live, group.ended = group.played + 1, 0, None, live
+            group.played = group.played + 1
+            group.attempts = 0
+            group.live = None
+            group.ended = live
             group.ready.clear()
             # The page shows the end of the game until the next round begins, or until too many others have ended.
             self._shown.append(group)
@@ -607,8 +612,10 @@ class _GroupHost:
     """The server as the game of one group sees it: only the connections of its members."""
 
     def __init__(self, server: Server, links: Links, codes: tuple[str, ...]) -> None:
-        self._server, self._codes = server, codes
-        self.address, self.links = server.address, links
+        self._server = server
+        self._codes = codes
+        self.address = server.address
+        self.links = links
 
     @property
     def connections(self) -> list[Connection]:

@@ -326,7 +326,8 @@ class WaitingTurns:
     """
 
     def __init__(self, first: int, parts: Sequence[LogPart] = ()) -> None:
-        self.first, self.parts = first, list[LogPart]()
+        self.first = first
+        self.parts = list[LogPart]()
         self.turns = self.moves = self.events = self.values = self.size = 0
         for part in parts:
             self.add(part)
@@ -443,7 +444,8 @@ class Chunk:
 
     def numbers_of(self, first: int, last: int, kinds: Collection[int] | None = None) -> IntArray:
         """Return the numbers of the events in turns `first` to `last - 1`, optionally only of some kinds."""
-        begin, end = int(self.event_ends[first]), int(self.event_ends[last])
+        begin = int(self.event_ends[first])
+        end = int(self.event_ends[last])
         numbers = np.arange(begin, end)
         return numbers if kinds is None else numbers[np.isin(self.kinds[begin:end], list(kinds))]
 

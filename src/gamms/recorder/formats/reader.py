@@ -53,7 +53,8 @@ class Reader(StreamOwner):
     def _take(self, contents: FileContents) -> None:
         self.header = contents.header
         self.warning = contents.warning
-        self.is_complete, self.turns = contents.warning is None, turns_of(contents.found)
+        self.is_complete = contents.warning is None
+        self.turns = turns_of(contents.found)
         self._chunks = [block for block in contents.found if block.type == blocks.TURNS]
         self._keyframes = [block for block in contents.found if block.type == blocks.KEYFRAME]
         self._firsts = [block.first for block in self._chunks]

@@ -70,7 +70,8 @@ def paste(planes: list[ByteArray], parts: list[ByteArray], tiles: list[ChangedTi
     for plane, part, share in zip(planes, parts, (1, 2, 2), strict=True):
         side = SIDE // share
         for number, (left, top, (x, y)) in enumerate(tiles):
-            down, across = (top - y) // share, number * side + (left - x) // share
+            down = (top - y) // share
+            across = number * side + (left - x) // share
             place = plane[top // share : (top + TILE) // share, left // share : (left + TILE) // share]
             rows, columns = place.shape
             place[:] = part[down : down + rows, across : across + columns]

@@ -40,8 +40,10 @@ class Patch(NamedTuple):
 
 def disc(x: float, y: float, outer: float, inner: float, width: int, height: int) -> Patch | None:
     """Return a disc of radius `outer` px with a hole of radius `inner`, clipped to a picture; None if it is empty."""
-    left, top = max(0, int(np.floor(x - outer - 1))), max(0, int(np.floor(y - outer - 1)))
-    right, bottom = min(width, int(np.ceil(x + outer + 1))), min(height, int(np.ceil(y + outer + 1)))
+    left = max(0, int(np.floor(x - outer - 1)))
+    top = max(0, int(np.floor(y - outer - 1)))
+    right = min(width, int(np.ceil(x + outer + 1)))
+    bottom = min(height, int(np.ceil(y + outer + 1)))
     if left >= right or top >= bottom:
         return None
     across = np.arange(left, right) + 0.5 - x
@@ -138,7 +140,8 @@ def _crossings(points: FloatArray, offsets: IntArray, lines: int) -> tuple[IntAr
     following[offsets[1:] - 1] = offsets[:-1]
     begin, end = points, points[following]
     turn = np.sign(end[:, 1] - begin[:, 1]).astype(np.int64)
-    high, low = np.where((turn > 0)[:, None], begin, end), np.where((turn > 0)[:, None], end, begin)
+    high = np.where((turn > 0)[:, None], begin, end)
+    low = np.where((turn > 0)[:, None], end, begin)
     first = np.clip(np.ceil(high[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
     last = np.clip(np.ceil(low[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
     side, line = kernels.expand_ranges(first, last)

@@ -145,7 +145,8 @@ def _changed(before: "Image | None", image: "Image") -> tuple[int, int, int, int
     if before is None:
         return (0, 0, *image.size)
     differs = np.asarray(before) != np.asarray(image)
-    rows, columns = np.flatnonzero(differs.any(axis=1)), np.flatnonzero(differs.any(axis=0))
+    rows = np.flatnonzero(differs.any(axis=1))
+    columns = np.flatnonzero(differs.any(axis=0))
     if len(rows) == 0:
         return None
     return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1

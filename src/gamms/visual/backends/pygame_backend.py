@@ -101,7 +101,8 @@ class Canvas:
         """Paint, and return the surfaces for `stamps` to repeat it; None if they are unknown or too many."""
         self._noted = []
         paint()
-        noted, self._noted = self._noted, None
+        noted = self._noted
+        self._noted = None
         return noted
 
     def _lay(self, surface: "Surface", place: tuple[int, int]) -> None:
@@ -209,7 +210,8 @@ class Canvas:
         edge = self._paper if is_dark(color) != is_dark(self._paper) else None
         turned = _turned_text(words, font_px, color, edge, round(angle % 360.0, 1))
         (x, y), turn = corner, radians(angle)
-        across, down = words_width(words, font_px) / 2, _height(font_px) / 2
+        across = words_width(words, font_px) / 2
+        down = _height(font_px) / 2
         x += across * cos(turn) + down * sin(turn) - turned.get_width() / 2
         y += down * cos(turn) - across * sin(turn) - turned.get_height() / 2
         self._lay(turned, (round(x), round(y)))
@@ -316,7 +318,8 @@ def _turned_text(words: str, font_px: int, color: Rgba, edge: Rgb | None, angle:
     ink = color[:3]
     pygame = load()
     wide = _TURNED
-    width, height = round(words_width(words, font_px)) + 4, round(_height(font_px)) + 4
+    width = round(words_width(words, font_px)) + 4
+    height = round(_height(font_px)) + 4
     surface: Surface = pygame.Surface((width * wide, height * wide), pygame.SRCALPHA, 32)
     surface.fill((*(edge or ink), 0))
     if edge is not None:

@@ -75,7 +75,8 @@ def _runs(commands: DrawCommands, rows: IntArray) -> Iterator[tuple[DrawKind, in
 def _view(camera: Camera, margin_px: float) -> tuple[float, float, float, float]:
     """Return the left, low, right and high end of a camera's view plus a margin in pixels, world units."""
     margin = margin_px / camera.scale
-    right, low = camera.left + camera.width / camera.scale, camera.top - camera.height / camera.scale
+    right = camera.left + camera.width / camera.scale
+    low = camera.top - camera.height / camera.scale
     return camera.left - margin, low - margin, right + margin, camera.top + margin
 
 
@@ -92,8 +93,10 @@ class _Lines:
 
     def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
         _, first = kernels.expand_ranges(commands.offsets[rows], commands.offsets[rows + 1] - 1)
-        self.starts, self.ends = commands.points[first], commands.points[first + 1]
-        self.low, self.high = np.minimum(self.starts, self.ends), np.maximum(self.starts, self.ends)
+        self.starts = commands.points[first]
+        self.ends = commands.points[first + 1]
+        self.low = np.minimum(self.starts, self.ends)
+        self.high = np.maximum(self.starts, self.ends)
         row = int(rows[0])
         self.color = _rgba(commands, row)
         self.width = float(commands.width[row])
@@ -110,14 +113,16 @@ class _Lines:
         seen = touching(self.low, self.high, _view(camera, width_px + _BEYOND_PX))
         if not seen.any() or width_px == 0.0 or color[3] == 0:
             return
-        starts, ends = camera.to_screen(self.starts[seen]), camera.to_screen(self.ends[seen])
+        starts = camera.to_screen(self.starts[seen])
+        ends = camera.to_screen(self.ends[seen])
         draw_lines(canvas, starts, ends, width_px, color)
 
 
 def draw_lines(canvas: Canvas, starts: FloatArray, ends: FloatArray, width_px: float, color: Rgba) -> None:
     """Paint line segments (lines, 2), in pixels."""
     margin = width_px + _BEYOND_PX
-    low, high = (-margin, -margin), (canvas.width + margin, canvas.height + margin)
+    low = (-margin, -margin)
+    high = (canvas.width + margin, canvas.height + margin)
     lowest, highest = extent(starts, ends)
     if (lowest < low).any() or (highest > high).any():
         starts, ends = clipped(starts, ends, low, high)
@@ -305,7 +310,8 @@ class _SingleCommands:
     """Rectangles, texts and images, painted one by one."""
 
     def __init__(self, commands: DrawCommands, rows: IntArray) -> None:
-        self.commands, self.rows = commands, rows.tolist()
+        self.commands = commands
+        self.rows = rows.tolist()
         kind = DrawKind(int(commands.kind[rows[0]]))
         self.paint = _SINGLE[kind]
 
@@ -386,7 +392,8 @@ def _rectangle(canvas: Canvas, camera: Camera, command: _Command) -> None:  # no
 
 
 def _polygon(canvas: Canvas, points: FloatArray, width_px: float, color: Rgba) -> None:
-    low, high = points.min(axis=0) - width_px, points.max(axis=0) + width_px
+    low = points.min(axis=0) - width_px
+    high = points.max(axis=0) + width_px
     if (high < 0).any() or (low > (canvas.width, canvas.height)).any() or color[3] == 0:
         return
     if width_px > 0.0:

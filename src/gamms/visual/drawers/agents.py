@@ -195,7 +195,8 @@ def _shifts(ctx: IContext, agents: _GroundAgents, share: float) -> FloatArray:
     known = visual.spread
     if known is None or known.moves is not moves or not known.is_of(on, agents.rows):  # else it is the same turn
         before = np.where(visual.motion.paths_of(agents.names) >= 0, previous, on)
-        starts, ends = _spread(before, agents.rows), _spread(on, agents.rows)
+        starts = _spread(before, agents.rows)
+        ends = _spread(on, agents.rows)
         known = visual.spread = DiscOffsets(on, agents.rows, moves, starts, ends)
         visual.has_stacks = int(np.unique(on, return_counts=True)[1].max(initial=0)) > _MOST_SPREAD
     return known.ends if share >= 1.0 else (1.0 - share) * known.starts + share * known.ends

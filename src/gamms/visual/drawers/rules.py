@@ -124,7 +124,8 @@ class KeyedDrawer:
     """
 
     def __init__(self, key: str, colors: Mapping[Any, Any] | None = None) -> None:
-        self.artist, self.keywords = key, {"key": key, "colors": _checked_colors(colors)}
+        self.artist = key
+        self.keywords = {"key": key, "colors": _checked_colors(colors)}
 
     def __eq__(self, other: object) -> bool:
         """Return whether the other drawer draws the same."""
@@ -168,7 +169,8 @@ def as_text(ids: IntArray) -> str:
     if len(ids) == 0:
         return ""
     cuts = np.flatnonzero(np.diff(ids) != 1)
-    begins, ends = ids[np.r_[0, cuts + 1]].tolist(), ids[np.r_[cuts, len(ids) - 1]].tolist()
+    begins = ids[np.r_[0, cuts + 1]].tolist()
+    ends = ids[np.r_[cuts, len(ids) - 1]].tolist()
     runs = zip(begins, ends, strict=True)
     return " ".join(f"{begin}" if begin == end else f"{begin}..{end}" for begin, end in runs)
 
@@ -212,7 +214,8 @@ class TerritoryDrawer(KeyedDrawer):
         owned = territories_in(ctx).get(self._name, {})
         columns = ctx.graph.columns()
         if self._seen is None or self._seen[0] is not columns or self._seen[1] != owned:
-            self._seen, self._breadth = (columns, owned), _BAND * typical_edge_length(columns)
+            self._seen = (columns, owned)
+            self._breadth = _BAND * typical_edge_length(columns)
             self._places = _places(columns, owned)
         visual = drawing_of(ctx)
         for team, color in team_colors_of(ctx, self._places, self._given).items():

@@ -153,7 +153,8 @@ class FrameTiming:
         self.is_capped = self.is_paused = self.is_held = self.is_stepping = False
         self.is_showing = False
         self.shown_seconds = 0.0
-        self.frames, self._due = 0, monotonic()
+        self.frames = 0
+        self._due = monotonic()
         self._is_whole = False  # all of the turn is shown
         self._ends_step = True  # a step ends with the turn that is shown
         self._speed = _SPEEDS.index(1.0)

@@ -120,7 +120,9 @@ class WindowEngine(WindowNames, PictureEngine):
         self.overlay.has_captions = as_bool(captions, "captions")
         self.overlay.has_street_names = as_bool(street_names, "street_names")
         self.playback: IPlayback | None = None
-        self._fog, self._fogs, self._is_fog_known = fog, dict[str, Fog](), False
+        self._fog = fog
+        self._fogs = dict[str, Fog]()
+        self._is_fog_known = False
         self._wanted: int | None = None  # the turn that the person has chosen in this frame
         self._stays_open = as_bool(stay_open, "stay_open")
         self._was_closed = False
@@ -186,7 +188,8 @@ class WindowEngine(WindowNames, PictureEngine):
         Raises:
             BadValue: the theme does not exist.
         """
-        theme, self._theme = theme_called(name), name
+        theme = theme_called(name)
+        self._theme = name
         self._background = theme.background
         self.drawing.theme = theme
         self.overlay.set_theme(theme)
@@ -550,7 +553,8 @@ class WindowEngine(WindowNames, PictureEngine):
     def resized(self, width: int, height: int) -> None:
         """Adapt to a new size of the window."""
         self.screen = window_surface() or self.screen
-        self.pictures.width, self.pictures.height = width, height
+        self.pictures.width = width
+        self.pictures.height = height
         self.camera.set_screen_size(width, height)
 
     # -- declarations ------------------------------------------------------------------------------------

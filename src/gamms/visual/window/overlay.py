@@ -96,7 +96,8 @@ class Overlay(Guarded):
         self.hud = Hud(theme)
         self.timeline = Timeline(self._team_of)
         self.shown: dict[str, IArtist] = {}
-        self.trails, self.most_trails = 0, _DEFAULT_TRAILS
+        self.trails = 0
+        self.most_trails = _DEFAULT_TRAILS
         self.labels: Choice = AUTO
         self._names = Labels()
         self.turns = 0
@@ -144,7 +145,8 @@ class Overlay(Guarded):
 
     def keep_trails(self, turns: int) -> None:
         """Set the number of turns of trails; 0 hides trails until they are switched on."""
-        self.trails, self.most_trails = turns, turns or _DEFAULT_TRAILS
+        self.trails = turns
+        self.most_trails = turns or _DEFAULT_TRAILS
 
     # -- artists ---------------------------------------------------------------------------------------------
 
@@ -416,5 +418,6 @@ def _ways(places: FloatArray) -> FloatArray:
 
 def _turned(way: FloatArray, step: int) -> FloatArray:
     """Return a unit vector, rotated by one of the angles at which numbers are placed."""
-    cos, sin = np.cos(_TURNS[step % len(_TURNS)]), np.sin(_TURNS[step % len(_TURNS)])
+    cos = np.cos(_TURNS[step % len(_TURNS)])
+    sin = np.sin(_TURNS[step % len(_TURNS)])
     return np.array([way[0] * cos - way[1] * sin, way[0] * sin + way[1] * cos])

@@ -136,7 +136,8 @@ class Hud:
         width, height = _size(lines) if lines else (0, 2 * _PAD_PX)
         width = max(width, text_px(title, _TITLE_PX) + spot + 2 * _PAD_PX) + 2 * _PAD_PX
         height += _TITLE_PX + 2 * _PAD_PX
-        left, top = (canvas.width - width) // 2, max((canvas.height - height) // 5, EDGE_PX)
+        left = (canvas.width - width) // 2
+        top = max((canvas.height - height) // 5, EDGE_PX)
         upper = [box for box in self.taken if box[1] < canvas.height / 2]
         if any(_overlap(_box(left, top, width, height), box) for box in upper):  # in a small window: below all lines
             top = round(max(box[3] for box in upper)) + EDGE_PX
@@ -160,7 +161,8 @@ class Hud:
             return 0, 0
         lines = _wrapped(tuple(lines), canvas.width)
         width, height = _size(lines)
-        left, top = round(x - align[0] * width), round(y - align[1] * height)
+        left = round(x - align[0] * width)
+        top = round(y - align[1] * height)
         canvas.surface.blit(plain_panel(width, height, self.theme.card, self.theme.border), (left, top))
         for row, line in enumerate(lines):
             canvas.text(line, left + _PAD_PX, top + _PAD_PX + row * _LINE_PX, FONT_PX, self.theme.ink)
