@@ -24,7 +24,7 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
-class _Bounded(Repr):
+class _BoundedRepr(Repr):
     """A `Repr` that can format integers with more than 4,300 digits, which Python refuses to convert."""
 
     def repr_int(self, value: int, level: int) -> str:
@@ -34,7 +34,7 @@ class _Bounded(Repr):
         return f"<an integer of {value.bit_length()} bits>"
 
 
-_bounded = _Bounded()
+_bounded = _BoundedRepr()
 _bounded.maxstring = _bounded.maxlong = _bounded.maxother = 80
 
 

@@ -200,11 +200,17 @@ def route_of(graph: IGraph, columns: GraphColumns, move: Move) -> RoadRoute:
     """Return the route of a move, by its legs if the game measures moves in meters."""
     if not move.legs:
         return route_along(columns, move.path)
-    lines, ends = [], []
+    lines = list[FloatArray]()
+    ends = list[int | None]()
     for leg in move.legs:
         line = line_along(graph.get_edge(leg.edge).points, leg.begin, leg.end)
         lines.append(np.array([point[1:] for point in line], np.float64))
-        ends.append(leg.target if leg.end >= 1.0 else leg.source if leg.end <= 0.0 else None)
+        if leg.end >= 1.0:
+            ends.append(leg.target)
+        elif leg.end <= 0.0:
+            ends.append(leg.source)
+        else:
+            ends.append(None)
     return _joined(lines, move.start, ends)
 
 

@@ -243,7 +243,11 @@ def shard_of(given: object) -> tuple[int, int] | None:
     """
     if given is None:
         return None
-    parts = given.split("/") if isinstance(given, str) else list(given) if isinstance(given, (tuple, list)) else []
+    parts: list[Any] = []
+    if isinstance(given, str):
+        parts = given.split("/")
+    elif isinstance(given, tuple | list):
+        parts = list(given)
     try:
         number, count = (int(part) for part in parts)
     except (ValueError, TypeError):

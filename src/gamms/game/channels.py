@@ -154,9 +154,11 @@ def _jammer(value: object, name: str) -> Jammer:
     if "radius_m" not in given or sum(given.get(key) is not None for key in ("agent", "team", "at")) != 1:
         raise BadValue(f"Each of {name} must be like {_JAMMER}, not {shown(value)}.")
     at, team = given.get("at"), given.get("team")
-    where: Any = (
-        None if at is None else as_int(at, name) if hasattr(at, "__index__") else tuple(as_numbers(at, name, "(x, y)"))
-    )
+    where: Any = None
+    if hasattr(at, "__index__"):
+        where = as_int(at, name)
+    elif at is not None:
+        where = tuple(as_numbers(at, name, "(x, y)"))
     agent = None if given.get("agent") is None else as_name(given["agent"], "a jammer")
     return Jammer(as_range(given["radius_m"], f"radius_m of {name}"), agent, as_key(team, name), where)
 

@@ -623,7 +623,7 @@ def _asked(resolve: Resolver, contest: Contest) -> str:
 _Attributes = Mapping[str, Mapping[int, Any]]  # name -> row -> value
 
 
-class _Limits(NamedTuple):
+class _CapacityLimits(NamedTuple):
     """The capacities of nodes or of edges.
 
     Attributes:
@@ -647,7 +647,7 @@ class _Capacities:
         number: the common capacity of all nodes; None: capacities may differ.
     """
 
-    def __init__(self, nodes: _Limits | None, edges: _Limits | None) -> None:
+    def __init__(self, nodes: _CapacityLimits | None, edges: _CapacityLimits | None) -> None:
         self._nodes = nodes or _of_all(UNLIMITED)
         self._edges = edges or _of_all(UNLIMITED)
         self.least = min(self._nodes.least, self._edges.least)
@@ -670,11 +670,11 @@ class _Capacities:
         return np.concatenate((rows, self._edges.rows(columns.edge_ids, columns.edge_attributes)))
 
 
-def _of_all(number: int) -> _Limits:
-    return _Limits(number, lambda _, ids: [number] * len(ids), lambda ids, _: np.full(len(ids), number), number)
+def _of_all(number: int) -> _CapacityLimits:
+    return _CapacityLimits(number, lambda _, ids: [number] * len(ids), lambda ids, _: np.full(len(ids), number), number)
 
 
-def _in_attribute(name: str, kind: str) -> _Limits:
+def _in_attribute(name: str, kind: str) -> _CapacityLimits:
     """Return capacities that are read from an attribute of nodes or edges in each turn."""
     is_known = False
 
@@ -696,10 +696,10 @@ def _in_attribute(name: str, kind: str) -> _Limits:
             limits[row] = _as_limit(value, f"Attribute {name!r} of {kind} {ids[row]}")
         return limits
 
-    return _Limits(0, of, rows)
+    return _CapacityLimits(0, of, rows)
 
 
-def _as_limits(capacity: object, kind: str) -> _Limits | None:
+def _as_limits(capacity: object, kind: str) -> _CapacityLimits | None:
     """Check the capacity argument for a "node" or "edge"; return None if there is no limit."""
     what = "capacity" if kind == "node" else "edge_capacity"
     if capacity is None:
@@ -712,7 +712,7 @@ def _as_limits(capacity: object, kind: str) -> _Limits | None:
         pairs = ((as_int(node, f"The id of a {kind} in {what}"), value) for node, value in capacity.items())
         known = {node: _as_limit(value, f"{what} of {kind} {node}") for node, value in pairs}
         least = min(known.values(), default=UNLIMITED)
-        return _Limits(least, lambda _, ids: _limits_in(known, ids), partial(_rows_of_ids, known))
+        return _CapacityLimits(least, lambda _, ids: _limits_in(known, ids), partial(_rows_of_ids, known))
     try:
         number = as_int(capacity, what)
     except BadType:

@@ -91,7 +91,8 @@ class StreetNames:
         self._spelling: dict[str, str] = {}
         folded: dict[str, str] = {}
         for row, given in names.items():
-            for name in [given] if isinstance(given, str) else given if isinstance(given, (list, tuple)) else []:
+            several = given if isinstance(given, list | tuple) else [given]
+            for name in several:
                 if isinstance(name, str):
                     key = folded[name] if name in folded else folded.setdefault(name, _folded(name))
                     self._rows.setdefault(key, []).append(row)

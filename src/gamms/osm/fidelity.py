@@ -372,7 +372,9 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
         closed = None if selection.closed is None else selection.closed(osmid, tags)
         conditional = any(name.endswith(":conditional") for name in tags)
         is_taken = selection.rule is None or closed is not None or selection.rule(osmid, tags) is not None
-        why = closed[0]["why"] if closed is not None else "" if is_taken else _FILTER
+        why = "" if is_taken else _FILTER
+        if closed is not None:
+            why = closed[0]["why"]
         return {"osmid": osmid, "why": why, "oneway": False, "conditional": conditional}, False
 
     with progress() as show:

@@ -179,7 +179,9 @@ class Model:
         others = [scores[team] for team in self.ctx.agent.teams if team != self.team]
         lead = float(scores[self.team] - max(others, default=0.0))
         winner = None if over is None else over["winner"]
-        return lead if winner is None else lead + (1.0 if winner == self.team else -1.0)
+        if winner is None:
+            return lead
+        return lead + 1.0 if winner == self.team else lead - 1.0
 
     # -- policies -------------------------------------------------------------------------------------------------
 

@@ -119,7 +119,11 @@ def _refuse_unused(suffix: str, options: RenderOptions) -> None:
     """Raise for options that do not apply to a format."""
     if not isinstance(options, RenderOptions):
         raise BadType(f"options are RenderOptions(…), not {shown(options)}.")
-    unused = () if suffix in FILMS else _OF_FILMS if suffix in FORMATS else (*_OF_FILMS, *_OF_PICTURES)
+    unused: tuple[str, ...] = (*_OF_FILMS, *_OF_PICTURES)
+    if suffix in FILMS:
+        unused = ()
+    elif suffix in FORMATS:
+        unused = _OF_FILMS
     default = RenderOptions()
     given = [name for name in unused if getattr(options, name) != getattr(default, name)]
     if given:

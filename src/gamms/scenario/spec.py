@@ -158,7 +158,7 @@ class TeamDistance(_Mapping, frozen=True, kw_only=True):
     at_least: Metres
 
 
-class Equipment(_Mapping, frozen=True, kw_only=True):
+class AgentKeys(_Mapping, frozen=True, kw_only=True):
     """The keys that a team sets for all its agents, or an agent for itself."""
 
     type: str | None = None
@@ -169,14 +169,14 @@ class Equipment(_Mapping, frozen=True, kw_only=True):
     meta: Values = {}
 
 
-class Agent(Equipment, frozen=True, kw_only=True):
+class Agent(AgentKeys, frozen=True, kw_only=True):
     """An agent; without a node it is placed by the rules of its team."""
 
     name: Name
     node: Place | None = None
 
 
-class Team(Equipment, frozen=True, kw_only=True):
+class Team(AgentKeys, frozen=True, kw_only=True):
     """A team: listed agents, or a number of agents placed at random."""
 
     count: Count = 0

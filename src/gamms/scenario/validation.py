@@ -172,7 +172,7 @@ def _check_team(path: str, team: schema.Team, earlier: set[str], spec: Spec) -> 
         _check_equipment(where, one, team, spec)
 
 
-def _check_equipment(where: str, one: schema.Equipment, team: schema.Team, spec: Spec) -> None:
+def _check_equipment(where: str, one: schema.AgentKeys, team: schema.Team, spec: Spec) -> None:
     """Check settings that a team makes for all its agents, or one agent for itself."""
     if isinstance(one.sensors, dict):
         for name, sensor in one.sensors.items():
@@ -244,7 +244,7 @@ def code_in(spec: Spec) -> Iterator[NamedCode]:
     yield from _code_among(("data",), spec.data)
 
 
-def _code_of_sensors(keys: tuple[str | int, ...], part: Spec | schema.Equipment) -> Iterator[NamedCode]:
+def _code_of_sensors(keys: tuple[str | int, ...], part: Spec | schema.AgentKeys) -> Iterator[NamedCode]:
     for name, sensor in part.sensors.items() if isinstance(part.sensors, dict) else ():
         if sensor.function is not None:
             code = Code(function=sensor.function, with_=sensor.with_ or {})

@@ -191,7 +191,8 @@ def evaluate(
             f"evaluate needs a game of two teams and opponents=, name -> strategy, not {list(teams)} and {list(named)}."
         )
     cut = _cut(scenario, turns)
-    start = seed if seed is not None else 0 if scenario.spec.seed is None else scenario.spec.seed
+    start = scenario.spec.seed if seed is None else seed
+    start = 0 if start is None else start
     first, number = as_int(start, "seed"), as_count(games, "games")
     found = {
         name: float(_rewards_in_games(cut, team, {team: strategy, teams[1]: other}, "score", first, number).mean())

@@ -246,7 +246,9 @@ class Solution:
         sides: set[Bound] = {"upper" if team == self.team else "lower" for team in blind}
         if numeric != "exact":
             sides.add(numeric if self._side == 0 else _OPPOSITE[numeric])
-        return sides.pop() if len(sides) == 1 else "none" if sides else "exact"
+        if len(sides) == 1:
+            return sides.pop()
+        return "none" if sides else "exact"
 
     @property
     def is_exact(self) -> bool:

@@ -226,7 +226,12 @@ class ValueIteration:
         self.error = 0.0 if change == 0.0 else self.error
         if self.error > tolerance:
             usual = self.rewards.usual
-            self.side = "lower" if (usual >= 0).all() else "upper" if (usual <= 0).all() else "none"
+            if (usual >= 0).all():
+                self.side = "lower"
+            elif (usual <= 0).all():
+                self.side = "upper"
+            else:
+                self.side = "none"
 
     def _refuse_many(self) -> None:
         if len(self.values) * len(self.table) > _MOST_VALUES:

@@ -384,7 +384,9 @@ class _Explorer:
         """Return the shift in turns for the repetition, 0 if the turn is part of the state."""
         if self._by_turn or (self._last is not None and turn >= self._last - 1):
             return 0
-        return 5 if self._last is None else 1 if turn + 1 < self._last - 1 else -1
+        if self._last is None:
+            return 5
+        return 1 if turn + 1 < self._last - 1 else -1
 
     def _explain(self, states: States, chosen: IntArray, turn: int, shift: Perturbation) -> None:
         """Raise an error that names the hidden dependence of a turn."""

@@ -40,7 +40,9 @@ def by_pace(ctx: Context, seen: Mapping[str, int]) -> dict[Pace, dict[str, int]]
 
 def in_turns(far: float, speed: float) -> float:
     """Return the number of turns for a distance; infinite for an infinite distance, at any speed."""
-    return far / speed if speed and far < inf else (inf if far else 0.0)
+    if speed and far < inf:
+        return far / speed
+    return inf if far else 0.0
 
 
 def turns_for(far: FloatArray, speed: FloatArray | float) -> FloatArray:

@@ -88,7 +88,7 @@ def _stay(states: Mapping[str, dict[str, Any]]) -> None:
         state["action"] = (0.0, 0.0, 0.0) if isinstance(state["curr_pos"], tuple) else state["curr_pos"]
 
 
-class _Side:
+class _EntrySide:
     """The team that an entry plays: its plan in the game, and its first fault."""
 
     def __init__(self, player: EntryProcess, ctx: Context, team: str, start: Mapping[str, Any]) -> None:
@@ -144,7 +144,7 @@ class _Side:
                 self.fault = Fault("illegal", f"{error['agent']} in turn {error['turn']}: {error['message']}")
 
 
-def _forfeit(sides: Mapping[str, _Side]) -> tuple[str | None, str]:
+def _forfeit(sides: Mapping[str, _EntrySide]) -> tuple[str | None, str]:
     """Return the winner of a game in which an entry has a fault, and the reason for the end."""
     faults = {team: side.fault.kind for team, side in sides.items() if side.fault is not None}
     others = [team for team in sides if team not in faults]
@@ -156,7 +156,7 @@ def _forfeit(sides: Mapping[str, _Side]) -> tuple[str | None, str]:
 class _Referee:
     """A rule that ends the game when an entry has a fault."""
 
-    def __init__(self, sides: Mapping[str, _Side]) -> None:
+    def __init__(self, sides: Mapping[str, _EntrySide]) -> None:
         self._sides = sides
         self.__name__ = "referee"
 
@@ -188,7 +188,7 @@ def play(
             team: open_things.enter_context(EntryProcess(launchers[one])) for team, one in fixture.entries.items()
         }
         sides = {
-            team: _Side(player, ctx, team, _start(ctx, team, fixture, player.launcher))
+            team: _EntrySide(player, ctx, team, _start(ctx, team, fixture, player.launcher))
             for team, player in players.items()
         }
         for team, side in sides.items():
@@ -233,7 +233,7 @@ def trial(scenario: Scenario, seed: int, sides: tuple[str, str], launcher: Launc
         ctx.game.time_budget = None
         player = open_things.enter_context(EntryProcess(launcher))
         fixture = Fixture("", {team: launcher.entry.name}, seed, 0)
-        side = _Side(player, ctx, team, _start(ctx, team, fixture, launcher))
+        side = _EntrySide(player, ctx, team, _start(ctx, team, fixture, launcher))
         ctx.game.command(team, side.plan)
         ctx.game.command(other, _stay)
         ctx.game.add(_Referee({team: side}))

@@ -177,7 +177,9 @@ def _games(table: Table, folder: Path) -> str:
 
 def _game(row: Row, first: str, folder: Path) -> str:
     points = points_of(row)[first]
-    letter = "w" if points == 1.0 else "d" if points else "l"
+    letter = "d" if points else "l"
+    if points == 1.0:
+        letter = "w"
     title = f"seed {row['seed']}: {row['reason']}, {row['turns']} turns"
     file = Path("games", f"{row['id']}.ggr")
     link = f" href={_quoted(file.as_posix())}" if (folder / file).exists() else ""

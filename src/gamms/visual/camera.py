@@ -438,7 +438,9 @@ class WindowCamera:
 def _shift(margins_px: float, slack_px: float) -> float:
     """Return the offset from the center, in pixels, for contents between margins with this difference."""
     shift = abs(margins_px) / 2 - slack_px
-    return 0.0 if shift <= 0.0 else shift if margins_px > 0.0 else -shift
+    if shift <= 0.0:
+        return 0.0
+    return shift if margins_px > 0.0 else -shift
 
 
 def is_near(camera: Camera, before: Camera) -> bool:

@@ -182,7 +182,8 @@ def _heights(ctx: IContext) -> Iterator[tuple[str, str]]:
     positions = ctx.agent.positions
     for row in positions.flyers.tolist():
         z = cast("IAerialAgent", ctx.agent.agents[positions.names[row]]).position[2]
-        yield positions.names[row], "" if z <= 0.0 else f"{z:.0f} m" if z >= 10.0 else f"{z:.2g} m"
+        height = f"{z:.0f} m" if z >= 10.0 else f"{z:.2g} m"
+        yield positions.names[row], height if z > 0.0 else ""
 
 
 def dots_of(looks: Sequence[AgentData], camera: Camera, fine: float = 1.0, flyers: Iterable[str] = ()) -> AgentDots:

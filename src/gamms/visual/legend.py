@@ -123,7 +123,8 @@ def blocks_of(ctx: IContext, artists: Mapping[str, IArtist]) -> tuple[Block, ...
                 continue
             if not isinstance(block, ColorScale | LegendRows):
                 raise BadType(
-                    f"The legend of artist {shown(name)} must be a Bar or Rows, or a list of such, not {shown(block)}."
+                    f"The legend of artist {shown(name)} must be LegendRows, a ColorScale, or a list of these, "
+                    f"not {shown(block)}."
                 )
             found.append(block)
     return together(found)

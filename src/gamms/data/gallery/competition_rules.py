@@ -56,7 +56,9 @@ def flags(attackers, defenders, real, radius):
         state = ctx.game.data["flags"]
         for node in ctx.game.facts["candidates"]:
             at = ctx.graph.get_node(node)
-            color = "gray" if node not in state["known"] else "orange" if node in state["real"] else "black"
+            color = "gray"
+            if node in state["known"]:
+                color = "orange" if node in state["real"] else "black"
             ctx.visual.render_circle(at.x, at.y, 5 if node in state["captured"] else 12, color)
 
     flags.prepare = prepare

@@ -191,7 +191,9 @@ def levels_of(columns: GraphColumns) -> IntArray:
 def _layer(value: object) -> int:
     """Return on which side of the ground a layer as tags have it is: -1, 0 or 1."""
     text = str(value).strip()
-    return 0 if not text.lstrip("-").isdigit() or int(text) == 0 else _BELOW if text.startswith("-") else _ABOVE
+    if not text.lstrip("-").isdigit() or int(text) == 0:
+        return 0
+    return _BELOW if text.startswith("-") else _ABOVE
 
 
 def _is_so(value: object) -> bool:

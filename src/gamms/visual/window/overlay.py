@@ -392,7 +392,9 @@ def _summary(data: object) -> str:
             return ", ".join(counts)
     if isinstance(data, dict | list | tuple | set):
         few = ", ".join(map(str, data)) if len(data) <= 6 else ""
-        return few if 0 < len(few) <= 40 else f"{len(data)} seen" if data else "nothing"
+        if 0 < len(few) <= 40:
+            return few
+        return f"{len(data)} seen" if data else "nothing"
     words = str(data)
     return words if len(words) <= 40 else words[:39] + "…"
 
