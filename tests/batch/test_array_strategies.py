@@ -260,3 +260,23 @@ def test_with_a_time_budget_it_is_asked_game_by_game_in_the_core(same_as_one_by_
         assert games.is_in_arrays
         assert "hunt" in games.slow
     same_as_one_by_one(scenario, [1, 2, 3], {"red": hunt})
+
+
+def test_with_a_time_budget_it_shares_what_it_keeps_with_an_array_rule():
+    @gamms.array_strategy
+    def count(view):
+        asked = view.keep("asked", lambda games: {"number": np.zeros(games, np.int64)})["number"]
+        asked[view.games] += 1
+        return np.broadcast_to(asked[view.games][:, None] % view.counts, view.node.shape)
+
+    @gamms.array_rule
+    def double(turn):
+        turn.keep("asked", lambda games: {"number": np.zeros(games, np.int64)})["number"][turn.games] *= 2
+
+    with scene(settings={"time_budget": 60.0}).build(seed=1, strategies={"red": count}) as ctx:
+        ctx.game.add(double)
+        with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            for seed in range(2):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(seed)) == plain(alone.game.run())

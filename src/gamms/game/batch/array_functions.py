@@ -21,7 +21,7 @@ from gamms.game.batch.given import as_flights, flown
 from gamms.game.batch.initial_state import LastTurn, movement_of
 from gamms.game.batch.movement import AIMS, LIMITED, STOP, Movement
 from gamms.game.batch.sensing import note_sensors, note_sights
-from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
+from gamms.game.batch.state import KEPT, STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView, asked_view
 from gamms.game.deeds import checked_value
@@ -34,7 +34,6 @@ from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IContext
 from gamms.typing.context import HostContext
 
-_KEPT = "array functions"  # the key of `ctx.game.data` for the arrays that functions keep
 _READ = "array rules, events"  # the key of `ctx.game.data` for the numbers of events that rules have read
 _CACHE = "array functions"  # the key of `ctx.game.internals.kept`
 _ONE = np.zeros(1, np.int64)  # the numbers of the games in a block of one game
@@ -124,7 +123,7 @@ def _documented(function: F, form: Callable[..., object]) -> F:
 
 def _kept_before(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
     """Return the arrays that functions keep in the game of a context; its rules continue after the events they read."""
-    kept = ctx.game.data.get(_KEPT, {})
+    kept = ctx.game.data.get(KEPT, {})
     if kept and not state.roster.is_first.all():
         raise NotTakenUp("rows of agents that may come are not in what array functions keep")
     for reader, number in ctx.game.data.get(_READ, {}).items():
@@ -172,7 +171,7 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
     state.turn[0] = game.turn
     state.shared = world.shared
     state.facts = cast("dict[str, Any]", ReadOnlyMapping(game.facts))
-    state.kept = game.data.get(_KEPT, {})
+    state.kept = game.data.get(KEPT, {})
     state.deeds = DeclaredDeeds(game.deeds, partial(checked_value, ctx=ctx), roster, streets)
     if state.flights is not None:
         flying: list[Any] = [roster.agents[number] for number in state.flights.agents.tolist()]
@@ -244,7 +243,7 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
     else:
         given = view._checked(given, name, may_aim=True)
     if block.kept:
-        data[_KEPT] = block.kept
+        data[KEPT] = block.kept
     names = block.roster.names
     deeds: dict[str, dict[str, dict[str, Any]]] = {}
     for one in view._deeds or ():
@@ -347,7 +346,7 @@ class _TurnOfOne(ArrayTurn):
             if self._scores_before.get(key) != points:
                 self._game.scores[key] = points
         if self._state.kept:
-            self._game.data[_KEPT] = self._state.kept
+            self._game.data[KEPT] = self._state.kept
 
     def close_roads(self, at: IntArray, edges: Sequence[int]) -> None:
         """Close roads, given by edge ids; see `ArrayTurn`."""

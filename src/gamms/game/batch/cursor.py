@@ -22,7 +22,7 @@ from gamms.game.batch.own_functions import OwnFunction, some_function
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.scores import fits_float
 from gamms.game.batch.sensing import called_each_turn
-from gamms.game.batch.state import STOPPED, GameArrays, NotTakenUp
+from gamms.game.batch.state import KEPT, STOPPED, GameArrays, NotTakenUp
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.view import ArrayView
 from gamms.game.conflicts import ranked
@@ -1073,7 +1073,9 @@ def is_plain_rule(rule: NamedRule) -> bool:
 
 
 def _keys_in_core(game: PlayedGame) -> Iterator[str]:
-    """Yield the keys of `ctx.game.data` and the facts of rules that the core plays."""
+    """Yield the keys of `ctx.game.data` and the facts of rules that the core plays, or that are called in arrays."""
+    if any(one.spec.is_array_function for one in game.rules):
+        yield KEPT
     for one in game.rules:
         spec = one.spec
         if spec.core_form is not None and spec.key is not None:

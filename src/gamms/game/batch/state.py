@@ -29,6 +29,7 @@ from gamms.kernels.draws import BitArray
 from gamms.readonly import locked
 from gamms.text import shown
 
+KEPT = "array functions"  # the key of `ctx.game.data` for the arrays that functions keep in a game alone
 STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # kind of event -> the agent that it stops
 NAMED = {"tag": "other", "take": "flag", "drop": "flag", "capture": "flag"}  # by events of the core, beside an agent
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
