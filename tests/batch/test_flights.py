@@ -66,6 +66,18 @@ def test_agents_in_the_air_are_tagged_in_a_straight_line_as_in_games_alone(setti
     same_as_one_by_one(flying(*tags, drone={"altitude": 8.0, "speed": 6.0}, settings=settings), range(2))
 
 
+@pytest.mark.parametrize("settings", [{}, {"speed_unit": "metres"}, {"legal": "any"}])
+@pytest.mark.parametrize("near", [{"hops": 1}, {"euclid": 9}])
+def test_games_in_which_agents_fly_are_played_in_the_core(near, settings):
+    tags = [{"rule": "tag", "with": {"taggers": "air", "tagged": "blue", "air": True, **near}}]
+    scenario = flying(*tags, BACK, CAPTURE, settings=settings, conflicts={"capacity": 1})
+    with scenario.batch(3, seed=1, strategies={"air": swerve}) as games:
+        games.run()
+        assert games.is_in_arrays, games.slow
+        for number, seed in enumerate(games.seeds):
+            assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies={"air": swerve}))
+
+
 @pytest.mark.parametrize("strategy", [climb, swerve])
 def test_strategies_of_agents_that_fly_decide_as_in_games_alone(strategy):
     scenario = flying(FUEL, TAG, BACK, conflicts={"capacity": 1})

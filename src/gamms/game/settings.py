@@ -350,6 +350,7 @@ class RuleSpec:
             game.
         core_form: called with a `batch.in_core.Making`; returns the rule in the form of the core, for batches; None: it
             has none.
+        needs_nodes: whether that form is for games in which no agent flies or is on an edge.
         prepare_arrays: called with the state of a batch at its start, to publish facts as arrays.
         fact_of_game: called with the state of a batch and the number of a game; returns the fact under the key of the
             rule in that game. None: the fact does not change.
@@ -372,6 +373,7 @@ class RuleSpec:
     last_turn: int | None = None
     array_form: Callable[[Any], None] | None = None
     core_form: Callable[[Any], CoreRule] | None = None
+    needs_nodes: bool = False
     prepare_arrays: Callable[[Any], object] | None = None
     fact_of_game: Callable[[Any, int], Any] | None = None
     begin_arrays: Callable[[Any, Any], Mapping[Hashable, dict[str, Any]]] | None = None

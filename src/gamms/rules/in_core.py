@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from gamms.core import contacts, rules
-from gamms.errors import BadValue, GammsError
+from gamms.errors import BadValue
 from gamms.game.batch.columns import Roster, kept_in
 from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making, PlayedRule, floats, ints, memory_of
 from gamms.game.batch.state import Arrays
@@ -90,11 +90,7 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
 
 
 def _near(nearness: ContactOptions, making: Making) -> Near:
-    """Return the distances between agents that count as contacts; None: agents must be on the same node.
-
-    Raises:
-        GammsError: a straight-line distance between agents on edges or in the air.
-    """
+    """Return the distances between agents that count as contacts; None: agents must be on the same node."""
     state, (unit, limit, *_) = making.state, nearness
     if unit is None:
         return None
@@ -107,8 +103,6 @@ def _near(nearness: ContactOptions, making: Making) -> Near:
             return near
 
         return kept_in(state.shared, ("reach", unit, limit, making.thread), make)
-    if making.by_metres or (nearness.air and state.roster.flies.any()):
-        raise GammsError(f"contacts within {limit:g} {unit} of agents that are not on nodes")
     return contacts.NodePositions(
         making.columns[0], flat(np.insert(state.streets.columns.xy, 2, 0.0, axis=1), np.float64)
     )

@@ -124,6 +124,7 @@ def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
             act_as_one=_rule_of,
             parts=taggings,
             core_form=core_form,
+            needs_nodes=any(tagging.nearness.unit == "euclid" for tagging in taggings),
         ),
     )
 

@@ -33,7 +33,7 @@ from gamms.game.batch.cursor import (
 from gamms.game.batch.deeds import DeclaredDeeds, DeedLog, deed_log_of
 from gamms.game.batch.forms import decides_in_arrays, key_of, strategy_spec_of
 from gamms.game.batch.given import Given, as_flights
-from gamms.game.batch.in_core import Block, CoreGames, is_function
+from gamms.game.batch.in_core import Block, CoreGames, called_rules, is_function
 from gamms.game.batch.initial_state import InitialState, goes_along_one_edge, movement_of
 from gamms.game.batch.movement import Movement, MovementOnMaps
 from gamms.game.batch.own_functions import function_in
@@ -48,7 +48,7 @@ from gamms.game.legality import IllegalAction
 from gamms.game.messages import ANTENNA, MessagePositions
 from gamms.game.order import left_out
 from gamms.game.result import Result
-from gamms.game.settings import NamedRule, Plan, as_called
+from gamms.game.settings import NamedRule, Plan
 from gamms.ir.game_state import PHASES
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -113,7 +113,7 @@ class GamesOnMap:
         self._block = block
         self._unlisted = roster.unlisted(settings["order"])
         self.leaves_out = bool(self._unlisted.any())
-        rules, asked = as_called(game.rules), asked_of(game, roster)
+        rules, asked = called_rules(game, roster), asked_of(game, roster)
         self.before = [one for one in rules if one.phase == "before"]
         self.deeds = [one for one in rules if one.phase == "deeds"]
         self._has_checks = len(game.internals.parts.rules.now.checks) > 0
@@ -154,7 +154,9 @@ class GamesOnMap:
     @property
     def functions(self) -> list[Callable[..., object]]:
         """The functions that are called."""
-        rules = [one.spec.array_form for one in as_called(self.game.rules) if one.spec.is_array_function]
+        rules = [
+            one.spec.array_form for one in called_rules(self.game, self.state.roster) if one.spec.is_array_function
+        ]
         plain = [] if self.cursor is None else self.cursor.functions
         return [*(group.form for group in self._groups), *filter(None, rules), *plain]
 
@@ -815,7 +817,7 @@ def movement_in_core(game: PlayedGame, roster: Roster) -> Movement:
     """
     if not roster.is_first.all():
         raise NotTakenUp("agents that may come")
-    are_functions = first_called(game, roster) is not None or any(map(is_function, as_called(game.rules)))
+    are_functions = first_called(game, roster) is not None or any(map(is_function, called_rules(game, roster)))
     may_change = goes_along_one_edge(game, roster) and are_functions
     return movement_of(game, roster, may_reopen=may_change, is_detached=may_change)
 

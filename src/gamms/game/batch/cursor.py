@@ -17,7 +17,7 @@ from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of, ke
 from gamms.game.batch.courses import Routes
 from gamms.game.batch.flights import Flights
 from gamms.game.batch.forms import decides_in_arrays
-from gamms.game.batch.in_core import CoreGames, core_form_of
+from gamms.game.batch.in_core import CoreGames, called_rules, core_form_of
 from gamms.game.batch.own_functions import OwnFunction, some_function
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.scores import fits_float
@@ -32,7 +32,7 @@ from gamms.game.moves import TurnMoves
 from gamms.game.order import TurnOrder, TurnPart
 from gamms.game.random_streams import DrawTable
 from gamms.game.result import Collectors
-from gamms.game.settings import NamedRule, as_called
+from gamms.game.settings import NamedRule
 from gamms.game.slots import COUNTED
 from gamms.game.turn import CLOSED
 from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE
@@ -271,7 +271,11 @@ class Cursor:
         collectors = parts.collectors.by_name.values()
         self._periods = {one.every for one in collectors}
         self._own_functions = [one for one in deciders if isinstance(one, OwnFunction)]
-        self.functions = [*_functions_of_rules(game), *map(some_function, deciders), *(one.fn for one in collectors)]
+        self.functions = [
+            *_functions_of_rules(game, state.roster),
+            *map(some_function, deciders),
+            *(one.fn for one in collectors),
+        ]
         self._part: int | None = None  # of the turn in which agents are about to move
         # of each game, as Python objects
         games = range(len(state))
@@ -1045,9 +1049,9 @@ class Cursor:
         return take_back
 
 
-def _functions_of_rules(game: PlayedGame) -> Iterator[Callable[..., object]]:
+def _functions_of_rules(game: PlayedGame, roster: Roster) -> Iterator[Callable[..., object]]:
     """Yield the plain functions of rules and conflicts that are called."""
-    for one in as_called(game.rules):
+    for one in called_rules(game, roster):
         if is_plain_rule(one):
             yield one.rule
     for _, check in game.internals.parts.rules.now.checks:
@@ -1097,7 +1101,7 @@ def asked_of(game: PlayedGame, roster: Roster) -> list[int]:
 
 def first_called(game: PlayedGame, roster: Roster) -> str | None:
     """Return the first plain function that is called game by game, in words; None: there is none."""
-    called = as_called(game.rules)
+    called = called_rules(game, roster)
     rules = [f"the rule {one.name!r}" for one in called if is_plain_rule(one)]
     rules += [f"the check of the rule {one.name!r}" for one in called if one.spec.check is not None]
     if has_function_of_conflicts(game):

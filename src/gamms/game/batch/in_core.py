@@ -4,7 +4,8 @@
 `RuleSpec.core_form` is a function that makes the rule that `gamms.core.rules` plays.
 """
 
-from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -24,12 +25,13 @@ from gamms.game.batch.strategy_steps import LOOKING, MOST_LOOKING, StrategySteps
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, in_parts
 from gamms.game.conflicts import ConflictTable, flat, ranked
-from gamms.game.settings import NamedRule, as_called
+from gamms.game.settings import NamedRule, as_called, declared, rule_spec_of
 from gamms.game.travel import no_way
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
+from gamms.typing.context import HostContext
 from gamms.typing.game import EdgePlace
 
 ONE_THAT_SHOWS = "a winner that the core finds"
@@ -349,6 +351,24 @@ def is_function(rule: NamedRule) -> bool:
     return rule.spec.is_array_function or rule.spec.core_form is None
 
 
+def called_rules(game: PlayedGame, roster: Roster) -> list[NamedRule]:
+    """Return the rules of a game as a batch calls them; the core has no form of some where agents leave the nodes."""
+    settings, called = game.settings(), as_called(game.rules)
+    by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
+    if not by_metres and not roster.flies.any():
+        return called
+    return [one._replace(rule=_without_core(one.rule)) if one.spec.needs_nodes else one for one in called]
+
+
+def _without_core(rule: Callable[[Any], object]) -> Callable[[Any], object]:
+    """Return a rule that the core does not have."""
+
+    def call(ctx: HostContext) -> None:
+        rule(ctx)
+
+    return declared(call, replace(rule_spec_of(rule), core_form=None))
+
+
 class CoreGames:
     """The games of a batch on one map, in the core.
 
@@ -369,9 +389,10 @@ class CoreGames:
         settings = game.settings()
         self._state = state
         self._block = block
-        self._rules = [one for one in as_called(game.rules) if one.phase == "after"]
+        called = called_rules(game, state.roster)
+        self._rules = [one for one in called if one.phase == "after"]
         self.has_functions = is_apart or any(map(is_function, self._rules))
-        self._keeps_courses = is_apart or any(map(is_function, as_called(game.rules)))
+        self._keeps_courses = is_apart or any(map(is_function, called))
         self._conflicts = ranked(settings["conflicts"])
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
         found = [core_form_of(settings, state.roster, number) for number in range(len(deciders))]
