@@ -16,6 +16,7 @@ from gamms.sensor import SensorType
 from gamms.typing import ISensor
 from gamms.visual import default_scene, drawers
 from gamms.visual.appearance import TEAM_COLORS
+from gamms.visual.camera import framed
 from gamms.visual.drawers.sensors import cut
 
 GOLDEN = Path(__file__).parent / "golden" / "sensors.svg"
@@ -170,11 +171,35 @@ def test_a_field_of_view_far_beyond_the_map_leaves_the_map_its_size(ctx):
     ctx.visual.set_sensor_visual("eye")
     commands = ctx.visual.draw_commands()
     corners = commands.points[commands.offsets[0] : commands.offsets[1]]
-    assert corners.min(axis=0).tolist() == pytest.approx([0.0, -10 / 3])
-    assert corners.max(axis=0).tolist() == pytest.approx([40 / 3, 40 / 3])
+    assert corners.min(axis=0).tolist() == pytest.approx([0.0, -40.0])
+    assert corners.max(axis=0).tolist() == pytest.approx([50.0, 50.0])
     rim = commands.points[commands.offsets[1] : commands.offsets[2]]
     assert commands.kind[1] == DrawKind.LINE
-    np.testing.assert_allclose(rim, [(0, 40 / 3), (0, 0), (0, -10 / 3)], atol=1e-9)  # the other sides go on
+    np.testing.assert_allclose(rim, [(0, 50), (0, 0), (0, -40)], atol=1e-9)  # the other sides go on
+
+
+def test_a_picture_is_wider_than_the_map_by_a_third_at_most_for_fields_of_view(ctx):
+    alone = framed(ctx.visual.draw_commands())
+    ctx.sensor.create_sensor("eye", SensorType.ARC, sensor_range=30.0, fov=pi).sense(0)
+    ctx.visual.set_sensor_visual("eye")
+    low, high = framed(ctx.visual.draw_commands())
+    widest = float((alone[1] - alone[0]).max())
+    assert (low >= alone[0] - widest / 3 - 1e-9).all()
+    assert (high <= alone[1] + widest / 3 + 1e-9).all()
+    assert (high - low).max() > widest
+
+
+def test_no_side_of_a_frame_is_seen_in_a_field_of_view(ctx):
+    pytest.importorskip("pygame")
+    ctx.sensor.create_sensor("eye", SensorType.RANGE, sensor_range=25.0).sense(0)
+    ctx.visual.set_sensor_visual("eye", color="red")
+    seen = ctx.visual.frame(600, 600, scale_bar=False, labels=False, legend=False).astype(int)
+    red = seen[..., 0] - seen[..., 2] > 8
+    rows = np.flatnonzero(red.any(axis=1))
+    columns = np.flatnonzero(red.any(axis=0))
+    # A straight side would be a row or column that is red from end to end and has none beyond it.
+    assert rows[0] == 0 or red[rows[0]].sum() < 0.3 * red.any(axis=0).sum()
+    assert columns[-1] == 599 or red[:, columns[-1]].sum() < 0.3 * red.any(axis=1).sum()
 
 
 def test_a_map_without_extent_cuts_nothing():

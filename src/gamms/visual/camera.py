@@ -11,7 +11,9 @@ from gamms.deciding import Guarded, outside_of_deciding, phase_of, refused_while
 from gamms.errors import BadValue, GammsError
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.typing import IContext
+from gamms.visual.constants import Layer
 
 _SHORTEST = 1e-12  # smaller extents along an axis count as 0
 
@@ -72,6 +74,8 @@ Box = tuple[FloatArray, FloatArray]  # the lower left and the upper right corner
 Margins = tuple[float, float, float, float]  # left, top, right, bottom; pixels
 FAINTEST_PX = 0.4  # minimum width of lines in world units: thinner lines would vanish
 CSS_DPI = 96.0  # resolution at which pixels have their usual size
+_VIEWS = (Layer.SEEN, Layer.WINDOW_SENSORS, Layer.SENSORS)
+_BEYOND = 1 / 3  # of the map's longer side: how far views of sensors may widen a picture, which would shrink the map
 _SMALLEST = 1e-9  # world units; smaller extents count as points
 _AT_SIDE = 0.05  # share of the longer side of a box within which drawings count as at the border
 
@@ -188,8 +192,26 @@ def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, margins:
     return Camera(width, height, x - (width + left - right) / 2 / scale, y + (height + top - bottom) / 2 / scale, scale)
 
 
-def bounds(commands: DrawCommands) -> Box:
-    """Return the lower left and upper right corner of all drawings, world units, without sizes in pixels."""
+def framed(commands: DrawCommands) -> Box:
+    """Return the corners of what a picture shows: all drawings, but only the near part of large views of sensors."""
+    is_view = np.isin(commands.layer, _VIEWS)
+    box = bounds(commands)
+    if not is_view.any() or is_view.all():
+        return box
+    low, high = bounds(commands, ~is_view)
+    beyond = _BEYOND * float((high - low).max())
+    if beyond <= 0.0:
+        return box
+    return np.maximum(box[0], low - beyond), np.minimum(box[1], high + beyond)
+
+
+def bounds(commands: DrawCommands, chosen: BoolArray | None = None) -> Box:
+    """Return the lower left and upper right corner of all drawings, world units, without sizes in pixels.
+
+    Args:
+        commands: the drawings.
+        chosen: (commands,) those that count; None: all.
+    """
     if len(commands) == 0:
         return np.zeros(2), np.zeros(2)
     breadth = np.where(commands.kind == DrawKind.LINE, commands.width, 0.0)
@@ -197,6 +219,10 @@ def bounds(commands: DrawCommands) -> Box:
     around = np.repeat(reach, np.diff(commands.offsets))
     axes = _corners(commands).T
     # NOTE: one axis after the other, in a third of the time (first frame of 100,000 edges).
+    if chosen is not None:
+        counts = np.repeat(chosen, np.diff(commands.offsets))
+        axes = axes[:, counts]
+        around = around[counts]
     return np.array([(axis - around).min() for axis in axes]), np.array([(axis + around).max() for axis in axes])
 
 

@@ -21,7 +21,7 @@ from gamms.visual.artists import Artists
 from gamms.visual.backends import FILMS, FORMATS, Backend, FilmWriter
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting
-from gamms.visual.camera import CSS_DPI, NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, bounds, spill
+from gamms.visual.camera import CSS_DPI, NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, framed, spill
 from gamms.visual.captions import CAPTION_SECONDS, CaptionBar, Captions, ResultCard, end_card
 from gamms.visual.drawing import Commands, Drawing, joined, magnified
 from gamms.visual.labels import LABEL_PX, STREET_PX, Labels, StreetNames, name_ink, write_labels, write_street_names
@@ -108,7 +108,7 @@ def painted(source: "FrameSource", sheet: PictureTarget, style: PageStyle) -> by
     fine = sheet.dpi / CSS_DPI  # so that lines, letters and marks are as large on paper whatever the dpi
 
     def fitted(commands: DrawCommands) -> tuple[Page, Camera, Point | None]:
-        box = bounds(commands)
+        box = framed(commands)
         reach = spill(commands, box)
         width, height = size(*_sides(sheet.asked, box, blocks, viewpoint, style, fine, reach))
         page = Page(width, height, blocks, style, fine)
@@ -265,7 +265,7 @@ class Frames:
                 artists = source.artists.shown(self._style.trails, sensors=self._style.sensors)
                 commands = ArtistGroup(self.ctx, artists).commands()
                 blocks = blocks_of(self.ctx, artists)
-            box = bounds(commands)
+            box = framed(commands)
             reach = self._reach(spill(commands, box))
             width, height = _sides(asked, box, blocks, self._viewpoint, self._style, reach=reach)
         self.width, self.height = (side + side % 2 * is_even for side in size(width, height, FILM_BYTES))

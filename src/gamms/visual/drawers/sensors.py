@@ -135,7 +135,7 @@ render_sights.once_a_turn = True  # type: ignore[attr-defined]
 render_map_sensor = render_agent_sensor = render_neighbor_sensor = render_aerial_agent_sensor = render_sensor
 
 
-_SPILL = 1 / 3  # of the map's longer side: how far a field may reach beyond it, or else it would shrink the picture
+_SPILL = 4.0  # of the map's longer side: how far beyond it a field is drawn, which is more than pictures show
 _FILL_ALPHA = 30
 _RIM_ALPHA = 130
 
