@@ -58,8 +58,9 @@ _UNLISTED = "---\norphan: true\nnosearch: true\n---\n\n"
 _INDEX = re.compile(r"^<!-- index: (.+) -->$", re.MULTILINE)  # words under which the search finds the section
 _STILL = re.compile(r"^!\[([^\]]*)\]\((figures/gallery/(\w+)\.png)\)$", re.MULTILINE)  # of a game of the gallery
 _PLAYING = (
-    "```{image} \\2\n:alt: \\1\n:target: _replays/gallery/\\3.html\n```\n\n"
-    '```{raw} html\n<p><a href="_replays/gallery/\\3.html">Play it in this browser</a></p>\n```'
+    '```{raw} html\n<a href="_replays/gallery/\\3.html" title="Play it in this browser">'
+    '<img class="only-light" src="_replays/gallery/\\3.png" alt="\\1">'
+    '<img class="only-dark" src="_replays/gallery/\\3_dark.png" alt="\\1"></a>\n```'
 )
 _FRAME = (
     '```{{raw}} html\n<iframe class="replay" src="{to_root}_replays/{name}" title="Replay of a game" loading="lazy">'

@@ -66,13 +66,19 @@ def test_a_game_is_played_into_a_folder(folder):
 def test_a_page_has_a_picture_that_opens_the_replay(folder):
     assert run("gallery", "people_and_machines", "--page", "games").exit_code == 0
     page = (folder / "games/index.html").read_text()
-    assert '<a href="people_and_machines.html"><img src="people_and_machines.png"' in page
+    assert '<a href="people_and_machines.html"><picture>' in page
+    assert 'media="(prefers-color-scheme: dark)" srcset="people_and_machines_dark.png"' in page
+    assert '<img src="people_and_machines.png"' in page
     assert GAMES["people_and_machines"].spec.description in page
     assert f"By the baselines: {escape(str(records()['people_and_machines']))}." in page
     assert "http" not in page, "it is for reading offline"
     assert (folder / "games/people_and_machines.png").stat().st_size < 60_000
-    with Image.open(folder / "games/people_and_machines.png") as still:
-        assert still.width * 3 == still.height * 4
+    corners = []
+    for file in ("people_and_machines.png", "people_and_machines_dark.png"):
+        with Image.open(folder / "games" / file) as still:
+            assert still.width * 3 == still.height * 4
+            corners.append(sum(still.convert("RGB").getpixel((1, 1))))
+    assert corners[0] > 600 > 200 > corners[1]
     assert (folder / "games/people_and_machines.html").stat().st_size > 100_000
 
 
@@ -83,7 +89,12 @@ def test_a_page_leaves_out_a_game_whose_library_is_missing(folder, monkeypatch):
     done = run("gallery", "--page", "games")
     assert done.exit_code == 0
     assert "Left out: language_model. Asking a language model needs an optional library (extra 'llm')" in done.stderr
-    assert {path.name for path in folder.glob("games/*")} == {"index.html", "perimeter.html", "perimeter.png"}
+    assert {path.name for path in folder.glob("games/*")} == {
+        "index.html",
+        "perimeter.html",
+        "perimeter.png",
+        "perimeter_dark.png",
+    }
     assert run("gallery", "language_model", "--page", "one").exit_code == 1
 
 

@@ -21,7 +21,7 @@ _STYLE = """
 :root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif }
 body { max-width: 72rem; margin: 2rem auto; padding: 0 1rem }
 main { display: grid; grid-template-columns: repeat(auto-fill, minmax(20rem, 1fr)); gap: 2rem }
-img { width: 100%; aspect-ratio: 4 / 3; object-fit: contain; background: #fff; border: 1px solid #8886 }
+img { width: 100%; aspect-ratio: 4 / 3; object-fit: cover; border: 1px solid #8886; border-radius: 6px }
 h2 { margin: .5rem 0 0; font-size: 1.1rem }
 p { margin: .3rem 0 } code { font-size: .9em } summary { cursor: pointer }
 """
@@ -36,7 +36,8 @@ _PAGE = """<!DOCTYPE html>
 </main></html>
 """
 _CARD = """<article id="{name}">
-<a href="{name}.html"><img src="{still}" alt="{title} after turn {turn} of {turns}"></a>
+<a href="{name}.html"><picture><source media="(prefers-color-scheme: dark)" srcset="{dark}"><img src="{still}"
+alt="{title} after turn {turn} of {turns}"></picture></a>
 <h2><a href="{name}.html">{title}</a></h2>
 <p>{description}</p>
 <p>{ending}</p>
@@ -174,10 +175,14 @@ def _card(name: str, game: "Scenario", seed: int | None, folder: Path, wins: str
     with TemporaryDirectory() as scratch:
         result = _recorded(game, seed, Path(scratch), without_link(folder / f"{name}.html"))
         turn = result.turns // 3
-        still = _still(Path(scratch) / "game.ggr", folder / name, turn)
+        still, dark = (
+            _still(Path(scratch) / "game.ggr", folder / file, turn, theme)
+            for file, theme in ((name, "light"), (f"{name}_dark", "dark"))
+        )
     texts: dict[str, Any] = {
         "name": name,
         "still": still.name,
+        "dark": dark.name,
         "turn": turn,
         "turns": result.turns,
         "title": game.spec.name or name,
@@ -189,14 +194,24 @@ def _card(name: str, game: "Scenario", seed: int | None, folder: Path, wins: str
     return _CARD.format(**{key: escape(str(text)) for key, text in texts.items()}, about=paragraphs)
 
 
-def _still(recording: Path, file: Path, turn: int) -> Path:
-    """Write a picture of the game after a turn, as PNG if Pillow is installed, else as SVG; return the file."""
+def _still(recording: Path, file: Path, turn: int, theme: Any) -> Path:
+    """Write a picture of where the agents are after a turn, as PNG if Pillow is installed, else as SVG; return it."""
     from gamms.rendering import RenderOptions, render
 
     for suffix in (".png", ".svg"):
         found = file.with_suffix(suffix)
         try:
-            options = RenderOptions(last=turn, width=_STILL, height=_STILL * 3 // 4, captions=False, labels=False)
+            options = RenderOptions(
+                last=turn,
+                width=_STILL,
+                height=_STILL * 3 // 4,
+                theme=theme,
+                captions=False,
+                labels=False,
+                scale_bar=False,
+                legend=False,
+                crop=True,
+            )
             render(recording, without_link(found), options)
         except MissingExtra:
             continue

@@ -8,6 +8,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
+import numpy as np
+
 from gamms import recorder, recordings
 from gamms.arguments import as_known, as_target
 from gamms.context import Context
@@ -24,9 +26,10 @@ __all__ = ["Fog", "RenderOptions", "render"]
 
 _VIEW_M, _VIEW_EDGES = 400.0, 30.0  # around the agent that is followed: on a real map, and on any other
 
+_AROUND = 1.4  # how much more than the places of agents a cropped picture shows
 _PAGE = ".html"
 _OF_FILMS = ("fps", "frames_per_turn")  # options that apply only to some formats
-_OF_PICTURES = ("view", "width", "height", "fit", "scale_bar", "north", "captions")  # and of films
+_OF_PICTURES = ("view", "width", "height", "fit", "scale_bar", "north", "captions", "legend", "crop")  # and of films
 
 Show = Callable[[str], None]
 
@@ -52,6 +55,8 @@ class RenderOptions:
         theme: "light", "dark" or "print"; None: "dark" with `fog`, else "light".
         labels: whether to show the names of agents, or the agents whose names are shown; "auto": if there are few.
         trails: the number of turns for which paths of agents are shown.
+        legend: whether colors and signs are explained beside the map.
+        crop: whether a picture shows only the part of the map where the living agents are.
     """
 
     first: int | None = None
@@ -71,6 +76,8 @@ class RenderOptions:
     theme: Literal["light", "dark", "print"] | None = None
     labels: bool | Literal["auto"] | Collection[str] = "auto"
     trails: int = 0
+    legend: bool = True
+    crop: bool = False
 
 
 def render(
@@ -195,6 +202,8 @@ class _Renderer:
         else:
             self._play(records, options.last)
         self._begin()
+        if options.crop:
+            self._crop()
         self._ctx.visual.save(out, options.width, options.height, **self._page)
         return self._turn
 
@@ -223,6 +232,7 @@ class _Renderer:
             "fit": options.fit,
             "scale_bar": options.scale_bar,
             "north": options.north,
+            "legend": options.legend,
             "captions": options.captions,
             "theme": options.theme or ("dark" if options.fog else "light"),
             "labels": options.labels,
@@ -258,6 +268,21 @@ class _Renderer:
         if options.follow is not None and ctx.visual.viewpoint.followed is None:
             as_known(options.follow, "agent", ctx.agent.agents)
             ctx.visual.follow(options.follow, _view(ctx) if options.view is None else options.view)
+
+    def _crop(self) -> None:
+        """Show the part of the map where the living agents are, unless that is nearly all of it."""
+        ctx, options = self._ctx, self._options
+        living = [name for name, agent in ctx.agent.agents.items() if agent.alive]
+        if not living:
+            return
+        places = np.array([ctx.visual.drawing.position_of(name) for name in living])
+        low, high = places.min(axis=0), places.max(axis=0)
+        x, y = ((low + high) / 2).tolist()
+        across, up = (high - low).tolist()
+        shape = 1.0 if options.width is None or options.height is None else options.width / options.height
+        width = max(_AROUND * across, _AROUND * up * shape, _view(ctx))
+        if width < longer_side(ctx.graph.columns()):
+            ctx.visual.look_at(x, y, width)
 
     def _end_turn(self) -> None:
         """Count a turn that was replayed; it is filmed right after this."""

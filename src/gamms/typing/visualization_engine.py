@@ -94,6 +94,7 @@ class PictureOptions(TypedDict, total=False):
         sensors: whether the views of sensors are drawn, if they are by default or were declared. Default: True.
         captions: whether the turn and its events are shown below the map. Default: True in films, False in pictures.
         street_names: whether street names are shown when the map is enlarged. Default: True.
+        legend: whether colors and signs are explained beside the map. Default: True.
     """
 
     title: str
@@ -108,6 +109,7 @@ class PictureOptions(TypedDict, total=False):
     sensors: bool
     captions: bool
     street_names: bool
+    legend: bool
 
 
 class GraphVisual(TypedDict, total=False):

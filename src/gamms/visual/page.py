@@ -67,6 +67,7 @@ class PageStyle:
     sensors: bool = True
     has_captions: bool = False
     street_names: bool = True
+    has_legend: bool = True
 
 
 def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
@@ -94,6 +95,7 @@ def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
         sensors=as_bool(options.get("sensors", True), "sensors"),
         has_captions=as_bool(options.get("captions", False), "captions"),
         street_names=as_bool(options.get("street_names", True), "street_names"),
+        has_legend=as_bool(options.get("legend", True), "legend"),
     )
 
 
@@ -139,7 +141,7 @@ class Page:
         foot = foot + LINE_PX * self._lines
         self._foot = self._foot + LINE_PX * self._lines
         header = _HEADER_PX if style.title else self._margin
-        self.legend = Legend(blocks, self._size[0], self._size[1] - header - foot)
+        self.legend = Legend(blocks if style.has_legend else (), self._size[0], self._size[1] - header - foot)
         aside = self._margin + (self.legend.width + self._margin if self.legend.width else 0.0)
         self._margins = self._margin, header, aside, foot
         self.spill: Margins = NO_MARGINS

@@ -1,0 +1,54 @@
+"""Pictures that show only the part of the map where the agents are, without a legend."""
+
+import re
+
+import pytest
+
+import gamms
+from gamms.errors import BadValue
+from gamms.rendering import RenderOptions, render
+from gamms.strategies import stay
+from gamms.visual.engine import PictureEngine
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """A large map with two agents that stand close together, and one that is out far away."""
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(60, 80))
+        ctx.agent.create_team("red", [2450, 2453], strategy=stay)
+        ctx.agent.create_team("blue", [0], strategy=stay)
+        ctx.game.add(lambda ctx: ctx.game.eliminate("blue_0"), name="away", phase="before")
+        ctx.game.run(1, record=tmp_path / "game.ggr")
+    return tmp_path / "game.ggr"
+
+
+def words(file):
+    return re.findall(r">([^<>]+)</text>", file.read_text())
+
+
+def picture(recording, **options):
+    """Return the file of a picture of the end."""
+    out = recording.with_name("picture.svg")
+    look = RenderOptions(width=400, height=300, captions=False, scale_bar=False, **options)
+    render(recording, out, look)
+    return out
+
+
+def test_a_crop_shows_the_part_of_the_map_where_living_agents_are(recording, monkeypatch):
+    seen = []
+    monkeypatch.setattr(PictureEngine, "look_at", lambda _, *view: seen.append(view))
+    picture(recording)
+    assert seen == []
+    picture(recording, crop=True)
+    assert seen == [(515.0, 300.0, 300.0)]  # thirty edges around the two, not around the one that is out
+
+
+def test_the_legend_can_be_left_out(recording):
+    assert "blue" in words(picture(recording))
+    assert words(picture(recording, legend=False, labels=False)) == []
+
+
+def test_pages_are_not_cropped(recording):
+    with pytest.raises(BadValue, match="has no crop"):
+        render(recording, recording.with_name("game.html"), RenderOptions(crop=True))
