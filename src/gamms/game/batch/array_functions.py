@@ -4,7 +4,7 @@ There, the game is a block of one game: functions get the same view and the same
 """
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping
 from functools import WRAPPER_ASSIGNMENTS, partial, update_wrapper
 from typing import Any, NamedTuple, cast
 
@@ -327,7 +327,10 @@ class _TurnOfOne(ArrayTurn):
         state = _block_of_one(ctx)
         super().__init__(state, _ONE)
         game, roster, block = ctx.game, state.roster, ctx.agent.block
-        self._ctx, self._game, self._is_moving = ctx, game, game.is_moving
+        self._ctx = ctx
+        self._game = game
+        self._is_moving = game.is_moving
+        state.change_roads = lambda _, verb, edges: getattr(ctx.graph, verb)(edges)
         state.scores.put(0, game.scores)
         self._scores_before = state.scores.of(_ONE)[0]
         state.placed[0] = [block.row_of(name) in block.placed for name in roster.names]
@@ -347,16 +350,6 @@ class _TurnOfOne(ArrayTurn):
                 self._game.scores[key] = points
         if self._state.kept:
             self._game.data[KEPT] = self._state.kept
-
-    def close_roads(self, at: IntArray, edges: Sequence[int]) -> None:
-        """Close roads, given by edge ids; see `ArrayTurn`."""
-        if len(self._as_at(at)) and len(edges):
-            self._ctx.graph.close_roads(tuple(edges))
-
-    def open_roads(self, at: IntArray, edges: Sequence[int]) -> None:
-        """Reopen closed roads; see `ArrayTurn`."""
-        if len(self._as_at(at)) and len(edges):
-            self._ctx.graph.open_roads(tuple(edges))
 
     @property
     def is_playing(self) -> BoolArray:
