@@ -834,6 +834,35 @@ def test_sensors_look_in_each_turn_whoever_decides_for_their_agents(strategy, wa
         check(ctx, seeds=[1, 2, 3])
 
 
+def swing(state):
+    """Look somewhere else, and go by what is seen there."""
+    legal, lot = state["legal"], state["draw"].below(3)
+    node = legal[len(state["sensor"]["eye"][1]) % len(legal)]
+    state["action"] = [
+        node,
+        {"node_id": node, "orientation": (0.3, lot - 1.0)},
+        {"node_id": node, "orientation": None},
+    ][lot]
+
+
+def spin(ctx):
+    """Turn some agents, and note how all are turned."""
+    for agent in ctx.game.agents:
+        ctx.game.emit("heading", agent=agent.name, at=[*agent.orientation])
+        if (ctx.game.turn + ctx.seed + len(agent.name)) % 4 == 0:
+            agent.orientation = (1.0, ctx.game.turn)
+
+
+@pytest.mark.parametrize("way", [None, "several edges", "metres"])
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+def test_agents_are_turned_in_each_game_as_in_the_game_alone(phase, way):
+    with open_with_sensors({"eye": {"type": "AGENT_ARC", "sensor_range": 30.0, "fov": 2.0}}, way) as ctx:
+        ctx.game.add(spin, phase=phase)
+        for agent in ctx.agent.create_iter():
+            agent.strategy = swing if agent.team == "red" else heed(ctx)
+        check(ctx, seeds=[1, 2, 3])
+
+
 def test_a_sensor_that_changes_agents_is_asked_in_games_that_are_played_alone():
     def jolt(node_id, agent):
         if node_id == 7:

@@ -645,6 +645,7 @@ class ArrayEngine:
         begun, flights = self._state.turn * self._num_parts, self._state.flights
         if flights is not None:
             flights.forget_choices()
+        self._state.turning.clear()
         for part in range(self._num_parts):
             now = playing & (first <= part) & self._state.is_going
             if are_given is not None and (self._asks_functions or flights is not None):
@@ -659,6 +660,7 @@ class ArrayEngine:
             for flaw in flaws:
                 self._maps[self._map_of[flaw.game]].note_unsent(flaw, int(turns[flaw.game]))
             self._act(now, part, partial(self._play, now, until, are_given, threads))
+            self._state.turn_agents()
             for one, games in self._each(now) if flights is not None else ():
                 one.fly(games, part)
 

@@ -51,7 +51,8 @@ _OWN = ("agent_facts", "over", "start", "team_facts", "team_memories")
 _PrivateFacts = tuple[dict[Any, dict[str, Any]], dict[Any, dict[str, Any]]]  # of agents, of teams
 _NUMBERS = [column.name for column in NUMBERS]
 _CHANGING = {CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS)}
-_CHANGING |= {AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN}
+_TURNED = CHANGE_EVENTS["heading"].code
+_CHANGING |= {AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, _TURNED}
 _OF_ONE = ("__contains__", "__delitem__", "__getitem__", "__setitem__", "get", "pop", "setdefault")
 _OF_ALL = (
     *("__bool__", "__deepcopy__", "__eq__", "__format__", "__ior__", "__iter__", "__len__", "__ne__", "__or__"),
@@ -812,6 +813,9 @@ class Cursor:
             if block.progress[row] is not None:
                 self._leave("puts agents on edges")
             state.movement.clear(number, int(numbers[row]))
+        if _TURNED in kinds:
+            headings = zip(numbers.tolist(), block.heading, self._pointed.first_headings, strict=True)
+            state.headings[number] = {agent: now for agent, now, first in headings if now != first}
         block.locate()
         state.node[number, numbers] = state.streets.rows(np.array(block.node))
         state.previous[number, numbers] = state.streets.rows(np.array(block.previous))
@@ -938,13 +942,14 @@ class Cursor:
     def _take_decisions(self, decisions: Decisions, asked: _Asked) -> None:
         """Take the decisions that are not nodes to go to."""
         for action in decisions.actions.values():
-            if action.heading != ():
-                self._leave("sets the orientation of agents")
             if self._core.courses is None and len(action.path) > 2:
                 self._leave("chooses a route over other nodes")
             if self._core.courses is None and action.path[1:] == action.path[:1]:
                 self._leave("chooses a route that comes to the node on which it begins")
         named = dict(asked.members)
+        for i, action in decisions.actions.items():
+            if action.heading != ():
+                self._state.turning.append((self._number, self._number_of[named[i]], action.heading))
         decide = set(named.values())
         known = self._undone.pop(self._number, {})
         undone = {name: why for name, why in known.items() if name not in decide}

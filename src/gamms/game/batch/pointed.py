@@ -11,7 +11,7 @@ from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.roads import RoadMap
-from gamms.game.batch.state import GameArrays, NotTakenUp
+from gamms.game.batch.state import GameArrays, Heading, NotTakenUp
 from gamms.game.snapshots import Snapshot
 from gamms.ir.agents import Pose, show_flights, show_game, show_lives, show_progress
 from gamms.ir.graph import IntArray
@@ -60,6 +60,8 @@ class PointedContext:
             [] if self._state.flights is None else np.argsort(self.numbers)[self._state.flights.agents].tolist()
         )
         self.alive = b""
+        self.first_headings = [*block.heading]
+        self._headings: dict[int, Heading] = {}  # that are shown
         self._graph = self._game.ctx.graph.graph
         self._first_map = self._game.ctx.graph.storage.snapshot()
         self._note_map(None)
@@ -112,6 +114,8 @@ class PointedContext:
             turns.seed_changes += 1
             show_game(block, columns, at)
             show_flights(block, self.rows_in_air, self._poses(number))
+            if state.headings[number] is not self._headings:
+                self._show_headings(state.headings[number])
             alive = lives[at * size : (at + 1) * size]
             if alive != self.alive:
                 self.show_lives(alive)
@@ -127,6 +131,14 @@ class PointedContext:
             if roads.are_closed or self._roads is not None:
                 self._show_roads(roads.of(number))
             yield number
+
+    def _show_headings(self, headings: dict[int, Heading]) -> None:
+        """Let agents have other headings than at the start, by their numbers."""
+        self._headings = headings
+        self._block.heading[:] = [
+            headings.get(number, first)
+            for number, first in zip(self.numbers.tolist(), self.first_headings, strict=True)
+        ]
 
     def _placed(self, games: IntArray) -> BoolArray:
         """Return which agents rules have put where they are, (games, agents), without those that have flown there."""

@@ -34,6 +34,7 @@ STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # kind 
 NAMED = {"tag": "other", "take": "flag", "drop": "flag", "capture": "flag"}  # by events of the core, beside an agent
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
 Purpose = tuple[str | int, ...]
+Heading = tuple[float, float] | None
 Columns = dict[Hashable, np.ndarray[Any, Any]]
 """What the next turns of games follow from, arrays (games, …) by name: `Batch.columns`."""
 
@@ -285,6 +286,8 @@ class GameArrays:
         is_going: (games,) which have not ended.
         roads: which are open in each game.
         stops: (games, agents) how often an agent was tagged, put back or eliminated.
+        headings: of each game, the headings of agents that were set during the game, by number; see `AgentBlock`.
+        turning: games, agents and the headings that these have chosen in the part of a turn that is under way.
         placed: (games, agents) which were put where they are since they moved in this turn.
         fell: (games, agents) which rules of the phase "deeds" have eliminated in this turn.
         numbers: the further numbers of agents, name -> (games, agents); see `ir.schema.NUMBERS`.
@@ -320,6 +323,8 @@ class GameArrays:
         self.placed, self.fell = np.zeros((2, *shape), np.bool_)
         self.flights = Flights(roster, games) if roster.flies.any() else None
         self.numbers = {one.name: np.full(shape, one.initial, one.kind) for one in NUMBERS}
+        self.headings: list[dict[int, Heading]] = [{} for _ in seeds]
+        self.turning: list[tuple[int, int, Heading]] = []
         self.events = EventLog(games, roster.names)
         self.radio: Radio | None = None
         self.deed_log: DeedLog | None = None
@@ -370,6 +375,7 @@ class GameArrays:
         """Begin some games again, before `InitialState.put`."""
         for game, seed in zip(games.tolist(), seeds, strict=True):
             self.seeds[game], self.over[game], self.errors[game] = seed, None, []
+            self.headings[game] = {}
         self.start[games] = self.node[games] = self.previous[games] = start
         self.alive[games] = self.is_there[games] = self.roster.is_first
         self.is_going[games] = True
@@ -536,6 +542,7 @@ class GameArrays:
         copies = [deepcopy(column) if column.dtype == object else column.copy() for column in columns]
         known = [(one, {*one}) for one in (*by_key, self.kept, self._makers)]
         over = [*self.over]
+        headings = [*self.headings]
         undo_logs = [*(log.checkpoint() for log in self._logs), self.roads.checkpoint()]
         num_errors = [len(errors) for errors in self.errors]
 
@@ -546,6 +553,7 @@ class GameArrays:
                 for key in one.keys() - keys:
                     del one[key]
             self.over[:] = over
+            self.headings[:] = headings
             for undo_log in undo_logs:
                 undo_log()
             self.movement.roads = self.roads if self.roads.are_closed else None
@@ -554,6 +562,13 @@ class GameArrays:
             self.now.clear()
 
         return undo
+
+    def turn_agents(self) -> None:
+        """Let agents that live turn as they have chosen in a part of a turn, after its moves."""
+        for game, agent, heading in self.turning:
+            if self.alive[game, agent]:
+                self.headings[game] = {**self.headings[game], agent: heading}
+        self.turning.clear()
 
     def note_failure(self, failure: Failure, turn: int | None = None) -> None:
         """Note in the log of a game what an agent did wrong, and let it know; `turn` is when, None: now."""
