@@ -156,7 +156,7 @@ def as_numbers_of(given: object, name: str, count: int, kind: str) -> "Array":
     signed = numbers.astype("int64", copy=False)
     if signed.size and signed.view("uint64").max() >= count:
         wrong = signed[(signed < 0) | (signed >= count)]
-        raise BadValue(f"{name}: there is no number {wrong.flat[0]} of {count} {kind}, which are numbered from 0.")
+        raise BadValue(f"{name}: {wrong.flat[0]} is out of range; the {count} {kind} are numbered from 0.")
     return signed
 
 

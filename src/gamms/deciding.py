@@ -92,8 +92,8 @@ class DecidePhase:
             who = deciders.described if isinstance(deciders, Deciders) else f"The strategy of agent {deciders.name!r}"
             raise IllegalMutation(
                 f"{who} may not {action}: while agents decide, nothing changes. "
-                "It may set state['action'], and write into state['memory'] and state['team_memory']. What changes "
-                "anything else belongs into a rule: ctx.game.add(rule)."
+                "It may set state['action'], and write into state['memory'] and state['team_memory']. Changes of "
+                "anything else belong in a rule: ctx.game.add(rule)."
             )
 
     def shown(self, value: T) -> T:

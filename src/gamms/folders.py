@@ -270,8 +270,8 @@ _KINDS = {
 def _refuse(path: Path, wanted: str) -> NoReturn:
     found = _KINDS.get(stat.S_IFMT(path.lstat().st_mode), "a device")
     raise BadFile(
-        f"{str(path)!r} must be {wanted}, and it is {found}, which a folder of results does not hold. Remove it, or "
-        "use another folder."
+        f"{str(path)!r} must be {wanted}, and it is {found}, which a folder of results never contains. Remove it, "
+        "or use another folder."
     )
 
 

@@ -242,8 +242,12 @@ WRITES = {
 }
 MISTAKES = {
     "the name of an agent": (lambda turn: turn.eliminate([0], ["red_0"]), BadType, "agents must be an array of int"),
-    "no such agent": (lambda turn: turn.respawn([0], [99]), BadValue, "no number 99 of 6 agents"),
-    "no such game": (lambda turn: turn.add_score("red", [7], 1), BadValue, "no number 7 of [12] games of this turn"),
+    "no such agent": (lambda turn: turn.respawn([0], [99]), BadValue, "99 is out of range; the 6 agents"),
+    "no such game": (
+        lambda turn: turn.add_score("red", [7], 1),
+        BadValue,
+        "7 is out of range; the [12] games of this turn",
+    ),
     "a mask of games": (
         lambda turn: turn.end(turn.turn > 0, "over", [None]),
         BadType,
@@ -255,7 +259,11 @@ MISTAKES = {
         "winner has a value for each of 1",
     ),
     "too few agents": (lambda turn: turn.emit("x", [0, 0], agents={"agent": [1]}), BadValue, "agent has a value for"),
-    "no such node": (lambda turn: turn.emit("x", [0], nodes={"node": [25]}), BadValue, "no number 25 of 25 nodes"),
+    "no such node": (
+        lambda turn: turn.emit("x", [0], nodes={"node": [25]}),
+        BadValue,
+        "25 is out of range; the 25 nodes",
+    ),
     "one value": (lambda turn: turn.emit("x", [0], values={"how": "fast"}), BadValue, "how has a value for each of 1"),
     "a kind that is no text": (lambda turn: turn.emit(3, [0]), BadType, "a kind of event must be a string, not 3"),
     "NaN": (lambda turn: turn.add_score("red", [0], np.nan), BadType, "The score of 'red' must be a number, not"),
@@ -270,8 +278,8 @@ MISTAKES = {
         BadType,
         "points must be an array of numbers",
     ),
-    "where no agent began": (lambda turn: turn.start_of([9]), BadValue, "agents: there is no number 9 of 6 agents"),
-    "how often no agent stopped": (lambda turn: turn.stops([0], 9), BadValue, "agents: there is no number 9 of 6"),
+    "where no agent began": (lambda turn: turn.start_of([9]), BadValue, "agents: 9 is out of range; the 6 agents"),
+    "how often no agent stopped": (lambda turn: turn.stops([0], 9), BadValue, "agents: 9 is out of range; the 6"),
     "an event of another turn": (
         lambda turn: turn.emit("seen", [0], values={"turn": [3]}),
         BadValue,

@@ -177,9 +177,9 @@ def test_long_ways_that_are_known_stay_known_where_others_ask_from_farther_away(
 
 
 ROWS = {
-    "a row that is not there": (99, BadValue, "there is no number 99 of 25 nodes"),
-    "a negative row": (-1, BadValue, "there is no number -1 of 25 nodes"),
-    "a row beyond 63 bits": (np.array([1 << 63], np.uint64), BadValue, "of 25 nodes"),
+    "a row that is not there": (99, BadValue, "99 is out of range; the 25 nodes"),
+    "a negative row": (-1, BadValue, "-1 is out of range; the 25 nodes"),
+    "a row beyond 63 bits": (np.array([1 << 63], np.uint64), BadValue, "the 25 nodes"),
     "floats": ([1.0], BadType, "must be an array of integers, not"),
     "booleans": (np.array([True]), BadType, "must be an array of integers"),
     "lists of several lengths": ([[0], [0, 1]], BadType, "must be an array of integers"),

@@ -156,7 +156,7 @@ def test_a_deed_may_place_move_and_remove_a_fixed_sensor(road):
         ),
         ({"attack": {"target": "bob", "force": "much"}}, "'force' of the deed 'attack' must be a number"),
         ({"wait": 5}, "The deed 'wait' needs no field: give None, not 5."),
-        ("attack", "What an agent does is a dict from deeds to their fields, not 'attack'."),
+        ("attack", "The deeds of an agent must be a dict from deeds to their fields, not 'attack'."),
     ],
 )
 def test_an_action_with_an_impossible_deed_is_not_done_at_all(road, do, message):

@@ -666,7 +666,7 @@ def test_a_client_may_ping_now_and_then_and_send_a_message_in_parts(join):
         for _ in range(30):
             client.socket.ping()
         client.socket.send(['{"type"', ': "no', 'thing"}'])
-        client.read(lambda client: any("There is no such message" in str(one) for one in client.told))
+        client.read(lambda client: any("This type of message is unknown" in str(one) for one in client.told))
 
 
 HALF = [b"", b"GET / HTTP/1.1\r\nHost: ", b"POST /live HTTP/1.1\r\nContent-Length: 9\r\n"]

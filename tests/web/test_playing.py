@@ -102,7 +102,7 @@ def test_a_hostile_player_can_neither_choose_for_another_nor_twice_nor_late(join
         red.say(type="choose", question=mine, move=1)
         assert "answered already" in red.refused(question=mine, move=0)
         spectator = join(live.links["red"])
-        assert "looking on" in spectator.refused(question=other, move=4)
+        assert "only allows watching" in spectator.refused(question=other, move=4)
         blue.say(type="choose", question=other, move=4)
         red.question(1)
         assert "not open" in red.refused(question=mine, move=0)

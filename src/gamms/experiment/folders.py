@@ -253,7 +253,9 @@ def shard_of(given: object) -> tuple[int, int] | None:
     except (ValueError, TypeError):
         number, count = 0, 0
     if not 1 <= number <= count:
-        raise BadValue(f"shard is a part of so many, (3, 20) or '3/20' for the third of 20, not {shown(given)}.")
+        raise BadValue(
+            f"shard must be (number, count), such as (3, 20) or '3/20' for the third of 20, not {shown(given)}."
+        )
     return number, count
 
 

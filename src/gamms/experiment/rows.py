@@ -222,7 +222,9 @@ class Rows(Sequence[Row]):
         name, (keys, n) = self._as_metric(metric), self._sample
         points = len(self._rows) / (n * (len(keys) + 2))
         if points != int(points):
-            raise BadValue(f"Games are missing: {len(self)} are not so many for each of {n * (len(keys) + 2)} points.")
+            raise BadValue(
+                f"Games are missing: {len(self)} games are not equally many for each of {n * (len(keys) + 2)} points."
+            )
         values = [np.nan if row["error"] is not None else _value(name, row) for row in self._rows]
         means = np.reshape(values, (-1, int(points))).mean(axis=1)
         made = []

@@ -131,7 +131,7 @@ def wanted_deeds(given: object, declared: Mapping[str, Any], ctx: HostContext) -
         BadType, BadValue: a field is missing or has an impossible value.
     """
     if not isinstance(given, Mapping):
-        raise BadType(f"What an agent does is a dict from deeds to their fields, not {shown(given)}.")
+        raise BadType(f"The deeds of an agent must be a dict from deeds to their fields, not {shown(given)}.")
     wanted = {}
     for deed, value in given.items():
         if deed not in declared:

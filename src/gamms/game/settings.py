@@ -501,7 +501,7 @@ class RuleSet:
     def add(self, rule: Rule, phase: str, name: str | None) -> None:
         """Add a rule; see `Game.add`."""
         if callable(getattr(rule, "resolve", None)) and (isinstance(rule, type) or not callable(rule)):
-            raise BadType(f"{shown(rule)} is no rule: set ctx.game.conflicts to what decides conflicts of moves.")
+            raise BadType(f"{shown(rule)} resolves conflicts of moves and is not a rule: set it as ctx.game.conflicts.")
         if iscoroutinefunction(as_function_of(rule, "A rule", "the context")):
             raise BadType(f"A rule must not be an async def, and {_name_of(rule)} is one: it is not awaited.")
         taken = {one.name for one in self.rules}

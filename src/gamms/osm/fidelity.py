@@ -221,7 +221,7 @@ def report(
     edges = connected(edges)
     length = as_float(resolution if resolution is not None else about.get("resolution", np.nan), "resolution")
     if not length > 0.0:
-        raise BadValue("The graph does not say how it was cut. Give report(…, resolution=10.0), or what it was.")
+        raise BadValue("The graph does not state its resolution. Give it: report(…, resolution=10.0).")
     if tolerance is not None:
         about["tolerance"] = as_range(tolerance, "tolerance")
     everything = bool(about.get("retain_all", False)) if retain_all is None else retain_all

@@ -103,7 +103,7 @@ class Recording(StreamOwner):
         self.header = {key: value for key, value in reader.header.items() if key not in _BLOBS}
         for key in _CALLERS:
             if isinstance(self.header.get("scenario"), dict) and key in self.header["scenario"]:
-                raise RecordingError(f"The scenario in this recording says {key!r}, which only its reader can say.")
+                raise RecordingError(f"The scenario in this recording sets {key!r}, which only the reader may set.")
         self.warning = reader.warning
         self._turns: int | None = None
         self._state: DetachedState | None = None

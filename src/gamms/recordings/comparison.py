@@ -167,8 +167,8 @@ def verify(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = No
             raise RecordingError(reader.warning)
     if name is not None and map is None:
         raise RecordingError(
-            "What can be read without its map is whole; but this recording does not hold its map, only the SHA-256 of "
-            f"it, {as_text(name)}, and cannot be replayed without. Give that map: --map FILE.gamms."
+            "The readable part of this recording is intact, but it contains only the SHA-256 of its map, "
+            f"{as_text(name)}, and cannot be replayed without the map. Give the map: --map FILE.gamms."
         )
     _check_keyframes(path)
     before, after = Path(path).read_bytes(), re_recorded(path, map)

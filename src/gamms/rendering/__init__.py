@@ -134,7 +134,7 @@ def _refuse_unused(suffix: str, options: RenderOptions) -> None:
     default = RenderOptions()
     given = [name for name in unused if getattr(options, name) != getattr(default, name)]
     if given:
-        raise BadValue(f"A file {suffix} has no {', '.join(given)}: leave out what says how pictures or films look.")
+        raise BadValue(f"A file {suffix} has no {', '.join(given)}: omit options that apply only to pictures or films.")
 
 
 def _save_page(

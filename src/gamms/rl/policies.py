@@ -281,8 +281,8 @@ def _flight(player: _PolicyOptions, observe: Observation, view: ArrayView) -> Fl
         raise BadValue("sample=True draws moves and deeds: agents that fly do what is best, without it.")
     if not getattr(observe, "of_each", False):
         raise BadValue(
-            "A policy plays agents that fly by an observation that gives each the same in a view of it alone, and says "
-            "so: observation.of_each = True."
+            "To play flying agents, the observation of a policy must depend on each agent alone, and declare this: "
+            "observation.of_each = True."
         )
     values = np.asarray(observe(view))
     choices = choices_of(view, view["deeds"])

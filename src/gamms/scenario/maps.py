@@ -138,7 +138,10 @@ def _load_file(ctx: Context, given: MapFile, file: Path, options: Values) -> Non
     is_geojson = osm.is_geojson(file)
     named = {*options, *(name for name in ("buildings", "scenery") if getattr(given, name))}
     for option in named if is_saved else _OF_OSM & named if is_geojson else ():
-        raise ScenarioError(f"map.file.{option}", f"{file.name} is no OpenStreetMap file, which this is for.")
+        raise ScenarioError(
+            f"map.file.{option}",
+            f"{file.name} is not an OpenStreetMap file; this option is only for OpenStreetMap files.",
+        )
     if is_saved:
         ctx.graph.load(file)
     elif is_geojson:

@@ -246,7 +246,9 @@ def _check_flight(choice: Mapping[str, Plain], question: Question) -> None:
 
 def _checked_deeds(given: Plain, question: Question, ctx: Context | None) -> dict[str, Any]:
     if not isinstance(given, Mapping):
-        raise RefusedChoice("illegal", f"What an agent does is a mapping from deeds to fields, not {shown(given)}.")
+        raise RefusedChoice(
+            "illegal", f"The deeds of an agent must be a mapping from deeds to fields, not {shown(given)}."
+        )
     done: dict[str, Any] = {}
     for deed, fields in given.items():
         offered = question.deeds.get(deed)

@@ -443,7 +443,7 @@ class Live(Handle):
         handler = self.handlers.get(str(message.get("type")))
         if handler is None:
             connection.counts["bad"] += 1
-            raise Refused("There is no such message.")
+            raise Refused("This type of message is unknown.")
         handler(connection, message)
 
     def news(self, connection: Connection) -> Iterable[bytes]:
@@ -504,7 +504,7 @@ class Live(Handle):
     def _restart(self, connection: Connection, message: Json) -> None:
         _check_control(connection)
         if self.scenario is None:
-            raise Refused("The program plays this game, and begins it again.")
+            raise Refused("Only the program that plays this game can restart it.")
         seed, chosen = message.get("seed"), message.get("numbers", {})
         if seed is not None and not (isinstance(seed, int) and not isinstance(seed, bool) and abs(seed) < 1 << 53):
             raise Refused("A seed is a whole number.")
@@ -578,7 +578,7 @@ class Players:
 
     def _choose(self, connection: Connection, message: Json) -> None:
         if self._people is None or not connection.grant.may_play:
-            raise Refused("This link is for looking on.")
+            raise Refused("This link only allows watching.")
         choice = {key: value for key, value in message.items() if key != "type"}
         self._people.choose(connection.grant.name, choice)
 
@@ -618,7 +618,7 @@ def _with_numbers(scenario: Scenario, chosen: object) -> Scenario:
     for path, value in chosen.items():
         one = known.get(path)
         if one is None or not _is_number(value) or not one["low"] <= value <= one["high"]:
-            raise Refused(f"{path}: no number that can be chosen here.")
+            raise Refused(f"{path} is not a number that can be changed here.")
     whole = {path: int(value) if known[path]["step"] == 1 else value for path, value in chosen.items()}
     try:
         return scenario.replace(**whole)
@@ -632,13 +632,13 @@ def _is_number(value: object) -> bool:
 
 def _is_flag(value: object) -> bool:
     if not isinstance(value, bool):
-        raise Refused("That is true or false.")
+        raise Refused("The value must be true or false.")
     return value
 
 
 def _check_control(connection: Connection) -> None:
     if not connection.grant.may_control:
-        raise Refused("This link is for looking on.")
+        raise Refused("This link only allows watching.")
 
 
 def _stamps(folder: Path) -> dict[str, tuple[int, int]]:

@@ -574,7 +574,7 @@ class _SiteRouter:
             return
         looks_on = not (grant.may_control or grant.may_play)
         if len(self.open) >= (_MOST_SPECTATORS if looks_on else _MOST_CONNECTIONS):
-            await websocket.close(_TOO_MANY, "Too many look on.")
+            await websocket.close(_TOO_MANY, "Too many people are watching.")
             return
         await self._serve(websocket, Connection(grant))
 
