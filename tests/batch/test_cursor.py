@@ -382,7 +382,6 @@ def test_what_plain_functions_remember_is_in_no_columns():
         lambda ctx: ctx.game.add(count, name="later"),
         lambda ctx: ctx.game.observation("red_0")["draw"].random(),
         lambda ctx: ctx.agent.get_agent("red_0").get_state(),
-        lambda ctx: setattr(ctx.agent.get_agent("red_0"), "orientation", (0.0, 1.0)),
         lambda ctx: setattr(ctx.agent.get_agent("red_0"), "team", "blue"),
         lambda ctx: ctx.game.scores.update(red=True),
         lambda ctx: vars(ctx.agent.get_agent("red_0")).update(tired=True),
