@@ -127,7 +127,7 @@ def main_module(name: str) -> str:
 
 
 def without_address(text: str) -> str:
-    """Return a text without where objects lie in memory, the same in every process."""
+    """Remove memory addresses from a text, so that it is the same in every process."""
     return _ADDRESS.sub("", text)
 
 

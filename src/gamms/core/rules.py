@@ -471,7 +471,7 @@ class Tags:
         return 0
 
     def _is_before(self, one: int, other: int) -> bool:
-        """Return whether a contact comes before one of an earlier tagging."""
+        """Return whether a contact comes before another: by time, distance, random bits, and node before edge."""
         if self.times[one] != self.times[other]:
             return self.times[one] < self.times[other]
         if self.distances[one] != self.distances[other]:

@@ -186,7 +186,7 @@ class Table:
 
     @cached_property
     def _turns_played(self) -> IntArray:
-        """The number of turns played from each state, whatever teams do, (states,); a huge number if all were."""
+        """(states,) the number of turns played from each state for all actions; `_ALL_TURNS` if there is no limit."""
         last, after = self.last_turn or 0, self.usual.after
         sources = np.repeat(np.arange(len(self)), np.diff(self.offsets))
         played = np.full(len(self), _ALL_TURNS)

@@ -144,7 +144,7 @@ class FlagsDrawer(KeyedDrawer):
     settles_in = 0
 
     def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:
-        """Draw them."""
+        """Draw the flags."""
         render_flags(ctx, {**data, **self.keywords})
 
 
@@ -210,7 +210,7 @@ class TerritoryDrawer(KeyedDrawer):
         self._breadth = 0.0
 
     def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:  # noqa: ARG002 - the arguments of every drawer
-        """Draw it."""
+        """Draw the territory."""
         owned = territories_in(ctx).get(self._name, {})
         columns = ctx.graph.columns()
         if self._seen is None or self._seen[0] is not columns or self._seen[1] != owned:

@@ -225,7 +225,7 @@ class FrameTiming:
         return seconds
 
     def _wait(self) -> None:
-        """Wait until it is time for the next frame; SDL's own clock counts whole milliseconds, 62 frames for 60."""
+        """Wait for the time of the next frame; SDL's clock counts whole milliseconds, which gives 62 frames for 60."""
         self.frames += 1
         now = monotonic()
         if self.is_capped and self._due > now:
