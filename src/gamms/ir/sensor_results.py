@@ -87,6 +87,7 @@ class SensorView:
     agents: FloatArray = field(default_factory=_no_points)  # (agents, 2)
     names: tuple[str, ...] = ()  # (agents,) their names, to find them again; or empty, if they may be elsewhere
     outline: FloatArray = field(default_factory=_no_points)  # (corners, 2)  of the field of view; empty: unlimited
+    carrier: str | None = None  # the agent with which the field of view moves in pictures; None: it stays
 
 
 def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:

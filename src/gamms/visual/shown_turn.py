@@ -514,20 +514,25 @@ class SensorCarriers:
         place, name = (None, None) if agent is None else (agent.current_node_id, agent.name)
         try:
             view = view_of(sensor) if look is None else look(place, name)
-            return ShownView(sensor, name, self._of_others(view, agent) if isinstance(view, SensorView) else None)
+            return ShownView(
+                sensor, name, self._of_carrier(view, sensor, agent) if isinstance(view, SensorView) else None
+            )
         except NotOffered:
             return ShownView(sensor, name, SensorView())
         except Exception:  # noqa: BLE001 - a sensor is user code; its artist will fail likewise, which is logged
             return ShownView(sensor, name, None)
 
-    def _of_others(self, view: SensorView, agent: IAgent | None) -> SensorView:
-        """Return a view without the agents of a carrier's own team."""
-        if agent is None or agent.team is None or not view.names:
+    def _of_carrier(self, view: SensorView, sensor: ISensor, agent: IAgent | None) -> SensorView:
+        """Return a view without the carrier's own team, whose field moves with the carrier if nothing blocks it."""
+        if agent is None:
+            return view
+        moves = getattr(sensor, "at", None) is None and not sensor.type.name.startswith("OCCLUDED")
+        view = replace(view, carrier=agent.name if moves else None)
+        if agent.team is None or not view.names:
             return view
         agents = self._ctx.agent.agents
-        mates = [name for name in view.names if name in agents and agents[name].team == agent.team]
-        is_other = np.array([name not in mates for name in view.names])
-        names = tuple(name for name in view.names if name not in mates)
+        is_other = np.array([name not in agents or agents[name].team != agent.team for name in view.names])
+        names = tuple(name for name, other in zip(view.names, is_other.tolist(), strict=True) if other)
         return replace(view, agents=view.agents[is_other], names=names)
 
 

@@ -65,7 +65,8 @@ def render_sights(ctx: IContext, data: dict[str, Any]) -> None:
         views.setdefault(color, []).append(sparse(view))
     alpha = min(_FILL_ALPHA, round(255 * (1 - (1 - _MOST_OPAQUE) ** (1 / max(len(views), 1)))))
     for color, of_color in views.items():
-        _fields_of_view(ctx, [view.outline for view in of_color if len(view.outline)], color, alpha)
+        outlines = [_carried(ctx, view, data) for view in of_color if len(view.outline)]
+        _fields_of_view(ctx, outlines, color, alpha)
     visual = drawing_of(ctx)
     for color, of_color in views.items():
         lines = {
@@ -103,7 +104,7 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
     data = {**data.get("_defaults", {}), **data}
     color = data.get("color", data.get("node_color", Color.Cyan))
     if len(view.outline):
-        field_of_view(ctx, view.outline, color)
+        field_of_view(ctx, _carried(ctx, view, data), color)
     if len(view.lines):
         edge_color = _see_through(data.get("edge_color", color))
         drawing_of(ctx).render_lines(view.lines, view.offsets, edge_color, _EDGE_PX)
@@ -112,6 +113,16 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
         _mark(ctx, view.nodes, data.get("node_size", default), data.get("node_color", color))
     if len(view.agents):
         rings(ctx, view.agents, data.get("size", _AGENT_RADIUS), color, _RING_PX)
+
+
+def _carried(ctx: IContext, view: SensorView, data: dict[str, Any]) -> FloatArray:
+    """Return the outline of a field of view, around its carrier as it is shown while it moves."""
+    share = data.get("_alpha", 1.0)
+    if view.carrier is None or share >= 1.0 or view.carrier not in ctx.agent.agents:
+        return view.outline
+    position_of = drawing_of(ctx).position_of
+    outline: FloatArray = view.outline + np.subtract(position_of(view.carrier, share), position_of(view.carrier, 1.0))
+    return outline
 
 
 def _mark(ctx: IContext, centers: Points, radius: float, color: AnyColor) -> None:
@@ -128,8 +139,6 @@ def _see_through(color: AnyColor) -> Rgba:
 
 
 render_sensor.once_a_turn = True  # type: ignore[attr-defined] # sensors look once a turn
-render_sight.once_a_turn = True  # type: ignore[attr-defined] # it is seen from where agents will be at the end
-render_sights.once_a_turn = True  # type: ignore[attr-defined]
 
 # The names under which 1.0.0 had a drawer per kind.
 render_map_sensor = render_agent_sensor = render_neighbor_sensor = render_aerial_agent_sensor = render_sensor
