@@ -285,7 +285,16 @@ def test_dynamic_artists_know_how_far_the_turn_is(plain, tmp_path):
     _, calls = counted(plain, "spark", ArtistType.DYNAMIC, 12, (0, 0, 255))
     with plain.visual.film(tmp_path / "a.gif", width=64, height=48, frames_per_turn=4):
         plain.visual.simulate()
-    assert calls == [0.25, 0.5, 0.75, 1.0]
+        plain.visual.simulate()
+    assert calls == [0.0, 1 / 3, 2 / 3, 1.0, 0.25, 0.5, 0.75, 1.0]
+
+
+def test_the_first_frame_shows_the_start(plain, tmp_path):
+    start = plain.visual.frame(320, 200)
+    with plain.visual.film(tmp_path / "a.gif", fps=10, width=320, height=200, captions=False):
+        move(plain, "red_0", 1)
+    first = frames_of(tmp_path / "a.gif")[0][0]
+    assert center_of(first, (255, 0, 0)) == pytest.approx(center_of(start, (255, 0, 0)), abs=1.5)
 
 
 def test_a_drawer_that_shows_the_turn_alone_is_asked_once_for_it(plain, tmp_path):

@@ -387,9 +387,14 @@ class Film:
             return
         try:
             self._frames.begin_turn()
-            for number in range(1, self.plan.frames_per_turn + 1):
+            steps = self.plan.frames_per_turn
+            first = 1
+            if self.frames == 0 and steps > 1:  # a film begins with the start
+                first = 0
+                steps -= 1
+            for number in range(first, steps + 1):
                 with naming(self.plan.path, self._part):
-                    self._writer.add(self._frames.at(number / self.plan.frames_per_turn))
+                    self._writer.add(self._frames.at(number / steps))
                 self.frames += 1
         except BaseException:
             self.discard()
