@@ -427,7 +427,9 @@ def games(draw, how=tuple(MOTIONS), in_air=False):
     motion = MOTIONS[how[0]] if len(how) == 1 else st.sampled_from(how).flatmap(MOTIONS.get)
     motion, conflicts_now = draw(motion), draw(st.one_of(st.none(), conflicts, st.just(FirstOnly())))
     if motion is not None and motion.get("decide") == "arrival":
-        conflicts_now = conflicts_now if isinstance(conflicts_now, Conflicts) and conflicts_now.allow_swaps else None
+        conflicts_now = (
+            None if isinstance(conflicts_now, Conflicts) and not conflicts_now.allow_swaps else conflicts_now
+        )
         motion = motion | {"strategies": [one for one in motion["strategies"] if one != "assign"]}  # which gives paths
     has_plain_parts = draw(st.sampled_from([False, False, True]))
     if not has_plain_parts and isinstance(conflicts_now, FirstOnly):

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import WALK, plain, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_in_core import random_scenario, scenario_of_steps
 
 from gamms.core.arrivals import Queue
+from gamms.rules import Conflicts
 
 SEEDS = [3, 4, 5, 6]
 
@@ -83,17 +84,98 @@ def test_plain_rules_are_called_between_turns_of_agents_that_decide_at_arrivals(
                 assert plain(games.result(number)) == plain(alone.game.run())
 
 
-def test_games_whose_agents_are_given_actions_go_on_as_games_alone():
+def test_actions_from_outside_are_taken_at_each_arrival_as_alone():
     team = {"count": 3, "strategy": "gamms.strategies:random_walk", "speed": 17.0}
-    scenario = scene(teams={"red": team}, settings={"speed_unit": "metres", "decide": "arrival"})
-    with scenario.batch(seeds=SEEDS) as games:
+    settings = {"speed_unit": "metres", "decide": "arrival", "deeds": {"scan": {}}}
+    channels = {"radio": {"range_m": 100.0, "max_bytes_per_turn": 4}}
+    made = scene(teams={"red": team}, settings=settings, channels=channels)
+    with made.batch(seeds=SEEDS, record=True) as games:
         games.step()
+        done = {"moves": np.ones((len(SEEDS), 3), np.int64), "deeds": {"scan": True}, "messages": {"radio": (True, 7)}}
+        games.step({"red": done})
         assert games.is_in_arrays
-        games.step({"red": np.ones((len(SEEDS), 3), np.int64)})
-        assert "actions from outside" in games.detached[0]
+        result = games.result(0)
+        assert any("not at an arrival in it" in error["message"] for error in result.errors)
+        assert len(result.messages) > len(result.deeds) > 0
         games.run()
         for number in range(len(SEEDS)):
             assert plain(games.result(number)) == plain(games.context(number).game.result())
+
+
+def seek(state):
+    """Go somewhere by lot, and say where and when it was asked, what it saw and what it knew."""
+    number = state["memory"]["asked"] = state["memory"].get("asked", 0) + 1
+    known = [state[name] for name in ("time", "curr_pos", "edge", "xy", "blocked", "sensor", "team_memory", "inbox")]
+    state["team_memory"][state["name"]] = number
+    state["outbox"].append({"channel": "radio", "to": None, "body": repr([number, *known])[:900]})
+    node = state["draw"].choice(state["legal"])
+    does = state["draw"].random() < 0.3 or state["rng"].random() < 0.1
+    state["action"] = {"node_id": node, "do": {"scan": None}} if does else node
+
+
+class FirstCome(Conflicts):
+    """Let the agents stay that are not the first by name to enter a place."""
+
+    def resolve(self, moves, ctx):
+        ctx.game.emit("asked", when=ctx.game.turn, at=[agent.xy for agent in ctx.game.agents])
+        first = {}
+        for name, move in moves.items():
+            if move.start != move.end:
+                first.setdefault(move.end, name)
+        return {name for name, move in moves.items() if move.start != move.end and first[move.end] != name}
+
+
+IN_PARTS = [["blue"], ["red", "green"]]
+
+
+@pytest.mark.parametrize(
+    ("conflicts", "order"),
+    [
+        (None, None),
+        (Conflicts(1, edge_capacity=1), None),
+        (FirstCome(), None),
+        (None, IN_PARTS),
+        (Conflicts(1), IN_PARTS),
+    ],
+    ids=["free", "ranks", "own conflicts", "in parts", "in parts with conflicts"],
+)
+def test_plain_strategies_are_asked_where_agents_arrive_as_alone(conflicts, order):
+    eyes = {"type": "AGENT_RANGE", "sensor_range": 25.0, "detection": 0.6, "position_noise_m": 2.0}
+    sensors = {"eyes": eyes, "late": {"type": "AGENT", "delay_turns": 1, "false_alarm_rate": 0.4}}
+    team = {"count": 3, "strategy": WALK, "speed": 17.0, "sensors": ["eyes", "late"]}
+    walkers = {"count": 2, "strategy": WALK, "speed": 9.0}
+    settings = {"speed_unit": "metres", "decide": "arrival", "deeds": {"scan": {}}}
+    settings |= {} if order is None else {"order": order}
+    teams = {"red": team, "blue": team | {"speed": 23.0}, "green": walkers}
+    radio = {"range_m": 30.0, "loss": 0.2}
+    made = scene(teams=teams, max_turns=6, settings=settings, sensors=sensors, channels={"radio": radio})
+    with made.build(seed=1, strategies={"red": seek, "blue": seek}) as ctx:
+        ctx.game.conflicts = conflicts
+        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert games.is_in_arrays, games.slow
+            for number, seed in enumerate(SEEDS):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_a_strategy_that_raises_at_an_arrival_leaves_all_games_where_the_turn_began():
+    def fail(state):
+        if state["time"] > 0.5 and state["turn"] == 2:
+            raise ValueError("at an arrival")
+        state["action"] = state["draw"].choice(state["legal"])
+
+    team = {"count": 3, "strategy": WALK, "speed": 17.0}
+    made = scene(teams={"red": team}, settings={"speed_unit": "metres", "decide": "arrival"})
+    with made.batch(seeds=SEEDS, strategies={"red": fail}) as games:
+        games.step()
+        games.step()
+        before, places = [plain(games.result(number)) for number in range(len(SEEDS))], games.observe("red")["xy"]
+        with pytest.raises(ValueError, match="at an arrival"):
+            games.step()
+        assert [plain(games.result(number)) for number in range(len(SEEDS))] == before
+        assert np.array_equal(games.observe("red")["xy"], places)
+        assert games.turn.tolist() == [2] * len(SEEDS)
 
 
 @settings(deadline=None)
@@ -105,10 +187,10 @@ def test_a_queue_gives_who_arrives_first_and_of_several_the_first(times, pops):
     for is_pop in steps:
         if not is_pop and coming:
             agent, time = coming.pop()
-            queue.push(agent, time)
+            queue.push(0, agent, time)
             waiting.append((time, agent))
         elif waiting:
-            assert queue.first_time() == min(waiting)[0]
-            assert queue.pop() == min(waiting)[1]
+            assert queue.first_time(0) == min(waiting)[0]
+            assert queue.pop(0) == min(waiting)[1]
             waiting.remove(min(waiting))
-    assert queue.size == len(waiting)
+    assert queue.size(0) == len(waiting)

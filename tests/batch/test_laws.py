@@ -140,8 +140,8 @@ def test_a_game_is_the_same_among_a_thousand_others_by_itself_and_in_another_ord
 
 
 @st.composite
-def games_with_plain_parts(draw, how=("one edge", "anywhere", "edges", "metres")):
-    """A random game with one context that is pointed at its games, in which agents do not decide at arrivals."""
+def games_with_plain_parts(draw, how=("one edge", "anywhere", "edges", "metres", "metres, at arrivals")):
+    """A random game with one context that is pointed at its games."""
     drawn = draw(games(how))
     kinds = st.lists(st.integers(0, len(KINDS) - 1), min_size=1, max_size=3, unique=True)
     called = st.tuples(

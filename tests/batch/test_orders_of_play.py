@@ -117,8 +117,6 @@ def look(ctx):
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_teams_with_speeds_play_one_after_another_as_alone(motion, more, seeds):
     settings, speed = MOTIONS[motion]
-    if sweep in more and "arrivals" in motion:
-        pytest.skip("plain strategies of agents that decide at arrivals are asked one game after the other")
     scenario = scene(RULES, side=4, max_turns=8, settings=settings | {"order": [["blue"], ["red"]]})
     with scenario.build(seed=1) as ctx:
         for number, agent in enumerate(ctx.agent.create_iter()):

@@ -4,10 +4,14 @@ from gamms.core cimport by_metres, moves, rules, travel
 from gamms.core.by_metres cimport MetreMovers
 from gamms.core.conflicts cimport resolve
 from gamms.core.rules cimport GameColumns
+from gamms.core.travel cimport TurnPaths
 
+ctypedef unsigned char u8
 ctypedef long long i64
 
-cdef double SHORT
+cdef double SHORT, NOT_BEGUN
+cdef u8 DECIDES, GOES_ON
+cdef i64 ARRIVE, CHOOSE, GO_ON
 
 
 cpdef double short_of(double end) except? -1.0 nogil
@@ -15,16 +19,19 @@ cpdef double short_of(double end) except? -1.0 nogil
 
 @cython.final
 cdef class Queue:
+    cdef readonly i64 agents
     cdef double[::1] times
     cdef i64[::1] heap
-    cdef readonly i64 size
+    cdef i64[::1] sizes
 
-    cdef bint is_before(self, i64 one, i64 other) except -1 nogil
-    @cython.locals(place=i64)
-    cpdef int push(self, i64 agent, double time) except -1 nogil
-    @cython.locals(first=i64, agent=i64, place=i64, child=i64)
-    cpdef Py_ssize_t pop(self) except -1 nogil
-    cpdef double first_time(self) except? -1.0 nogil
+    cdef bint is_before(self, i64 first, i64 one, i64 other) except -1 nogil
+    @cython.locals(first=i64, place=i64)
+    cpdef int push(self, i64 game, i64 agent, double time) except -1 nogil
+    @cython.locals(first=i64, found=i64, size=i64, agent=i64, place=i64, child=i64)
+    cpdef Py_ssize_t pop(self, i64 game) except -1 nogil
+    cpdef Py_ssize_t size(self, i64 game) except -1 nogil
+    @cython.locals(first=i64)
+    cpdef double first_time(self, i64 game) except? -1.0 nogil
 
 
 @cython.final
@@ -32,25 +39,36 @@ cdef class Arrivals:
     cdef MetreMovers travelers
     cdef Queue queue
     cdef i64 most
-    cdef i64[::1] here, asked, loses, legs, passed, nodes
+    cdef bint has_end
+    cdef double[::1] now
+    cdef u8[::1] comes, late
+    cdef i64[::1] asked, loses, legs, passed, nodes
+    cdef TurnPaths kept
 
 
-@cython.locals(now=double, count=i64)
 cpdef int play(GameColumns games, Arrivals a, i64 game) except -1 nogil
+@cython.locals(has_begun=bint, i=i64)
+cdef int play_phase(GameColumns games, Arrivals a, MetreMovers t, i64 phase, i64 game) except -1 nogil
+@cython.locals(now=double, i=i64, row=i64, leg=i64, source=double, target=double, share=double)
+cdef int show(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
 @cython.locals(i=i64, row=i64)
 cdef int put_back(GameColumns games, MetreMovers t, i64 game) except -1 nogil
 @cython.locals(i=i64, row=i64)
 cdef int set_out(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
 @cython.locals(row=i64, edge=i64)
-cdef int begin(GameColumns games, MetreMovers t, i64 game, i64 i) except -1 nogil
+cdef int begin(GameColumns games, Arrivals a, MetreMovers t, i64 game, i64 i) except -1 nogil
+@cython.locals(i=i64, row=i64)
+cdef int choose(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
 @cython.locals(leg=i64)
 cdef Py_ssize_t place_after(MetreMovers t, i64 row, i64 i, i64 legs) except -2 nogil
-@cython.locals(has_losers=bint, i=i64, row=i64)
+@cython.locals(has_losers=bint, loses=bint, i=i64, row=i64)
 cdef int give_way(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
 @cython.locals(until=double)
-cdef int depart(Arrivals a, MetreMovers t, i64 i) except -1 nogil
-@cython.locals(number=i64, i=i64, row=i64)
-cdef int arrive(GameColumns games, Arrivals a, MetreMovers t, i64 game, double now, i64 count) except -1 nogil
-cdef int come_back(Arrivals a, MetreMovers t, i64 i) except -1 nogil
+cdef int depart(Arrivals a, MetreMovers t, i64 game, i64 i) except -1 nogil
+@cython.locals(i=i64, row=i64)
+cdef int go_on(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
+@cython.locals(now=double, i=i64, row=i64)
+cdef int arrive(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
+cdef int come_back(Arrivals a, MetreMovers t, i64 row, i64 i) except -1 nogil
 @cython.locals(leg=i64, edge=i64)
-cdef int hold(GameColumns games, MetreMovers t, i64 game, i64 i) except -1 nogil
+cdef int hold(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil

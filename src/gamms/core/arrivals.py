@@ -2,7 +2,7 @@
 
 First all agents set out: those on edges go on to the end that they move toward, the others decide. Then the agents
 that arrive earliest decide, and so on until the turn is over. An agent that loses a conflict at a node stops just
-before the node.
+before the node. If functions are called between, all games come to the end of a phase before the next begins.
 """
 
 from __future__ import annotations
@@ -14,8 +14,19 @@ from gamms.core import by_metres, moves, rules, travel
 from gamms.core.by_metres import MetreMovers
 from gamms.core.conflicts import resolve
 from gamms.core.rules import GameColumns
+from gamms.core.travel import TurnPaths
 
 SHORT = 1e-9  # the share of an edge between a node and an agent that may not enter it
+NOT_BEGUN = -1.0  # a time
+DECIDES = 1
+GOES_ON = 2
+ARRIVE = 3  # phases of the moves of a turn: agents come to the next nodes,
+CHOOSE = 4  # decide there,
+GO_ON = 5  # resolve conflicts and set out
+# names for callers in Python, which do not see constants with a C type
+PHASES = (ARRIVE, CHOOSE, GO_ON)
+UNBEGUN = NOT_BEGUN
+ASKED = DECIDES
 
 
 def short_of(end: float) -> float:
@@ -24,98 +35,182 @@ def short_of(end: float) -> float:
 
 
 class Queue:
-    """A priority queue of the agents under way, by arrival time; ties go to the lower agent number.
+    """The agents under way in games, in priority queues by arrival time; ties go to the lower agent number.
 
     Attributes:
-        times: (agents,) the arrival time of each agent.
-        heap: (agents,) a binary heap of agent numbers.
-        size: the number of agents in the heap.
+        agents: the number of agents in a game.
+        times: (rows,) the arrival time of each agent.
+        heap: (rows,) the agent numbers of each game, as a binary heap.
+        sizes: (games,) the number of agents in each heap.
     """
 
-    def __init__(self, agents: int) -> None:
-        times: Any = memoryview(array("d", bytes(8 * agents)))
+    def __init__(self, agents: int, games: int = 1) -> None:
+        self.agents = agents
+        times: Any = memoryview(array("d", bytes(8 * agents * games)))
         self.times: memoryview[float] = times
-        self.heap = memoryview(array("q", bytes(8 * agents)))
-        self.size = 0
+        self.heap = memoryview(array("q", bytes(8 * agents * games)))
+        self.sizes = memoryview(array("q", bytes(8 * games)))
 
-    def is_before(self, one: int, other: int) -> bool:
-        """Return whether an agent arrives before another one."""
-        if self.times[one] == self.times[other]:
+    def is_before(self, first: int, one: int, other: int) -> bool:
+        """Return whether an agent arrives before another one; `first` is the first row of their game."""
+        if self.times[first + one] == self.times[first + other]:
             return one < other
-        return self.times[one] < self.times[other]
+        return self.times[first + one] < self.times[first + other]
 
-    def push(self, agent: int, time: float) -> int:
-        """Add an agent with its arrival time."""
-        self.times[agent] = time
-        place = self.size
-        self.size += 1
-        while place > 0 and self.is_before(agent, self.heap[(place - 1) >> 1]):
-            self.heap[place] = self.heap[(place - 1) >> 1]
+    def push(self, game: int, agent: int, time: float) -> int:
+        """Add an agent of a game with its arrival time."""
+        first = game * self.agents
+        self.times[first + agent] = time
+        place = self.sizes[game]
+        self.sizes[game] += 1
+        while place > 0 and self.is_before(first, agent, self.heap[first + ((place - 1) >> 1)]):
+            self.heap[first + place] = self.heap[first + ((place - 1) >> 1)]
             place = (place - 1) >> 1
-        self.heap[place] = agent
+        self.heap[first + place] = agent
         return 0
 
-    def pop(self) -> int:
-        """Remove the agent that arrives first, and return it."""
-        first = self.heap[0]
-        self.size -= 1
-        agent = self.heap[self.size]
+    def pop(self, game: int) -> int:
+        """Remove the agent of a game that arrives first, and return it."""
+        first = game * self.agents
+        found = self.heap[first]
+        self.sizes[game] -= 1
+        size = self.sizes[game]
+        agent = self.heap[first + size]
         place = 0
         child = 1
-        while child < self.size:
-            if child + 1 < self.size and self.is_before(self.heap[child + 1], self.heap[child]):
+        while child < size:
+            if child + 1 < size and self.is_before(first, self.heap[first + child + 1], self.heap[first + child]):
                 child += 1
-            if self.is_before(agent, self.heap[child]):
-                child = self.size
+            if self.is_before(first, agent, self.heap[first + child]):
+                child = size
             else:
-                self.heap[place] = self.heap[child]
+                self.heap[first + place] = self.heap[first + child]
                 place = child
                 child = 2 * place + 1
-        self.heap[place] = agent
-        return first
+        self.heap[first + place] = agent
+        return found
 
-    def first_time(self) -> float:
-        """Return the earliest arrival time; infinity if the queue is empty."""
-        return self.times[self.heap[0]] if self.size > 0 else travel.INFINITE
+    def size(self, game: int) -> int:
+        """Return the number of agents of a game that are under way."""
+        return self.sizes[game]
+
+    def first_time(self, game: int) -> float:
+        """Return the earliest arrival time in a game; infinity if its queue is empty."""
+        first = game * self.agents
+        return self.times[first + self.heap[first]] if self.sizes[game] > 0 else travel.INFINITE
 
 
 class Arrivals:
-    """The state of a turn by metres in which agents decide on arrival.
+    """The state of turns by metres in which agents decide on arrival; rows are as in `rules.GameColumns`.
+
+    Args:
+        columns: (5 * rows,) 64-bit integers, working memory.
 
     Attributes:
         travelers: the agents.
         most: the number of arrivals that an agent may have in a turn; then it waits.
+        has_end: whether arrivals at the end of the turn count, because there are conflicts.
         queue: the agents under way.
-        here: (agents,) the agents that arrive at the current time.
-        asked: (agents,) the number of arrivals of each agent in this turn.
-        loses: (agents,) 1: the agent has lost a conflict and may not go on.
-        legs, passed, nodes: (agents,) the number of legs, the number of nodes and the node of each agent at its last
+        now: (games,) the time of the last arrivals; `NOT_BEGUN`: the part of the turn has not begun; infinity: all its
+            agents have arrived.
+        comes: (rows,) `DECIDES`: the agent arrives now, or is at rest as the turn begins, and decides if the turn is
+            not over; `GOES_ON`: it continues on its way as the turn begins; 0: it does neither.
+        late: (rows,) 1: the agent has decided to do deeds at an arrival.
+        asked: (rows,) the number of arrivals of each agent in this turn.
+        loses: (rows,) 1: the agent has lost a conflict and may not go on.
+        legs, passed, nodes: (rows,) the number of legs, the number of nodes and the node of each agent at its last
             arrival; see `travel.TurnPaths`.
+        kept: the paths of all games between phases; None: turns are played in one call, by `play`.
     """
 
-    def __init__(self, travelers: MetreMovers, agents: int, most: int) -> None:
+    def __init__(
+        self,
+        travelers: MetreMovers,
+        most: int,
+        queue: Queue,
+        now: memoryview[float],
+        comes: memoryview[int],
+        late: memoryview[int],
+        columns: memoryview[int],
+        *,
+        has_end: bool,
+    ) -> None:
+        rows = len(comes)
         self.travelers = travelers
         self.most = most
-        self.queue = Queue(agents)
-        self.here = memoryview(array("q", bytes(8 * agents)))
-        self.asked = memoryview(array("q", bytes(8 * agents)))
-        self.loses = memoryview(array("q", bytes(8 * agents)))
-        self.legs = memoryview(array("q", bytes(8 * agents)))
-        self.passed = memoryview(array("q", bytes(8 * agents)))
-        self.nodes = memoryview(array("q", bytes(8 * agents)))
+        self.has_end = has_end
+        self.queue = queue
+        self.now = now
+        self.comes = comes
+        self.late = late
+        self.asked = columns[:rows]
+        self.loses = columns[rows : 2 * rows]
+        self.legs = columns[2 * rows : 3 * rows]
+        self.passed = columns[3 * rows : 4 * rows]
+        self.nodes = columns[4 * rows : 5 * rows]
+        self.kept: TurnPaths | None = None
+
+    def keep_paths(self, kept: TurnPaths) -> None:
+        """Keep the paths of all games between phases in other trips."""
+        self.kept = kept
 
 
 def play(games: GameColumns, a: Arrivals, game: int) -> int:
     """Play the moves of one turn of a game: agents decide, resolve conflicts and arrive until the turn is over."""
     set_out(games, a, a.travelers, game)
-    while a.queue.size > 0:
-        now = a.queue.first_time()
-        count = 0
-        while a.queue.first_time() == now:
-            a.here[count] = a.queue.pop()
-            count += 1
-        arrive(games, a, a.travelers, game, now, count)
-    return put_back(games, a.travelers, game)
+    while a.now[game] < travel.INFINITE:
+        choose(games, a, a.travelers, game)
+        go_on(games, a, a.travelers, game)
+        arrive(games, a, a.travelers, game)
+    return 0
+
+
+def play_phase(games: GameColumns, a: Arrivals, t: MetreMovers, phase: int, game: int) -> int:
+    """Play a phase of the moves of a turn, with how agents go kept between: `ARRIVE`, `CHOOSE` or `GO_ON`.
+
+    The phases repeat until `now` is infinite. When `ARRIVE` ends, agents are shown where they are at that time.
+    """
+    if a.now[game] == travel.INFINITE:
+        return 0
+    has_begun = a.now[game] >= 0.0
+    for i in range(games.agents if has_begun else 0):
+        travel.copy_trip(a.kept, game * games.agents + i, t.trips, i)  # type: ignore[arg-type] # there are some
+    if not has_begun:
+        set_out(games, a, t, game)
+    elif phase == CHOOSE:
+        choose(games, a, t, game)
+    elif phase == GO_ON:
+        go_on(games, a, t, game)
+    else:
+        arrive(games, a, t, game)
+        show(games, a, t, game)
+    if a.now[game] == travel.INFINITE:
+        return by_metres.keep(games, t, game)
+    for i in range(games.agents):
+        travel.copy_trip(t.trips, i, a.kept, game * games.agents + i)  # type: ignore[arg-type] # there are some
+    return 0
+
+
+def show(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
+    """Write where the agents of this part of the turn are at the time of arrivals to the columns of the games."""
+    now = a.now[game]
+    for i in range(games.agents):
+        row = game * games.agents + i
+        leg = i * t.trips.most + t.trips.legs[i] - 1
+        if now == travel.INFINITE or t.trips.legs[i] == 0 or t.movers.part_of[i] != t.movers.part[game]:
+            continue
+        source = t.trips.begins[leg]
+        target = t.trips.ends[leg]
+        share = travel.share_at(source, target, t.trips.since[leg], t.trips.until[leg], now)
+        games.node[row] = t.trips.node[i]
+        games.edge[row] = -1
+        games.share[row] = 0.0
+        if 0.0 < share < 1.0:
+            games.node[row] = t.roads.sources[t.trips.edges[leg]]
+            games.edge[row] = t.trips.edges[leg]
+            games.share[row] = share
+            t.motion[row] = travel.motion_of(source, target)
+    return 0
 
 
 def put_back(games: GameColumns, t: MetreMovers, game: int) -> int:
@@ -129,35 +224,50 @@ def put_back(games: GameColumns, t: MetreMovers, game: int) -> int:
 
 
 def set_out(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
-    """Start a part of the turn: agents on their way continue, others decide, and first conflicts are resolved."""
+    """Start a part of the turn: agents on their way continue, and others decide next."""
+    a.now[game] = 0.0
+    a.queue.sizes[game] = 0
     for i in range(games.agents):
         row = game * games.agents + i
-        a.asked[i] = 0
+        a.asked[row] = 0
+        a.legs[row] = 0
+        a.late[row] = 0
+        a.comes[row] = 0
         if by_metres.is_there(games, t, game, i):
             t.ends[row] = t.starts[row]
         else:
-            begin(games, t, game, i)
-    give_way(games, a, t, game)
-    for i in range(games.agents):
-        row = game * games.agents + i
-        if a.loses[i]:
-            by_metres.stay(games, t, row, i)
-        if games.alive[row] and t.trips.legs[i] > 0 and t.movers.part_of[i] == t.movers.part[game]:
-            depart(a, t, i)
+            begin(games, a, t, game, i)
     return 0
 
 
-def begin(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
-    """Start the turn of an agent: it continues on its way, decides, or waits for its part of the turn."""
+def begin(games: GameColumns, a: Arrivals, t: MetreMovers, game: int, i: int) -> int:
+    """Start the turn of an agent: it continues on its way, decides next, or waits for its part of the turn."""
     row = game * games.agents + i
     edge = t.trips.edge[i]
     if games.alive[row] and t.movers.part_of[i] == t.movers.part[game]:
+        a.comes[row] = DECIDES
         if edge >= 0 and travel.is_going(t.roads, edge, t.trips.motion[i]):
+            a.comes[row] = GOES_ON
             travel.go(t.roads, t.trips, i, t.trips.motion[i], 0)
-        else:
-            by_metres.choose(games, t, game, i)
-    by_metres.rest(t, i)
+    if a.comes[row] != DECIDES:
+        by_metres.rest(t, i)
     t.ends[row] = place_after(t, row, i, 0)
+    return 0
+
+
+def choose(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
+    """Let the agents that have arrived decide, unless the turn is over."""
+    for i in range(games.agents):
+        row = game * games.agents + i
+        if a.comes[row] == DECIDES:
+            if a.now[game] < 1.0:
+                t.trips.now[i] = a.now[game]
+                t.trips.speed[i] = t.speeds[i]
+                t.trips.left[i] = 1
+                t.trips.pace[i] = -1.0
+                by_metres.choose(games, t, game, i)
+                by_metres.rest(t, i)
+            t.ends[row] = place_after(t, row, i, a.legs[row])
     return 0
 
 
@@ -170,69 +280,92 @@ def place_after(t: MetreMovers, row: int, i: int, legs: int) -> int:
 
 
 def give_way(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
-    """Resolve conflicts: mark the losers in `loses`, count them, and make the ends of all moves the new starts."""
+    """Resolve conflicts: mark the losers in `loses`, count them, and make the ends of all moves the new starts.
+
+    Agents that functions have held lose, too.
+    """
     has_losers = False
     if t.movers.has_conflicts:
         has_losers = resolve(t.movers.contests, t.movers.requests, game, games.turn[game]) > 0  # type: ignore[arg-type]
     for i in range(games.agents):
         row = game * games.agents + i
-        a.loses[i] = 0
-        if has_losers and t.movers.contests.stays[i] and t.starts[row] != t.ends[row]:  # type: ignore[union-attr]
-            a.loses[i] = 1
+        loses = t.movers.held[row] or (has_losers and t.movers.contests.stays[i])  # type: ignore[union-attr]
+        a.loses[row] = 0
+        t.movers.held[row] = 0
+        if loses and t.starts[row] != t.ends[row]:
+            a.loses[row] = 1
             moves.block(t.movers, row, t.ends[row])
             t.ends[row] = t.starts[row]
         t.starts[row] = t.ends[row]
     return 0
 
 
-def depart(a: Arrivals, t: MetreMovers, i: int) -> int:
+def depart(a: Arrivals, t: MetreMovers, game: int, i: int) -> int:
     """Add an agent to the queue with the time at which its last leg reaches a node."""
     until = t.trips.until[i * t.trips.most + t.trips.legs[i] - 1]
-    if t.trips.edge[i] < 0 and (until < 1.0 or t.movers.has_conflicts):
-        a.queue.push(i, until)
+    if t.trips.edge[i] < 0 and (until < 1.0 or a.has_end):
+        a.queue.push(game, i, until)
     return 0
 
 
-def arrive(games: GameColumns, a: Arrivals, t: MetreMovers, game: int, now: float, count: int) -> int:
-    """Move `count` agents to the nodes where they arrive at a time; if the turn is not over, they decide and go on."""
-    for number in range(count):
-        i = a.here[number]
-        row = game * games.agents + i
-        a.asked[i] += 1
-        a.legs[i] = t.trips.legs[i]
-        a.passed[i] = t.trips.passed[i]
-        a.nodes[i] = t.trips.node[i]
-        games.node[row] = t.trips.node[i]
-        if now < 1.0:
-            t.trips.left[i] = 1
-            t.trips.pace[i] = -1.0
-            by_metres.choose(games, t, game, i)
-        t.ends[row] = place_after(t, row, i, a.legs[i])
+def go_on(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
+    """Let the agents that have decided go on, but for those that lose conflicts or have arrived too often."""
     give_way(games, a, t, game)
-    for number in range(count):
-        i = a.here[number]
-        if a.loses[i]:
-            come_back(a, t, i)
-            hold(games, t, game, i)
-        elif a.asked[i] >= a.most:
-            come_back(a, t, i)
-            t.events.put(game, games.turn[game], rules.NOBODY, rules.ILLEGAL, i, -1, t.trips.node[i])
-        elif t.trips.legs[i] > a.legs[i]:
-            depart(a, t, i)
+    for i in range(games.agents):
+        row = game * games.agents + i
+        if not a.comes[row]:
+            continue
+        if a.asked[row] == 0:
+            if a.loses[row]:
+                by_metres.stay(games, t, row, i)
+            if t.trips.legs[i] > 0:
+                depart(a, t, game, i)
+        elif a.loses[row]:
+            come_back(a, t, row, i)
+            hold(games, t, row, i)
+        elif a.asked[row] >= a.most:
+            come_back(a, t, row, i)
+            t.events.put(game, games.turn[game], rules.NOBODY, rules.WAITS, i, -1, t.trips.node[i])
+        else:
+            if a.late[row]:
+                t.events.put(game, games.turn[game], rules.NOBODY, rules.LATE_DEED, i, -1, t.trips.node[i])
+            if t.trips.legs[i] > a.legs[row]:
+                depart(a, t, game, i)
+        a.late[row] = 0
     return 0
 
 
-def come_back(a: Arrivals, t: MetreMovers, i: int) -> int:
+def arrive(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
+    """Move the agents that arrive next to their nodes, at the time when they do; after the last, end the moves."""
+    now = a.queue.first_time(game)
+    a.now[game] = now
+    for i in range(games.agents):
+        a.comes[game * games.agents + i] = 0
+    if now == travel.INFINITE:
+        return put_back(games, t, game)
+    while a.queue.first_time(game) == now:
+        i = a.queue.pop(game)
+        row = game * games.agents + i
+        a.comes[row] = DECIDES
+        a.asked[row] += 1
+        a.legs[row] = t.trips.legs[i]
+        a.passed[row] = t.trips.passed[i]
+        a.nodes[row] = t.trips.node[i]
+        games.node[row] = t.trips.node[i]
+    return 0
+
+
+def come_back(a: Arrivals, t: MetreMovers, row: int, i: int) -> int:
     """Return an agent to the node of its last arrival."""
-    t.trips.legs[i] = a.legs[i]
-    t.trips.passed[i] = a.passed[i]
-    t.trips.node[i] = a.nodes[i]
+    t.trips.legs[i] = a.legs[row]
+    t.trips.passed[i] = a.passed[row]
+    t.trips.node[i] = a.nodes[row]
     t.trips.edge[i] = -1
     t.trips.share[i] = 0.0
     return 0
 
 
-def hold(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
+def hold(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
     """Stop an agent just before the node where it arrives."""
     leg = i * t.trips.most + t.trips.legs[i] - 1
     edge = t.trips.edges[leg]
@@ -245,5 +378,5 @@ def hold(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     t.trips.motion[i] = travel.STOPPED
     t.trips.now[i] = t.trips.until[leg]
     travel.stand(t.trips, i)
-    games.node[game * games.agents + i] = t.trips.node[i]
+    games.node[row] = t.trips.node[i]
     return 0

@@ -43,8 +43,8 @@ cdef int begin(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
 cdef Py_ssize_t place_of(MetreMovers t, i64 i) except -2 nogil
 @cython.locals(row=i64, by=u8, edge=i64, node=i64, share=double, now=double, count=i64, number=i64, legal=i64)
 cdef Py_ssize_t target_of(GameColumns games, MetreMovers t, i64 game, i64 i) except -2 nogil
-cdef i64 drawn(GameColumns games, MetreMovers t, i64 row, i64 i, i64 bound) except? -2 nogil
-@cython.locals(edge=i64, node=i64)
+cdef i64 drawn(GameColumns games, MetreMovers t, i64 row, i64 bound) except? -2 nogil
+@cython.locals(row=i64, edge=i64, node=i64)
 cdef Py_ssize_t by_steps(MetreMovers t, i64 game, i64 i) except -2 nogil
 cdef int stay(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
 @cython.locals(i=i64, row=i64, leg=i64, goes=bint)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from array import array
-
 from gamms.core import draws, moves, rules, strategies, travel
 from gamms.core.conflicts import resolve
 from gamms.core.moves import OneEdgeMovers
@@ -29,7 +27,7 @@ class MetreMovers:
         motion: (rows,) the last motion of agents on edges; see `ir.progress.Motion`.
         starts, ends: (rows,) the places of moves, as in `conflicts`: nodes, then edges.
         most_edges: the number of edges that an agent may enter before it decides again.
-        drawn: (agents,) the number of draws of each agent in the turn.
+        drawn: (rows,) the number of draws of each agent in the turn.
         kept: (rows,) the paths of all games, if rules run after all games have moved (`keeps`).
     """
 
@@ -48,6 +46,7 @@ class MetreMovers:
         motion: memoryview[int],
         starts: memoryview[int],
         ends: memoryview[int],
+        drawn: memoryview[int],
         most_edges: int,
         kept: TurnPaths | None = None,
     ) -> None:
@@ -66,9 +65,14 @@ class MetreMovers:
         self.starts = starts
         self.ends = ends
         self.most_edges = most_edges
-        self.drawn = memoryview(array("q", bytes(8 * len(speeds))))
+        self.drawn = drawn
         self.kept = kept
         self.keeps = kept is not None
+
+    def keep_paths(self, kept: TurnPaths) -> None:
+        """Keep the paths of all games between phases in other trips."""
+        self.kept = kept
+        self.keeps = True
 
 
 def decide(games: GameColumns, t: MetreMovers, game: int) -> int:
@@ -99,7 +103,7 @@ def is_there(games: GameColumns, t: MetreMovers, game: int, i: int) -> bool:
 def set_out(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
     """Start the turn of an agent at its position."""
     moves.set_out(games, t.movers, row)
-    t.drawn[i] = 0
+    t.drawn[row] = 0
     begin(games, t, row, i)
     t.starts[row] = place_of(t, i)
     return 0
@@ -171,7 +175,7 @@ def target_of(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
         if by == moves.STEPS:
             strategies.take_legal(t.movers.by_steps, t.reach.nodes, count)  # type: ignore[arg-type] # there are some
             return by_steps(t, game, i)
-        return t.reach.nodes[drawn(games, t, row, i, count) if by == moves.WALKS else t.movers.given[row]]
+        return t.reach.nodes[drawn(games, t, row, count) if by == moves.WALKS else t.movers.given[row]]
     count = travel.count_legal(t.roads, t.reach, t.known, i, node, t.speeds[i])
     if by == moves.STEPS:
         for number in range(count):
@@ -179,24 +183,25 @@ def target_of(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
             t.movers.by_steps.legal[number] = legal  # type: ignore[union-attr] # there are some
         t.movers.by_steps.count = count  # type: ignore[union-attr]
         return by_steps(t, game, i)
-    number = drawn(games, t, row, i, count) if by == moves.WALKS else t.movers.given[row]
+    number = drawn(games, t, row, count) if by == moves.WALKS else t.movers.given[row]
     return travel.legal_node(t.roads, t.reach, t.known, i, node, number)
 
 
-def drawn(games: GameColumns, t: MetreMovers, row: int, i: int, bound: int) -> int:
+def drawn(games: GameColumns, t: MetreMovers, row: int, bound: int) -> int:
     """Return the next random number of an agent below a bound."""
-    t.drawn[i] += 1
-    return draws.below_at(t.movers.walks.keys[row], games.turn[row // games.agents], t.drawn[i] - 1, bound)
+    t.drawn[row] += 1
+    return draws.below_at(t.movers.walks.keys[row], games.turn[row // games.agents], t.drawn[row] - 1, bound)
 
 
 def by_steps(t: MetreMovers, game: int, i: int) -> int:
     """Return the node that the strategy steps of an agent choose among its known legal nodes; -1: none."""
+    row = game * t.movers.by_steps.games.agents + i  # type: ignore[union-attr] # there are some
     edge = t.trips.edge[i]
     t.movers.by_steps.ahead = t.roads.targets[edge] if edge >= 0 else -1  # type: ignore[union-attr] # there are some
     t.movers.by_steps.goes_far = t.speeds[i] == t.speeds[i]  # type: ignore[union-attr] # not NaN
-    t.movers.by_steps.drawn = t.drawn[i]  # type: ignore[union-attr]
+    t.movers.by_steps.drawn = t.drawn[row]  # type: ignore[union-attr]
     node = strategies.act(t.movers.by_steps, game, i)  # type: ignore[arg-type]
-    t.drawn[i] = t.movers.by_steps.drawn  # type: ignore[union-attr]
+    t.drawn[row] = t.movers.by_steps.drawn  # type: ignore[union-attr]
     return node
 
 

@@ -33,6 +33,8 @@ REACH = 6  # agent, node
 ARRIVE = 7  # agent, node
 END = 8  # agent: the team that wins, -1: none
 ILLEGAL = 9  # agent, other: the edge that it is on, node: it cannot move there from the edge
+WAITS = 10  # agent, node: it has arrived too often in a turn, and waits there
+LATE_DEED = 11  # agent, node: it has decided there to do a deed, when the turn had begun
 # effects of a tag
 NOTHING = 0
 RESPAWN = 1
@@ -41,7 +43,10 @@ NOBODY = -1
 LEADER = -2  # as a winner: the team with the highest score
 ITS_TEAM = -3  # the team that reached its goal
 # the same for callers in Python, which do not see constants with a C type
-KINDS = ("tag", "respawned", "eliminated", "take", "drop", "capture", "reach", "arrive", "end", "illegal")  # by number
+KINDS = (  # by number
+    *("tag", "respawned", "eliminated", "take", "drop", "capture", "reach", "arrive", "end"),
+    *("illegal", "waits", "late deed"),
+)
 THEN = {"": NOTHING, "respawn": RESPAWN, "eliminate": ELIMINATE}
 WINNERS = {"nobody": NOBODY, "leader": LEADER, "its team": ITS_TEAM}
 

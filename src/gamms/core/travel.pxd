@@ -6,7 +6,7 @@ ctypedef long long i64
 cdef extern from "math.h":
     cpdef double fabs(double x) noexcept nogil
 
-cdef double INFINITE, SLACK, ROUNDED
+cdef double INFINITE, SLACK, LEAST, MOST, ROUNDED
 cdef i64 FORWARD, BACK, STOPPED
 
 
@@ -123,6 +123,9 @@ cdef bint cover(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, i64 motion)
 cpdef int stand(TurnPaths trips, i64 row) except -1 nogil
 @cython.locals(first=i64, node=i64, stands=bint, leg=i64, place=i64)
 cpdef int go_in_part(TurnPaths trips, i64 row, i64 part, i64 parts) except -1 nogil
+@cython.locals(share=double)
+cpdef double share_at(double begin, double end, double since, double until, double time) except? -1.0 nogil
+cpdef Py_ssize_t motion_of(double begin, double end) except -1 nogil
 cdef int put_leg(TurnPaths trips, i64 leg, i64 edge, double share, double since, double until) except -1 nogil
 cdef int copy_leg(TurnPaths trips, i64 leg, TurnPaths others, i64 other) except -1 nogil
 @cython.locals(number=i64)

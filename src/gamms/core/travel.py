@@ -12,6 +12,8 @@ from math import fabs
 
 INFINITE = float("inf")
 SLACK = 1e-9  # of a turn: a path that takes exactly a turn must not fail by rounding
+LEAST = 5e-324  # shares of an edge: bounds for agents under way, against rounding
+MOST = 1.0 - 2.0**-53
 ROUNDED = 1e-12  # of a turn: an arrival this shortly before the end counts as at the end
 FORWARD = 1  # the values of `ir.progress.Motion`
 BACK = 2
@@ -799,6 +801,21 @@ def go_in_part(trips: TurnPaths, row: int, part: int, parts: int) -> int:
         put_leg(trips, first + trips.legs[row], trips.edge[row], trips.share[row], (part + 1) / parts, 1.0)
         trips.legs[row] += 1
     return 0
+
+
+def share_at(begin: float, end: float, since: float, until: float, time: float) -> float:
+    """Return the share of an edge where an agent on a leg is at a time; the ends of the edge only when it is there."""
+    if time >= until:
+        return end
+    share = begin + (end - begin) * (time - since) / (until - since)
+    return min(max(share, LEAST), MOST) if begin != end else share
+
+
+def motion_of(begin: float, end: float) -> int:
+    """Return the motion of an agent on a leg between two shares of an edge."""
+    if begin == end:
+        return STOPPED
+    return FORWARD if begin < end else BACK
 
 
 def put_leg(trips: TurnPaths, leg: int, edge: int, share: float, since: float, until: float) -> int:

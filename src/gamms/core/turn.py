@@ -12,7 +12,8 @@ an order of play, a turn has parts, in which some of the agents decide and move;
 | rules    | the rules are applied in order and may end the game     | `rules.play`                                 |
 
 If functions are called between these phases, all games finish one phase before the next begins: `play_phases`.
-Agents that decide on arrival decide and give way several times per turn: `arrivals.play`.
+Agents that decide on arrival decide and give way several times per turn: `arrivals.play`, or in phases of their own
+instead of the first, `arrivals.play_phase`.
 
 Games share only the map and the arguments of rules; they can be played in any order and on several threads.
 """
@@ -33,7 +34,7 @@ DECIDE = 0
 SETTLE = 1
 MOVE = 2
 PHASES = (DECIDE, SETTLE, MOVE)
-"""What `play_phases` plays."""
+"""What `play_phases` plays, besides the phases of `arrivals`."""
 
 
 class Player:
@@ -101,7 +102,9 @@ def move(p: Player, game: int) -> int:
 
 
 def play_phase(p: Player, phase: int, game: int) -> int:
-    """Play a phase of a part of a turn of a game: `DECIDE`, `SETTLE` or `MOVE`, with how agents go kept between."""
+    """Play a phase of a part of a turn of a game, with how agents go kept between; see `PHASES`."""
+    if phase > MOVE:
+        return arrivals.play_phase(p.games, p.arrivals, p.travelers, phase, game)  # type: ignore[arg-type]
     if phase == DECIDE:
         decide(p, game)
     else:

@@ -8,7 +8,7 @@ from gamms.core.arrivals import Queue
 from gamms.game.moves import TurnMoves
 from gamms.game.travel import ResolvedAction, progress_at
 from gamms.ir.agents import AgentBlock
-from gamms.typing.game import EdgePlace, Move
+from gamms.typing.game import EdgePlace
 
 MOST_ARRIVALS = 1000  # per turn; beyond, an agent would move endlessly on edges of length 0
 WAITS = f"it arrived {MOST_ARRIVALS} times in one turn, and waits"
@@ -46,17 +46,17 @@ class Arrivals:
         self._moved.add(i)
         self._under_way.depart(slot.row, partial(progress_at, leg))
         if action.progress is None and (leg.until < 1.0 or self._has_end):
-            self._queue.push(i, leg.until)
+            self._queue.push(0, i, leg.until)
 
     def times(self) -> Iterator[tuple[float, list[int]]]:
         """Yield (time, slots of the agents that arrive then, in the order of their names)."""
         queue = self._queue
         under_way = self._under_way
         turn = self._turn
-        while queue.size:
-            now, here = queue.first_time(), list[int]()
-            while queue.first_time() == now:
-                here.append(queue.pop())
+        while queue.size(0):
+            now, here = queue.first_time(0), list[int]()
+            while queue.first_time(0) == now:
+                here.append(queue.pop(0))
             under_way.pass_time(now)
             for i in here:
                 under_way.arrive(turn.slots[i].row, turn.ends[i])
@@ -75,14 +75,6 @@ class Arrivals:
             elif leg.begin != leg.end:
                 after[i] = EdgePlace(leg.edge)
         return before, after
-
-    def moves(self, places: tuple[list[Any], list[Any]], indices: list[int]) -> dict[str, Move]:
-        """Return agent -> its move between two lists of places, for the slots `indices`."""
-        slots, (before, after) = self._turn.slots, places
-        return {
-            slots[i].name: Move(slots[i].name, slots[i].team, before[i], after[i], (before[i], after[i]))
-            for i in indices
-        }
 
     def take(self, places: list[Any]) -> None:
         """Set the current places of all agents."""

@@ -29,7 +29,6 @@ SLACK = 1e-9  # of a turn, as in the core
 _REMEMBERED = 64  # the number of stored nodes on the path of each agent, 16 bytes each
 _MORE_LEGS = 3  # legs that a path may have in addition to its nodes
 ENDLESS = 1 << 32  # edges: more than any path has
-LEAST, MOST = 5e-324, 1.0 - 2.0**-53  # shares of an edge: bounds for agents under way, against rounding
 _MOTIONS = tuple(Motion)
 _NOTHING: IntArray = np.zeros(0, np.int64)
 
@@ -332,14 +331,10 @@ class ResolvedAction(NamedTuple):
 
 def progress_at(leg: Leg, time: float) -> Progress | None:
     """Return the position of an agent on a leg at a time of the turn; None: it is on a node."""
-    share = leg.share_at(time) if time < leg.until else leg.end
-    if time < leg.until and leg.begin != leg.end:
-        share = min(max(share, LEAST), MOST)
+    share = core.share_at(leg.begin, leg.end, leg.since, leg.until, time)
     if not 0.0 < share < 1.0:
         return None
-    moving = Motion.FORWARD if leg.end > leg.begin else Motion.BACK
-    motion = Motion.STOPPED if leg.end == leg.begin else moving
-    return Progress(leg.source, leg.target, share, leg.edge, motion)
+    return Progress(leg.source, leg.target, share, leg.edge, _MOTIONS[core.motion_of(leg.begin, leg.end)])
 
 
 class Travel:

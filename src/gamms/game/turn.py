@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
 from operator import itemgetter
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, cast
@@ -511,13 +510,24 @@ class TurnEngine:
         """Resolve conflicts; return the slots of the agents that have to stay at their places."""
         if self._settings.conflicts is None:
             return set()
-        before, after = places = arrivals.places(here, actions)
-        losers = [i for i in self._losers(turn, places, None, partial(arrivals.moves, places)) if before[i] != after[i]]
-        for i in losers:
-            self._block(turn.slots[i], in_conflict(after[i]))
+        before, after = arrivals.places(here, actions)
+        losers = self.losers_between(turn.order, before, after)
+        for i, place in losers:
+            self._block(turn.slots[i], in_conflict(place))
             after[i] = before[i]
         arrivals.take(after)
-        return set(losers)
+        return {i for i, _ in losers}
+
+    def losers_between(self, order: TurnOrder, before: list[Any], after: list[Any]) -> list[tuple[int, Any]]:
+        """Return the slots of the agents that lose conflicts of moves between places, and where they wanted to go."""
+        slots = order.slots
+
+        def named(indices: list[int]) -> dict[str, Move]:
+            ends = {i: (before[i], after[i]) for i in indices}
+            return {slots[i].name: Move(slots[i].name, slots[i].team, *ends[i], ends[i]) for i in indices}
+
+        losers = self._losers(order, (before, after), None, named)
+        return [(i, after[i]) for i in losers if before[i] != after[i]]
 
     def _continue(self, turn: TurnMoves, action: ResolvedAction, i: int) -> bool:
         """Append the action of an agent that has arrived; return whether it moves on."""
@@ -583,7 +593,7 @@ class TurnEngine:
         """Keep the agents where they are that lose conflicts; return their slots, and where they wanted to go."""
         places = turn.places()
         moves = None if turn.order.whole.paced else turn.in_core()
-        losers = [(i, places[1][i]) for i in self._losers(turn, places, moves, turn.named)]
+        losers = [(i, places[1][i]) for i in self._losers(turn.order, places, moves, turn.named)]
         return [(i, end) for i, end in losers if turn.stop(i)]
 
     def _stopped_in_arrays(self, turn: TurnMoves) -> BoolArray | None:
@@ -622,7 +632,7 @@ class TurnEngine:
 
     def _losers(
         self,
-        turn: TurnMoves,
+        order: TurnOrder,
         places: tuple[list[Any], list[Any]],
         moves: MoveColumns | None,
         named: Callable[[list[int]], Mapping[str, Move]],
@@ -630,7 +640,7 @@ class TurnEngine:
         """Return the slots of the agents that lose conflicts of moves between these places."""
         conflicts = cast("IConflicts", self._settings.conflicts)
         try:
-            return self._conflicts.losers(conflicts, turn.order, self._state.turn, places, moves, named, self._ctx)
+            return self._conflicts.losers(conflicts, order, self._state.turn, places, moves, named, self._ctx)
         except Exception as error:
             self._note_in_conflicts(error)
             raise

@@ -135,6 +135,14 @@ class DetectionModel(Guarded):
         """Reset the count of looks."""
         self._looks.clear()
 
+    def mark(self) -> dict[str | None, tuple[int, int]]:
+        """Return the counts of looks, for `go_to`."""
+        return self._looks.copy()
+
+    def go_to(self, mark: dict[str | None, tuple[int, int]]) -> None:
+        """Count looks from a mark on."""
+        self._looks = mark.copy()
+
     def repeated(self) -> "DetectionModel":
         """Return a copy whose next look repeats the draws of the last look of this turn; this object is unchanged."""
         twin = copy(self)
@@ -348,13 +356,13 @@ class DetectingSensor(Sensor):
 
     def _snapshot(self) -> tuple[Any, ...]:
         """Return the sensed data and the count of looks, for `_restore`."""
-        return tuple(self._last), {} if self._notice is None else self._notice._looks.copy()
+        return tuple(self._last), {} if self._notice is None else self._notice.mark()
 
     def _restore(self, before: tuple[Any, ...]) -> None:
         """Restore the sensed data and the count of looks."""
         self._last[:], looks = before
         if self._notice is not None:
-            self._notice._looks = looks.copy()
+            self._notice.go_to(looks)
 
     def _copy_for_view(self) -> Self:
         twin = super()._copy_for_view()

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.core.arrivals import PHASES as PHASES_AT_ARRIVALS
 from gamms.core.turn import PHASES as PHASES_OF_CORE
 from gamms.errors import GammsError
 from gamms.game.batch.channels import Radio, radio_of
@@ -56,6 +57,7 @@ from gamms.text import as_code, shown
 from gamms.typing.game import strategy_name
 
 _DECIDE, _SETTLE, _MOVE = PHASES_OF_CORE
+_ARRIVE, _CHOOSE, _GO_ON = PHASES_AT_ARRIVALS
 
 
 class Group(NamedTuple):
@@ -147,6 +149,11 @@ class GamesOnMap:
         self._called = as_code(decider_of(roster.agents[asked[0]], settings["plans"])) if asked else ""
 
     @property
+    def _at_arrivals(self) -> bool:
+        movement = self.state.movement
+        return isinstance(movement, ByMetres) and movement.terms.decides_at_arrivals
+
+    @property
     def asks_functions(self) -> bool:
         """Whether functions decide for agents, or agents observe by sensors that are called."""
         return len(self._groups) > 0 or bool((self._is_asked | self._observing).any())
@@ -160,12 +167,26 @@ class GamesOnMap:
         plain = [] if self.cursor is None else self.cursor.functions
         return [*(group.form for group in self._groups), *filter(None, rules), *plain]
 
-    def checkpoints(self) -> Iterator[Callable[[], None]]:
-        """Yield a function that takes back what happens from now on, where functions may raise after rules or moves."""
+    def checkpoints(self, *, is_given: bool) -> Iterator[Callable[[], None]]:
+        """Yield a function that takes back what happens from now on, where functions may raise after rules or moves.
+
+        `is_given` says whether actions come from outside.
+        """
+        may_raise = len(self._groups) > 0 or self.state.radio is not None
+        may_raise_later = (may_raise and self.core.num_parts > 1) or self.asks_at_arrivals(is_given=is_given)
         if self.cursor is not None:
             yield self.cursor.checkpoint()
-        elif ((self._groups or self.state.radio is not None) and self.core.num_parts > 1) or self.leaves_out:
+        elif may_raise_later or self.leaves_out:
             yield self.state.checkpoint(self.core.moves)
+
+    def asks_at_arrivals(self, *, is_given: bool) -> bool:
+        """Whether functions are called where agents arrive, or actions from outside are taken there."""
+        return self._at_arrivals and (is_given or self.asks_functions or self._has_conflicts)
+
+    @property
+    def at_rest(self) -> BoolArray | None:
+        """Which agents decide for certain as a turn begins, (all games, agents); None: all."""
+        return self.state.movement.edge < 0 if self._at_arrivals else None
 
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Begin games on this map, with other seeds, their agents on these nodes, (games, agents)."""
@@ -191,7 +212,7 @@ class GamesOnMap:
     def check_given(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
         """Refuse deeds and messages that are not legal before a rule is called."""
         for team, wanted in given.items():
-            wanted.act(asked_view(self.state, games, self.state.roster.members(team)))
+            wanted.act(asked_view(self.state, games, self.state.roster.members(team), self.at_rest))
 
     def call_before(self, games: IntArray) -> None:
         """Call the rules of the phase "before"."""
@@ -199,52 +220,77 @@ class GamesOnMap:
         for named in self.before:
             self.call(named, games[self.state.is_going[games]])  # a game that one of them ends is over for the others
 
-    def take(self, games: IntArray, given: Mapping[Hashable, Given], numbers: Numbers | None) -> None:
+    def take(
+        self,
+        games: IntArray,
+        given: Mapping[Hashable, Given],
+        numbers: Numbers | None,
+        here: BoolArray | None = None,
+    ) -> None:
         """Take what agents are given besides their moves, which are in the block.
 
         Args:
             games: that are played.
             given: team -> what its agents do, in place of what their strategies decide.
             numbers: what other agents do.
+            here: (all games, agents) which agents decide now; None: all.
         """
         state, actions = self.state, self._block.given
         self._flights = {team: wanted.flights for team, wanted in given.items()}
         if numbers is not None:
-            if self.before:  # a rule may have moved the agents
+            if self.before or here is not None:  # the agents may be elsewhere
                 counts = asked_view(state, games, np.arange(actions.shape[1])).counts
                 actions[games] *= (actions[games] >= 0) & (actions[games] < counts)
             if self.cursor is not None or numbers.deeds:
                 agents = np.flatnonzero(numbers.is_given)
-                self._take_acts_of(games, agents, Given(actions[:, agents], numbers.deeds, {}))
+                self._take_acts_of(games, agents, Given(actions[:, agents], numbers.deeds, {}), here)
         for team, wanted in given.items():
             if self.cursor is not None or wanted.deeds or wanted.messages:
-                self._take_acts_of(games, state.roster.members(team), wanted)
+                self._take_acts_of(games, state.roster.members(team), wanted, here)
 
-    def _take_acts_of(self, games: IntArray, agents: IntArray, given: Given) -> None:
+    def _take_acts_of(self, games: IntArray, agents: IntArray, given: Given, here: BoolArray | None) -> None:
         """Take the deeds and messages that agents are given, and note their actions."""
-        view = asked_view(self.state, games, agents)
+        view = asked_view(self.state, games, agents, here)
         if self.cursor is not None:
             self.cursor.note_given(view)
         given.act(view)
         self._take_acts(view)
 
-    def decide(self, games: IntArray, part: int, is_given: BoolArray) -> None:
-        """Write the actions of agents of a part of the turn for which functions decide into the block, too."""
+    def takes_block(self, is_given: BoolArray) -> BoolArray:
+        """Return which agents take the actions in the block, (agents,): those of functions, and those that are given.
+
+        Args:
+            is_given: (agents,) which agents do what is given.
+        """
+        takes = is_given | self._is_asked
+        for group in self._groups:
+            takes[group.agents] = True
+        return takes
+
+    def decide(self, games: IntArray, part: int, is_given: BoolArray, here: BoolArray | None = None) -> None:
+        """Write the actions of agents of a part of the turn for which functions decide into the block.
+
+        Args:
+            games: that are played.
+            part: of the turn.
+            is_given: (agents,) which agents do what is given.
+            here: (all games, agents) which agents decide now; None: all.
+        """
         actions = self._block.given
-        self._fly_as_given(games, is_given & (self.core.part_of == part))
-        self._call_each(games, part, is_given)
+        if not self.core.arrival:
+            self._fly_as_given(games, is_given & (self.core.part_of == part))
+        self._call_each(games, part, is_given, here)
         for group in self._groups:
             agents = group.agents[~is_given[group.agents] & (self.core.part_of[group.agents] == part)]
-            if len(agents):
-                for some in self._by_roads(games):
-                    view = asked_view(self.state, some, agents)
-                    try:
-                        actions[np.ix_(some, agents)] = self._actions(view, group)
-                        self._take_acts(view)
-                    except Exception as error:
-                        error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
-                        raise
-                is_given[agents] = True
+            asked = games if here is None else games[here[games][:, agents].any(axis=1)]
+            for some in self._by_roads(asked) if len(agents) and len(asked) else ():
+                view = asked_view(self.state, some, agents, here)
+                try:
+                    actions[np.ix_(some, agents)] = self._actions(view, group)
+                    self._take_acts(view)
+                except Exception as error:
+                    error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
+                    raise
 
     def _actions(self, view: ArrayView, group: Group) -> IntArray:
         """Return the actions that an array function gives; agents that fly stay on the node below them."""
@@ -293,21 +339,38 @@ class GamesOnMap:
         state.counts["moves"][those] += has_flown
         state.placed[those] |= has_flown
 
-    def _call_each(self, games: IntArray, part: int, is_given: BoolArray) -> None:
+    def _call_each(self, games: IntArray, part: int, is_given: BoolArray, here: BoolArray | None) -> None:
         """Call plain functions that decide, and the sensors that are called in each turn, game by game."""
         are_next = self.core.part_of == part
         asked = np.flatnonzero(self._is_asked & are_next & ~is_given)
         observing = np.flatnonzero(self._observing & are_next & (is_given | ~self._is_asked))
-        if self.cursor is None or not len(asked) + len(observing):
+        if here is not None:
+            games = games[here[games][:, np.append(asked, observing)].any(axis=1)]
+        if self.cursor is None or not len(games) or not len(asked) + len(observing):
             return
         view = ArrayView(self.state, games, asked)
         try:
-            self._block.given[np.ix_(games, asked)] = self.cursor.decide(view, observing)
+            self._block.given[np.ix_(games, asked)] = self.cursor.decide(view, observing, here)
         except Exception as error:
             if len(asked):
                 error.add_note(f"In the strategy {self._called} of a batch, {in_turns(view.turn, view.games)}.")
             raise
-        is_given[asked] = True
+
+    def begin_arrivals(self, games: IntArray) -> None:
+        """Begin a part of the turn of some games in which functions are called where agents arrive."""
+        self.core.begin_arrivals(games)
+        if self.cursor is not None:
+            self.cursor.begin_arrivals()
+
+    def give_way_at_arrivals(self, games: IntArray) -> None:
+        """Let agents that have arrived stop that lose conflicts by a function."""
+        if self.cursor is not None and self._has_conflicts and len(games):
+            self.cursor.give_way_at_arrivals(games)
+
+    def note_losers(self, games: IntArray) -> None:
+        """Let agents know that conflicts have stopped them where they arrived."""
+        if self.cursor is not None:
+            self.cursor.note_losers(games)
 
     def _by_roads(self, games: IntArray) -> Iterator[IntArray]:
         """Yield the games for which an array function is called at once: those in which the same roads are open."""
@@ -331,8 +394,10 @@ class GamesOnMap:
         state = self.state
         if state.radio is not None:
             state.radio.post(view._outboxes or ())
-        if state.deed_log is not None:
-            deeds = [one._replace(at=view.games[one.at]) for one in view._deeds or ()]
+        deeds = [one._replace(at=view.games[one.at]) for one in view._deeds or ()]
+        for one in deeds if self.core.arrival else ():
+            self.core.note_late_deeds(one.at, one.agents)
+        if state.deed_log is not None and not self.core.arrival:
             state.deed_log.want(state.deeds, deeds, state.turn)
 
     def note_unsent(self, flaw: Failure, turn: int) -> None:
@@ -374,7 +439,7 @@ class GamesOnMap:
         self.core.note_places()
         if self.cursor is not None and len(changed):
             self.cursor.cut_off(changed, part)
-        if self.cursor is not None and self._has_conflicts and len(games):
+        if self.cursor is not None and self._has_conflicts and len(games) and not self._at_arrivals:
             self.cursor.give_way(games, part)
 
     def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
@@ -462,7 +527,6 @@ class ArrayEngine:
         states = [self._state, *others]
         self._last: int | None = settings["max_turns"]
         self._is_strict = settings["on_illegal"] == "raise"
-        self._at_arrivals = isinstance(movements[0], ByMetres) and movements[0].terms.decides_at_arrivals
         self._block = Block(states, self._map_of)
         self._maps = [
             GamesOnMap(game, state, self._block, of_map)
@@ -495,7 +559,7 @@ class ArrayEngine:
     @property
     def may_leave(self) -> bool:
         """Whether games may leave the core: because of functions, or because actions come from outside."""
-        return self._at_arrivals or self.calls_each or len(self.functions) > 0
+        return self.calls_each or len(self.functions) > 0
 
     @property
     def plays_by_phases(self) -> bool:
@@ -564,7 +628,10 @@ class ArrayEngine:
             NotTakenUp: a function asks for what the core does not have.
         """
         playing = ~self.is_over
-        undoing = [*chain(*(one.checkpoints() for one in self._maps))] if np.count_nonzero(playing) > 1 else []
+        is_given = len(given) > 0 or numbers is not None
+        undoing = []
+        if np.count_nonzero(playing) > 1:
+            undoing = [*chain(*(one.checkpoints(is_given=is_given) for one in self._maps))]
         try:
             self._play_turn(playing, given, numbers, threads)
         except NotTakenUp:
@@ -578,56 +645,81 @@ class ArrayEngine:
         self, playing: BoolArray, given: Mapping[Hashable, Given], numbers: Numbers | None, threads: int
     ) -> None:
         """Play one turn of some games; those of all maps come to the end of a phase before the next begins."""
-        if self._at_arrivals and (given or numbers is not None):
-            raise NotTakenUp("actions from outside, of agents that decide at arrivals")
+        self._state.failures.clear()
         for log in self._logs_of_turn:
             log.begin_turn()
         if any(one.before for one in self._maps):
             playing = self._call_before(playing, given)
         for one, games in self._each(playing) if self._leaves_out else ():
             one.refuse_unlisted(games)
-        are_given = self._take(playing, given, numbers)
+        is_given = self._given_to(given, numbers)
+        ask = None
+        if self._maps[0].asks_at_arrivals(is_given=bool(is_given.any())):
+            ask = partial(self._ask_at_arrivals, is_given=is_given, given=given, numbers=numbers)
+        elif is_given.any():
+            self._take(playing, given, numbers)
         first = self._block.part.copy()
         try:
-            self._play_parts(playing, first, are_given, threads)
+            self._play_parts(playing, first, is_given, threads, ask)
         except BaseException:
             self._block.part[:] = first
             self._block.held[:] = 0
             raise
         self._finish(playing)
 
-    def _take(
-        self, playing: BoolArray, given: Mapping[Hashable, Given], numbers: Numbers | None
-    ) -> list[BoolArray] | None:
-        """Write the actions that are given into the block; return which agents take them on each map, (agents,).
+    def _given_to(self, given: Mapping[Hashable, Given], numbers: Numbers | None) -> BoolArray:
+        """Return which agents do what is given, in place of what their strategies decide, (agents,)."""
+        roster = self._state.roster
+        is_given = np.zeros(len(roster.names), np.bool_) if numbers is None else numbers.is_given.copy()
+        for team in given:
+            is_given[roster.members(team)] = True
+        return is_given
 
-        Return None where no agent does, and none observes or is asked by a function.
+    def _take(
+        self,
+        playing: BoolArray,
+        given: Mapping[Hashable, Given],
+        numbers: Numbers | None,
+        here: BoolArray | None = None,
+    ) -> None:
+        """Take the actions that are given.
 
         Args:
             playing: (games,) which are played.
             given: team -> what its agents do, in place of what their strategies decide.
             numbers: what other agents do.
+            here: (games, agents) which agents decide now; None: all.
         """
-        if numbers is None and not given and not self._asks_functions:
-            return None
-        roster = self._state.roster
-        is_given = np.zeros(len(roster.names), np.bool_)
         if numbers is not None:
-            self._block.given[:] = np.where(roster.flies, 0, numbers.actions)
-            is_given |= numbers.is_given
-        self._take_moves(playing, given)
+            self._block.given[:] = np.where(self._state.roster.flies, 0, numbers.actions)
+        self._take_moves(playing, given, here)
         for one, games in self._each(playing):
-            one.take(games, given, numbers)
-        for team in given:
-            is_given[roster.members(team)] = True
-        return [is_given.copy() for _ in self._maps]
+            one.take(games, given, numbers, here)
 
-    def _take_moves(self, playing: BoolArray, given: Mapping[Hashable, Given]) -> None:
-        """Write moves that were given into the block, if they are legal."""
+    def _ask_at_arrivals(
+        self,
+        playing: BoolArray,
+        part: int,
+        *,
+        is_given: BoolArray,
+        given: Mapping[Hashable, Given],
+        numbers: Numbers | None,
+    ) -> None:
+        """Ask functions for agents of a part of the turn that arrive now, or set out, and take what is given."""
+        here = np.zeros(self._state.node.shape, np.bool_)
+        for one, games in self._each(playing):
+            here[games] = one.core.deciding(games)
+        if is_given.any():
+            self._take(playing, given, numbers, here)
+        for one, games in self._each(playing):
+            one.decide(games, part, is_given, here)
+
+    def _take_moves(self, playing: BoolArray, given: Mapping[Hashable, Given], here: BoolArray | None) -> None:
+        """Write moves that were given into the block, if they are legal; `here` is as in `_take`."""
         for state, games in self._by_legal_moves(playing) if given else ():
             for team, wanted in given.items():
                 agents = state.roster.members(team)
-                view = asked_view(state, games, agents)
+                view = asked_view(state, games, agents, here)
                 on_ground = np.where(state.roster.flies[agents], 0, wanted.moves[games])
                 moves = view._checked(wanted.moves_in(view, on_ground), f"team {shown(team)}")
                 self._block.given[np.ix_(games, agents)] = moves
@@ -639,30 +731,120 @@ class ArrayEngine:
         return [(self._of_all_maps, np.flatnonzero(playing))]
 
     def _play_parts(
-        self, playing: BoolArray, first: IntArray, are_given: Sequence[BoolArray] | None, threads: int
+        self,
+        playing: BoolArray,
+        first: IntArray,
+        is_given: BoolArray,
+        threads: int,
+        ask: Callable[[BoolArray, int], None] | None,
     ) -> None:
-        """Let agents decide and move, part by part; of each game those from the first part on that was not played."""
+        """Let agents decide and move, part by part; of each game those from the first part on that was not played.
+
+        Args:
+            playing: (games,) which are played.
+            first: (games,) the first part that was not played.
+            is_given: (agents,) which agents do what is given.
+            threads: how many play.
+            ask: asks functions where agents arrive in some games, in a part of the turn; None: they decide there in the
+                core, or do not decide at arrivals.
+        """
         begun, flights = self._state.turn * self._num_parts, self._state.flights
         if flights is not None:
             flights.forget_choices()
         self._state.turning.clear()
+        takes = None
+        if is_given.any() or self._asks_functions:
+            takes = [one.takes_block(is_given) for one in self._maps]
         for part in range(self._num_parts):
             now = playing & (first <= part) & self._state.is_going
-            if are_given is not None and (self._asks_functions or flights is not None):
-                for (one, games), is_given in zip(self._each(now), are_given, strict=True):
+            play = partial(self._play, now, begun + part + 1, takes, threads)
+            if ask is not None:
+                self._play_arrivals(now, part, play, ask)
+            else:
+                for one, games in self._each(now) if self._asks_functions or flights is not None else ():
                     one.decide(games, part, is_given)
-            if flights is not None:
-                flights.set_out(np.flatnonzero(now), self._maps[0].core.part_of == part, is_first=part == 0)
-            flaws, turns, until = self._admit(part), self._state.turn.copy(), begun + part + 1
-            if self._deed_log is not None:
-                self._deed_log.do(part)
-            self._play(now, until, are_given, threads, _DECIDE if self._acts else None)
-            for flaw in flaws:
-                self._maps[self._map_of[flaw.game]].note_unsent(flaw, int(turns[flaw.game]))
-            self._act(now, part, partial(self._play, now, until, are_given, threads))
+                self._play_decisions(now, part, partial(play, _DECIDE if self._acts else None))
+            self._act(now, part, play)
+            if ask is not None and not self._acts:
+                play(_MOVE)
             self._state.turn_agents()
             for one, games in self._each(now) if flights is not None else ():
                 one.fly(games, part)
+
+    def _play_decisions(
+        self, playing: BoolArray, part: int, play: Callable[[], None], *, is_later: bool = False
+    ) -> None:
+        """Let agents of a part of the turn do what they have decided, and note what they could not do or send.
+
+        Args:
+            playing: (games,) which are played.
+            part: of the turn.
+            play: lets them do it in the core.
+            is_later: whether they decide at arrivals, when deeds were done.
+
+        Raises:
+            IllegalAction: they cannot do something, and `on_illegal` is "raise".
+        """
+        if self._state.flights is not None and not is_later:
+            members = self._maps[0].core.part_of == part
+            self._state.flights.set_out(np.flatnonzero(playing), members, is_first=part == 0)
+        flaws, turns = self._admit(part), self._state.turn.copy()
+        if self._deed_log is not None and not is_later:
+            self._deed_log.do(part)
+        play()
+        illegal = self._block.illegal
+        if illegal and self._is_strict:
+            raise self._illegal(illegal[0], illegal[0].message.removeprefix("BadValue: "))
+        failed = {(one.game, one.agent) for one in illegal}
+        for log in self._logs_of_turn if failed else ():
+            log.withdraw(failed)
+        for one in illegal if is_later else ():
+            self._maps[self._map_of[one.game]].core.forget_late_deeds(one.game, one.agent)
+        for flaw in [one for one in flaws if (one.game, one.agent) not in failed]:
+            self._maps[self._map_of[flaw.game]].note_unsent(flaw, int(turns[flaw.game]))
+
+    def _play_arrivals(
+        self, playing: BoolArray, part: int, play: Callable[[int], None], ask: Callable[[BoolArray, int], None]
+    ) -> None:
+        """Let agents of a part of the turn set out, and ask them again where they arrive, until the turn is over.
+
+        Args:
+            playing: (games,) which are played.
+            part: of the turn.
+            play: plays a phase in the core.
+            ask: asks functions in some games, in a part of the turn.
+        """
+        for one, games in self._each(playing):
+            one.begin_arrivals(games)
+        is_played = False
+        try:
+            play(_ARRIVE)
+            number = 0
+            now = playing
+            while number == 0 or now.any():
+                now = self._arriving(now)
+                ask(now, part)
+                self._play_decisions(now, part, partial(play, _CHOOSE), is_later=number > 0)
+                for one, games in self._each(now):
+                    one.give_way_at_arrivals(games)
+                play(_GO_ON)
+                for one, games in self._each(now):
+                    one.note_losers(games)
+                play(_ARRIVE)
+                number += 1
+                for one in self._maps:
+                    one.core.arrival = number
+            is_played = True
+        finally:
+            for one in self._maps:
+                one.core.end_arrivals(is_played=is_played)
+
+    def _arriving(self, playing: BoolArray) -> BoolArray:
+        """Return in which of some games agents arrive, or set out, (games,)."""
+        arriving = np.zeros_like(playing)
+        for one, games in self._each(playing):
+            arriving[one.core.arriving(games)] = True
+        return arriving
 
     def _act(self, playing: BoolArray, part: int, play: Callable[[int], None]) -> None:
         """Call the functions between the decisions of agents and their moves, and let agents move then.
@@ -704,16 +886,19 @@ class ArrayEngine:
         """
         flaws = [] if self._radio is None else self._radio.admit(part, self._state.is_there)
         if flaws and self._is_strict:
-            flaw, state = flaws[0], self._state
-            name, turn = state.roster.name(flaw.agent), state.turn[flaw.game]
-            error = IllegalAction(f"Agent {name} in turn {turn}: {flaw.message}")
-            error.add_note(f"In game {flaw.game} of a batch, with the seed {state.seeds[flaw.game]}.")
-            raise error
+            raise self._illegal(flaws[0], flaws[0].message)
         return flaws
+
+    def _illegal(self, failure: Failure, why: str) -> IllegalAction:
+        """Return the error for what an agent cannot do."""
+        state, game = self._state, failure.game
+        error = IllegalAction(f"Agent {state.roster.name(failure.agent)} in turn {state.turn[game]}: {why}")
+        error.add_note(f"In game {game} of a batch, with the seed {state.seeds[game]}.")
+        return error
 
     def _call_before(self, playing: BoolArray, given: Mapping[Hashable, Given]) -> BoolArray:
         """Call the rules before the turn; return which games go on."""
-        self._take_moves(playing, given)
+        self._take_moves(playing, given, self._maps[0].at_rest)
         for one, games in self._each(playing):
             one.check_given(games, given)
         for one, games in self._each(playing):
@@ -724,7 +909,7 @@ class ArrayEngine:
         self,
         playing: BoolArray,
         until: IntArray,
-        are_given: Sequence[BoolArray] | None,
+        takes: Sequence[BoolArray] | None,
         threads: int,
         phase: int | None = None,
     ) -> None:
@@ -733,14 +918,14 @@ class ArrayEngine:
         Args:
             playing: (games,) which are played.
             until: (games,) until so many parts of the turns of each game are played.
-            are_given: (agents,) of each map which agents take the actions in the block; None: none do.
+            takes: (agents,) of each map which agents take the actions in the block; None: none do.
             threads: how many play.
             phase: of a part of the turn, see `gamms.core.turn`; None: all of them.
         """
         cores = [one.core for one in self._maps]
         np.multiply(self._is_on, np.where(playing, until, 0), out=self._block.until)
         for number, core in enumerate(cores):
-            core.prepare(None if are_given is None else are_given[number], threads)
+            core.prepare(None if takes is None else takes[number], threads)
 
         def play_part(thread: int, begin: int, end: int) -> None:
             for core in cores:

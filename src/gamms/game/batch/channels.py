@@ -1,6 +1,6 @@
 """Messages of many games at once: checks, outcomes and inboxes."""
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -31,7 +31,7 @@ class Outbox(NamedTuple):
         to: the recipient: an agent, a team, or None.
         bodies: the bodies.
         sizes: the sizes of the bodies, bytes; -1: unknown.
-        order: orders the messages of one agent.
+        order: orders the messages of one agent; after `Radio.admit`, by how often messages were admitted, too.
     """
 
     channel: str
@@ -107,6 +107,8 @@ class Radio(GameLog[list[_Sent]]):
         """Drop posted messages that were not sent."""
         self._posted: list[Outbox] = []
         self._admitted: list[Outbox] = []
+        self._admissions = 0  # of the turn
+        self._first_admitted = 0  # the first outbox of the last admission
         self._checked: dict[str, list[tuple[int, Outgoing, int]]] = {}  # by channel: the game, and the order
         self._flaws: list[Failure] = []
 
@@ -172,6 +174,8 @@ class Radio(GameLog[list[_Sent]]):
             is_there: (games of the batch, agents) whether the agent is in the game, dead or alive.
         """
         here = [box for box in self._posted if self._part_of[box.senders[0]] == part]
+        self._posted = [box for box in self._posted if self._part_of[box.senders[0]] != part]
+        self._first_admitted = len(self._admitted)
         flaws, self._flaws = self._flaws + self._take_posted(here, is_there), []
         number_of = {name: number for number, name in enumerate(self._roster.names)}
         for channel, rows in self._checked.items():
@@ -181,7 +185,16 @@ class Radio(GameLog[list[_Sent]]):
             box = Outbox(channel, np.array(games), np.array(senders), to, bodies, np.array(sizes), np.array(orders))
             self._admitted.append(box)
         self._checked = {}
+        for box in self._admitted[self._first_admitted :]:
+            box.order[:] += self._admissions * _MOST_OF_ONE
+        self._admissions += 1
         return sorted(flaws, key=attrgetter("game", "agent"))
+
+    def withdraw(self, failed: Collection[tuple[int, int]]) -> None:
+        """Drop the messages admitted last of some agents, pairs of game and agent, that did not what they wanted."""
+        for number, box in enumerate(self._admitted[self._first_admitted :], self._first_admitted):
+            senders = zip(box.at.tolist(), box.senders.tolist(), strict=True)
+            self._admitted[number] = some_rows(box, np.array([one not in failed for one in senders], np.bool_))
 
     def _take_posted(self, boxes: Sequence[Outbox], is_there: BoolArray) -> list[Failure]:
         """Admit messages that were posted; return the flaws of the others."""
@@ -222,8 +235,9 @@ class Radio(GameLog[list[_Sent]]):
             box = some_rows(box, those[np.lexsort((box.order[those], box.senders[those], at[those]))])
             at, senders = number[box.at], box.senders
             fates = outcomes_of(self.channels[name], scene, at, senders, box.to)
-            agents = self._part_of[senders] * len(self._roster.names) + senders
-            sent.append(_Sent(box, scene.turns[at] + 1, agents * _MOST_OF_ONE + box.order, fates))
+            admission, order = np.divmod(box.order, _MOST_OF_ONE)
+            agents = admission * len(self._roster.names) + senders
+            sent.append(_Sent(box, scene.turns[at] + 1, agents * _MOST_OF_ONE + order, fates))
         self._pending.append(sent)
         for one in sent:
             self._under_way.append((int((one.fates.arrivals - one.turns[one.fates.messages]).max(initial=0)), one))

@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache, partial
 from itertools import chain
-from operator import itemgetter
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
@@ -23,7 +22,6 @@ from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.scores import fits_float
 from gamms.game.batch.sensing import called_each_turn
 from gamms.game.batch.state import KEPT, STOPPED, GameArrays, NotTakenUp
-from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.view import ArrayView
 from gamms.game.conflicts import ranked
 from gamms.game.decisions import Decisions
@@ -199,6 +197,18 @@ class _First(NamedTuple):
         return cls(state.turn, state.moves, counts, {**state.blocked}, memories, state.team_memories, private_facts)
 
 
+class _Marks(NamedTuple):
+    """How far random streams and sensors of agents of a game are in the turn, where they are asked again in it.
+
+    Attributes:
+        streams: by names of agents; see `AgentSlot.marks`.
+        looks: of each sensor that counts its looks; see `DetectionModel.mark`.
+    """
+
+    streams: dict[str, tuple[Any, Any]]
+    looks: list[Any]
+
+
 class _Living(NamedTuple):
     """The order of a turn of the agents that live in a game.
 
@@ -238,6 +248,8 @@ class Cursor:
 
     _has_begun = False
     _living: _Living
+    _marks: dict[int, _Marks]  # of games, while agents arrive
+    _part: int | None = None  # of the turn in which agents are about to move
 
     def __init__(
         self,
@@ -250,12 +262,13 @@ class Cursor:
         *,
         has_array_functions: bool,
     ) -> None:
-        _refuse_calls_while_moving(game, state, [*asked, *observing])
+        _refuse_calls_while_moving(game, state)
         parts = game.internals.parts
         self._game = game
         self._observing_names = {state.roster.names[number] for number in (*asked, *observing)}
         self._pointed = pointed
         self._state = state
+        state.tell = self.note_undone
         self._core = core
         self._has_array_functions = has_array_functions
         self._ctx = game.ctx
@@ -277,7 +290,6 @@ class Cursor:
             *map(some_function, deciders),
             *(one.fn for one in collectors),
         ]
-        self._part: int | None = None  # of the turn in which agents are about to move
         # of each game, as Python objects
         games = range(len(state))
         self._data: list[dict[Any, Any] | None] = [None for _ in games]  # None: as at the start
@@ -667,6 +679,28 @@ class Cursor:
             self._core.note_conflict(self._number, agent, end)
         self._refuse_other_agents("the function of conflicts")
 
+    def begin_arrivals(self) -> None:
+        """Begin a part of the turn in which agents are asked where they arrive."""
+        self._marks = {}
+
+    def give_way_at_arrivals(self, games: IntArray) -> None:
+        """Let agents that have arrived stop that lose conflicts, by a function, in these games."""
+        self._call_each(self._give_way_at_arrivals, games)
+
+    def _give_way_at_arrivals(self) -> None:
+        order, number = self._living.order, self._number
+        agents = [self._number_of[name] for name in order.names]
+        before, after = [[places[agent] for agent in agents] for places in self._core.places(number)]
+        for i, _ in self._turns.losers_between(order, before, after):
+            self._core.hold(number, agents[i])
+        self._refuse_other_agents("the function of conflicts")
+
+    def note_losers(self, games: IntArray) -> None:
+        """Let agents know that conflicts have stopped them where they arrived."""
+        for at, agent in np.argwhere(self._core.losers(games)).tolist():
+            game = int(games[at])
+            self._note_undone(game, agent, in_conflict(self._core.wanted(game, agent)))
+
     def _hold(self, agent: int) -> None:
         """Let an agent of the game that the context is pointed at stay."""
         self._state.counts["blocked"][self._number, agent] += 1
@@ -716,7 +750,7 @@ class Cursor:
         self._begin()
         turns.is_playing = True
         self._part = part
-        turns.is_moving = part is not None
+        turns.is_moving = part is not None or self._core.arrival is not None
         try:
             for _ in self._each(games):
                 begun = self._living.table.begun
@@ -854,15 +888,17 @@ class Cursor:
             raise
         finally:
             turns.is_playing = turns.is_moving = False
+            turns.travel.now = 0.0
             self._forget_looks()
         self._refuse_changes()
 
-    def decide(self, view: ArrayView, observing: IntArray) -> IntArray:
+    def decide(self, view: ArrayView, observing: IntArray, here: BoolArray | None) -> IntArray:
         """Return the actions of agents that are asked game by game.
 
         Args:
             view: the agents.
             observing: the numbers of other agents, whose sensors are called.
+            here: (all games, all agents) which of these do so, where they arrive now; None: all do.
         """
         state = self._state
         games, agents = view.games, view.agents
@@ -874,7 +910,10 @@ class Cursor:
         with self._deciding():
             for number, is_blocked in zip(self._each(games), are_blocked, strict=True):
                 self._living.table.rekey(state.seeds[number])
-                asked = self._asked(agents, observing)
+                if here is None:
+                    asked = self._asked(agents, observing)
+                else:
+                    asked = self._new_asked(agents[here[number, agents]], observing[here[number, observing]])
                 if not asked.part.observing:
                     ends += [self._block.node[0]] * len(agents)
                     continue
@@ -882,7 +921,7 @@ class Cursor:
                 ends += self._ask(asked)
                 for slot in told:
                     slot.set_blocked(None)
-        if state.deed_log is not None:
+        if state.deed_log is not None and not self._core.arrival:
             state.deed_log.want(state.deeds, state.deeds.from_plain(self._deeds, state.node), state.turn)
         if self._core.courses is not None:
             self._core.courses.routes.write()
@@ -900,9 +939,12 @@ class Cursor:
         memories = self._memories[self._number]
         for name, template in asked.templates:
             template["memory"] = memories[name]
-        for notice in self._notices:
-            notice.reset()
-        decisions = self._turns.decide(self._living.order, asked.part)
+        if self._core.arrival is None:
+            for notice in self._notices:
+                notice.reset()
+            decisions = self._turns.decide(self._living.order, asked.part)
+        else:
+            decisions = self._decide_at_arrival(asked)
         if not self._sees_world_only:
             self._take_what_sensors_change()
         if self._state.flights is not None:
@@ -917,6 +959,20 @@ class Cursor:
             self._take_messages(self._state.radio, decisions, asked)
         found = decisions.ends
         return [found[i] for i in asked.places]
+
+    def _decide_at_arrival(self, asked: _Asked) -> Decisions:
+        """Return what agents decide that may have decided in the same turn before."""
+        number, turns, slots = self._number, self._turns, self._living.order.slots
+        known = self._marks.get(number, _Marks({}, [{} for _ in self._notices]))
+        for notice, looks in zip(self._notices, known.looks, strict=True):
+            notice.go_to(looks)
+        for i, name in asked.members:
+            slots[i].go_to(known.streams.get(name, (None, None)))
+        turns.travel.now = self._state.movement.now[number].item()
+        decisions = turns.decide(self._living.order, asked.part)
+        streams = {name: slots[i].marks() for i, name in asked.members}
+        self._marks[number] = _Marks(known.streams | streams, [notice.mark() for notice in self._notices])
+        return decisions
 
     def _take_what_sensors_change(self) -> None:
         """Write what sensors of the user's own have changed before agents have decided."""
@@ -959,15 +1015,19 @@ class Cursor:
             self._undone[self._number] = undone
         if decisions.written:
             decisions.merge_team_memories()
-        for i, kind, message in sorted(decisions.failures, key=itemgetter(0)):
-            self._state.note_failure(Failure(self._number, self._number_of[named[i]], kind, message))
+        turn = self._values.turn
+        for i, kind, message in decisions.failures:
+            self._state.failures.append((Failure(self._number, self._number_of[named[i]], kind, message), turn))
 
     def _take_deeds(self, decisions: Decisions, asked: _Asked) -> None:
         """Take what agents of the game that the context is pointed at do besides moving."""
         for i, name in asked.members:
-            action = decisions.actions.get(i)
-            for order, (kind, fields) in enumerate(((action and action.deeds) or {}).items()):
-                self._deeds.append((self._number, self._number_of[name], order, kind, fields))
+            action, agent = decisions.actions.get(i), self._number_of[name]
+            deeds = (action and action.deeds) or {}
+            if self._core.arrival and deeds:
+                self._core.note_late_deeds(np.array([self._number]), np.array([agent]))
+            for order, (kind, fields) in enumerate(deeds.items()):
+                self._deeds.append((self._number, agent, order, kind, fields))
 
     def _take_messages(self, radio: Radio, decisions: Decisions, asked: _Asked) -> None:
         """Take what agents of the game that the context is pointed at send."""
@@ -990,23 +1050,24 @@ class Cursor:
 
     def _asked(self, agents: IntArray, observing: IntArray) -> _Asked:
         """Return the living ones of agents that are asked, and of others that only observe."""
-        known, which = self._living, (agents.tobytes(), observing.tobytes())
-        asked = known.asked.get(which)
-        if asked is None:
-            order, names = known.order, self._state.roster.names
-            named = [names[number] for number in agents.tolist()]
-            places = [order.index_of.get(name, -1) for name in named]
-            members = [(i, name) for i, name in zip(places, named, strict=True) if i >= 0]
-            part = order.whole
-            if len(members) < len(order.slots):
-                part = TurnPart(order.slots, [i for i, _ in members], order.progress, self._parts.settings)
-            others = {order.index_of.get(names[number], -1) for number in observing.tolist()} - {-1}
-            if others:
-                part.observing = sorted(others.union(part.observing))
-                part.see_world_only = False  # all of them observe before any decides
-            templates = [(name, order.slots[i].template) for i, name in members]
-            asked = known.asked[which] = _Asked(part, places, members, templates)
-        return asked
+        which = agents.tobytes(), observing.tobytes()
+        return kept_in(self._living.asked, which, lambda: self._new_asked(agents, observing))
+
+    def _new_asked(self, agents: IntArray, observing: IntArray) -> _Asked:
+        """Return the same; `_asked` remembers it, because the same agents are asked in each turn."""
+        order, names = self._living.order, self._state.roster.names
+        named = [names[number] for number in agents.tolist()]
+        places = [order.index_of.get(name, -1) for name in named]
+        members = [(i, name) for i, name in zip(places, named, strict=True) if i >= 0]
+        part = order.whole
+        if len(members) < len(order.slots):
+            part = TurnPart(order.slots, [i for i, _ in members], order.progress, self._parts.settings)
+        others = {order.index_of.get(names[number], -1) for number in observing.tolist()} - {-1}
+        if others:
+            part.observing = sorted(others.union(part.observing))
+            part.see_world_only = False  # all of them observe before any decides
+        templates = [(name, order.slots[i].template) for i, name in members]
+        return _Asked(part, places, members, templates)
 
     def _tell_blocked(self, asked: _Asked) -> list[Any]:
         """Let agents know why they did not do what they wanted in their last turns; return their slots."""
@@ -1015,7 +1076,9 @@ class Cursor:
         undone = self._undone.get(self._number, {})
         for i, name in asked.members:
             why = [undone[name]] if name in undone else []
-            if state.blocked[self._number, numbers[name]] and state.turn[self._number] > self._first.turn:
+            if self._core.arrival is not None:
+                pass  # `note_losers` has noted conflicts
+            elif state.blocked[self._number, numbers[name]] and state.turn[self._number] > self._first.turn:
                 why.append(in_conflict(self._core.wanted(self._number, numbers[name])))
             if why:
                 slots[i].set_blocked("; ".join(why))
@@ -1122,16 +1185,9 @@ def first_called(game: PlayedGame, roster: Roster) -> str | None:
     return next(chain(rules, deciders, collectors, sensors), None)
 
 
-def _refuse_calls_while_moving(game: PlayedGame, state: GameArrays, called: Sequence[int]) -> None:
+def _refuse_calls_while_moving(game: PlayedGame, state: GameArrays) -> None:
     """Refuse functions that are called when some agents have moved in a turn, and others have not."""
-    movement = state.movement
-    first = first_called(game, state.roster) or "an array rule of the phase 'deeds'"
-    is_in_parts = game.settings()["order"] is not None and len(movement.remembers) > 0
+    is_in_parts = game.settings()["order"] is not None and len(state.movement.remembers) > 0
     if is_in_parts and acts_before_moves(game):
+        first = first_called(game, state.roster) or "an array rule of the phase 'deeds'"
         raise NotTakenUp(f"{first}, before agents with speeds move in an order of play")
-    if not isinstance(movement, ByMetres) or not movement.terms.decides_at_arrivals:
-        return
-    if called:
-        raise NotTakenUp(f"{first}, with agents that decide at arrivals")
-    if has_function_of_conflicts(game):
-        raise NotTakenUp(f"{first}, with conflicts at arrivals")

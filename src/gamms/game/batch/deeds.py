@@ -1,6 +1,6 @@
 """Deeds of many games at once: declarations of views, queries of rules, and logs."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -266,6 +266,11 @@ class DeedLog(GameLog[list[_Done]]):
     def refuse(self, game: int, agent: int, kind: str) -> None:
         """Refuse a deed that an agent wants to do."""
         self._refused.add((game, agent, kind))
+
+    def withdraw(self, failed: Collection[tuple[int, int]]) -> None:
+        """Refuse the deeds of some agents, pairs of game and agent, that did not what they wanted."""
+        kinds = {one.deeds.kind for one in self._now}
+        self._refused |= {(*pair, kind) for pair in failed for kind in kinds}
 
     def note(self) -> None:
         """Note what the agents of the last part of the turn do, but for what was refused."""

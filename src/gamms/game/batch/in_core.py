@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.core import conflicts, contacts, draws, moves, rules, turn
+from gamms.core import arrivals, conflicts, contacts, draws, moves, rules, turn
 from gamms.errors import BadValue, NoPath
-from gamms.game.arrivals import WAITS
+from gamms.game.arrivals import NO_DEEDS, WAITS
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of
 from gamms.game.batch.courses import EdgeCourses, MetreCourses, paths_in_parts
@@ -35,7 +35,8 @@ from gamms.typing.context import HostContext
 from gamms.typing.game import EdgePlace
 
 ONE_THAT_SHOWS = "a winner that the core finds"
-_REACH, _END, _ILLEGAL = (rules.KINDS.index(kind) for kind in ("reach", "end", "illegal"))
+_REACH, _END = (rules.KINDS.index(kind) for kind in ("reach", "end"))
+_ILLEGAL, _WAITS, _LATE_DEED = (rules.KINDS.index(kind) for kind in ("illegal", "waits", "late deed"))
 _SCORING = np.isin(rules.KINDS, ["tag", "capture", "reach", "arrive"])  # (kinds,) of rules that score
 _FIRST_ROOM = 1024  # events
 
@@ -163,6 +164,7 @@ class Block:
         score: (games, teams)
         rules: of the numbers that events have, what they are of.
         events: of each thread.
+        illegal: what agents have decided in the last phase that the core could not do, by game and agent.
     """
 
     def __init__(self, states: Sequence[GameArrays], map_of: IntArray) -> None:
@@ -178,6 +180,7 @@ class Block:
         self.score = np.zeros((shape[0], len(state.roster.teams)))
         self.rules: list[PlayedRule] = []
         self.events: list[rules.Events] = []
+        self.illegal: list[Failure] = []
         self._ids = np.concatenate([one.streets.columns.node_ids for one in states])
         self._first = np.cumsum([0, *(one.streets.num_nodes for one in states)])  # the place of each map in `_ids`
         self.begin(np.arange(shape[0]))
@@ -209,9 +212,17 @@ class Block:
     def take_in(self) -> None:
         """Let the state of the batch have what has happened."""
         np.equal(self.over, 0, out=self._state.is_going)
-        for events in self.events:
-            if events.count:
-                self._take(self._read(events))
+        wrong: list[tuple[Failure, int]] = []
+        self.illegal = []
+        for noted in [self._read(events) for events in self.events if events.count]:
+            is_wrong = noted.kinds >= _ILLEGAL
+            for row in np.flatnonzero(is_wrong).tolist():
+                failure = self._failure_of(noted, row)
+                wrong.append((failure, int(noted.turns[row])))
+                if noted.kinds[row] == _ILLEGAL:
+                    self.illegal.append(failure)
+            self._state.events.take(noted.those(~is_wrong))
+        self._note_wrong(wrong)
         for state in self._states:
             if state.movement.remembers:
                 state.movement.take_out(*np.nonzero(~state.alive))
@@ -266,30 +277,36 @@ class Block:
         are_floats[which[has_floats[noted.rules[rows]]]] = True
         self._state.scores.take(teams, score, first.reshape(score.shape), are_floats.reshape(score.shape))
 
-    def _take(self, noted: CoreEvents) -> None:
-        """Take events into the logs of games."""
-        is_illegal = noted.kinds == _ILLEGAL
-        for row in np.flatnonzero(is_illegal).tolist():
-            self._note_illegal(noted, row)
-        self._state.events.take(noted.those(~is_illegal))
+    def _note_wrong(self, wrong: list[tuple[Failure, int]]) -> None:
+        """Note what agents have decided wrongly, as the core has found it in turns of these numbers."""
+        decided = self._state.failures
+        for failure, _ in wrong:
+            self._states[self._map_of[failure.game]].tell(failure)
+        if decided:  # by functions, in the same part of a turn
+            wrong = sorted([*decided, *wrong], key=_of_failure)
+            decided.clear()
+        for failure, when in wrong:
+            self._state.note_failure(failure, when)
 
-    def _note_illegal(self, noted: CoreEvents, row: int) -> None:
-        """Note that an agent arrived too often, or wanted to go from an edge to a node to which no way leads."""
-        edge, target, game, agent = (
-            int(column[row]) for column in (noted.others, noted.nodes, noted.games, noted.agents)
+    def _failure_of(self, noted: CoreEvents, row: int) -> Failure:
+        """Return what is wrong: an agent arrived too often, did a deed too late, or no way leads to a node."""
+        edge, target, game, agent, kind = (
+            int(column[row]) for column in (noted.others, noted.nodes, noted.games, noted.agents, noted.kinds)
         )
-        if edge == -1:
-            self._state.note_failure(Failure.illegal(game, agent, WAITS), int(noted.turns[row]))
-            return
+        if kind != _ILLEGAL:
+            return Failure.illegal(game, agent, WAITS if kind == _WAITS else NO_DEEDS)
         by = self._states[self._map_of[game]].movement
-        if edge < -1:  # it is on a node
+        if edge < 0:  # it is on a node
             why = f"BadValue: {NoPath(int(by.columns.node_ids[-2 - edge]), target)}"
-            self._state.note_failure(Failure.illegal(game, agent, why), int(noted.turns[row]))
-            return
+            return Failure.illegal(game, agent, why)
         node, end = by.columns.node_ids[[by.columns.sources[edge], by.columns.targets[edge]]].tolist()
         may_turn = isinstance(by, ByMetres) and by.backs(noted.others[[row]])[0] >= 0
         error = no_way(node, end, target, is_paced=True, may_turn=bool(may_turn))
-        self._state.note_failure(Failure.illegal(game, agent, f"BadValue: {error}"), int(noted.turns[row]))
+        return Failure.illegal(game, agent, f"BadValue: {error}")
+
+
+def _of_failure(pair: tuple[Failure, int]) -> tuple[int, int]:
+    return pair[0].game, pair[0].agent
 
 
 def put_scores(state: GameArrays, score: FloatArray) -> None:
@@ -383,7 +400,11 @@ class CoreGames:
         has_functions: whether functions are called between its phases.
         part_of: (agents,) the part of the turn in which each decides and moves, in the order of play.
         num_parts: how many parts a turn has.
+        arrival: how often agents have arrived in this part of the turn, where functions are called then; None: they
+            are not.
     """
+
+    arrival: int | None = None
 
     def __init__(self, game: PlayedGame, state: GameArrays, block: Block, *, is_apart: bool) -> None:
         settings = game.settings()
@@ -394,6 +415,7 @@ class CoreGames:
         self.has_functions = is_apart or any(map(is_function, self._rules))
         self._keeps_courses = is_apart or any(map(is_function, called))
         self._conflicts = ranked(settings["conflicts"])
+        self._has_conflicts = settings["conflicts"] is not None
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
         found = [core_form_of(settings, state.roster, number) for number in range(len(deciders))]
         forms = [moves.STAY if one is None else one for one in found]
@@ -410,6 +432,7 @@ class CoreGames:
         self._tables: RoadTables | None = None  # of the games, once a rule has closed roads
         self._until = block.until_of(state)
         self._here = state.node  # see `note_places`
+        self._last: tuple[IntArray, IntArray, BoolArray] | None = None  # see `last_moves`, while agents arrive
         self._games = np.zeros(0, np.int64)  # that are played
         self.part_of = state.roster.part_of(settings["order"])
         self.num_parts = len(settings["order"] or [()])
@@ -423,7 +446,8 @@ class CoreGames:
     def last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
         """Return where agents of some games were before they moved, where they went, and which took part."""
         block = self._block
-        return block.start[games], block.went[games], block.takes_part[games] > 0
+        start, went, takes_part = self._last or (block.start, block.went, block.takes_part)
+        return start[games], went[games], takes_part[games] > 0
 
     def note_places(self) -> None:
         """Note where agents are that are about to move."""
@@ -448,6 +472,64 @@ class CoreGames:
             row = int(streets.rows(place))
         self._block.wanted[game, agent] = row
         self._state.blocked[game, agent] = True
+
+    # -- arrivals -----------------------------------------------------------------------------------------------------
+
+    def begin_arrivals(self, games: IntArray) -> None:
+        """Begin a part of the turn of some games in which functions are called where agents arrive."""
+        block, by, columns = self._block, self._state.movement, self._columns
+        assert isinstance(columns, MetreColumns) and columns.arrivals is not None  # noqa: S101, PT018 - by metres
+        columns.keep_courses()
+        self._arrivals = columns.arrivals
+        self._ends = columns.ends
+        self._arrivals.now[games] = arrivals.UNBEGUN
+        self._before = [one.copy() for one in (self._state.node, by.edge, by.share, by.motion)]
+        self._last = block.start.copy(), block.went.copy(), block.takes_part.copy()
+        self.arrival = 0
+
+    def arriving(self, games: IntArray) -> IntArray:
+        """Return those of some games in which agents arrive, or set out, and let views show when."""
+        now = self._arrivals.now
+        goes_on = games[now[games] < np.inf]
+        self._state.movement.now[goes_on] = now[goes_on]
+        return goes_on
+
+    def deciding(self, games: IntArray) -> BoolArray:
+        """Return which agents of some games decide now, (games, agents)."""
+        is_before_end = self._arrivals.now[games] < 1.0
+        found: BoolArray = (self._arrivals.comes[games] == arrivals.ASKED) & is_before_end[:, None]
+        return found
+
+    def losers(self, games: IntArray) -> BoolArray:
+        """Return which agents of some games have lost conflicts now, (games, agents)."""
+        found: BoolArray = self._arrivals.loses[games] > 0
+        return found
+
+    def places(self, game: int) -> tuple[list[int | EdgePlace], list[int | EdgePlace]]:
+        """Return where moves of all agents of a game begin and end now."""
+        found = [[self._place_of(row) for row in rows[game].tolist()] for rows in self._ends]
+        return found[0], found[1]
+
+    def note_late_deeds(self, games: IntArray, agents: IntArray) -> None:
+        """Note that agents have decided to do deeds at arrivals, one for each of these games."""
+        self._arrivals.late[games, agents] = 1
+
+    def forget_late_deeds(self, game: int, agent: int) -> None:
+        """Note that an agent has decided nothing, as what it wanted was illegal."""
+        self._arrivals.late[game, agent] = 0
+
+    def end_arrivals(self, *, is_played: bool) -> None:
+        """Put agents back where the part of the turn began; they move when it ends, if it was played."""
+        block, by = self._block, self._state.movement
+        for column, before in zip((self._state.node, by.edge, by.share, by.motion), self._before, strict=True):
+            column[:] = before
+        if self._last is not None and not is_played:
+            block.start[:], block.went[:], block.takes_part[:] = self._last
+        self._arrivals.now.fill(np.inf)
+        by.now.fill(0.0)
+        self._last = None
+        self.arrival = None
+        self._state.now.clear()
 
     def num_played_parts(self, game: int) -> int:
         """Return how many parts of the turn that is under way were played in a game."""
@@ -474,9 +556,13 @@ class CoreGames:
 
     def wanted(self, game: int, agent: int) -> int | EdgePlace:
         """Return the node or the edge to which an agent wanted to go that a conflict has stopped."""
-        columns, place = self._state.movement.columns, int(self._block.wanted[game, agent])
-        beyond = place - len(columns.node_ids)
-        return int(columns.node_ids[place]) if beyond < 0 else EdgePlace(int(columns.edge_ids[beyond]))
+        return self._place_of(int(self._block.wanted[game, agent]))
+
+    def _place_of(self, row: int) -> int | EdgePlace:
+        """Return a node or an edge, as conflicts compare them, by its id."""
+        columns = self._state.movement.columns
+        beyond = row - len(columns.node_ids)
+        return int(columns.node_ids[row]) if beyond < 0 else EdgePlace(int(columns.edge_ids[beyond]))
 
     def prepare(self, is_given: BoolArray | None, threads: int) -> None:
         """Prepare to play the games that `Block.until` says.
@@ -634,7 +720,14 @@ class CoreGames:
         by, go_by_steps = self._state.movement, any(self._steps)
         keeps_courses = self._keeps_courses or self.num_parts > 1
         if isinstance(by, ByMetres):
-            return MetreColumns(self._state, by, self.part_of, go_by_steps=go_by_steps, keeps_courses=keeps_courses)
+            return MetreColumns(
+                self._state,
+                by,
+                self.part_of,
+                go_by_steps=go_by_steps,
+                keeps_courses=keeps_courses,
+                has_conflicts=self._has_conflicts,
+            )
         if isinstance(by, ByEdges):
             return EdgeColumns(self._state, by, self.part_of, go_by_steps=go_by_steps, keeps_courses=keeps_courses)
         return None

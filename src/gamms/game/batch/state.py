@@ -201,6 +201,10 @@ class EventLog(GameLog[Emitted | CoreEvents]):
             yield number, {"turn": turn, "kind": kind, **dict(zip(fields, values, strict=True))}
 
 
+def _tell_nobody(failure: Failure) -> None:
+    """Do nothing: no agent of a plain function has done something wrong."""
+
+
 def _refuse_other_arrays(made: object, games: int) -> None:
     """Refuse what `make` of `keep` gave if it is no dict of arrays with the games first."""
     if not isinstance(made, dict):
@@ -270,6 +274,9 @@ class GameArrays:
         scores: key -> (games,) numbers.
         counts: of moves, of conflicts and of what was illegal, (games, agents) each.
         errors: of each game, in order.
+        failures: what agents have decided wrongly by functions in a part of the turn, and the turn; the core notes it
+            with what it finds.
+        tell: lets an agent know what it did wrong.
         deeds: what agents may do besides moving.
         deed_log: what they did; None: nothing.
         radio: by what agents send messages, and what was sent; None: by nothing.
@@ -326,6 +333,7 @@ class GameArrays:
         self.headings: list[dict[int, Heading]] = [{} for _ in seeds]
         self.turning: list[tuple[int, int, Heading]] = []
         self.events = EventLog(games, roster.names)
+        self.failures: list[tuple[Failure, int]] = []
         self.radio: Radio | None = None
         self.deed_log: DeedLog | None = None
         self._purposes: dict[tuple[Purpose, ...], BitArray] = {}
@@ -357,6 +365,7 @@ class GameArrays:
         self.look: Callable[[IntArray], None] | None = None
         self.reading: Callable[[], AbstractContextManager[None]] = nullcontext
         self.change_roads: Callable[[IntArray, str, Sequence[int]], None] | None = None
+        self.tell: Callable[[Failure], None] = _tell_nobody
         self.memory_of = locked(np.arange(len(self.roster.names)))
         self.no_node = np.zeros(len(self), np.int64)
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}

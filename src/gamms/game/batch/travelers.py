@@ -153,6 +153,32 @@ class EdgeColumns:
         return ThreadTravel(walkers, None, None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
 
 
+class ArrivalColumns:
+    """What is the same for all threads that play games in which agents decide at arrivals; see `core.arrivals`.
+
+    Args:
+        shape: the numbers of games and agents.
+
+    Attributes:
+        now: (games,) the time of the last arrivals.
+        comes, late, loses: (games, agents) who arrives, who has decided to do deeds, and who has lost a conflict.
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._columns = np.zeros((5, *shape), np.int64)
+        self._queue = arrivals.Queue(shape[1], shape[0])
+        self.now = np.full(shape[0], np.inf)
+        self.comes, self.late = np.zeros((2, *shape), np.uint8)
+        self.loses = self._columns[1]
+
+    def thread(self, travelers: by_metres.MetreMovers, *, has_end: bool) -> arrivals.Arrivals:
+        """Return what one thread plays with; `has_end` says whether arrivals at the end of a turn count."""
+        columns: list[Any] = [self.comes, self.late, self._columns]
+        views = [one.reshape(-1).data for one in columns]
+        now: Any = self.now.data
+        return arrivals.Arrivals(travelers, MOST_ARRIVALS, self._queue, now, *views, has_end=has_end)
+
+
 class MetreColumns:
     """What is the same for all threads that play games by metres.
 
@@ -162,24 +188,41 @@ class MetreColumns:
         part_of: (agents,) the part of the turn in which each goes.
         go_by_steps: whether some agents decide by steps, which may lead far.
         keeps_courses: whether functions are called, which may ask how agents have gone.
+        has_conflicts: whether agents may stop each other.
 
     Attributes:
+        arrivals: of agents that decide at these; None: they do not.
         courses: how agents go in all games, if functions are called.
         on_edges: where agents are, as `rules.GameColumns` has it.
         ends: the places where moves begin and end, as conflicts compare them, (games, agents) each; None: nodes.
     """
 
     def __init__(
-        self, state: GameArrays, by: ByMetres, part_of: IntArray, *, go_by_steps: bool, keeps_courses: bool
+        self,
+        state: GameArrays,
+        by: ByMetres,
+        part_of: IntArray,
+        *,
+        go_by_steps: bool,
+        keeps_courses: bool,
+        has_conflicts: bool,
     ) -> None:
+        self._has_conflicts = has_conflicts
         self._by = by
         self._agents = state.node.shape[1]
         self._most = most_legs(by) + 2 * int(part_of.any())
-        shape = state.node.shape
-        _refuse_too_long(self._agents * self._most, state.node.size * self._most * keeps_courses)
+        self._part_of = part_of
+        self._shape = shape = state.node.shape
+        decides_at_arrivals = by.terms.decides_at_arrivals
+        self.arrivals = ArrivalColumns(shape) if decides_at_arrivals else None
+        self._at_arrivals: list[arrivals.Arrivals] = []  # of each thread
+        self._travelers: list[by_metres.MetreMovers] = []  # likewise
+        self._refuse_too_long((1 + decides_at_arrivals) * keeps_courses)
         self.courses = MetreCourses(by, shape, self._most, part_of) if keeps_courses else None
+        self._drawn = np.zeros(shape, np.int64)
+        self._kept: TurnPaths | None = None  # how agents go between arrivals
         starts, ends = np.zeros((2, *shape), np.int64)
-        self.ends = starts, ends
+        self.ends: tuple[IntArray, IntArray] = starts, ends
         self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
         self._longest = max(8, self._most if by.is_endless else 0)
         self._slots = 1 << max(6, (_MOST_NEAR // self._longest).bit_length() - 1)
@@ -190,6 +233,21 @@ class MetreColumns:
         backs = by.backs(edges)
         self._streets = np.where((backs >= 0) & (ids[backs] < ids[edges]), backs, edges)
         self._flags = _BACKWARDS * (self._streets != edges) + _TURNS * (backs >= 0)
+
+    def _refuse_too_long(self, kept: int) -> None:
+        """Refuse ways of agents that would not fit into memory, so many times those of all games."""
+        rows = self._shape[0] * self._shape[1]
+        _refuse_too_long(self._agents * self._most, rows * self._most * kept)
+
+    def keep_courses(self) -> None:
+        """Keep how agents go in all games between arrivals, because functions are called there."""
+        if self._kept is None:
+            self._refuse_too_long(2)
+            self._kept = TurnPaths(self._shape[0] * self._shape[1], self._most, 0)
+        self.courses = courses = self.courses or MetreCourses(self._by, self._shape, self._most, self._part_of)
+        for travelers, at_arrivals in zip(self._travelers, self._at_arrivals, strict=True):
+            travelers.keep_paths(courses.core)
+            at_arrivals.keep_paths(self._kept.core)
 
     def _known(self) -> travel.LegalCache:
         """Return room for the legal nodes that a thread remembers."""
@@ -226,6 +284,7 @@ class MetreColumns:
             motion=by.motion.reshape(-1).data,
             starts=self.ends[0].reshape(-1).data,
             ends=self.ends[1].reshape(-1).data,
+            drawn=self._drawn.reshape(-1).data,
             most_edges=1 if by.terms.decides_at_arrivals else ENDLESS,
             kept=kept,
         )
@@ -237,6 +296,8 @@ class MetreColumns:
         parts: Any = [one.reshape(-1).data for one in (trips.begins, trips.ends, trips.since, trips.until)]
         of_legs = contacts.Legs(most, *[trips.legs.data, *legs, *parts, metres])
         at_arrivals = None
-        if by.terms.decides_at_arrivals:
-            at_arrivals = arrivals.Arrivals(travelers, self._agents, MOST_ARRIVALS)
+        if self.arrivals is not None:
+            at_arrivals = self.arrivals.thread(travelers, has_end=self._has_conflicts)
+            self._travelers.append(travelers)
+            self._at_arrivals.append(at_arrivals)
         return ThreadTravel(None, travelers, at_arrivals, course, tracks, of_legs, most + 1, most)

@@ -548,9 +548,11 @@ def as_actions(given: object, shape: tuple[int, ...], by: str) -> IntArray:
     return actions
 
 
-def asked_view(state: GameArrays, games: IntArray, agents: IntArray) -> ArrayView:
-    """Return a view of agents that are asked what they do."""
+def asked_view(state: GameArrays, games: IntArray, agents: IntArray, here: BoolArray | None = None) -> ArrayView:
+    """Return a view of agents that are asked what they do; of `here`, (all games, all agents), if it is given."""
     view = ArrayView(state, games, agents)
+    if here is not None:
+        view.mask = view._whole = view.mask & here[np.ix_(games, agents)]
     view._deeds, view._outboxes = [], []
     if state.radio is not None:
         view._channels = state.radio.channels
