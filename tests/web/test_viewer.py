@@ -460,3 +460,37 @@ def test_a_team_has_its_colour_in_files_streams_cuts_and_pictures(chromium, tmp_
         for _ in ctx.record.replay(path):
             pixels["picture"] = ctx.visual.drawing.group_colors()["moles"]
     assert set(pixels.values()) == {(208, 48, 40)}, pixels
+
+
+def test_the_focus_stays_on_a_menu_of_what_is_shown_after_a_choice(page):
+    page.value("gamms.seek(3)")
+    page.click(*centre(page, "[aria-label='What is shown']"))
+    menus = page.value("[...document.querySelectorAll('#look select')].map((one) => one.options.length)")
+    assert menus
+    for number in range(len(menus)):
+        page.value(f"document.querySelectorAll('#look select')[{number}].focus()")
+        page.value(
+            f"((one) => {{ one.selectedIndex = 1; one.dispatchEvent(new Event('change', {{bubbles: true}})) }})"
+            f"(document.querySelectorAll('#look select')[{number}])"
+        )
+        page.settle()
+        assert page.value("document.activeElement.tagName") == "SELECT", number
+        chosen = "[...document.querySelectorAll('#look select')].indexOf(document.activeElement)"
+        assert page.value(chosen) == number
+
+
+@pytest.mark.parametrize(("width", "height"), [(390, 800), (800, 600), (1400, 900)])
+def test_panels_do_not_overlap_at_any_size(chromium, walk, width, height):
+    page = chromium.open(walk, width, height)
+    page.value("gamms.select('blue_2')")
+    page.click(*centre(page, "[aria-label='What is shown']"))
+    page.settle()
+    boxes = page.value(
+        "['#look', '.panel', '.bar'].map((one) => document.querySelector(one))"
+        ".filter((one) => one && one.checkVisibility({visibilityProperty: true}))"
+        ".map((one) => (({left, top, right, bottom}) => [left, top, right, bottom])(one.getBoundingClientRect()))"
+    )
+    for number, one in enumerate(boxes):
+        for other in boxes[:number]:
+            apart = one[0] >= other[2] or one[2] <= other[0] or one[1] >= other[3] or one[3] <= other[1]
+            assert apart, (one, other)

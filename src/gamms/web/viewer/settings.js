@@ -79,6 +79,8 @@ export class Settings {
     const { timeline } = replay;
     const sides = replay.sides();
     const hasSides = sides.length <= 20;
+    const controls = () => /** @type {HTMLElement[]} */ ([...this.menu.querySelectorAll("input, select")]);
+    const focused = controls().findIndex((one) => one === document.activeElement);
     refill(this.menu, element("h2", { text: "Show" }),
       this.#box("Names", look.labels === true || (look.labels === "auto" && replay.ways.length <= 30), (isOn) => app.change({ labels: isOn })),
       this.#box("Trails", look.trails > 0, (isOn) => app.change({ trails: isOn ? TRAILS : 0 })),
@@ -86,6 +88,7 @@ export class Settings {
       timeline.hasMessages ? this.#box("Messages", look.messages, (isOn) => app.change({ messages: isOn })) : null,
       timeline.hasSensed && hasSides && !app.options.audience ? this.#choice("Fog of war", look.fog, [[null, "none: all is seen"], ...sides.map((side) => /** @type {[string, string]} */ ([side, `as ${side} sees it`]))], (fog) => app.change({ fog })) : null,
       this.#choice("Heat map", look.heat, [[null, "none"], ["", "visits of all agents"], ...(hasSides ? sides.map((side) => /** @type {[string, string]} */ ([side, `visits of ${side}`])) : [])], (heat) => app.change({ heat })));
+    controls()[focused]?.focus();
   }
 
   /** @param {string} words @param {boolean} isOn @param {(isOn: boolean) => void} onChange */
