@@ -850,6 +850,7 @@ class Cursor:
         if _TURNED in kinds:
             headings = zip(numbers.tolist(), block.heading, self._pointed.first_headings, strict=True)
             state.headings[number] = {agent: now for agent, now, first in headings if now != first}
+            self._pointed.headings = state.headings[number]
         block.locate()
         state.node[number, numbers] = state.streets.rows(np.array(block.node))
         state.previous[number, numbers] = state.streets.rows(np.array(block.previous))

@@ -13,7 +13,7 @@ from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.roads import RoadMap
 from gamms.game.batch.state import GameArrays, Heading, NotTakenUp
 from gamms.game.snapshots import Snapshot
-from gamms.ir.agents import Pose, show_flights, show_game, show_lives, show_progress
+from gamms.ir.agents import show_flights, show_game, show_lives, show_progress
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 
@@ -27,6 +27,7 @@ class PointedContext:
 
     Attributes:
         numbers: the number in the roster of each agent of the context, by row.
+        headings: those that agents have, by their numbers, where they are not those of the start.
         rows_in_air: the rows of the agents that fly, in the order of the roster.
         alive: which agents of the context live, by row, as bytes; empty: unknown.
         delayed_looks: what sensors are still to report in each game.
@@ -61,7 +62,7 @@ class PointedContext:
         )
         self.alive = b""
         self.first_headings = [*block.heading]
-        self._headings: dict[int, Heading] = {}  # that are shown
+        self.headings: dict[int, Heading] = {}  # that are shown
         self._graph = self._game.ctx.graph.graph
         self._first_map = self._game.ctx.graph.storage.snapshot()
         self._note_map(None)
@@ -113,9 +114,8 @@ class PointedContext:
             self._own["_seed"] = state.seeds[number]
             turns.seed_changes += 1
             show_game(block, columns, at)
-            show_flights(block, self.rows_in_air, self._poses(number))
-            if state.headings[number] is not self._headings:
-                self._show_headings(state.headings[number])
+            if self.rows_in_air or state.headings[number] != self.headings:
+                self._show_poses(number)
             alive = lives[at * size : (at + 1) * size]
             if alive != self.alive:
                 self.show_lives(alive)
@@ -132,9 +132,12 @@ class PointedContext:
                 self._show_roads(roads.of(number))
             yield number
 
-    def _show_headings(self, headings: dict[int, Heading]) -> None:
-        """Let agents have other headings than at the start, by their numbers."""
-        self._headings = headings
+    def _show_poses(self, number: int) -> None:
+        """Let agents fly where they do in a game, and be turned as they are there."""
+        flights, headings = self._state.flights, self._state.headings[number]
+        if flights is not None:
+            show_flights(self._block, self.rows_in_air, flights.poses(number))
+        self.headings = headings
         self._block.heading[:] = [
             headings.get(number, first)
             for number, first in zip(self.numbers.tolist(), self.first_headings, strict=True)
@@ -147,9 +150,6 @@ class PointedContext:
         if flights is not None:
             placed[:, flights.agents] &= ~flights.has_flown[games]
         return placed
-
-    def _poses(self, number: int) -> list[Pose]:
-        return [] if self._state.flights is None else self._state.flights.poses(number)
 
     def show_lives(self, alive: bytes) -> None:
         """Let the agents of the context live that lived in some game, by row."""

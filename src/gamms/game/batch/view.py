@@ -103,7 +103,8 @@ class ArrayView(Mapping[str, Any]):
     def counts(self) -> IntArray:
         """The number of legal nodes of each agent, including its own."""
         if "counts" not in self._known:
-            self._known["counts"] = np.where(self._in_air, 1, self._movement.counts(self._choices))
+            counts = self._movement.counts(self._choices)
+            self._known["counts"] = counts if self._state.flights is None else np.where(self._in_air, 1, counts)
             if self._deeds is not None:  # strategies cannot write into it
                 self._known["counts"] = locked(self._known["counts"])
         return self._known["counts"]
@@ -132,7 +133,7 @@ class ArrayView(Mapping[str, Any]):
             which: an index of some agents of the view.
         """
         rows, is_legal = self._movement.legal(self._choices[which])
-        if not self._in_air.any():
+        if self._state.flights is None:
             return rows, is_legal
         is_legal[..., 1:] &= ~self._in_air[which][..., None]
         most = int(is_legal.sum(axis=-1).max(initial=1))
@@ -172,7 +173,7 @@ class ArrayView(Mapping[str, Any]):
         """
         wanted = self.streets.rows(as_array(nodes, "nodes", "integers", self.node.shape))
         actions = self._movement.action_to(self._choices, wanted)
-        return np.where(self._in_air & (actions > 0), -1, actions)
+        return actions if self._state.flights is None else np.where(self._in_air & (actions > 0), -1, actions)
 
     def towards(self, targets: IntArray, which: Any = np.s_[:, :], allowed: BoolArray | None = None) -> IntArray:
         """Return the actions that move agents toward nodes, as the strategies of `gamms.strategies` do.
