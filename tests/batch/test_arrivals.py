@@ -194,3 +194,25 @@ def test_a_queue_gives_who_arrives_first_and_of_several_the_first(times, pops):
             assert queue.pop(0) == min(waiting)[1]
             waiting.remove(min(waiting))
     assert queue.size(0) == len(waiting)
+
+
+def test_headings_chosen_where_agents_lose_conflicts_are_those_of_the_game_alone():
+    def turn(state):
+        angle = state["draw"].random()
+        state["action"] = {"node_id": state["draw"].choice(state["legal"]), "orientation": (1.0 - angle, angle)}
+
+    def tell(ctx):
+        ctx.game.emit("headings", what=[list(agent.orientation) for agent in ctx.game.agents])
+
+    team = {"count": 6, "strategy": WALK, "speed": 19.0}
+    settings = {"speed_unit": "metres", "decide": "arrival"}
+    made = scene(teams={"red": team}, side=3, settings=settings, conflicts={"capacity": 1, "edge_capacity": 1})
+    with made.build(seed=1, strategies={"red": turn}) as ctx:
+        ctx.game.add(tell)
+        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert games.is_in_arrays, games.slow
+            assert games.result(0).agents["red_0"]["blocked"] > 0
+            for number, seed in enumerate(SEEDS):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())

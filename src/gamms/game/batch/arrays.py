@@ -823,6 +823,7 @@ class ArrayEngine:
             now = playing
             while number == 0 or now.any():
                 now = self._arriving(now)
+                turned = len(self._state.turning)
                 ask(now, part)
                 self._play_decisions(now, part, partial(play, _CHOOSE), is_later=number > 0)
                 for one, games in self._each(now):
@@ -830,6 +831,8 @@ class ArrayEngine:
                 play(_GO_ON)
                 for one, games in self._each(now):
                     one.note_losers(games)
+                if number > 0:
+                    self._state.turning[turned:] = filter(self._has_gone_on, self._state.turning[turned:])
                 play(_ARRIVE)
                 number += 1
                 for one in self._maps:
@@ -838,6 +841,12 @@ class ArrayEngine:
         finally:
             for one in self._maps:
                 one.core.end_arrivals(is_played=is_played)
+
+    def _has_gone_on(self, turning: tuple[int, int, Any]) -> bool:
+        """Whether an agent of a game that has chosen a heading where it has arrived was not stopped there."""
+        game, agent, _ = turning
+        losers = self._maps[self._map_of[game]].core.losers(np.array([game]))
+        return not losers[0, agent] and (game, agent) not in self._block.waiting
 
     def _arriving(self, playing: BoolArray) -> BoolArray:
         """Return in which of some games agents arrive, or set out, (games,)."""

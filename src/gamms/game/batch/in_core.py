@@ -165,6 +165,7 @@ class Block:
         rules: of the numbers that events have, what they are of.
         events: of each thread.
         illegal: what agents have decided in the last phase that the core could not do, by game and agent.
+        waiting: the games and agents that have arrived too often in the last phase.
     """
 
     def __init__(self, states: Sequence[GameArrays], map_of: IntArray) -> None:
@@ -181,6 +182,7 @@ class Block:
         self.rules: list[PlayedRule] = []
         self.events: list[rules.Events] = []
         self.illegal: list[Failure] = []
+        self.waiting: set[tuple[int, int]] = set()
         self._ids = np.concatenate([one.streets.columns.node_ids for one in states])
         self._first = np.cumsum([0, *(one.streets.num_nodes for one in states)])  # the place of each map in `_ids`
         self.begin(np.arange(shape[0]))
@@ -214,6 +216,7 @@ class Block:
         np.equal(self.over, 0, out=self._state.is_going)
         wrong: list[tuple[Failure, int]] = []
         self.illegal = []
+        self.waiting = set()
         for noted in [self._read(events) for events in self.events if events.count]:
             is_wrong = noted.kinds >= _ILLEGAL
             for row in np.flatnonzero(is_wrong).tolist():
@@ -221,6 +224,8 @@ class Block:
                 wrong.append((failure, int(noted.turns[row])))
                 if noted.kinds[row] == _ILLEGAL:
                     self.illegal.append(failure)
+                elif noted.kinds[row] == _WAITS:
+                    self.waiting.add((failure.game, failure.agent))
             self._state.events.take(noted.those(~is_wrong))
         self._note_wrong(wrong)
         for state in self._states:
