@@ -111,7 +111,7 @@ def test_walks_are_spread_as_probabilities_diffuse():
 def test_what_cannot_be_is_refused(monkeypatch):
     with scene().batch(2) as games:
         found = games.observe("red").flows()
-        with pytest.raises(BadValue, match="25 nodes as their last axis"):
+        with pytest.raises(BadValue, match="must have 25 nodes"):
             found.diffuse(np.zeros((25, 2)))
         with pytest.raises(BadValue, match="stay must be"):
             found.diffuse(np.zeros(25), stay=1.5)

@@ -1,6 +1,6 @@
-"""What spreads along the edges of a graph, of many games at once: random walks, probabilities, and what is in reach.
+"""Random walks, diffusion of probabilities, and reachable nodes, computed along graph edges for many games at once.
 
-How far it is and which action leads there is in `routes.py`; what is believed of targets in `gamms.belief.GamesFilter`.
+See `routes.py` for distances and actions toward targets, and `gamms.belief.GamesFilter` for beliefs about targets.
 """
 
 import numpy as np
@@ -16,16 +16,16 @@ from gamms.limits import max_memory, refuse_above
 from gamms.text import shown
 
 _MOST_DENSE = 1 << 28  # nodes in masks
-_AT_ONCE = 1 << 22  # nodes that are searched at once, in all
-_MOST_BYTES = 1 << 28  # of distances to all nodes that are kept, by each weight
+_AT_ONCE = 1 << 22  # nodes that one call searches, summed over its sources
+_MOST_BYTES = 1 << 28  # of cached distances to all nodes, for each weight
 _BYTES_PER_ROW = 8  # of walks
-_BY_SEARCH = 1 << 20  # nodes that searches by edges may find at once, in all
+_BY_SEARCH = 1 << 20  # nodes that one call of `_DistanceCache` finds, summed over its sources
 
 
 class Flows:
-    """What spreads along the edges of a graph: `view.flows()`.
+    """Random walks, diffusion and reachable nodes on a graph, as `view.flows()` returns them.
 
-    Nodes are rows of `streets.columns`; arrays may have any axes, such as games and agents.
+    Nodes are rows of `streets.columns`. Arrays may have any axes, such as games and agents.
 
     Args:
         streets: the graph.
@@ -34,26 +34,26 @@ class Flows:
     def __init__(self, streets: StreetGraph) -> None:
         self._streets = streets
         self._walks: dict[float | None, IncomingArcs] = {}
-        self._searches: dict[str | None, _Searches] = {}
+        self._searches: dict[str | None, _DistanceCache] = {}
 
     def walks(self, nodes: IntArray, turns: int, seed: int = 0) -> IntArray:
-        """Walk at random from nodes, each time to one of the legal nodes, the own one among them.
+        """Return random walks from nodes; each step goes to a uniformly drawn legal node, or stays.
 
         Args:
-            nodes: where to begin, rows.
-            turns: how often to step.
-            seed: of the draws: walk `i` with a seed draws the same whatever walks beside it.
+            nodes: rows of the start nodes, any shape.
+            turns: the number of steps.
+            seed: the seed of the draws; walk `i` draws the same numbers regardless of the other walks.
 
         Returns:
-            (turns + 1, …) rows; the first are `nodes`.
+            Rows of nodes, shape (turns + 1, …); the first entry is `nodes`.
 
         Raises:
-            BadType, BadValue: they are no rows of nodes.
-            TooLarge: these rows would not fit into memory.
+            BadType, BadValue: `nodes` are not rows of nodes.
+            TooLarge: the walks would not fit into memory.
         """
         nodes, steps = self._streets.checked(nodes, "nodes"), as_count(turns, "turns", least=0)
         per_turn = _BYTES_PER_ROW * max(1, nodes.size)
-        fitting = max(0, max_memory() // per_turn - 1)  # beside the nodes where they begin
+        fitting = max(0, max_memory() // per_turn - 1)  # the start nodes take one row
         what = f"{nodes.size} walks of {steps} turns, of which {fitting} would fit,"
         refuse_above(per_turn * (steps + 1), what)
         key = kernels.purpose_key(as_int(seed, "seed"), "walks")
@@ -67,23 +67,25 @@ class Flows:
         return found.reshape(steps + 1, *nodes.shape)
 
     def diffuse(self, masses: FloatArray, turns: int = 1, stay: float | None = None) -> FloatArray:
-        """Return probabilities after random walks: those of `belief.Filter.predict` with `belief.random_walk(stay)`.
+        """Return node probabilities after random walks, shape (…, nodes).
+
+        Equals `belief.Filter.predict` with `belief.random_walk(stay)`.
 
         Args:
-            masses: (…, nodes)
-            turns: how often to step.
-            stay: how probable it is to stay; None: as probable as each neighbour.
+            masses: probabilities of the nodes before the walks, (…, nodes).
+            turns: the number of steps.
+            stay: the probability of staying in one step; None: the same as moving to any one neighbor.
 
         Raises:
-            BadType, BadValue: the last axis is not that of the nodes, a mass is negative, infinite or NaN, or `stay`
-                is no probability.
+            BadType, BadValue: the last axis does not have one entry for each node, a mass is negative, infinite or
+                NaN, or `stay` is not a probability.
         """
         nodes = len(self._streets.counts)
         masses = as_array(masses, "masses", "weights")
         if masses.dtype.kind != "f":
             masses = masses.astype(np.float64)
         if masses.shape[-1:] != (nodes,):
-            raise BadValue(f"masses need {nodes} nodes as their last axis, not the shape {masses.shape}.")
+            raise BadValue(f"The last axis of masses must have {nodes} nodes, not the shape {masses.shape}.")
         chance = None if stay is None else as_float(stay, "stay")
         if chance is not None and not 0.0 <= chance <= 1.0:
             raise BadValue(f"stay must be a probability from 0 to 1, not {shown(stay)}.")
@@ -96,7 +98,7 @@ class Flows:
         return found.astype(masses.dtype, copy=False)
 
     def _walk(self, stay: float | None) -> IncomingArcs:
-        """Return where random walks lead."""
+        """Return the transition probabilities of a random walk by target node."""
         streets = self._streets
         counts, ends = streets.counts, streets.targets
         starts = np.repeat(np.arange(len(counts)), counts)
@@ -107,21 +109,19 @@ class Flows:
         return IncomingArcs(*kernels.ways_to(starts, ends, chances, len(counts)))
 
     def within(self, nodes: IntArray, limit: float, weight: str | None = "length") -> BoolArray:
-        """Return which nodes paths from nodes reach that are at most so long, as `graph.distances(source=, cutoff=)`.
-
-        What can be reached from a node is kept, up to 256 MB for each of 4 limits.
+        """Return masks of the nodes within a path length of each node, as `graph.distances(source=, cutoff=)` does.
 
         Args:
-            nodes: rows.
-            limit: in the unit of the weight.
-            weight: of edges: "length", the name of an attribute, or None for steps.
+            nodes: rows of the start nodes, any shape.
+            limit: the largest path length, in the unit of the weight.
+            weight: the edge weight: "length", the name of an attribute, or None to count edges.
 
         Returns:
-            (…, nodes)
+            A boolean mask, shape (…, nodes).
 
         Raises:
-            BadType, BadValue: they are no rows of nodes.
-            TooLarge: that would take more than 256 MB.
+            BadType, BadValue: `nodes` are not rows of nodes.
+            TooLarge: the mask would take more than 256 MB.
         """
         nodes, size = self._streets.checked(nodes, "nodes"), len(self._streets.counts)
         if nodes.size * size > _MOST_DENSE:
@@ -135,11 +135,13 @@ class Flows:
         return found.reshape(*nodes.shape, size)
 
     def reached(self, nodes: IntArray, limit: float, weight: str | None = "length") -> tuple[IntArray, IntArray]:
-        """Return the same of nodes, (nodes,), as offsets (nodes + 1,) and rows, one after the other.
+        """Return the nodes that `within` finds as offsets, (nodes + 1,), and concatenated rows.
+
+        The nodes within `limit` of `nodes[i]` are `rows[offsets[i]:offsets[i + 1]]`.
 
         Raises:
-            BadType, BadValue: they are no rows of nodes.
-            TooLarge: these are more than 268 million.
+            BadType, BadValue: `nodes` are not rows of nodes.
+            TooLarge: there are more than 268 million rows.
         """
         places, most = self._streets.checked(nodes, "nodes"), as_range(limit, "limit")
         starts, which = np.unique(places, return_inverse=True)
@@ -155,26 +157,27 @@ class Flows:
         return ends, rows[np.arange(ends[-1]) + np.repeat(first - ends[:-1], counts)]
 
     def edges(self, sources: IntArray, targets: IntArray) -> FloatArray:
-        """Return how many edges paths have from nodes to others; infinite where there is none.
+        """Return the numbers of edges on the shortest paths from sources to targets; infinite without a path.
 
-        What is known of up to 256 MB is kept; from each node that is new, the whole map is searched.
+        The first query of a source searches the whole map; up to 256 MB of results are cached.
 
         Args:
-            sources: rows.
-            targets: rows; both broadcast to one shape.
+            sources: rows of nodes.
+            targets: rows of nodes; both arrays broadcast to one shape.
 
         Raises:
-            BadType, BadValue: they are no rows of nodes, or do not broadcast to one shape.
+            BadType, BadValue: the arrays are not rows of nodes, or do not broadcast to one shape.
         """
         return self.far(sources, targets, None)
 
     def far(self, sources: IntArray, targets: IntArray, weight: str | None = "length") -> FloatArray:
-        """Return how far it is from nodes to others by a weight of edges, added up from the sources; likewise.
+        """Return the distances from sources to targets by an edge weight; infinite without a path.
 
-        `view.routes()` searches from the targets: sums of lengths may differ from these in their last bits.
+        Searches start at the sources and are cached as in `edges`. `view.routes()` searches from the targets, so its
+        sums of lengths may differ in the last bits.
         """
         if as_key(weight, "weight") not in self._searches:
-            self._searches[weight] = _Searches(self._streets, weight)
+            self._searches[weight] = _DistanceCache(self._streets, weight)
         rows = self._streets.checked(sources, "sources")
         starts, which = np.unique(rows, return_inverse=True)
         number, ends = as_one_shape(
@@ -183,7 +186,7 @@ class Flows:
         return self._searches[weight].far(starts, number, ends)
 
     def _in_reach(self, starts: IntArray, limit: float, weight: str | None) -> list[tuple[IntArray, IntArray]]:
-        """Return the rows that can be reached from each of some nodes, some of these at once: places, and rows."""
+        """Return the nodes within `limit` of each start, in chunks: indices into `starts`, and rows of nodes."""
         arcs, nodes, found = self._streets.ways(weight), len(self._streets.counts), list[tuple[IntArray, IntArray]]()
         size = max(1, _AT_ONCE // max(nodes, 1))
         for first in range(0, len(starts), size):
@@ -192,26 +195,22 @@ class Flows:
         return found
 
 
-class _Searches:
-    """How far it is from nodes to all others: what was searched for is kept.
+class _DistanceCache:
+    """A cache of the distances from searched nodes to all nodes.
 
     Args:
         streets: the graph.
-        weight: of the edges.
+        weight: the edge weight; see `Flows.within`.
     """
 
     def __init__(self, streets: StreetGraph, weight: str | None) -> None:
         self._arcs, nodes = streets.ways(weight), max(1, len(streets.counts))
-        kind = np.dtype(
-            np.float32 if weight is None else np.float64
-        )  # which both have the numbers of edges as they are
+        kind = np.dtype(np.float32 if weight is None else np.float64)  # float32 holds counts of edges exactly
         self._line_of, self._lines = np.full(nodes, -1), 0
-        self._far = np.empty(
-            (min(nodes, max(1, _MOST_BYTES // (kind.itemsize * nodes))), nodes), kind
-        )  # as it is written
+        self._far = np.empty((min(nodes, max(1, _MOST_BYTES // (kind.itemsize * nodes))), nodes), kind)
 
     def far(self, starts: IntArray, number: IntArray, ends: IntArray) -> FloatArray:
-        """Return how far it is to nodes from those of these numbers in `starts`, which are rows, each given once."""
+        """Return the distances from `starts[number]` to `ends`; `starts` are distinct rows of nodes."""
         found, most = np.empty(ends.shape), len(self._far)
         for first in range(0, len(starts), most):
             lines = self._searched(starts[first : first + most])
@@ -220,7 +219,7 @@ class _Searches:
         return found
 
     def _searched(self, starts: IntArray) -> IntArray:
-        """Return in which lines it is how far it is from some nodes, each given once."""
+        """Return the line of `_far` for each start, searching the missing ones; starts are distinct."""
         new = starts[self._line_of[starts] < 0]
         if self._lines + len(new) > len(self._far):
             self._line_of[:], self._lines, new = -1, 0, starts

@@ -1,4 +1,4 @@
-"""How batches play strategies, rules and checks: what these declare, and how it is found."""
+"""Declarations of how batches play a strategy or the plan of a team."""
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
@@ -7,17 +7,17 @@ from typing import Any, NamedTuple, TypeVar
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-_SPEC = "strategy_spec"  # the attribute of a strategy, or of the plan of a team, that has its `StrategySpec`
+_SPEC = "strategy_spec"  # the attribute of a strategy, or of the plan of a team, that holds its `StrategySpec`
 
 
 class CoreStep(NamedTuple):
-    """What the core tries for an agent along edges, as a part of its strategy.
+    """One step of a strategy that the core tries for an agent on the ground.
 
     Attributes:
         kind: one of `gamms.core.strategies.KINDS`.
-        nodes: ids of those to go to; None: all.
+        nodes: the ids of the target nodes; None: all nodes.
         number, following: see `gamms.core.strategies.StrategySteps`.
-        key: under which the agent remembers something in `state["memory"]`.
+        key: the key of the agent's data in `state["memory"]`.
         chance: see `gamms.core.strategies.StrategySteps`.
     """
 
@@ -31,16 +31,16 @@ class CoreStep(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class StrategySpec:
-    """How batches play a strategy, or the plan of a team.
+    """Declaration of how batches play a strategy, or the plan of a team.
 
     Attributes:
         array_form: returns the actions of all agents of an `ArrayView`; None: it has none.
-        core_form: the number by which `gamms.core.moves` knows the strategy; None: it has none.
-        core_steps: what the core tries, one after the other, for agents without a `core_form`; None: it does not play
-            the strategy.
-        begins: returns what is kept of agents in a game that has begun, see `array_strategy`; None: memories are not
-            taken up.
-        takes_up_all: whether agents that come later begin with what `begins` returns, or with nothing.
+        core_form: the number of the strategy in `gamms.core.moves`; None: it has none.
+        core_steps: the steps that the core tries in order for agents without a `core_form`; None: the core does not
+            play the strategy.
+        begins: returns the memory of agents in a game that has already begun; None: the memory cannot be imported.
+        takes_up_all: whether agents that enter later also start with the memory that `begins` returns; otherwise they
+            start with an empty one.
     """
 
     array_form: Callable[..., Any] | None = None
@@ -59,9 +59,10 @@ def declare(strategy: object, spec: StrategySpec) -> None:
 
 
 def strategy_spec_of(strategy: object) -> StrategySpec:
-    """Return what a strategy, or the plan of a team, declares; one that declares nothing has no array form.
+    """Return the declaration of a strategy or of a team's plan; an empty one if it declares nothing.
 
-    A function that `functools.wraps` another one has the attributes of that, but does not do the same.
+    `functools.wraps` copies the attributes of the wrapped function, so a declaration that a wrapper shares with the
+    wrapped function is ignored.
     """
     spec: StrategySpec = getattr(strategy, _SPEC, _UNDECLARED)
     wrapped = getattr(strategy, "__wrapped__", None)
@@ -69,12 +70,12 @@ def strategy_spec_of(strategy: object) -> StrategySpec:
 
 
 def decides_in_arrays(decider: object, settings: Mapping[str, Any]) -> bool:
-    """Return whether a decider is called once for all games: an array function whose calls are not timed one by one."""
+    """Return whether a decider is called once for all games: it has an array form, and games have no time budget."""
     return strategy_spec_of(decider).array_form is not None and settings["time_budget"] is None
 
 
 def key_of(form: Any) -> Hashable:
-    """Return a key that is equal for forms that do the same."""
+    """Return a key that is equal for equal forms; partial functions are equal if function and arguments are."""
     key: Hashable
     if isinstance(form, partial):
         key = (

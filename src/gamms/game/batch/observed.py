@@ -1,4 +1,4 @@
-"""What agents of a batch in the core observe as vectors after each turn, in the games on all maps at once."""
+"""Observation vectors of agents after each turn of a batch in the core, for the games on all maps at once."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -14,18 +14,18 @@ from gamms.ir.obstacles import BoolArray
 
 
 class Writers(NamedTuple):
-    """The means to write the vectors of agents in all games.
+    """Writes the observation vectors of agents in all games.
 
     Attributes:
-        alive: (games, all agents)
-        agents: numbers in the roster of those that observe, in the order of their rows.
-        mask: (games, agents) which of these are alive.
+        alive: (games, all agents) whether each agent of the roster is alive.
+        agents: (agents,) the numbers of the observing agents in the roster, in the order of the vectors.
+        mask: (games, agents) whether each observing agent is alive.
         encoder, observers: see `write_vectors`.
-        first: (maps + 1,) the first node of each map, among the nodes of all maps.
-        first_node: (games,) the first node of the map of each game.
+        first: (maps + 1,) the index of the first node of each map among the nodes of all maps.
+        first_node: (games,) the index of the first node of each game's map.
         roads: the open roads of the games on each map.
-        more: how many further entries the vectors have; see `Encoder.made`.
-        threads: how many write.
+        more: the number of additional entries; see `Encoder.made`.
+        threads: the number of threads that write.
     """
 
     alive: BoolArray
@@ -40,19 +40,19 @@ class Writers(NamedTuple):
     threads: int
 
     def hold(self) -> bool:
-        """Whether what agents observe is still what these write: no rule has closed roads."""
+        """Return whether the writer is still valid: in no game are roads open that differ from the start."""
         return not any(roads.are_closed for roads in self.roads)
 
     def move(self, maps: IntArray) -> None:
-        """Put games on the maps of these numbers, (games,)."""
+        """Set the map of each game by its number, (games,)."""
         self.first_node[:] = self.first[maps]
 
     def written(self, known: Vectors | None = None, which: IntArray | None = None) -> Vectors:
         """Return the vectors of all games in new arrays.
 
         Args:
-            known: what they were before some games have begun again.
-            which: these games; None: all games have gone on, or nothing is known.
+            known: the vectors before some games were reset; they are copied for the other games.
+            which: the numbers of the games to write; None: all games.
         """
         mask = self.alive.take(self.agents, axis=1)
         self.mask[:] = mask
@@ -69,18 +69,18 @@ class Writers(NamedTuple):
 def writers_of(
     views: Sequence[ArrayView], maps: IntArray, agents: IntArray, others: int, more: int, threads: int
 ) -> Writers | None:
-    """Return the means to write the vectors of agents.
+    """Return a writer of the observation vectors of agents.
 
     Args:
-        views: a view of the games on each map, of which there may be none.
+        views: a view of the games on each map; a view may contain no games.
         maps: (games,) the number of the map of each game.
-        agents: numbers in the roster of those that observe, in any order.
-        others: how many others vectors have.
-        more: how many further entries they have; see `Encoder.made`.
-        threads: how many write.
+        agents: the numbers of the observing agents in the roster, in any order.
+        others: the number of other agents in a vector.
+        more: the number of additional entries; see `Encoder.made`.
+        threads: the number of threads that write.
 
     Returns:
-        None: what agents observe is not in columns of the core.
+        The writer; None if the core does not hold the observations in columns.
     """
     first = np.cumsum([0, *(view.streets.num_nodes for view in views)])
     first_node, mask = first[maps], np.zeros((len(maps), len(agents)), np.bool_)

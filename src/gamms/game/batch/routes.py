@@ -1,4 +1,4 @@
-"""Distances and steps to many targets for many agents at once: tables of one graph, computed as they are asked for."""
+"""Distances and actions toward targets for many agents at once, from tables that are computed on demand."""
 
 from collections import OrderedDict
 from collections.abc import Iterator
@@ -14,17 +14,17 @@ from gamms.game.streets import StreetGraph
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 
-_MOST_BYTES = 512 * 2**20  # of the tables of one graph, and of those of other graphs that are kept beside them
+_MOST_BYTES = 512 * 2**20  # of the tables of one graph, and of the other graphs' tables in the cache
 _BYTES = 12  # of a node in a table
-_AT_ONCE = 1 << 20  # nodes and edges that are searched at once, in all
+_AT_ONCE = 1 << 20  # nodes and edges that one call searches, summed over its targets
 
 
 _lock = RLock()  # one batch at a time reads and extends tables
-_shared: OrderedDict[bytes, "RouteTable"] = OrderedDict()  # by the graph and the weight; what was used last is last
+_shared: OrderedDict[bytes, "RouteTable"] = OrderedDict()  # by hash of graph and weight; most recently used last
 
 
 def shared_routes(streets: StreetGraph, weight: str | None) -> "RouteTable":
-    """Return the tables of a graph, which all batches on equal streets with equal weights share."""
+    """Return the tables of a graph; batches on equal graphs with equal weights share them."""
     arcs = streets.ways_to(weight)
     parts = (streets.columns.node_ids, streets.offsets, streets.targets, *arcs)
     key = blake2b(b"".join(blake2b(part.tobytes()).digest() for part in parts)).digest()
@@ -40,15 +40,14 @@ def shared_routes(streets: StreetGraph, weight: str | None) -> "RouteTable":
 
 
 class RouteTable:
-    """How far it is to targets, and which action leads there: what strategies ask of `ctx.graph`, for arrays.
+    """Distances to targets and actions that lead there, for arrays of agents.
 
-    A target gets a table, of how far it is from all nodes and which action leads on, when it is first asked for: 12
-    bytes for each node of the map. When the tables are larger than 512 MB together, they are made again as they are
-    asked for.
+    The first query of a target computes a table with the distance and the next action from every node, 12 bytes for
+    each node of the map. When the tables of a graph would exceed 512 MB, they are dropped and computed again on demand.
 
     Args:
-        streets: the nodes, and which of them are legal from where.
-        weight: of the edges, see `IGraph`.
+        streets: the nodes and their legal nodes.
+        weight: the edge weight, see `IGraph`.
     """
 
     def __init__(self, streets: StreetGraph, weight: str | None) -> None:
@@ -62,23 +61,23 @@ class RouteTable:
         self._count = 0  # of tables
         self._far = np.empty((0, nodes))
         self._hops = np.empty((0, nodes), np.int32)
-        self._leaps = _has_triangle(streets)  # from here, a legal node may come later on the way than the next one
+        self._leaps = _has_triangle(streets)  # a legal node of these nodes may come later on a path than the next one
         self._entries: tuple[IntArray, IntArray, IntArray] | None = None
 
     @property
     def nbytes(self) -> int:
-        """How much memory the tables take that there are."""
+        """The memory of the computed tables, bytes."""
         return self._count * _BYTES * len(self._table_of)
 
     def distances(self, sources: IntArray, targets: IntArray) -> FloatArray:
-        """Return how far it is from nodes to others, as `graph.distance` does; rows that broadcast to one shape.
+        """Return the distances from sources to targets, as `graph.distance` does.
 
         Args:
-            sources: rows of nodes, as `view.streets.rows(ids)` gives them.
-            targets: rows of nodes.
+            sources: rows of nodes, as `view.streets.rows(ids)` returns them.
+            targets: rows of nodes; both arrays broadcast to one shape.
 
         Raises:
-            BadType, BadValue: they are no rows of nodes, or do not broadcast to one shape.
+            BadType, BadValue: the arrays are not rows of nodes, or do not broadcast to one shape.
         """
         sources, targets = self._checked(sources, targets)
         found = np.empty(sources.shape)
@@ -94,19 +93,22 @@ class RouteTable:
         targets: IntArray,
         allowed: BoolArray | None = None,
     ) -> IntArray:
-        """Return the actions that lead to targets, as strategies go a step: to the target itself where it is legal.
+        """Return the actions that lead toward targets along shortest paths.
+
+        An action goes to the last node of the path that is legal in one move and that a chain of legal nodes leads to;
+        to the target itself, if it is legal.
 
         Args:
             sources: rows of nodes.
-            targets: rows, likewise; both broadcast to one shape.
-            allowed: (nodes,) which may be entered, the targets among them; None: all. Where the next one is not, the
-                action is to stay.
+            targets: rows of nodes; both arrays broadcast to one shape.
+            allowed: (nodes,) the nodes that may be entered; None: all. The action is to stay where the next node of
+                the path, or a target in one move, is not allowed.
 
         Returns:
-            Numbers of legal nodes; -1 where there is no path.
+            Indices of legal nodes; -1 without a path.
 
         Raises:
-            BadType, BadValue: they are no rows of nodes, or do not broadcast to one shape.
+            BadType, BadValue: the arrays are not rows of nodes, or do not broadcast to one shape.
         """
         sources, targets = self._checked(sources, targets)
         if allowed is not None:
@@ -119,12 +121,12 @@ class RouteTable:
         return found
 
     def _checked(self, sources: object, targets: object) -> list[IntArray]:
-        """Return rows of nodes that a caller passed, of one shape."""
+        """Return the rows of nodes that a caller passed, broadcast to one shape."""
         checked = self._streets.checked
         return as_one_shape({"sources": checked(sources, "sources"), "targets": checked(targets, "targets")})
 
     def following(self, sources: IntArray, targets: IntArray) -> IntArray:
-        """Return the row of the next node on the shortest path, (queries,); where there is none, the source."""
+        """Return the rows of the next nodes on the shortest paths, (queries,); the source itself without a path."""
         found = np.empty(len(sources), np.int64)
         for some in self._ready(targets):
             starts = sources[some]
@@ -133,7 +135,7 @@ class RouteTable:
         return found
 
     def _next(self, starts: IntArray, ends: IntArray) -> IntArray:
-        """Return the action that leads to the next node on the way, 0 at the target; -1: there is no path."""
+        """Return the action that leads to the next node of the path, 0 at the target; -1 without a path."""
         return self._hops[self._table_of[ends], starts].astype(np.int64)
 
     def _steps(self, starts: IntArray, ends: IntArray, allowed: BoolArray | None) -> IntArray:
@@ -146,7 +148,7 @@ class RouteTable:
             here, goal = starts[leaping], ends[leaping]
             reached = actions[leaping]
             at, going = streets.ends_of(here, reached), has_path[leaping] & (reached > 0)
-            while going.any():  # on, as long as the next node on the way is legal, too
+            while going.any():  # follow the path as long as its next node is legal
                 on = streets.ends_of(at, np.where(going, self._next(at, goal), 0))
                 action = streets.action_to(here, on)
                 going &= (action >= 0) & (at != goal)
@@ -163,7 +165,7 @@ class RouteTable:
     # -- tables -------------------------------------------------------------------------------------------------
 
     def _ready(self, ends: IntArray) -> Iterator[Any]:
-        """Yield places in `ends` whose tables are there: all in one go, if they fit."""
+        """Yield indices into `ends` after computing their tables; one slice of all if the tables fit."""
         targets = np.unique(ends)
         if len(targets) <= self._most:
             self._fill(targets)
@@ -175,7 +177,7 @@ class RouteTable:
             yield np.flatnonzero((ends >= some[0]) & (ends <= some[-1]))
 
     def _fill(self, targets: IntArray) -> None:
-        """Compute the tables that are missing; where there are too many with these, without those of before."""
+        """Compute the missing tables of targets; drop all others if the total would exceed the limit."""
         new = targets[self._table_of[targets] < 0]
         if self._count + len(new) > self._most:
             self._table_of[:] = -1
@@ -197,7 +199,7 @@ class RouteTable:
             self._mark_detours(some)
 
     def _make_room(self, tables: int) -> None:
-        """Have memory for so many tables."""
+        """Allocate memory for a number of tables."""
         if tables <= len(self._far):
             return
         more = min(self._most, 2 * tables) - len(self._far)
@@ -206,7 +208,7 @@ class RouteTable:
         self._hops = np.concatenate((self._hops, np.empty((more, nodes), np.int32)))
 
     def _mark_detours(self, targets: IntArray) -> None:
-        """Note from which nodes an edge to a target is not the shortest way there."""
+        """Mark the nodes from which an edge to one of the targets is not the shortest path."""
         offsets, order, sources = self._into()
         entries, ends = kernels.chosen_runs(offsets, targets)
         rows = sources[order[entries]]
@@ -218,7 +220,7 @@ class RouteTable:
         self._leaps[rows[is_detour]] = True
 
     def _into(self) -> tuple[IntArray, IntArray, IntArray]:
-        """Return the entries of `streets.targets` by the node that they lead to, and the node that each leads from."""
+        """Return the entries of `streets.targets` grouped by target node, and the source node of each entry."""
         if self._entries is None:
             streets = self._streets
             sources = np.repeat(np.arange(len(streets.counts)), streets.counts)
@@ -227,7 +229,7 @@ class RouteTable:
 
 
 def _has_triangle(streets: StreetGraph) -> BoolArray:
-    """Return from which nodes two edges lead to nodes of which one is a neighbour of the other, (nodes,)."""
+    """Return a mask of the nodes with two neighbors that are joined by an edge, (nodes,)."""
     nodes = len(streets.counts)
     sources = np.repeat(np.arange(nodes), streets.counts)
     is_edge = sources != streets.targets

@@ -1,4 +1,4 @@
-"""The scores of all games of a batch, which each game has in the order in which they were set first."""
+"""The scores of all games of a batch, with the order in which each game first set its keys."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from operator import itemgetter
@@ -15,16 +15,17 @@ _MOST_EXACT = 1 << 53  # scores are floats in columns
 
 
 def fits_float(score: object) -> bool:
-    """Return whether a score is a number that a column of floats holds exactly."""
+    """Return whether a score is a number that float64 represents exactly."""
     return isinstance(score, float) or (isinstance(score, int) and abs(score) <= _MOST_EXACT)
 
 
 class Scores(dict[Hashable, FloatArray]):
-    """Key -> (games,) numbers.
+    """The scores of all games: key -> float64 (games,).
 
     Attributes:
-        ranks: key -> (games,) numbers in whose order the scores of a game were set first; 0: this one was not.
-        are_floats: key -> (games,) whether anything but integers was added.
+        ranks: key -> (games,) positive integers that ascend in the order in which a game first set its keys; 0: not
+            set in the game.
+        are_floats: key -> (games,) whether a value other than an integer was added.
     """
 
     def __init__(self, games: int) -> None:
@@ -35,17 +36,17 @@ class Scores(dict[Hashable, FloatArray]):
 
     @property
     def columns(self) -> tuple[dict[Hashable, Any], ...]:
-        """All that is known of games: key -> (games,)."""
+        """The scores, ranks and float flags, key -> (games,) each."""
         return self, self.ranks, self.are_floats
 
     def add(self, key: Hashable, games: IntArray, points: float | FloatArray, order: IntArray | None = None) -> None:
-        """Add points to the score of a key, in each of these games; one may be there several times.
+        """Add points to the score of a key in games; a game may occur several times.
 
         Args:
-            key: of the score.
-            games: their numbers.
-            points: the same for all, or those of each.
-            order: of each the place among what is added to several keys, ascending; None: this is one key.
+            key: the key of the score.
+            games: the numbers of the games.
+            points: one number for all, or one for each entry of `games`.
+            order: the position of each entry among additions to several keys, ascending; None: only this key.
         """
         if not isinstance(points, int) and np.isnan(points).any():
             raise BadType(f"The score of {shown(key)} must be a number, not {shown(points)}.")
@@ -56,12 +57,12 @@ class Scores(dict[Hashable, FloatArray]):
             self.are_floats[key][games] = True
         np.add.at(self[key], games, points)
         ranks = self.ranks[key]
-        new = np.flatnonzero(ranks[games] == 0)[::-1]  # so that of one game the first counts
+        new = np.flatnonzero(ranks[games] == 0)[::-1]  # reversed: the first entry of a game is written last
         ranks[games[new]] = self._last_rank + 1 + (0 if order is None else order[new])
         self._last_rank += order is None
 
     def add_several(self, keys: Sequence[Hashable], games: IntArray, of: IntArray, points: float | FloatArray) -> None:
-        """Add points to the scores of keys, given by their numbers `of`, in games, (pairs,) each, in their order."""
+        """Add points to the scores `keys[of[i]]` of `games[i]`, in this order; `games` and `of` are (pairs,)."""
         for number in np.flatnonzero(np.bincount(of)).tolist():
             those = np.flatnonzero(of == number)
             each = points if isinstance(points, int | float) else points[those]
@@ -69,20 +70,20 @@ class Scores(dict[Hashable, FloatArray]):
         self._last_rank += len(of)
 
     def take(self, keys: Sequence[Hashable], sums: FloatArray, first: IntArray, are_floats: BoolArray) -> None:
-        """Set the scores of all games to what the core has made of them, (games, keys) each.
+        """Set the scores of all games to the values that the core computed, (games, keys) each.
 
         Args:
-            keys: of the scores.
+            keys: the keys of the scores.
             sums: the scores.
-            first: numbers in whose order points were first added in a game; -1 where none were.
-            are_floats: whether anything but integers was added.
+            first: integers that ascend in the order in which points were first added in a game; -1 if none were.
+            are_floats: whether a value other than an integer was added.
         """
         last = self._last_rank
         for number, key in enumerate(keys):
             is_set = first[:, number] >= 0
             if not is_set.any():
                 continue
-            self.add(key, np.zeros(0, np.int64), 0)  # which knows the key then
+            self.add(key, np.zeros(0, np.int64), 0)  # creates the columns of the key
             self[key][:] = sums[:, number]
             self.are_floats[key] |= are_floats[:, number]
             ranks = self.ranks[key]
@@ -101,7 +102,7 @@ class Scores(dict[Hashable, FloatArray]):
             self.ranks[key][game] = rank
 
     def of(self, games: IntArray) -> list[dict[Any, Any]]:
-        """Return the scores of games that were set, in the order in which they were."""
+        """Return the scores of each game, key -> number, in the order in which the keys were first set."""
         found: list[list[tuple[int, Hashable, float]]] = [[] for _ in games]
         for key in self:
             columns = (column[key][games].tolist() for column in self.columns)

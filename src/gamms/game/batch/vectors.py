@@ -1,6 +1,6 @@
-"""What agents observe as numbers: one vector of the same length for each agent, as learners take them.
+"""Observation vectors for learners: one float vector of fixed length for each agent.
 
-Lengths and offsets are shares of the map: of half of the longer side of the box around its nodes.
+Positions and offsets are in units of half the longer side of the bounding box of the map's nodes.
 """
 
 from collections.abc import Sequence
@@ -15,23 +15,23 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
 
-OWN = ("x", "y")  # from the centre of the map
-OTHER = ("is_seen", "is_mate", "dx", "dy")  # of each other agent; offsets from the agent to the node of the other
-MOVE = ("is_legal", "dx", "dy")  # of each action; offsets from the agent to where it leads
+OWN = ("x", "y")  # relative to the center of the map
+OTHER = ("is_seen", "is_mate", "dx", "dy")  # for each other agent; offsets from the agent to the other's node
+MOVE = ("is_legal", "dx", "dy")  # for each action; offsets from the agent to the action's node
 
 
 Vectors32 = np.ndarray[tuple[int, ...], np.dtype[np.float32]]
 
 
 class Vectors(NamedTuple):
-    """The observations of the agents of a view.
+    """Observation vectors of the agents of a view.
 
     Attributes:
-        values: (games, agents, entries) float32; all 0 of agents that are dead.
-        names: (entries,) what they are, such as `other_0.dx`.
-        mask: (games, agents) which agents are alive.
-        legal: (games, agents, actions) which actions are legal; of dead agents, only to stay.
-        counts: (games, agents) how many these are.
+        values: (games, agents, entries) float32; all 0 for dead agents.
+        names: (entries,) the names of the entries, such as `other_0.dx`.
+        mask: (games, agents) whether each agent is alive.
+        legal: (games, agents, actions) whether each action is legal; dead agents can only stay.
+        counts: (games, agents) the number of legal actions.
     """
 
     values: Vectors32
@@ -42,13 +42,13 @@ class Vectors(NamedTuple):
 
 
 class Encoder:
-    """Makes vectors for agents on one map, or on several.
+    """Builds observation vectors for agents on one or several maps.
 
     Args:
-        xy: (nodes, 2) the positions of the nodes of each map.
-        agents: how many agents there are in a game.
-        others: how many of those that one sees are in a vector: the nearest.
-        actions: how many actions are in a vector.
+        xy: for each map, the positions of its nodes, (nodes, 2).
+        agents: the number of agents in a game.
+        others: the number of other agents in a vector: the nearest visible ones.
+        actions: the number of actions in a vector.
     """
 
     def __init__(self, xy: Sequence[FloatArray], agents: int, others: int, actions: int) -> None:
@@ -67,11 +67,11 @@ class Encoder:
         )
 
     def made(self, mask: BoolArray, more: int) -> Vectors:
-        """Return room for the vectors of some agents, with so many further entries.
+        """Return uninitialized vectors with `more` additional entries at the end.
 
         Args:
-            mask: (games, agents) which are alive.
-            more: how many further entries: 0, but the last one the share n / (n + 100) after n turns.
+            mask: (games, agents) whether each agent is alive.
+            more: the number of additional entries: all 0 except the last one, which is n / (n + 100) after n turns.
         """
         entries = len(self.names) + more
         bytes_ = 4.0 * mask.size * entries
@@ -82,11 +82,11 @@ class Encoder:
         return Vectors(values, self.names, mask, is_legal, np.empty(mask.shape, np.int64))
 
     def output(self, vectors: Vectors, xy: FloatArray | None = None) -> observe.VectorObservations:
-        """Return vectors of some agents as the core writes them.
+        """Return the buffers of vectors that the core writes to.
 
         Args:
-            vectors: that are written.
-            xy: (games, agents, 2) where the agents are, on one map; None: on their nodes.
+            vectors: the vectors to write.
+            xy: (games, agents, 2) the positions of the agents, on a single map; None: the positions of their nodes.
         """
         own = self._on_nodes
         if xy is not None:
@@ -103,23 +103,23 @@ class Encoder:
 
     @property
     def room(self) -> observe.NearestAgents:
-        """What a thread notes those in that an agent sees."""
+        """New scratch buffers, in which one thread collects the agents that an agent sees."""
         return room_for(self._agents, self._others)
 
 
 def _box_of(xy: FloatArray) -> tuple[FloatArray, float]:
-    """Return the center of the box around nodes, and half of its longer side; 1 if that is 0."""
+    """Return the center of the bounding box of nodes, (2,), and half of its longer side; 1 if that is 0."""
     low, high = (xy.min(axis=0), xy.max(axis=0)) if len(xy) else (np.zeros(2), np.zeros(2))
     return (low + high) / 2.0, float((high - low).max()) / 2.0 or 1.0
 
 
 def legal_of(offsets: IntArray, targets: IntArray) -> tuple[Any, Any]:
-    """Return the legal nodes of agents, or of nodes, as the core takes them; see `core.observe.Observers`."""
+    """Return offsets and rows of legal nodes as int32 buffers; see `core.observe.Observers`."""
     return flat(offsets, np.int32), flat(targets, np.int32)
 
 
 def room_for(agents: int, others: int) -> observe.NearestAgents:
-    """Return what a thread notes those in that an agent sees, of so many agents, and so many of them the nearest."""
+    """Return scratch buffers for one thread: the agents that an agent sees, and the nearest `others` of them."""
     seen: Any = np.zeros(agents, np.int64).data, np.zeros(agents, np.uint8).data
     nearest: Any = np.zeros(others + 1).data, np.zeros(others + 1, np.int64).data
     return observe.NearestAgents(*seen, *nearest)
@@ -128,14 +128,14 @@ def room_for(agents: int, others: int) -> observe.NearestAgents:
 def write_vectors(
     encoder: Encoder, observers: observe.Observers, output: observe.VectorObservations, places: IntArray, threads: int
 ) -> None:
-    """Write the vectors of agents.
+    """Write the observation vectors of agents.
 
     Args:
-        encoder: of the vectors.
+        encoder: the encoder of the vectors.
         observers: the agents.
-        output: their vectors; see `Encoder.output`.
-        places: the games that are written, as indices in those of the observers.
-        threads: how many write them, each those of some games.
+        output: the buffers of the vectors; see `Encoder.output`.
+        places: the games to write, as indices into the games of the observers.
+        threads: the number of threads; each writes a part of the games.
     """
     chosen = flat(places, np.int64)
 
