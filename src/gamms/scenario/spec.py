@@ -332,7 +332,13 @@ def _explained(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
         fields = _fields_of(option) if isinstance(value, dict) else {}
         for key in value if fields else ():
             if key not in fields:
-                hint = nearest(key, fields) or f" Keys here are: {', '.join(fields)}."
+                is_elsewhere = bool(path) and key in _fields_of(Spec)
+                hint = (
+                    " It belongs at the top of the file, beside map and teams."
+                    if is_elsewhere
+                    else nearest(key, fields)
+                )
+                hint = hint or f" Keys here are: {', '.join(fields)}."
                 return ScenarioError(joined(path, key), f"unknown key, with the value {shown(value[key])}.{hint}")
         for key, field in fields.items():
             if field.required and key not in value:
