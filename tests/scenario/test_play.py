@@ -283,7 +283,7 @@ def test_a_saved_map_is_a_map(made, folder):
     with made().build() as ctx:
         ctx.graph.save(folder / "town.gamms")
     assert made(map={"file": "town.gamms"}).play() == made().play()
-    with pytest.raises(ScenarioError, match=r"^map\.file\.resolution: town\.gamms is no OpenStreetMap file"):
+    with pytest.raises(ScenarioError, match=r"^map\.file\.resolution: town\.gamms is not an OpenStreetMap file"):
         made(map={"file": {"path": "town.gamms", "resolution": 5.0}}).build()
 
 

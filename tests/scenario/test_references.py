@@ -297,7 +297,7 @@ def test_a_recording_names_no_code_of_others(tmp_path, made, canary, name):
 
 @pytest.mark.parametrize(("key", "value"), [("allow", ["yaml"]), ("folder", "/tmp"), ("file", "x")])
 def test_a_recording_cannot_say_what_its_reader_allows(tmp_path, little, key, value):
-    with pytest.raises(recorder.RecordingError, match=f"says '{key}'"):
+    with pytest.raises(recorder.RecordingError, match=f"sets '{key}'"):
         recorder.open(recorded(tmp_path, {**little, key: value}))
 
 
