@@ -552,6 +552,18 @@ class ArrayEngine:
             yield one, games if are_all else games[which[games]]
 
     @property
+    def current(self) -> int:
+        """The number of the map whose strategies are called now; 0: none are called."""
+        called = (number for number, one in enumerate(self._maps) if one.cursor is not None and one.cursor.is_asking)
+        return next(called, 0)
+
+    @property
+    def loaded(self) -> int | None:
+        """The number of the game whose strategies are called now; None: none are called."""
+        cursor = self._maps[self.current].cursor
+        return cursor.number if cursor is not None and cursor.is_asking else None
+
+    @property
     def functions(self) -> list[Callable[..., object]]:
         """The functions that it calls."""
         return [function for one in self._maps for function in one.functions]

@@ -308,6 +308,16 @@ class Cursor:
         self._data_before: dict[int, dict[Any, Any] | None] = {}  # of games whose data were read since the checkpoint
         self.forget(np.arange(len(state)))
 
+    @property
+    def number(self) -> int:
+        """The number of the game that the context is pointed at; -1: of none."""
+        return self._number
+
+    @property
+    def is_asking(self) -> bool:
+        """Whether a strategy or a plan is running."""
+        return self._phase.agent is not None
+
     # -- the context --------------------------------------------------------------------------------------------
 
     def _begin(self) -> None:

@@ -546,8 +546,7 @@ class Batch(Immutable):
         """
         if self._alone is not None:
             return self._alone.game
-        number = self._engine.current if isinstance(self._engine, OneByOneOnMaps) else 0
-        return self._sources[number].game
+        return self._sources[self._engine.current].game
 
     @property
     def num_maps(self) -> int:
@@ -733,10 +732,10 @@ class Batch(Immutable):
 
     @property
     def loaded(self) -> int | None:
-        """The number of the game that is played by itself right now; None: games are in the core."""
+        """The number of the game whose strategies are called now; None: none are called."""
         if self._alone is not None:
             return self._alone.number
-        return self._engine.loaded if isinstance(self._engine, OneByOneOnMaps) else None
+        return self._engine.loaded
 
     # -- inside -------------------------------------------------------------------------------------------------
 
