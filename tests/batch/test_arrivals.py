@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_in_core import random_scenario, scenario_of_steps
 
+import gamms
 from gamms.core.arrivals import Queue
 from gamms.rules import Conflicts
 
@@ -216,3 +217,52 @@ def test_headings_chosen_where_agents_lose_conflicts_are_those_of_the_game_alone
             for number, seed in enumerate(SEEDS):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
+
+
+@gamms.array_strategy
+def roam(view):
+    """Go somewhere by lot, other agents elsewhere, do deeds, send messages and count the times of being asked."""
+    known = view.keep("asked", lambda games: {"number": np.zeros((games, 6), np.int64)})["number"]
+    number = known[np.ix_(view.games, view.agents)] + view.mask
+    known[np.ix_(view.games, view.agents)] = number
+    sees = view.sees().sum(axis=-1)
+    lots = view.draw.below(7) + view.only(view.node % 2 == 0).draw.below(3)
+    view.do("scan", lots == 3)
+    view.send("radio", lots % 2 == 0, (view["time"][:, None] * 100 + sees + number).astype(np.int64))
+    on_edges = (view["edge"][..., 0] >= 0).sum(axis=1)
+    return (lots + sees + np.arange(len(view.agents)) + on_edges[:, None]) % view.counts
+
+
+@pytest.mark.parametrize("order", [None, [["blue"], ["red"]]], ids=["at once", "in parts"])
+@pytest.mark.parametrize("conflicts", [None, Conflicts(1, edge_capacity=1)], ids=["free", "conflicts"])
+def test_array_strategies_decide_for_all_agents_that_arrive_as_alone(conflicts, order):
+    team = {
+        "count": 3,
+        "strategy": WALK,
+        "speed": 17.0,
+        "sensors": {"eyes": {"type": "AGENT_RANGE", "sensor_range": 25.0}},
+    }
+    settings = {"speed_unit": "metres", "decide": "arrival", "deeds": {"scan": {}}}
+    settings |= {} if order is None else {"order": order}
+    teams = {"red": team, "blue": team | {"speed": 10.0}}  # several arrive at the same time
+    made = scene(teams=teams, max_turns=6, settings=settings, channels={"radio": {"range_m": 30.0, "loss": 0.2}})
+    with made.build(seed=1, strategies={"red": roam, "blue": roam}) as ctx:
+        ctx.game.conflicts = conflicts
+        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert games.is_in_arrays, games.slow
+            for number, seed in enumerate(SEEDS):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_sensors_that_err_keep_array_strategies_at_arrivals_out_of_the_core():
+    eyes = {"type": "AGENT_RANGE", "sensor_range": 25.0, "detection": 0.5}
+    team = {"count": 3, "strategy": WALK, "speed": 17.0, "sensors": {"eyes": eyes}}
+    settings = {"speed_unit": "metres", "decide": "arrival", "deeds": {"scan": {}}}
+    made = scene(teams={"red": team}, settings=settings, channels={"radio": {"range_m": 30.0}})
+    with made.batch(seeds=SEEDS, strategies={"red": roam}) as games:
+        assert "the sensor 'eyes', which counts its looks" in games.slow
+        games.run()
+        for number, seed in enumerate(SEEDS):
+            assert plain(games.result(number)) == plain(made.play(seed=seed, strategies={"red": roam}))

@@ -17,6 +17,7 @@ from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
+from gamms.readonly import locked
 from gamms.text import shown
 
 T = TypeVar("T")
@@ -186,7 +187,9 @@ class ViewDraws(ArrayDraws):
     @property
     def count(self) -> IntArray | int:
         """The number of draws in this turn, for all agents or for each."""
-        return self._count if self._among is None else self._among[0].count
+        if self._among is not None:
+            return self._among[0].count
+        return locked(self._count) if isinstance(self._count, np.ndarray) else self._count
 
     def bits(self) -> BitArray:
         """Return 64 random bits for each."""

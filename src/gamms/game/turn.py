@@ -60,6 +60,7 @@ class TurnEngine:
         outboxes: messages that agents send.
         seed_changes: the number of changes of the context's seed.
         asked: the number of times that the agents of a part were asked to decide.
+        asked_part: the order and the agents of the last time; None: there was none.
         prepared: the count of strategy changes at which strategies were last prepared; -1: prepare them again.
     """
 
@@ -82,6 +83,7 @@ class TurnEngine:
         self.seed_changes = 0
         self.prepared = -1
         self.asked = 0
+        self.asked_part: tuple[TurnOrder, TurnPart] | None = None
         self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the current turn
         self.refusals: Refusals | None = None
         self._conflicts = TurnConflicts()
@@ -408,6 +410,7 @@ class TurnEngine:
         if part.paced:
             self._leave_closed_edges(order, part)
         self.asked += 1
+        self.asked_part = order, part
         self.is_deciding = True
         phase.moment = object() if part.see_world_only else None
         try:

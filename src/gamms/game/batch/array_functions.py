@@ -234,9 +234,11 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
         agents = _asked_with(ctx, block, state["name"], function)
         _show(ctx, block, state)
         asked = turns.asked if turns.is_deciding else -1
-    view = asked_view(block, _ONE, agents)
+        here, drawn = _deciding_now(ctx, block, state)
+    view = asked_view(block, _ONE, agents, here)
     view._may_aim = True
-    view.draw = ViewDraws(block.chosen(block.draw_keys(), _ONE, agents), view.turn, state["draw"].mark() or 0)
+    keys = block.chosen(block.draw_keys(), _ONE, agents)
+    view.draw = ViewDraws(keys, view.turn, drawn[:, agents]).only(view.mask)
     given = function(view)
     if view.flies:
         given = as_flights(given, f"{name}: what an agent that flies does", view.node.shape)
@@ -253,7 +255,7 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
     for box in view._outboxes or ():
         for number, to, body in zip(box.senders.tolist(), box.to, box.bodies, strict=True):
             messages.setdefault(names[number], []).append({"channel": box.channel, "to": to, "body": body})
-    waiting = {name: place for place, name in enumerate(view["name"])}
+    waiting = {name: place for place, name in enumerate(view["name"]) if view.mask[0, place]}
     drawn = np.broadcast_to(view.draw.count, view.node.shape)[0]
     return _Decided(asked, waiting, view, drawn, given, deeds, messages)
 
@@ -261,18 +263,32 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
 def _asked_with(ctx: HostContext, block: GameArrays, name: str, function: ArrayStrategy) -> IntArray:
     """Return the numbers of the agents that a function decides for together with one that is asked.
 
-    An agent is asked alone if it decides at arrivals, with a time budget, or outside of a turn, and if another strategy
-    calls its array strategy.
+    An agent is asked alone with a time budget, or outside of a turn, and if another strategy calls its array strategy.
     """
     game, roster = ctx.game, block.roster
     own = np.array([roster.names.index(name)])
-    if not game.internals.parts.turns.is_deciding or game.decide == "arrival" or game.time_budget is not None:
+    if not game.internals.parts.turns.is_deciding or game.time_budget is not None:
         return own
     key, part_of = key_of(function), roster.part_of(game.order)
     forms = [strategy_spec_of(decider_of(agent, game.plans)).array_form for agent in roster.agents]
     has_function = np.array([form is not None and key_of(form) == key for form in forms], np.bool_)
     found = np.flatnonzero(has_function & (part_of == part_of[own]) & (roster.flies == roster.flies[own]))
     return found if own[0] in found else own
+
+
+def _deciding_now(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> tuple[BoolArray, IntArray]:
+    """Return which agents decide now with one that is asked, and how many numbers each has drawn, (1, all agents)."""
+    turns, names = ctx.game.internals.parts.turns, block.roster.names
+    here = np.array([[name == state["name"] for name in names]])
+    drawn = np.zeros(here.shape, np.int64)
+    drawn[here] = state["draw"].mark() or 0
+    if turns.is_deciding and turns.asked_part is not None and ctx.game.time_budget is None:
+        order, part = turns.asked_part
+        number_of = {name: number for number, name in enumerate(names)}
+        here[0, [number_of[order.names[i]] for i in part.members]] = True
+        for slot in order.slots:
+            drawn[0, number_of[slot.name]] = slot.marks()[0] or 0
+    return here, drawn
 
 
 def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:

@@ -48,12 +48,14 @@ from gamms.game.deeds import checked_value
 from gamms.game.legality import IllegalAction
 from gamms.game.messages import ANTENNA, MessagePositions
 from gamms.game.order import left_out
+from gamms.game.random_streams import ViewDraws
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan
 from gamms.ir.game_state import PHASES
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
+from gamms.typing.agent_engine import IAgent
 from gamms.typing.game import strategy_name
 
 _DECIDE, _SETTLE, _MOVE = PHASES_OF_CORE
@@ -150,8 +152,7 @@ class GamesOnMap:
 
     @property
     def _at_arrivals(self) -> bool:
-        movement = self.state.movement
-        return isinstance(movement, ByMetres) and movement.terms.decides_at_arrivals
+        return decides_at_arrivals(self.state.movement)
 
     @property
     def asks_functions(self) -> bool:
@@ -285,12 +286,19 @@ class GamesOnMap:
             asked = games if here is None else games[here[games][:, agents].any(axis=1)]
             for some in self._by_roads(asked) if len(agents) and len(asked) else ():
                 view = asked_view(self.state, some, agents, here)
+                rows = np.ix_(some, agents)
+                if here is not None:
+                    view.draw = ViewDraws(
+                        self.state.chosen(self.state.draw_keys(), some, agents), view.turn, self._drawn[rows]
+                    ).only(view.mask)
                 try:
-                    actions[np.ix_(some, agents)] = self._actions(view, group)
+                    actions[rows] = self._actions(view, group)
                     self._take_acts(view)
                 except Exception as error:
                     error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
                     raise
+                if here is not None:
+                    self._drawn[rows] = view.draw.count
 
     def _actions(self, view: ArrayView, group: Group) -> IntArray:
         """Return the actions that an array function gives; agents that fly stay on the node below them."""
@@ -359,6 +367,7 @@ class GamesOnMap:
     def begin_arrivals(self, games: IntArray) -> None:
         """Begin a part of the turn of some games in which functions are called where agents arrive."""
         self.core.begin_arrivals(games)
+        self._drawn = np.zeros(self.state.node.shape, np.int64)
         if self.cursor is not None:
             self.cursor.begin_arrivals()
 
@@ -1030,6 +1039,20 @@ def movement_in_core(game: PlayedGame, roster: Roster) -> Movement:
     return movement_of(game, roster, may_reopen=may_change, is_detached=may_change)
 
 
+def decides_at_arrivals(movement: Movement) -> bool:
+    """Whether agents decide where they arrive."""
+    return isinstance(movement, ByMetres) and movement.terms.decides_at_arrivals
+
+
+def errs_at_arrivals(agent: IAgent) -> str | None:
+    """Return the name of a sensor of an agent that counts its looks in a turn; None: there is none."""
+    for name, sensor in carried_by(agent).items():
+        look = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
+        if look is not None and not look.is_plain:
+            return name
+    return None
+
+
 def _groups(roster: Roster, settings: Mapping[str, Any], movement: Movement) -> list[Group]:
     """Return the array functions that decide, each with all agents that have the same.
 
@@ -1043,8 +1066,10 @@ def _groups(roster: Roster, settings: Mapping[str, Any], movement: Movement) -> 
             raise NotTakenUp(f"{as_code(one)}, with what it prepares in a game")
         decider = decider_of(agent, plans)
         if decides_in_arrays(decider, settings):
-            if isinstance(movement, ByMetres) and movement.terms.decides_at_arrivals:
-                raise NotTakenUp(f"the array strategy {as_code(decider)}, of agents that decide at arrivals")
+            erring = errs_at_arrivals(agent) if decides_at_arrivals(movement) else None
+            if erring is not None:
+                why = f"of agents that decide at arrivals, with the sensor {shown(erring)}, which counts its looks"
+                raise NotTakenUp(f"the array strategy {as_code(decider)}, {why}")
             key = key_of(strategy_spec_of(decider).array_form), bool(roster.flies[number])
             found.setdefault(key, []).append(number)
     groups = []
