@@ -366,7 +366,7 @@ def test_functions_that_draw_globally_draw_what_they_draw_in_games_alone():
 
 
 def test_what_plain_functions_remember_is_in_no_columns():
-    said = r"columns is for games of which the core plays all parts; .* strategy decide"
+    said = r"columns needs games that the core plays completely; .* strategy decide"
     with build([TAG], {"red": decide}) as ctx, ctx.game.batch(2) as games, pytest.raises(BadValue, match=said):
         games.columns()
 

@@ -15,7 +15,7 @@ from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView, Batch, MostAgents
 from gamms.game.batch.arrays import Numbers
 from gamms.game.batch.games import step_numbers
-from gamms.game.batch.observed import Writers, writers_of
+from gamms.game.batch.observed import VectorWriter, writers_of
 from gamms.game.batch.vectors import Vectors
 from gamms.game.batch.view import movement_in, vectors_in
 from gamms.game.deeds import field_of
@@ -459,7 +459,7 @@ class Learners:
 
     def _begin_writing(self) -> None:
         """Choose whether the core writes the observations."""
-        self._writers: Writers | None = None
+        self._writers: VectorWriter | None = None
         if self.observation is default_observation and self.games.is_in_arrays:
             views = [self._views(number)[0] for number in range(self.games.num_maps)]
             others = min(len(views[0].roster.names) - 1, _MOST_OTHERS)

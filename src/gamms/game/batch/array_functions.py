@@ -95,7 +95,7 @@ def array_rule(
 
     def rule(ctx: IContext) -> None:
         as_context(ctx, name)
-        turn = _TurnOfOne(cast("HostContext", ctx))
+        turn = _SingleGameTurn(cast("HostContext", ctx))
         turn._lock()
         try:
             function(turn)
@@ -134,7 +134,7 @@ def _kept_before(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
 # -- a block of one game ----------------------------------------------------------------------------------------------
 
 
-class _World(NamedTuple):
+class _CachedMapData(NamedTuple):
     """The movement of the agents of a game, and the data computed for its map.
 
     Attributes:
@@ -148,15 +148,15 @@ class _World(NamedTuple):
     shared: dict[Hashable, Any]
 
 
-def _world(ctx: HostContext, roster: Roster) -> _World:
+def _world(ctx: HostContext, roster: Roster) -> _CachedMapData:
     """Return the movement of the agents of a game, and the data computed for its map."""
     revision, cache = ctx.graph.graph.revision, ctx.game.internals.kept
     version = revision, phase_of(ctx).setting_changes, tuple([agent.speed for agent in roster.agents])
-    known: _World | None = cache.get(_CACHE)
+    known: _CachedMapData | None = cache.get(_CACHE)
     if known is None or revision is None or known.version != version:
         is_same_map = known is not None and revision is not None and known.version[0] == revision
         shared = known.shared if known is not None and is_same_map else {}
-        known = cache[_CACHE] = _World(version, movement_of(ctx.game, roster, may_reopen=True), shared)
+        known = cache[_CACHE] = _CachedMapData(version, movement_of(ctx.game, roster, may_reopen=True), shared)
     return known
 
 
@@ -187,7 +187,7 @@ def _block_of_one(ctx: HostContext) -> GameArrays:
 # -- strategies -------------------------------------------------------------------------------------------------------
 
 
-class _Decided(NamedTuple):
+class _Decisions(NamedTuple):
     """The actions of the agents that an array function has decided for.
 
     Attributes:
@@ -214,7 +214,7 @@ def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name:
     with phase_of(ctx).suspended(changes_world=False):
         asked, cache = ctx.game.internals.parts.turns.asked, ctx.game.internals.kept
     key, agent = (_CACHE, key_of(function), "quat" in state), state["name"]
-    known: _Decided | None = cache.get(key)
+    known: _Decisions | None = cache.get(key)
     if known is None or known.asked != asked or agent not in known.waiting:
         known = cache[key] = _decided(ctx, state, function, name)
     view, place, done = known.view, known.waiting.pop(agent), known.deeds.get(agent, {})
@@ -227,7 +227,7 @@ def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name:
     state["action"] = {"node_id": action, "do": done} if done else action
 
 
-def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> _Decided:
+def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> _Decisions:
     """Call an array function for an agent that is asked, and for all others that it decides for at this moment."""
     with phase_of(ctx).suspended(changes_world=False):
         block, turns, data = _block_of_one(ctx), ctx.game.internals.parts.turns, ctx.game.data
@@ -257,7 +257,7 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
             messages.setdefault(names[number], []).append({"channel": box.channel, "to": to, "body": body})
     waiting = {name: place for place, name in enumerate(view["name"]) if view.mask[0, place]}
     drawn = np.broadcast_to(view.draw.count, view.node.shape)[0]
-    return _Decided(asked, waiting, view, drawn, given, deeds, messages)
+    return _Decisions(asked, waiting, view, drawn, given, deeds, messages)
 
 
 def _asked_with(ctx: HostContext, block: GameArrays, name: str, function: ArrayStrategy) -> IntArray:
@@ -336,7 +336,7 @@ def _plain_action(
 # -- rules ------------------------------------------------------------------------------------------------------------
 
 
-class _TurnOfOne(ArrayTurn):
+class _SingleGameTurn(ArrayTurn):
     """The turn of a game that is played alone: its verbs change the game of the context at once."""
 
     def __init__(self, ctx: HostContext) -> None:

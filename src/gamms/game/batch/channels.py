@@ -43,7 +43,7 @@ class Outbox(NamedTuple):
     order: IntArray
 
 
-class Heard(NamedTuple):
+class ReceivedMessages(NamedTuple):
     """The messages in the inboxes of the agents of a view, by game, then by agent, then in the order of sending.
 
     Attributes:
@@ -63,7 +63,7 @@ class Heard(NamedTuple):
     overheard: BoolArray
 
 
-class _Sent(NamedTuple):
+class _SentMessages(NamedTuple):
     """Messages of one channel and turn, and their fates.
 
     Attributes:
@@ -79,7 +79,7 @@ class _Sent(NamedTuple):
     fates: MessageOutcomes
 
 
-class Radio(GameLog[list[_Sent]]):
+class Radio(GameLog[list[_SentMessages]]):
     """The channels of a game, and the messages of all games of a batch.
 
     In each turn, agents send messages with `post` and `post_checked`, `admit` refuses those that the channels do not
@@ -98,7 +98,7 @@ class Radio(GameLog[list[_Sent]]):
         self._roster = roster
         self._part_of = part_of
         self.teams = dict(zip(roster.names, (roster.teams[number] for number in roster.team_of), strict=True))
-        self._under_way: list[tuple[int, _Sent]] = []  # for how many turns more, and what
+        self._under_way: list[tuple[int, _SentMessages]] = []  # for how many turns more, and what
         self.begin_turn()
 
     # -- sending ------------------------------------------------------------------------------------------------
@@ -222,7 +222,7 @@ class Radio(GameLog[list[_Sent]]):
 
     def send(self, games: IntArray, scene: MessagePositions) -> None:
         """Find the outcomes of the messages of these games; messages of dead agents are dropped."""
-        number, sent = places_of(games, len(self._of_game)), list[_Sent]()
+        number, sent = places_of(games, len(self._of_game)), list[_SentMessages]()
         for name in self.channels:
             boxes = [box for box in self._admitted if box.channel == name]
             if not boxes:
@@ -237,7 +237,7 @@ class Radio(GameLog[list[_Sent]]):
             fates = outcomes_of(self.channels[name], scene, at, senders, box.to)
             admission, order = np.divmod(box.order, _MOST_OF_ONE)
             agents = admission * len(self._roster.names) + senders
-            sent.append(_Sent(box, scene.turns[at] + 1, agents * _MOST_OF_ONE + order, fates))
+            sent.append(_SentMessages(box, scene.turns[at] + 1, agents * _MOST_OF_ONE + order, fates))
         self._pending.append(sent)
         for one in sent:
             self._under_way.append((int((one.fates.arrivals - one.turns[one.fates.messages]).max(initial=0)), one))
@@ -248,12 +248,14 @@ class Radio(GameLog[list[_Sent]]):
 
     # -- hearing ------------------------------------------------------------------------------------------------
 
-    def heard(self, channel: str, games: IntArray, turns: IntArray, agents: IntArray, asked: BoolArray) -> Heard:
-        """Return the messages that agents hear by a channel in the next turn; see `Heard`."""
+    def heard(
+        self, channel: str, games: IntArray, turns: IntArray, agents: IntArray, asked: BoolArray
+    ) -> ReceivedMessages:
+        """Return the messages that agents hear by a channel in the next turn; see `ReceivedMessages`."""
         if as_key(channel, "The name of a channel") not in self.channels:
             raise UnknownName("channel", channel, self.channels)
         none = np.zeros(0, np.int64)
-        found, places = [Heard(none, none, none, [], none, none > 0)], [none]
+        found, places = [ReceivedMessages(none, none, none, [], none, none > 0)], [none]
         number = places_of(games, len(self._of_game) + 1)  # at last the place of games that were forgotten
         column = places_of(agents, len(self._roster.names))
         for _, sent in self._under_way:
@@ -265,7 +267,9 @@ class Radio(GameLog[list[_Sent]]):
             rows = np.flatnonzero(arrives & asked[at, hearers])
             which, overheard = fates.messages[rows], fates.outcomes[rows] == core.OVERHEARD
             bodies = [box.bodies[message] for message in which.tolist()]
-            found.append(Heard(at[rows], hearers[rows], box.senders[which], bodies, sent.turns[which] - 1, overheard))
+            found.append(
+                ReceivedMessages(at[rows], hearers[rows], box.senders[which], bodies, sent.turns[which] - 1, overheard)
+            )
             places.append(sent.place[which])
         heard = joined_rows(found)
         keys = heard.overheard, np.concatenate(places), heard.turns, heard.hearers, heard.at
@@ -293,7 +297,7 @@ class Radio(GameLog[list[_Sent]]):
                 )
                 to, bodies = [entry["to"]] * len(games), [entry["body"]] * len(games)
                 box = Outbox(entry["channel"], games, senders, to, bodies, places, places)
-                self._under_way.append((last - turn - 1, _Sent(box, turns, places, fates)))
+                self._under_way.append((last - turn - 1, _SentMessages(box, turns, places, fates)))
 
     def forget(self, games: IntArray) -> None:
         """Drop the messages of some games."""
@@ -318,12 +322,12 @@ class Radio(GameLog[list[_Sent]]):
 
         return undo
 
-    def _entries(self, noted: list[_Sent]) -> Iterator[tuple[int, dict[str, Any]]]:
+    def _entries(self, noted: list[_SentMessages]) -> Iterator[tuple[int, dict[str, Any]]]:
         rows = [row for sent in noted for row in self._written(sent)]
         for game, _, entry in sorted(rows, key=lambda row: row[:2]):
             yield game, entry
 
-    def _written(self, sent: _Sent) -> Iterator[tuple[int, int, dict[str, Any]]]:
+    def _written(self, sent: _SentMessages) -> Iterator[tuple[int, int, dict[str, Any]]]:
         """Yield the game, the place and the entry of the log of each message."""
         names, box, fates = self._roster.names, sent.box, sent.fates
         columns = box.at.tolist(), sent.place.tolist(), sent.turns.tolist(), box.senders.tolist(), box.sizes.tolist()

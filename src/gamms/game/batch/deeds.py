@@ -210,19 +210,19 @@ class DeclaredDeeds:
             yield {"agent": self._roster.names[agent], "deed": deeds.kind, "at": node, **fields}
 
 
-class _Done(NamedTuple):
+class _PerformedDeeds(NamedTuple):
     """Deeds of one kind of games on one map, in turns of these numbers, (deeds,)."""
 
     declared: DeclaredDeeds
     deeds: ArrayDeeds
     turns: IntArray
 
-    def those(self, which: BoolArray) -> "_Done":
+    def those(self, which: BoolArray) -> "_PerformedDeeds":
         """Return some of the deeds."""
         return self._replace(deeds=self.deeds.those(which), turns=self.turns[which])
 
 
-class DeedLog(GameLog[list[_Done]]):
+class DeedLog(GameLog[list[_PerformedDeeds]]):
     """The deeds of all games of a batch.
 
     In each part of a turn, agents want to do deeds with `want`, `do` begins them, and `note` writes them down, but for
@@ -236,15 +236,15 @@ class DeedLog(GameLog[list[_Done]]):
     def __init__(self, part_of: IntArray, num_games: int) -> None:
         super().__init__(num_games)
         self._part_of = part_of
-        self._last: list[_Done] = []  # of the last turn that was played, or is under way
-        self._now: list[_Done] = []  # of its last part
+        self._last: list[_PerformedDeeds] = []  # of the last turn that was played, or is under way
+        self._now: list[_PerformedDeeds] = []  # of its last part
         self._refused: set[tuple[int, int, str]] = set()  # game, agent, kind
         self._plain: dict[int, dict[int, dict[str, dict[str, Any]]]] | None = None  # the same by game and agent
         self.begin_turn()
 
     def begin_turn(self) -> None:
         """Drop requested deeds that were not executed."""
-        self._wanted: list[_Done] = []
+        self._wanted: list[_PerformedDeeds] = []
 
     def want(self, declared: DeclaredDeeds, deeds: Iterable[ArrayDeeds], turn: IntArray) -> None:
         """Take deeds that agents want to do in this turn.
@@ -254,7 +254,7 @@ class DeedLog(GameLog[list[_Done]]):
             deeds: those of each kind, of agents that decide in one part of the turn.
             turn: (games,) how many turns were played.
         """
-        self._wanted += [_Done(declared, one, turn[one.at] + 1) for one in deeds if len(one.at)]
+        self._wanted += [_PerformedDeeds(declared, one, turn[one.at] + 1) for one in deeds if len(one.at)]
 
     def do(self, part: int) -> None:
         """Let the agents of a part of the turn do what they want to."""
@@ -307,7 +307,9 @@ class DeedLog(GameLog[list[_Done]]):
                 self._plain.setdefault(number, {}).setdefault(agent, {})[kind] = fields
         return self._plain.get(game, {})
 
-    def _rows(self, done: _Done, values: Iterable[dict[str, Any]]) -> Iterator[tuple[int, int, int, str, Any]]:
+    def _rows(
+        self, done: _PerformedDeeds, values: Iterable[dict[str, Any]]
+    ) -> Iterator[tuple[int, int, int, str, Any]]:
         """Yield game, agent, order, kind and a value of each deed."""
         deeds = done.deeds
         columns = deeds.at.tolist(), deeds.agents.tolist(), deeds.order.tolist()
@@ -336,7 +338,7 @@ class DeedLog(GameLog[list[_Done]]):
 
         return undo
 
-    def _entries(self, noted: list[_Done]) -> Iterator[tuple[int, dict[str, Any]]]:
+    def _entries(self, noted: list[_PerformedDeeds]) -> Iterator[tuple[int, dict[str, Any]]]:
         rows: list[tuple[int, int, int, str, Any]] = []
         for one in noted:
             entries = zip(one.turns.tolist(), one.declared.entries(one.deeds), strict=True)

@@ -11,7 +11,7 @@ _SPEC = "strategy_spec"  # the attribute of a strategy, or of the plan of a team
 
 
 class CoreStep(NamedTuple):
-    """One step of a strategy that the core tries for an agent on the ground.
+    """One step of a strategy, which the core tries for an agent that moves along edges.
 
     Attributes:
         kind: one of `gamms.core.strategies.KINDS`.
@@ -38,9 +38,8 @@ class StrategySpec:
         core_form: the number of the strategy in `gamms.core.moves`; None: it has none.
         core_steps: the steps that the core tries in order for agents without a `core_form`; None: the core does not
             play the strategy.
-        begins: returns the memory of agents in a game that has already begun; None: the memory cannot be imported.
-        takes_up_all: whether agents that enter later also start with the memory that `begins` returns; otherwise they
-            start with an empty one.
+        begins: returns the memory of agents in a game that has already begun; None: memory is not imported.
+        takes_up_all: whether `begins` returns all data of earlier turns; a key that it omits then has no earlier data.
     """
 
     array_form: Callable[..., Any] | None = None

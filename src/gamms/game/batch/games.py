@@ -1,4 +1,4 @@
-"""The front of a batch: many games of one kind, played together."""
+"""The public interface of a batch: many games of one scenario, played together."""
 
 import os
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
@@ -31,23 +31,23 @@ from gamms.readonly import Immutable, locked
 from gamms.text import shown
 
 MostAgents = int | Mapping[Any, int | Sequence[str]]
-"""How many agents teams may come to have: of each team, or by team; or the names of those that may come."""
+"""The largest number of agents of a team, for every team or by team; or by team, the names of agents to reserve."""
 _FEWEST_WARNED = 16  # games
-_AT_ONCE_IN_CORE = 1 << 22  # agents times turns that the core plays before Ctrl-C is heard
-_BYTES_PER_RESULT = 3_000  # of an agent in a game that was played by itself
-_BYTES_PER_SNAPSHOT = 30_000  # of an agent in a game that is played by itself, turn by turn; 27,000 measured
+_AT_ONCE_IN_CORE = 1 << 22  # agents times turns that the core plays between two checks for Ctrl-C
+_BYTES_PER_RESULT = 3_000  # of an agent, if games are played one by one
+_BYTES_PER_SNAPSHOT = 30_000  # of an agent, if games are played one by one with `step`; 27,000 measured
 
 
 class BatchSource(NamedTuple):
-    """Where the games of a batch that are on one map come from.
+    """The source of the games of a batch on one map.
 
     Attributes:
-        game: at its start, in a context of the batch's own.
-        starts: returns where agents begin with each of several seeds, by name the ids of nodes, (seeds,); None: with
-            every seed where they are.
-        follows_seed: what else differs with the seed, in words; None: nothing but `deciders`.
-        deciders: makes the strategies and plans that differ with the seed; None: there are none.
-        build: makes a context with the game of a seed; None: recordings cannot be made.
+        game: the game at its start, in a context that belongs to the batch.
+        starts: returns the ids of the start nodes for several seeds, agent name -> (seeds,); None: the start nodes do
+            not depend on the seed.
+        follows_seed: a description of other parts that depend on the seed; None: only `deciders` do.
+        deciders: makes the strategies and plans that depend on the seed; None: none do.
+        build: makes a context with the game of a seed; None: the batch was not made from a scenario.
     """
 
     game: PlayedGame
@@ -57,25 +57,26 @@ class BatchSource(NamedTuple):
     deciders: MakeDeciders | None = None
 
 
-class _Alone(NamedTuple):
-    """A game that is played once more in a context of its own."""
+class _SingleGame(NamedTuple):
+    """A game of the batch that is played again in a separate context."""
 
     number: int
     game: PlayedGame
 
 
 class Batch(Immutable):
-    """Many games of one kind, each with a seed of its own: `scenario.batch(1000)`, `ctx.game.batch(1000)`.
+    """Many games of one scenario, each with its own seed: `scenario.batch(1000)`, `ctx.game.batch(1000)`.
 
-    Game i is the one that `scenario.play(seed=seeds[i])` plays. The core plays games of which it has all parts, and
-    calls plain functions and array functions between its phases. Other games are played one after the other, in one
-    context. A batch is a context manager.
+    Game i equals the game that `scenario.play(seed=seeds[i])` plays. The core plays the games if it supports all their
+    parts, and calls plain functions and array functions between its phases. Otherwise the games are played one after
+    the other in one context for each map. A batch is a context manager.
 
     Attributes:
-        seeds: of the games, (games,).
-        maps: (games,) the number of the map that each game is on, which its seed draws; 0 where there is one map.
-        slow: the first part that the core does not have, or plain function that it calls, in words; None: neither.
-        is_closed: whether `close` was called; results stay.
+        seeds: (games,) the seed of each game.
+        maps: (games,) the number of each game's map, drawn from its seed; 0 if there is one map.
+        slow: the first part that the core does not support, or the first plain function that it calls, as text; None:
+            neither exists.
+        is_closed: whether `close` was called; results remain available.
     """
 
     seeds: Sequence[int]
@@ -109,21 +110,21 @@ class Batch(Immutable):
         made = [(source.game, source.deciders) for source in sources]
         self._own = [None if make is None else OwnFunctions(game, make, self.seeds) for game, make in made]
         self._engine = self._made_engine()
-        self._left: str | None = None  # why the games have left the core
+        self._left: str | None = None  # why the games left the core
         is_kept = as_bool(record, "record") or self._engine.may_leave
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
-        self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when games began; -1: loaded
+        self._begun = np.zeros(len(seeds), np.int64)  # the length of the log at each game's start; -1: loaded
         self._steps = 0
-        self._ran_from: int | None = None  # how many entries the log had when the run that plays now began
-        self._is_said = False  # whether it was logged what slows it down
-        self._first_turn = sources[0].game.turn  # how many turns were played before the batch
-        self._shown: _Alone | None = None
-        self._alone: _Alone | None = None  # which is played right now
-        self._was_given = False  # whether actions came from outside and were not kept
+        self._ran_from: int | None = None  # the length of the log at the start of the current run
+        self._is_said = False  # whether the slow part was logged
+        self._first_turn = sources[0].game.turn  # the number of turns played before the batch
+        self._shown: _SingleGame | None = None  # the game in the context that `context` returned
+        self._alone: _SingleGame | None = None  # the game that is playing now
+        self._was_given = False  # whether actions were passed to `step` and not logged
         self._lock = RLock()  # of the thread that plays
 
     def _made_engine(self) -> ArrayEngine | OneByOneOnMaps:
-        """Return what plays the games: the core, unless it cannot hold a part of them; then `slow` names that part."""
+        """Return the engine of the games: the core, or the turn engine for unsupported games; set `slow`."""
         try:
             engine = self._made_in_core()
         except GammsError as error:
@@ -134,11 +135,11 @@ class Batch(Immutable):
         return engine
 
     def _made_in_core(self) -> ArrayEngine:
-        """Return what plays the games in the core.
+        """Return the engine that plays the games in the core.
 
         Raises:
-            NotTakenUp: the core cannot hold a part of the games.
-            GammsError: a part of them does not fit into memory, or is not on the map any more.
+            NotTakenUp: the core does not support a part of the games.
+            GammsError: a part does not fit into memory, or refers to a node or edge that the map no longer has.
         """
         for source in self._sources:
             if source.follows_seed is not None:
@@ -150,7 +151,7 @@ class Batch(Immutable):
         return ArrayEngine(games, movements, self.seeds, self.maps, self._begin, self._rosters)
 
     def _take_functions(self, games: IntArray) -> None:
-        """Make the strategies and plans of some games, where they differ between games."""
+        """Make and install the strategies and plans of games, if they depend on the seed."""
         for number, own in enumerate(self._own):
             if own is not None:
                 on_map = games[self.maps[games] == number]
@@ -158,7 +159,7 @@ class Batch(Immutable):
                 own.install()
 
     def _made_one_by_one(self) -> OneByOneOnMaps:
-        """Return what plays the games one after the other."""
+        """Return the engine that plays the games one after the other."""
         for own in filter(None, self._own):
             own.remove()
         engines = [
@@ -207,27 +208,28 @@ class Batch(Immutable):
         on_illegal: Literal["raise", "stay"] = "raise",
         threads: int = 1,
     ) -> BoolArray:
-        """Play one turn of all games that are not over; return which go on, (games,).
+        """Play one turn of all games that are not over; return a mask of the games that continue, (games,).
 
-        Ctrl-C waits until the turn is played; a second one does not.
+        The first Ctrl-C takes effect after the turn; a second one interrupts the turn.
 
         Args:
-            actions: team -> integers (games, agents of the team in the order of their names): the numbers of the nodes
-                in `state["legal"]` that they go to, 0 to stay. Teams that are not there play their own strategies.
-                Those of dead agents and of games that are over do not count. Or a dict of `"moves"`, such integers,
-                without which all stay; `"flights"` of those that fly, (games, agents, 3) map units, without which they
-                hover; `"deeds"`: deed -> (where, fields), or `where` alone, booleans (games, agents);
-                and `"messages"`: channel -> (where, body) or (where, body, to). Fields, bodies and `to` are as in
-                `view.do` and `view.send`: one value for all, or arrays (games, agents).
-            on_illegal: "stay": where a rule before the turn leaves fewer nodes legal than `observe` has said, actions
-                that are not legal any more stay, as do all others that are not; "raise": they are refused.
-            threads: how many threads play; see `run`.
+            actions: team -> integers, (games, agents of the team, ordered by name): the index in `state["legal"]` of
+                the node that each agent moves to, 0 to stay. Teams without actions play their own strategies. Actions
+                of dead agents and of finished games are ignored. Instead of integers, a dict with the optional keys
+                `"moves"`: the integers, otherwise all stay; `"flights"`: the offsets of flying agents, (games, agents,
+                3), map units, otherwise they hover; `"deeds"`: deed -> (where, fields), or `where` alone, a mask
+                (games, agents); and `"messages"`: channel -> (where, body) or (where, body, to). Fields, bodies and
+                `to` are as in `view.do` and `view.send`: one value for all, or arrays (games, agents).
+            on_illegal: "raise": refuse illegal actions; "stay": agents with an illegal action stay, for example after a
+                rule of the phase "before" has made nodes illegal that `observe` listed.
+            threads: the number of threads that play; see `run`.
 
         Raises:
-            UnknownName (KeyError): no agent plays for a team; there is no such deed or channel.
-            BadType, BadValue: actions are not such integers, or not legal; no game has played then, and no rule was
-                called. Where a rule before the turn has made one illegal, these rules were; actions may be given again.
-            TooLarge: games that are played one by one would not fit into memory, each at its turn.
+            UnknownName (KeyError): no agent plays for a team, or a deed or channel does not exist.
+            BadType, BadValue: actions have a wrong type or shape, or are illegal. No game has played and no rule was
+                called, unless a rule of the phase "before" made an action illegal; then these rules were called, and
+                other actions may be passed.
+            TooLarge: games that are played one by one would not fit into memory.
         """
         self._refuse_closed()
         wanted = dict(as_mapping({} if actions is None else actions, "actions"))
@@ -240,7 +242,7 @@ class Batch(Immutable):
         return ~self._engine.is_over
 
     def _step(self, given: dict[Hashable, Given], numbers: Numbers | None, threads: int) -> None:
-        """Play one turn, and note what was given."""
+        """Play one turn, and log the given actions."""
         before, is_played = self._engine.turns(), False
         with self._playing(), uninterrupted(at_most_once=True):
             try:
@@ -248,7 +250,7 @@ class Batch(Immutable):
                     self._play_turn(given, numbers, threads)
                 is_played = True
             finally:
-                if is_played or (self._engine.turns() > before).any():  # or a rule has raised when all had moved
+                if is_played or (self._engine.turns() > before).any():  # a rule may raise after all agents moved
                     self._note(given)
                     self._was_given |= self._log is None and numbers is not None
 
@@ -258,7 +260,7 @@ class Batch(Immutable):
         if not self.is_in_arrays:
             return False
         given = dict[Hashable, Given]()
-        if self._log is not None:  # for the turn engine, if it plays these games again
+        if self._log is not None:  # the turn engine may have to play these games again
             for team in self._roster.teams:
                 members = self._roster.members(team)
                 if numbers.is_given[members].all():
@@ -280,9 +282,9 @@ class Batch(Immutable):
                 left.step(given)
 
     def _leave_arrays(self, left: ArrayEngine, why: str) -> OneByOneOnMaps:
-        """Let the turn engine play all games from their starts to the last turn that was played, and go on there.
+        """Replace the core by the turn engine, which plays all games again up to the last turn.
 
-        In `run` it plays them up to the first turn of that, as it seeds the global generators for all of a run.
+        During `run` it plays them only up to the start of the run, because it seeds the global generators once per run.
         """
         self._hide()
         left.release()
@@ -301,7 +303,7 @@ class Batch(Immutable):
 
     @contextmanager
     def _playing(self) -> Iterator[None]:
-        """Refuse to play while another thread does."""
+        """Hold the lock of the batch; refuse to play while another thread plays."""
         if not self._lock.acquire(blocking=False):
             raise BadValue(
                 "Another thread plays this batch right now. Make a batch for each thread, or use run(threads=…)."
@@ -312,8 +314,8 @@ class Batch(Immutable):
             self._lock.release()
 
     def _note(self, given: dict[Hashable, Given]) -> None:
-        """Note the actions of a turn that was played."""
-        if self._ran_from is not None and not self.is_in_arrays:  # it begins the run again
+        """Log the actions of a played turn."""
+        if self._ran_from is not None and not self.is_in_arrays:  # the turn engine starts the run again
             return
         if self._log is not None:
             self._log.append(given)
@@ -321,7 +323,7 @@ class Batch(Immutable):
         self._steps += 1
 
     def _as_given(self, team: Hashable, value: object) -> Given:
-        """Return actions as they were given, copies where they are kept."""
+        """Return the checked actions of a team; copies if they are logged."""
         members = self._roster.members(team)
         given = as_given(value, team, (len(self), len(members)), is_copied=self._log is not None)
         if given.flights is not None and not self._roster.flies[members].any():
@@ -329,7 +331,7 @@ class Batch(Immutable):
         return given
 
     def _watched(self) -> AbstractContextManager[None]:
-        """Refuse forms that remember elsewhere than in their views and turns; looked at in turns that get rarer."""
+        """Refuse functions that change hidden state; the check runs after 0, 1, 2, 4, 8, … steps."""
         if not self.is_in_arrays or self._steps & (self._steps - 1):
             return nullcontext()
         return refusing_changes(
@@ -341,14 +343,14 @@ class Batch(Immutable):
         """Play all games to their ends.
 
         Args:
-            progress: show how far it is on a line of stderr, where that is a terminal.
-            warn: log once which teams have no strategy, and which part the core does not have.
-            threads: how many threads play games of which all parts are in the core; the games are the same with any
-                number. Other games are played by one.
+            progress: whether to show the progress on a line of stderr, if it is a terminal.
+            warn: whether to log once the teams without a strategy, and the part that makes the batch slow.
+            threads: the number of threads, if the core plays all parts; the results do not depend on it. Other games
+                use one thread.
 
         Raises:
-            BadType, BadValue: `progress` or `warn` is no flag, `threads` is not a number from 1, nothing could ever
-                end these games, or another thread plays them.
+            BadType, BadValue: `progress` or `warn` is not a boolean, `threads` is less than 1, the games have neither
+                a rule nor `max_turns` to end them, or another thread is playing them.
         """
         self._refuse_closed()
         num_threads = min(as_count(threads, "threads"), len(self))
@@ -366,12 +368,12 @@ class Batch(Immutable):
                     self._run_in_core(self._engine, num_threads, show)
                 finally:
                     self._ran_from = None
-            if isinstance(self._engine, OneByOneOnMaps):  # or they have left the core
+            if isinstance(self._engine, OneByOneOnMaps):  # not `else`: games may have left the core
                 self._run_one_by_one(self._engine, show)
         self._follow()
 
     def _run_in_core(self, engine: ArrayEngine, threads: int, show: Callable[[str], object] | None) -> None:
-        """Play games to their ends, as long as they are in the core: so many turns at a time that Ctrl-C is heard."""
+        """Play games to their ends in the core, until they leave it; in chunks of turns, between which Ctrl-C works."""
         turns = max(1, _AT_ONCE_IN_CORE // (len(self) * len(self._roster.names)))
         plays_by_phases = engine.plays_by_phases
         before = global_state() if engine.calls_each else None
@@ -414,15 +416,14 @@ class Batch(Immutable):
             engine.return_to_shown()
 
     def reset(self, which: Any = None, *, seeds: Iterable[int] | None = None) -> None:
-        """Begin games again; games with other seeds draw their maps again, if there are several.
+        """Reset games to their start; with several maps, games with new seeds draw their maps again.
 
         Args:
-            which: the numbers of games, or an array (games,) of booleans; None: all.
-            seeds: of each of them; None: those that they have.
+            which: the numbers of games, or a mask (games,); None: all games.
+            seeds: one seed for each of these games; None: keep their seeds.
 
         Raises:
-            BadType, BadValue: a number is not that of a game or is there twice, or there is not one seed or boolean for
-                each.
+            BadType, BadValue: a game does not exist or occurs twice, or `which` or `seeds` has a wrong length.
         """
         self._refuse_closed()
         numbers = self._numbers_of(which)
@@ -451,33 +452,33 @@ class Batch(Immutable):
         if len(changed) == len(self):
             self._log, self._was_given = None if self._log is None else [], False
         self._begun[numbers] = len(self._log or ())
-        if self._log:  # turns of games that have all begun again since are not kept
+        if self._log:  # drop the turns that no game needs any more
             first = max(0, int(self._begun.min()))
             del self._log[:first]
             self._begun[self._begun >= 0] -= first
 
     def columns(self) -> Columns:
-        """Return what the next turns of all games follow from besides turn, scores and seeds, for `load`.
+        """Return the state of all games as arrays, key -> (games, …), for `load`.
 
-        That is where agents are and what rules and strategies remember, as arrays (games, …), of which rows can be
-        taken, repeated and put together.
+        The arrays hold the positions of agents and the memory of rules and strategies; turn, scores and seeds are not
+        included. Rows can be selected, repeated and concatenated.
 
         Raises:
-            BadValue: the games are not played in the core, or they have several maps.
+            BadValue: the core does not play all parts of the games, or they have several maps.
         """
         return self._arrays("columns").columns()
 
     def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float] | None = None) -> None:
-        """Let all games be at the moments that `columns` of such games say, with their own seeds and without events.
+        """Set the state of all games from `columns`; games keep their seeds, and their logs are cleared.
 
         Args:
-            columns: a row for each game.
-            turn: how many turns were played.
-            scores: key -> (games,) numbers; None: none.
+            columns: the arrays of `columns()` of a batch of the same scenario, with one row for each game.
+            turn: the number of turns played.
+            scores: key -> (games,) numbers; None: no scores.
 
         Raises:
-            BadType, BadValue: the games are not played in the core, they have several maps, or these are no moments of
-                such games.
+            BadType, BadValue: the core does not play all parts of the games, they have several maps, or the columns do
+                not fit these games.
         """
         as_mapping(columns, "columns")
         for key, points in as_mapping({} if scores is None else scores, "scores").items():
@@ -491,7 +492,7 @@ class Batch(Immutable):
     def _arrays(self, what: str) -> GameArrays:
         if isinstance(self._engine, OneByOneOnMaps) or self._engine.calls_each:
             why = str(self.slow).removesuffix(".")
-            raise BadValue(f"{what} is for games of which the core plays all parts; these are not, because of {why}.")
+            raise BadValue(f"{what} needs games that the core plays completely; it does not, because of {why}.")
         if len(self._sources) > 1:
             raise BadValue(
                 f"{what} is for games on one map, whose nodes its columns number; these are on {len(self._sources)}: "
@@ -502,24 +503,24 @@ class Batch(Immutable):
     # -- seeing -------------------------------------------------------------------------------------------------
 
     def observe(self, team: Hashable, *, map: int | None = None) -> ArrayView:
-        """Return where the agents of a team are and what they may do, in all games, as arrays.
+        """Return a view of the agents of a team in all games: positions, legal nodes and observations as arrays.
 
         Args:
-            team: of the agents.
-            map: the number of a map, of several: the view has the games that are on it now; its `games` are their
-                numbers, which may be none.
+            team: the team.
+            map: the number of a map, required if there are several: the view contains the games that are on this map
+                now, possibly none; its `games` are their numbers.
 
         Raises:
-            UnknownName (KeyError): no agent plays for it.
-            BadValue: there are several maps, and none is given, or there is no such map.
+            UnknownName (KeyError): no agent plays for the team.
+            BadValue: the map does not exist, or is missing although there are several.
         """
         return self._view(self._roster.members(team), map)
 
     def observe_agent(self, name: str, *, map: int | None = None) -> ArrayView:
-        """Return what `observe` does, of one agent alone.
+        """Return a view of one agent in all games; see `observe`.
 
         Raises:
-            UnknownName (KeyError): there is no such agent.
+            UnknownName (KeyError): the agent does not exist.
             BadValue: see `observe`.
         """
         if as_key(name, "The name of an agent") not in self._roster.names:
@@ -540,9 +541,9 @@ class Batch(Immutable):
 
     @property
     def game(self) -> PlayedGame:
-        """The game that the batch was made from: its agents, rules and settings.
+        """The game that the batch was made from, with its agents, rules and settings.
 
-        Of several maps, it is the one on the map of the game that was played by itself last, or on the first map.
+        With several maps, it is the game on the first map, or on the map of the game that the turn engine played last.
         """
         if self._alone is not None:
             return self._alone.game
@@ -550,7 +551,7 @@ class Batch(Immutable):
 
     @property
     def num_maps(self) -> int:
-        """How many maps there are."""
+        """The number of maps."""
         return len(self._sources)
 
     @property
@@ -560,29 +561,29 @@ class Batch(Immutable):
 
     @property
     def turn(self) -> IntArray:
-        """How many turns were played, (games,)."""
+        """The number of turns played, (games,)."""
         return self._engine.turns()
 
     @property
     def scores(self) -> dict[Any, Any]:
-        """The scores: key -> (games,) float64; of one that was not set in any game they are 0."""
+        """The scores, key -> float64 (games,); a score that no game has set is 0."""
         scores = ScoresOfGames(lambda: np.zeros(len(self)))
         scores.update(self._engine.scores())
         return scores
 
     @property
     def is_over(self) -> BoolArray:
-        """Which games have ended, (games,)."""
+        """Whether each game has ended, (games,)."""
         return self._engine.is_over
 
     @property
     def terminated(self) -> BoolArray:
-        """Which games were ended by what happened in them, (games,)."""
+        """Whether each game has ended for a reason other than its time limit, (games,)."""
         return self._engine.is_over & ~self.truncated
 
     @property
     def truncated(self) -> BoolArray:
-        """Which games were ended because the time was up, (games,)."""
+        """Whether each game has ended because of its time limit, (games,)."""
         late = np.zeros(len(self), np.bool_)
         for game in np.flatnonzero(self._engine.is_over).tolist():
             over = self._engine.over(game)
@@ -590,18 +591,18 @@ class Batch(Immutable):
         return late
 
     def result(self, game: int) -> Result:
-        """Return the result of a game so far; its timings are 0 if the core plays it."""
+        """Return the result of a game so far; timings are 0 if the core plays it."""
         return self._engine.result(self._as_game(game))
 
     @property
     def detached(self) -> dict[int, str]:
-        """Game -> why it has left the core while it was played: all games, or none."""
+        """The reason why games left the core during play, by game; either all games have left, or none."""
         return {} if self._left is None else dict.fromkeys(range(len(self)), self._left)
 
     def table(self) -> dict[str, Any]:
-        """Return one row a game: seed, turns, reason, winner, truncated, and `score.<key>` for each score.
+        """Return columns with one row for each game: seed, turns, reason, winner, truncated, and `score.<key>`.
 
-        Where there are several maps, `map` is the number of the map of each game.
+        With several maps, the column `map` is the number of each game's map.
         """
         overs = [self._engine.over(game) or {} for game in range(len(self))]
         columns: dict[str, Any] = {"seed": np.array(self.seeds), "turns": self._engine.turns()}
@@ -613,13 +614,13 @@ class Batch(Immutable):
         return columns | {f"score.{key}": numbers for key, numbers in sorted(self._engine.scores().items(), key=str)}
 
     def record(self, game: int, path: str | os.PathLike[str]) -> None:
-        """Write a recording of a game as far as it was played, as `scenario.play(seed=…, record=path)` does.
+        """Write a recording of the turns of a game played so far, as `scenario.play(seed=…, record=path)` does.
 
-        The game is played once more, with the actions that were given to `step`; a file is replaced.
+        The game is played again, with the actions that were passed to `step`. An existing file is overwritten.
 
         Raises:
-            BadValue: actions were given to `step`, and the batch was not made with `record=True`; the game was loaded
-                and not begun again since; or the batch is not of a scenario.
+            BadValue: actions were passed to `step` without `record=True`, the game was loaded and not reset since, or
+                the batch was not made from a scenario.
         """
         number, file = self._as_game(game), as_path(path, "path")
         build = self._sources[self.maps[number]].build
@@ -631,7 +632,7 @@ class Batch(Immutable):
             self._play_alone(ctx.game, number)
 
     def _refuse_unknown_past(self, game: int) -> None:
-        """Refuse to play a game once more if it is not known what was done in it."""
+        """Refuse to play a game again if its past actions are unknown."""
         if self._was_given:
             raise BadValue(
                 "The actions that were given to step were not kept: make the batch with scenario.batch(…, "
@@ -640,41 +641,40 @@ class Batch(Immutable):
         self._entry_of(game)
 
     def _play_alone(self, game: PlayedGame, number: int) -> None:
-        """Play a game in another context, on to where it is in the batch."""
+        """Play a game in a separate context up to its current turn in the batch."""
         first, log = self._entry_of(number) - self._first_turn, self._log or []
         turns = int(self._engine.turns()[number])
         ran_from = self._engine.ran_from(number) if isinstance(self._engine, OneByOneOnMaps) else None
         num_given = turns if ran_from is None else ran_from
         acting = Acting(game, self._roster)
-        self._alone = _Alone(number, game)
+        self._alone = _SingleGame(number, game)
         try:
             with seeded_for_run(game.ctx, game.turn):
                 for turn in range(game.turn, turns):
                     acting.take(log[first + turn] if log and turn < num_given else {}, number)
                     _step_again(game)
                 if self._engine.is_over[number] and game.over is None and turns != game.settings()["max_turns"]:
-                    game.step()  # which a rule of the phase "before" ends
+                    game.step()  # a rule of the phase "before" ends the game in it
         finally:
             self._alone = None
             acting.end()
 
     def _entry_of(self, game: int) -> int:
-        """Return which entry of the log is that of the first turn of a game."""
+        """Return the index of the log entry of a game's first turn."""
         first = int(self._begun[game])
         if first < 0:
             raise BadValue(f"Game {game} was loaded, so it cannot be played from its start: begin it with reset first.")
         return first
 
     def context(self, game: int) -> Any:
-        """Return a context that is pointed at a game, to look at it; after each turn it has the game as it is then.
+        """Return a context that shows a game; it is updated after each turn.
 
-        A game in the core, or one that is over, is played once more in a context of its own. This takes as long as the
-        game takes alone, and so does each turn from then on. That context ends when another game is asked for and when
-        the game begins again. Other games are shown in the context of the batch, which has another one for each map.
+        A game that the core plays, or that the turn engine can no longer show, is played again in a separate context,
+        which takes as long as playing it alone, now and in each later turn. This context is terminated when another
+        game needs one, and when the game is reset. Other games are shown in the batch's context of their map.
 
         Raises:
-            BadValue: actions were given to `step` before, and the batch was not made with `record=True`; or the game
-                was loaded and not begun again since.
+            BadValue: actions were passed to `step` without `record=True`, or the game was loaded and not reset since.
         """
         number = self._as_game(game)
         with self._playing():
@@ -683,18 +683,18 @@ class Batch(Immutable):
             return self._context_of(number)
 
     def _context_of(self, number: int) -> Any:
-        """Return a context of its own that shows a game."""
+        """Return a separate context that shows a game."""
         if self._shown is None or self._shown.number != number or self._shown.game.ctx.is_terminated():
             self._refuse_unknown_past(number)
             self._hide()
             if self._log is None:
                 self._begin_log()
-            self._shown = _Alone(number, self._begun_alone(number))
+            self._shown = _SingleGame(number, self._begun_alone(number))
         self._follow()
         return self._shown.game.ctx
 
     def _begun_alone(self, number: int) -> PlayedGame:
-        """Return a game at its start, in a context of its own."""
+        """Return a game at its start, in a separate context."""
         source, seed = self._sources[self.maps[number]], self.seeds[number]
         game: PlayedGame
         if source.build is not None:
@@ -708,31 +708,31 @@ class Batch(Immutable):
         return game
 
     def _begin_log(self) -> None:
-        """Note actions from now on; none were given before."""
+        """Log actions from now on; none were passed before."""
         turns = self._engine.turns() - self._first_turn
         most = int(turns.max())
         self._log = [{} for _ in range(most)]
         self._begun[self._begun >= 0] = (most - turns)[self._begun >= 0]
 
     def _follow(self) -> None:
-        """Let the context that shows a game have it as it is now."""
+        """Advance the separate context to the current turn of its game."""
         if self._shown is not None and not self._shown.game.ctx.is_terminated():
             self._play_alone(self._shown.game, self._shown.number)
 
     def _hide(self) -> None:
-        """End the context that shows a game."""
+        """Terminate the separate context that shows a game."""
         if self._shown is not None:
             self._shown.game.ctx.terminate()
             self._shown = None
 
     @property
     def is_in_arrays(self) -> bool:
-        """Whether the games are played in the core, and not one after the other."""
+        """Whether the core plays the games; otherwise they are played one after the other."""
         return isinstance(self._engine, ArrayEngine)
 
     @property
     def loaded(self) -> int | None:
-        """The number of the game whose strategies are called now; None: none are called."""
+        """The number of the game whose strategies are being called; None: no strategy is."""
         if self._alone is not None:
             return self._alone.number
         return self._engine.loaded
@@ -740,7 +740,7 @@ class Batch(Immutable):
     # -- inside -------------------------------------------------------------------------------------------------
 
     def _refuse_too_many(self, per_agent: int) -> None:
-        """Refuse more games than fit into memory, with so many bytes for each agent."""
+        """Refuse more games than fit into memory, given the bytes for each agent of a game."""
         games, agents = len(self), len(self._roster.names)
         fitting = int(max_memory() // max(1, agents * per_agent))
         what = f"A batch of {games} games with {agents} agents each, of which {fitting} would fit,"
@@ -753,7 +753,7 @@ class Batch(Immutable):
         return game
 
     def _numbers_of(self, which: object) -> list[int]:
-        """Return the numbers of games, which are given as such, or by booleans; None: of all."""
+        """Return game numbers from a list of numbers or a mask (games,); None: all games."""
         try:
             games = np.arange(len(self)) if which is None else np.asarray(which)
         except ValueError:  # lists of several lengths
@@ -768,7 +768,7 @@ class Batch(Immutable):
         return numbers
 
     def _starts(self, seeds: Sequence[int], maps: IntArray) -> IntArray:
-        """Return the ids of the nodes where agents begin on maps, (games, agents), in the order of their names."""
+        """Return the ids of the start nodes, (seeds, agents), for seeds and the numbers of their maps."""
         found = np.zeros((len(seeds), len(self._roster.names)), np.int64)
         for number, source in enumerate(self._sources):
             which = np.flatnonzero(maps == number)
@@ -778,20 +778,20 @@ class Batch(Immutable):
                 found[which] = self._first_nodes[number]
                 continue
             nodes = source.starts([seeds[place] for place in which.tolist()])
-            some = next(iter(nodes.values()))  # for names that are reserved, any will do
+            some = next(iter(nodes.values()))  # reserved names need a node, but never use it
             found[which] = np.stack([nodes.get(name, some) for name in self._roster.names], axis=1)
         return found
 
 
 def _roster_of(game: PlayedGame, most_agents: MostAgents | None) -> Roster:
-    """Return the agents of a game, and names that are reserved for others."""
+    """Return the roster of a game's agents, with names reserved for agents that may enter later."""
     agents = agents_of(game)
     roster = Roster.of(agents)
     return roster if most_agents is None else Roster.of(agents, reserved(roster, most_agents))
 
 
 def _refuse_other_agents(roster: Roster, first: Roster, number: int) -> None:
-    """Refuse a map on which the game has other agents than on the first one."""
+    """Refuse a map on which the game's agents differ from the first map."""
     if roster.names != first.names:
         other = min({*roster.names} ^ {*first.names})
         raise BadValue(
@@ -812,7 +812,7 @@ def _refuse_other_agents(roster: Roster, first: Roster, number: int) -> None:
 
 
 def _step_again(game: PlayedGame) -> None:
-    """Play a turn of a game; an error was raised in the batch, too, if it comes when all agents have moved."""
+    """Play a turn of a game; ignore an error after all agents moved, because the batch has already raised it."""
     turn = game.turn
     try:
         game.step()
@@ -822,11 +822,11 @@ def _step_again(game: PlayedGame) -> None:
 
 
 def step_numbers(games: Batch, numbers: Numbers, threads: int) -> bool:
-    """Play one turn of all games that are not over, where the core plays them; return whether it does.
+    """Play one turn of all games that are not over, if the core plays them; return whether it does.
 
     Args:
         games: the batch.
-        numbers: what learners do.
-        threads: how many threads play.
+        numbers: the actions of learners.
+        threads: the number of threads that play.
     """
     return games._step_numbers(numbers, threads)

@@ -1,4 +1,4 @@
-"""The maps of the games of a batch, and the engines of games on several maps that are played one after the other."""
+"""The draw of each game's map, and the engine for games on several maps that are played one after the other."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import ExitStack
@@ -19,7 +19,7 @@ _PURPOSE = "map"
 
 
 def drawn_maps(seeds: Sequence[int], num_maps: int) -> IntArray:
-    """Return the number of the map that each game draws by its seed alone, (seeds,)."""
+    """Return the number of the map that each seed draws, (seeds,)."""
     if num_maps == 1:
         return np.zeros(len(seeds), np.int64)
     purposes = np.array([kernels.purpose_key(seed, _PURPOSE) for seed in seeds], np.uint64)
@@ -28,19 +28,19 @@ def drawn_maps(seeds: Sequence[int], num_maps: int) -> IntArray:
 
 
 class OneByOneOnMaps:
-    """The engines of the maps of a batch whose games are played one after the other, and which of them plays each game.
+    """Plays games on several maps one after the other, with one engine for each map.
 
-    Each engine knows every game. Games on other maps are absent from it: it does not play them.
+    Each engine numbers all games of the batch, and plays the games on its map.
 
     Args:
-        engines: of the maps.
+        engines: the engine of each map.
         map_of: (games,) the number of the map of each game.
 
     Attributes:
         current: the number of the map of the game that was played last.
     """
 
-    functions: tuple[Callable[..., object], ...] = ()  # that are called for many games at once
+    functions: tuple[Callable[..., object], ...] = ()  # the functions called for many games at once
     calls_each = may_leave = False
 
     def __init__(self, engines: Sequence[OneByOneEngine], map_of: IntArray) -> None:
@@ -51,22 +51,22 @@ class OneByOneOnMaps:
             engine.leave(np.flatnonzero(map_of != number))
 
     def release(self) -> None:
-        """Have contexts as they were before games were played in them."""
+        """Restore the contexts to their state before games were played in them."""
         for engine in self._engines:
             engine.release()
 
     @property
     def loaded(self) -> int | None:
-        """The number of the game that a context has; None: of none."""
+        """The number of the game in the context that played last; None: it holds no game."""
         return self._engines[self.current].loaded
 
     def start(self, games: IntArray, seeds: Sequence[int], maps: IntArray) -> None:
-        """Begin games again.
+        """Reset games to their start.
 
         Args:
-            games: their numbers.
-            seeds: one for each of them.
-            maps: (games,) the numbers of the maps that they are on from now on.
+            games: the numbers of the games.
+            seeds: one seed for each game.
+            maps: (games,) the numbers of their new maps.
         """
         before = self._map_of[games]
         self._map_of[games] = maps
@@ -78,7 +78,7 @@ class OneByOneOnMaps:
     # -- playing ------------------------------------------------------------------------------------------------
 
     def step(self, given: Mapping[Hashable, Given]) -> None:
-        """Play one turn of all games that are not over; of several none is played where one raises."""
+        """Play one turn of all games that are not over; if one of several games raises, the turn is undone in all."""
         playing = np.flatnonzero(~self.is_over)
         by_map = [playing[self._map_of[playing] == number] for number in range(len(self._engines))]
         for engine, games in zip(self._engines, by_map, strict=True):
@@ -93,28 +93,28 @@ class OneByOneOnMaps:
                     self.step_game(game, given)
 
     def step_game(self, game: int, given: Mapping[Hashable, Given]) -> None:
-        """Play one turn of a game that is played by itself."""
+        """Play one turn of one game."""
         self._stepping(game).step_game(game, given)
 
     def run(self, game: int) -> None:
-        """Play a game that is played by itself to its end."""
+        """Play one game to its end."""
         self._stepping(game).run(game)
 
     def can_show(self, game: int) -> bool:
-        """Whether `show` can point a context at a game, because it goes on or is still there."""
+        """Return whether `show` can point a context at a game: it continues, or its final state is loaded or saved."""
         return self._of(game).can_show(game)
 
     def show(self, game: int) -> PlayedGame:
-        """Point the context of the map of a game at it, and point it there again after each turn."""
+        """Point the context of a game's map at the game, now and after each later turn."""
         return self._stepping(game).show(game)
 
     def return_to_shown(self) -> None:
-        """Point contexts at the games that they were pointed at by `show`, if they were."""
+        """Point the contexts at the games last chosen by `show`, if any."""
         for engine in self._engines:
             engine.return_to_shown()
 
     def ran_from(self, game: int) -> int | None:
-        """Return how many turns a game had when it was played to its end at once; None: it was not."""
+        """Return the number of turns a game had when `run` played it to its end; None: `run` did not play it."""
         return self._of(game).ran_from.get(game)
 
     def _stepping(self, game: int) -> OneByOneEngine:
@@ -125,12 +125,12 @@ class OneByOneOnMaps:
 
     @property
     def is_over(self) -> BoolArray:
-        """Which games have ended, (games,)."""
+        """Whether each game has ended, (games,)."""
         is_over: BoolArray = self._of_all([engine.is_over for engine in self._engines])
         return is_over
 
     def turns(self) -> IntArray:
-        """Return how many turns were played, (games,)."""
+        """Return the number of turns played, (games,)."""
         turns: IntArray = self._of_all([engine.turns() for engine in self._engines])
         return turns
 
@@ -142,11 +142,11 @@ class OneByOneOnMaps:
         return {key: self._of_all([scores.get(key, nothing) for scores in found]) for key in keys}
 
     def _of_all(self, columns: Sequence[Any]) -> Any:
-        """Return one column (games,) of those of the engines: each game has the entry of its map's engine."""
+        """Return one column (games,) from the engines' columns: each game takes the entry of its map's engine."""
         return np.stack(columns)[self._map_of, np.arange(len(self._map_of))]
 
     def over(self, game: int) -> dict[str, Any] | None:
-        """Return how a game has ended; None: it goes on."""
+        """Return the reason, winner and truncation of a game that has ended; None: it continues."""
         return self._of(game).over(game)
 
     def result(self, game: int) -> Result:
@@ -157,5 +157,5 @@ class OneByOneOnMaps:
         return self._engines[int(self._map_of[game])]
 
     def view(self, agents: IntArray, number: int) -> ArrayView:
-        """Return what agents observe in the games on the map of this number."""
+        """Return a view of agents in the games on the map with this number."""
         return self._engines[number].view(agents, np.flatnonzero(self._map_of == number))

@@ -13,7 +13,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 
 
-class Writers(NamedTuple):
+class VectorWriter(NamedTuple):
     """Writes the observation vectors of agents in all games.
 
     Attributes:
@@ -68,7 +68,7 @@ class Writers(NamedTuple):
 
 def writers_of(
     views: Sequence[ArrayView], maps: IntArray, agents: IntArray, others: int, more: int, threads: int
-) -> Writers | None:
+) -> VectorWriter | None:
     """Return a writer of the observation vectors of agents.
 
     Args:
@@ -88,4 +88,4 @@ def writers_of(
     if found is None:
         return None
     roads = [roads_in(view) for view in views]
-    return Writers(alive_in(views[0]), agents, mask, *found, first, first_node, roads, more, threads)
+    return VectorWriter(alive_in(views[0]), agents, mask, *found, first, first_node, roads, more, threads)

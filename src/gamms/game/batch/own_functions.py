@@ -10,17 +10,17 @@ from gamms.ir.graph import IntArray
 from gamms.text import as_code
 
 Decider = tuple[str, str]
-"""What a function decides for: ("agent", name), or ("team", team) if it is a plan."""
+"""The owner of a function: ("agent", name) for a strategy, ("team", team) for a plan."""
 MakeDeciders = Callable[[int], Mapping[Decider, Any]]
-"""Resets a game with a seed, and returns its strategies and plans that differ with the seed."""
+"""Resets a game with a seed, and returns its strategies and plans that depend on the seed."""
 
 
 class OwnFunction:
-    """A strategy, or the plan of a team, that is another function in each game.
+    """A strategy, or the plan of a team, with a different function in each game.
 
     Attributes:
-        of_game: the function of each game.
-        number: the game for which it is called.
+        of_game: the function of each game; None: the game has none yet.
+        number: the number of the game that a call is for.
     """
 
     def __init__(self, num_games: int) -> None:
@@ -28,31 +28,31 @@ class OwnFunction:
         self.number = 0
 
     def __call__(self, asked: Any) -> Any:
-        """Call the function of the game."""
+        """Call the function of the current game."""
         return self.of_game[self.number](asked)
 
     def __repr__(self) -> str:
-        """Name the function of the game."""
+        """Return the name of the first game's function that exists."""
         return as_code(some_function(self))
 
 
 def function_in(decider: Any, game: int) -> Any:
-    """Return the function that decides in a game."""
+    """Return the function of a strategy or plan in a game."""
     return decider.of_game[game] if isinstance(decider, OwnFunction) else decider
 
 
 def some_function(decider: Any) -> Any:
-    """Return the function that decides in some game."""
+    """Return the function of a strategy or plan in the first game that has one."""
     return next(filter(None, decider.of_game)) if isinstance(decider, OwnFunction) else decider
 
 
 class OwnFunctions:
-    """The strategies and plans of games on one map that differ between games.
+    """The strategies and plans that differ between the games on one map.
 
     Args:
-        game: the game in whose context they are called.
-        make: makes those of a seed.
-        seeds: of all games of the batch.
+        game: the game in whose context the functions are called.
+        make: makes the functions of a seed.
+        seeds: the seeds of all games of the batch.
     """
 
     def __init__(self, game: PlayedGame, make: MakeDeciders, seeds: Sequence[int]) -> None:
@@ -64,10 +64,12 @@ class OwnFunctions:
         self._first: Mapping[Decider, Any] = {}  # of the seed of the context
 
     def take(self, games: IntArray, seeds: Sequence[int]) -> None:
-        """Make the functions of some games; the context is not pointed at a game, and returns to its first seed.
+        """Make the functions of games; afterwards, the context is reset with its first seed.
+
+        The context must not be pointed at a game of the batch.
 
         Raises:
-            NotTakenUp: an agent has no strategy in one of the games, or a strategy with a `prepare`.
+            NotTakenUp: an agent has no strategy in one of the games, or its strategy has a `prepare` method.
         """
         for number, seed in zip(games.tolist(), seeds, strict=True):
             if seed == self._made_for[number]:
@@ -81,11 +83,11 @@ class OwnFunctions:
         self._first = self._make(self._seed)
 
     def install(self) -> None:
-        """Let agents and teams of the context decide by the functions of the game that it is pointed at."""
+        """Set the strategies and plans of the context to the `OwnFunction` objects of all games."""
         self._decide_by(self._own)
 
     def remove(self) -> None:
-        """Let agents and teams of the context decide by the functions of its seed."""
+        """Set the strategies and plans of the context to the functions of its first seed."""
         self._decide_by(self._first)
 
     def _decide_by(self, functions: Mapping[Decider, Any]) -> None:

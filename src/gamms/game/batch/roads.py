@@ -87,19 +87,19 @@ class RoadMap:
     @cached_property
     def legal(self) -> tuple[IntArray, IntArray]:
         """The legal nodes of each node, as offsets (nodes + 1,) and rows."""
-        return _OpenWays(self._whole, self).neighborhoods()
+        return _OpenRoutes(self._whole, self).neighborhoods()
 
     def arcs(self, weight: str | None, *, reverse: bool) -> kernels.Arcs:
         """Return the edges with their weights, those that lead to each node if `reverse`; computed once."""
         key = weight, reverse
         if key not in self._arcs:
-            self._arcs[key] = _OpenWays(self._whole, self).arcs(weight, reverse=reverse)
+            self._arcs[key] = _OpenRoutes(self._whole, self).arcs(weight, reverse=reverse)
         return self._arcs[key]
 
     @cached_property
     def streets(self) -> StreetGraph:
         """Where agents may go here."""
-        return StreetGraph(locked_columns(self.columns()), _OpenWays(self._whole, self))
+        return StreetGraph(locked_columns(self.columns()), _OpenRoutes(self._whole, self))
 
     def columns(self) -> GraphColumns:
         """Return the graph."""
@@ -115,7 +115,7 @@ def _others(rows: IntArray, size: int) -> IntArray:
     return np.flatnonzero(is_other)
 
 
-class _OpenWays:
+class _OpenRoutes:
     """The ways of a map on which other roads are open."""
 
     def __init__(self, whole: StreetGraph, roads: RoadMap) -> None:
@@ -293,7 +293,7 @@ def refuse_several_maps(what: str) -> NoReturn:
     )
 
 
-class _NodesAlone:
+class _NodeColumns:
     """The columns of maps that differ in their edges."""
 
     def __init__(self, columns: GraphColumns) -> None:
@@ -315,7 +315,7 @@ class StreetsOfMaps(StreetGraph):
     def __init__(self, whole: StreetGraph) -> None:
         self.whole = whole
         vars(self).update({name: value for name, value in vars(whole).items() if name not in _OF_ROADS})
-        self.columns: Any = _NodesAlone(whole.columns)
+        self.columns: Any = _NodeColumns(whole.columns)
 
 
 _OF_ROADS = {

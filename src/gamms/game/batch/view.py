@@ -9,7 +9,7 @@ import numpy as np
 from gamms.arguments import as_array, as_count, as_key, as_numbers_of
 from gamms.core import observe, strategies
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.channels import Heard, Outbox
+from gamms.game.batch.channels import Outbox, ReceivedMessages
 from gamms.game.batch.columns import kept_in
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
@@ -265,7 +265,7 @@ class ArrayView(Mapping[str, Any]):
         who, order = (self.games, self.agents), len(self._outboxes)
         self._outboxes.append(radio.checked(channel, chosen, who, to, body, order))
 
-    def heard(self, channel: str) -> Heard:
+    def heard(self, channel: str) -> ReceivedMessages:
         """Return the messages from a channel in the inboxes of the agents in the mask.
 
         Raises:
@@ -631,7 +631,7 @@ def roads_in(view: ArrayView) -> OpenRoads:
     return view._state.roads
 
 
-class _ByName(Mapping[str, T]):
+class _LazyMapping(Mapping[str, T]):
     """A mapping of sensor or channel names to data for the agents of a view, computed on access."""
 
     def __init__(self, names: Iterable[str], ask: Callable[[str], T]) -> None:
@@ -651,7 +651,7 @@ def _sensors(view: ArrayView) -> Mapping[str, Seen | SeenNodes]:
     agents = view.roster.agents
     of_nodes = names_of(agents, view.agents, SHOWING_NODES)
     names = sorted({*names_of(agents, view.agents, SHOWING_AGENTS), *of_nodes})
-    return _ByName(names, lambda name: view.seen_nodes(name) if name in of_nodes else view.seen(name))
+    return _LazyMapping(names, lambda name: view.seen_nodes(name) if name in of_nodes else view.seen(name))
 
 
 _VALUES: dict[str, Callable[[ArrayView], Any]] = {
@@ -671,7 +671,7 @@ _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "sensor": _sensors,
     "blocked": lambda view: view._blocked,
     "deeds": lambda view: view._state.deeds.declared,
-    "inbox": lambda view: _ByName(view._channels, view.heard),
+    "inbox": lambda view: _LazyMapping(view._channels, view.heard),
 }
 
 _OTHERWISE = {  # keys of `state` -> what is there instead
