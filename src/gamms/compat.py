@@ -124,7 +124,7 @@ MOVED = {
 
 
 class Surface:
-    """Mix-in for parts of `ctx`: lists current names, and explains where removed names went."""
+    """Mix-in for objects that users read: lists current names, and answers unknown names with similar ones."""
 
     _called: ClassVar[str]
 

@@ -149,6 +149,14 @@ WRONG = {
         "phase must be 'before' or 'deeds' or 'after', not 'befor'.",
     ),
     "a table": (lambda ctx: ctx.game.result().table("mesages"), "Unknown table 'mesages'. Did you mean 'messages'?"),
+    "a value of a result": (
+        lambda ctx: ctx.game.result().winer,
+        "result has no attribute 'winer'. Did you mean 'winner'?",
+    ),
+    "a verb of a scenario": (
+        lambda _: gamms.scenario.from_gallery("pursuit").bild,
+        "scenario has no attribute 'bild'. Did you mean 'build'?",
+    ),
     "a theme": (
         lambda ctx: ctx.visual.save("x.svg", theme="drak"),
         "Unknown theme 'drak'; there is: light, dark, print.",

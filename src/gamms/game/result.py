@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gamms.arguments import as_choice, as_function_of, as_key, as_path, as_target, as_text
+from gamms.compat import Surface
 from gamms.errors import BadFile, Duplicate, UnknownName, nearest
 from gamms.folders import bytes_of, write_whole
 from gamms.ir.game_state import log_at
@@ -33,7 +34,7 @@ _COUNTS = ("alive", "moves", "blocked", "illegal", "errors", "overruns")  # of a
 
 
 @dataclass(eq=False, repr=False)
-class Result:
+class Result(Surface):
     """The result of one game, finished or not.
 
     Two results are equal if everything except timings and provenance is equal. `print(result)` and notebooks show a
@@ -60,6 +61,8 @@ class Result:
         provenance: further data to repeat the game: the versions of `gamms`, `python` and `numpy`, the `scenario` (None
             if a program built the game) and `strategies` (agent -> module and name, at the end of the game).
     """
+
+    _called = "result"
 
     turns: int
     scores: dict[Any, float]

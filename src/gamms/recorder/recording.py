@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, Unpack, overload
 import numpy as np
 
 from gamms.arguments import as_bool, as_context, as_int, as_mapping, as_path, as_target, with_options
+from gamms.compat import Surface
 from gamms.errors import BadType, BadValue
 from gamms.folders import write_whole
 from gamms.ir import events as kinds
@@ -79,7 +80,7 @@ def open(source: str | os.PathLike[str] | BinaryIO, *, graph: object = None) -> 
         raise
 
 
-class Recording(StreamOwner):
+class Recording(Surface, StreamOwner):
     """A recording that is open for reading; only a few turns are in memory.
 
     State 0 is the start, state n is the state after turn n; `recording[n]` is state n, `recording[-1]` the last state,
@@ -93,6 +94,8 @@ class Recording(StreamOwner):
         header: metadata: `format`, `package` (version of GAMMS), `seed`, `created`, `provenance`.
         warning: the missing part of an unfinished recording; else None.
     """
+
+    _called = "recording"
 
     def __init__(self, reader: Reader, owned: BinaryIO | None = None, graph: object = None) -> None:
         if not isinstance(reader, Reader):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from gamms.arguments import as_int, as_items, as_known, as_mapping, as_path, as_text
+from gamms.compat import Surface
 from gamms.context import Context, create_context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import as_seeds
@@ -31,14 +32,12 @@ from gamms.text import shown
 from gamms.typing.graph_engine import Engine as GraphEngine
 from gamms.visual import Engine
 
-_PROBES, _AMONG = (
-    2,
-    1000,
-)  # number of other seeds, among the first, that are tried to see whether functions depend on the seed
+_PROBES = 2  # other seeds that are tried to see whether functions depend on the seed
+_AMONG = 1000  # the seeds of a batch, from the first, among which these are
 _GALLERY = Path(__file__).parent.parent / "data" / "gallery"
 
 
-class Scenario(Immutable):
+class Scenario(Surface, Immutable):
     """A complete, immutable description of a game.
 
     Args:
@@ -65,6 +64,7 @@ class Scenario(Immutable):
     allow: tuple[str, ...]
     key_variable: str | None
     spec: Spec
+    _called = "scenario"
     _way_out = "scenario.replace(…) returns a scenario with other values."
 
     def __init__(

@@ -13,7 +13,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_count, as_range
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
-from gamms.errors import BadValue, nearest
+from gamms.errors import BadValue, UnknownAttribute
 from gamms.ir.chances import as_chances, chances_at, chances_given
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensor_results import AgentLook, Coverage, LookResults, ragged
@@ -64,7 +64,7 @@ class DetectionModel(Guarded):
     def __setattr__(self, name: str, value: object) -> None:
         """Set an existing attribute; refused while a strategy is running."""
         if name[0] != "_" and not hasattr(type(self), name):
-            raise AttributeError(f"sensor.notice has no attribute {name!r}.{nearest(name, ATTRIBUTES_OF)}")
+            raise UnknownAttribute(self._called, name, ATTRIBUTES_OF)
         super().__setattr__(name, value)
         if name[0] != "_":
             self._phase.sensor_changes += 1
