@@ -36,11 +36,21 @@ def test_an_invisible_artist_is_not_drawn(ctx):
 
 def test_a_drawer_that_fails_is_logged_with_its_name_and_the_others_draw_on(ctx, caplog):
     ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
-    ctx.visual.set_agent_visual("nobody")
+    ctx.visual.add_artist("broken", {"drawer": lambda ctx, data: data["colour"]})
     ctx.visual.add_artist("dot", dot(90))
     assert len(ctx.visual.draw_commands()) == 1
-    assert [record.levelno for record in caplog.records] == [logging.WARNING, logging.ERROR]
-    assert "'nobody' could not be drawn: UnknownName" in caplog.text
+    assert [record.levelno for record in caplog.records] == [logging.ERROR]
+    assert "'broken' could not be drawn: KeyError: 'colour'" in caplog.text
+
+
+def test_an_unknown_agent_is_warned_about_once_and_drawn_when_it_exists(ctx, caplog):
+    ctx.visual.set_graph_visual().set_visible(False)
+    ctx.visual.set_agent_visual("comes_later")
+    assert len(ctx.visual.draw_commands()) == 0
+    assert [record.levelno for record in caplog.records] == [logging.WARNING]
+    ctx.agent.create_agent("comes_later", start_node_id=0)
+    assert len(ctx.visual.draw_commands()) > 0
+    assert len(caplog.records) == 1
 
 
 def test_a_bad_coordinate_is_an_error_of_the_artist_that_gave_it(ctx, caplog):

@@ -201,7 +201,7 @@ class IVisualizationEngine(ABC):
     @abstractmethod
     @with_options()
     def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> IArtist:
-        """Set the look of an agent, which need not exist yet.
+        """Set the look of an agent, which need not exist yet; if others do, a warning says so once.
 
         Args:
             name: the name of the agent.

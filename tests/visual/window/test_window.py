@@ -115,7 +115,7 @@ def test_errors_of_declarations(ctx):
         ctx.visual.set_agent_visual("red_0", image_path="nowhere.png")
     assert isinstance(caught.value, MissingFile)
     ctx.visual.set_agent_visual("comes_later")
-    ctx.visual.update()  # which logs that there is no such agent
+    ctx.visual.update()
 
 
 def test_a_sensor_that_cannot_say_what_it_saw_is_refused(ctx):

@@ -65,9 +65,14 @@ _NOSE = 2.6  # how far it reaches, in radii of the disc
 
 
 def render_agent(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the agent that `data['agent_data']`, an AgentData, names and describes, unless it is out of the game."""
+    """Draw the agent that `data['agent_data']`, an AgentData, names and describes.
+
+    Nothing is drawn if it is out of the game or does not exist: `set_agent_visual` warns of an unknown name.
+    """
     look: AgentData = data["agent_data"]
-    agent = ctx.agent.get_agent(look.name)
+    agent = ctx.agent.agents.get(look.name)
+    if agent is None:
+        return
     if agent.type == AgentType.AERIAL:
         render_aerial_agent(ctx, data)
         return
