@@ -121,7 +121,7 @@ def test_agents_that_arrive_score_and_are_out_until_none_is_left(road):
         (4, "r2"),
     ]
     assert (result.turns, result.winner, result.scores) == (4, "red", {"red": 4})
-    assert result.reason == "no agent of red is in play"
+    assert result.reason == "all agents of red arrived or were eliminated"
 
 
 def test_if_no_agent_is_left_no_team_wins(road):

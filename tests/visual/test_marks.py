@@ -117,7 +117,7 @@ def test_an_arrival_is_a_tick_and_explained_as_one(street):
     words = re.findall(r">([^<>]+)</text>", ctx.visual.picture(".svg", captions=True).decode())
     assert {"arrived", "out"} <= set(words)
     assert "robot_0 arrives at node 3" in words
-    assert result.reason == "no agent of robots is in play"
+    assert result.reason == "all agents of robots arrived or were eliminated"
 
 
 def corners_of_marks(ctx):

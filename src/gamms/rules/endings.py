@@ -203,12 +203,13 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
         BadType: `team` or `winner` is not a valid team.
     """
     named = [as_key(team, "team"), *_named_winner(winner)]
+    reason = f"all agents of {team} arrived or were eliminated"
 
     def none_left(ctx: Context) -> None:
         if team not in living_teams(ctx) and team in ctx.agent.teams:
-            ctx.game.end(_none_in_play(team), winner=_leader(ctx) if winner is LEADER else winner)
+            ctx.game.end(reason, winner=_leader(ctx) if winner is LEADER else winner)
 
-    core_form = in_core("none_left", team, _none_in_play(team), ONE_THAT_SHOWS if winner is LEADER else winner)
+    core_form = in_core("none_left", team, reason, ONE_THAT_SHOWS if winner is LEADER else winner)
     return declared(
         none_left,
         RuleSpec(
@@ -217,11 +218,6 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
             core_form=core_form,
         ),
     )
-
-
-def _none_in_play(team: Team) -> str:
-    """Return a reason for the end that fits agents that arrived and agents that were tagged."""
-    return f"no agent of {team} is in play"
 
 
 @shown_as_called

@@ -276,7 +276,8 @@ class NoneLeft:
     def play(self, game):
         """End it."""
         if not any(agent.team == self.team for agent in game.living()):
-            game.end(f"no agent of {self.team} is in play", leader(game) if self.winner is LEADER else self.winner)
+            reason = f"all agents of {self.team} arrived or were eliminated"
+            game.end(reason, leader(game) if self.winner is LEADER else self.winner)
 
 
 @dataclass
