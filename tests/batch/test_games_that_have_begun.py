@@ -121,7 +121,7 @@ def delete_team(ctx):
 @pytest.mark.parametrize(
     ("delete", "delay_turns", "why"),
     [
-        (delete_carrier, 0, "agents that were deleted, of which rules still know"),
+        (delete_carrier, 0, "deleted agents that are still named in ctx.game.data"),
         (lambda ctx: ctx.agent.delete_agent("red_1"), 2, "the strategy chase(ctx)"),
         (delete_team, 0, "a team whose agents were deleted"),
         (lambda ctx: ctx.agent.delete_agent("red_1"), 0, None),

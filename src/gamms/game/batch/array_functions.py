@@ -1,6 +1,6 @@
-"""Declares array strategies and array rules, and calls them in games that are played alone.
+"""Declares array strategies and array rules, and calls them in single games.
 
-There, the game is a block of one game: functions get the same view and the same turn as in a batch.
+A single game is passed as a batch of one game: functions get the same view and the same turn as in a batch.
 """
 
 from collections import Counter
@@ -42,20 +42,20 @@ _ONE = np.zeros(1, np.int64)  # the numbers of the games in a block of one game
 def array_strategy(
     form: ArrayStrategy | None = None, /, *, of: object = None, begins: object = None
 ) -> Callable[[IContext], Callable[[Any], None]]:
-    """Decorator: make a strategy of a function from an `ArrayView` to actions, for batches and for games alone.
+    """Decorator: make a strategy from a function of an `ArrayView`, for batches and single games.
 
-    The name stands for a function that makes the strategy, as `gamms.strategies.chase` does: `strategy=hunt(ctx)`, or
-    `strategies={"red": hunt}` in a scenario. The function is called once a turn for all agents that have the strategy;
-    in a game that is played alone, the view has one game.
+    The decorated name is a function that makes the strategy, like `gamms.strategies.chase`: use `strategy=hunt(ctx)`,
+    or `strategies={"red": hunt}` in a scenario. The function is called once per turn for all agents with this strategy;
+    in a single game, the view has one game.
 
     Args:
-        form: returns the numbers of legal nodes, (games, agents), or what `view.towards` gives; of agents that fly, how
-            far they fly, map units, (games, agents, 3).
-        of: refused; there is no function beside the form.
-        begins: refused, too.
+        form: returns the actions: indices of legal nodes, (games, agents), or the result of `view.towards`; for flying
+            agents, offsets in map units, (games, agents, 3).
+        of: not supported; passing it raises an error.
+        begins: not supported; passing it raises an error.
 
     Raises:
-        BadType: it cannot be called, or `of` or `begins` is given.
+        BadType: `form` is not callable, or `of` or `begins` is given.
     """
     _refuse_second_form(of, begins, "array_strategy")
     function: ArrayStrategy = as_function_of(form, "An array strategy", "a view")
@@ -76,18 +76,18 @@ def array_strategy(
 def array_rule(
     form: ArrayRule | None = None, /, *, of: object = None, begins: object = None
 ) -> Callable[[IContext], None]:
-    """Decorator: make a rule of a function of an `ArrayTurn`, for batches and for games alone.
+    """Decorator: make a rule from a function of an `ArrayTurn`, for batches and single games.
 
-    The name stands for the rule then: `ctx.game.add(storm)`, or `rules: [{rule: my_module:storm}]` in a scenario. It
-    does the same in both; in a game that is played alone it gets a turn of one game.
+    The decorated name is the rule: use `ctx.game.add(storm)`, or `rules: [{rule: my_module:storm}]` in a scenario. In a
+    single game, the turn has one game.
 
     Args:
-        form: does in many games at once what the rule does in one.
-        of: refused; there is no function beside the form.
-        begins: refused, too.
+        form: applies the rule to all games of the turn.
+        of: not supported; passing it raises an error.
+        begins: not supported; passing it raises an error.
 
     Raises:
-        BadType: it cannot be called, or `of` or `begins` is given.
+        BadType: `form` is not callable, or `of` or `begins` is given.
     """
     _refuse_second_form(of, begins, "array_rule")
     function: ArrayRule = as_function_of(form, "An array rule", "a turn")
@@ -115,7 +115,7 @@ def _refuse_second_form(of: object, begins: object, decorator: str) -> None:
 
 
 def _documented(function: F, form: Callable[..., object]) -> F:
-    """Give a function the name and the docstring of a form, which takes something else."""
+    """Give a function the name and the docstring of a form, but not its annotations."""
     made: Any = update_wrapper(function, form, [one for one in WRAPPER_ASSIGNMENTS if "annot" not in one])
     del made.__wrapped__
     return function
@@ -125,7 +125,7 @@ def _kept_before(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
     """Return the arrays that functions keep in the game of a context; its rules continue after the events they read."""
     kept = ctx.game.data.get(KEPT, {})
     if kept and not state.roster.is_first.all():
-        raise NotTakenUp("rows of agents that may come are not in what array functions keep")
+        raise NotTakenUp("arrays kept by array functions, which have no rows for agents that enter later")
     for reader, number in ctx.game.data.get(_READ, {}).items():
         state.events.read(reader, number)
     return dict(kept)
@@ -138,7 +138,7 @@ class _CachedMapData(NamedTuple):
     """The movement of the agents of a game, and the data computed for its map.
 
     Attributes:
-        version: the revision of the map, and what else the movement depends on.
+        version: the revision of the map, and the other values that the movement depends on.
         movement: the movement of the agents.
         shared: the data that array functions share.
     """
@@ -194,10 +194,10 @@ class _Decisions(NamedTuple):
         asked: the number of times that agents had been asked; see `TurnEngine`.
         waiting: the agents that have not taken their actions, name -> index in the view.
         view: the agents.
-        drawn: (agents,) how many numbers each has drawn in this turn.
-        given: (1, agents) their actions, or (1, agents, 3) their flights.
+        drawn: (agents,) the number of draws of each agent in this turn.
+        given: (1, agents) the actions, or (1, agents, 3) the offsets of flights.
         deeds: agent -> deed -> its fields.
-        messages: agent -> its messages, as `state["outbox"]` has them.
+        messages: agent -> its messages, as entries of `state["outbox"]`.
     """
 
     asked: int
@@ -292,7 +292,7 @@ def _deciding_now(ctx: HostContext, block: GameArrays, state: dict[str, Any]) ->
 
 
 def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
-    """Add to a block of one game what views show, for an agent that is asked."""
+    """Add the data of a single game that views show beyond `_block_of_one`, for an agent that is asked."""
     game, roster, movement = ctx.game, block.roster, block.movement
     turns = game.internals.parts.turns
     if game.team_memory:
@@ -319,7 +319,7 @@ def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
 def _plain_action(
     ctx: HostContext, state: dict[str, Any], view: ArrayView, row: int, number: int
 ) -> int | list[int] | None:
-    """Return an action of an agent on the node of a row, as `state["action"]` has it."""
+    """Return the value of `state["action"]` for an action `number` of an agent on the node `row`."""
     if number < STOP:
         legal: int = state["legal"][number]
         return legal
@@ -337,7 +337,7 @@ def _plain_action(
 
 
 class _SingleGameTurn(ArrayTurn):
-    """The turn of a game that is played alone: its verbs change the game of the context at once."""
+    """The turn of a single game: its verbs change the game of the context immediately."""
 
     def __init__(self, ctx: HostContext) -> None:
         state = _block_of_one(ctx)
@@ -360,7 +360,7 @@ class _SingleGameTurn(ArrayTurn):
         self._deeds += state.deeds.from_plain(done, self.starts)
 
     def _close(self) -> None:
-        """Take scores and kept arrays into the game."""
+        """Write scores and kept arrays to the game."""
         for key, points in self._state.scores.of(_ONE)[0].items():
             if self._scores_before.get(key) != points:
                 self._game.scores[key] = points
@@ -403,7 +403,7 @@ class _SingleGameTurn(ArrayTurn):
         super()._put_back(at, agents)
 
     def start_of(self, agents: IntArray) -> IntArray:
-        """Return the start node of each agent, (1, agents); of an agent that flies, the node below its start."""
+        """Return the start node of each agent, (1, agents); for a flying agent, the node nearest to its start."""
         agents = as_numbers_of(agents, "agents", len(self.roster.names), "agents").reshape(-1)
         starts = [self._game.start_node(self.roster.names[number]) for number in agents.tolist()]
         nearest = self._ctx.graph.graph.nearest_node

@@ -31,7 +31,7 @@ class Outbox(NamedTuple):
         to: the recipient: an agent, a team, or None.
         bodies: the bodies.
         sizes: the sizes of the bodies, bytes; -1: unknown.
-        order: orders the messages of one agent; after `Radio.admit`, by how often messages were admitted, too.
+        order: orders the messages of one agent; `Radio.admit` adds a multiple of 2**20 for its number in the turn.
     """
 
     channel: str
@@ -64,13 +64,13 @@ class ReceivedMessages(NamedTuple):
 
 
 class _SentMessages(NamedTuple):
-    """Messages of one channel and turn, and their fates.
+    """Sent messages of one channel, and their outcomes.
 
     Attributes:
-        box: the messages; games that were forgotten are -1.
-        turns: (messages,) numbers of the turns, from 1.
-        place: (messages,) of several messages of a game and turn, that with the smaller number comes first.
-        fates: of the messages.
+        box: the messages; game -1: the messages of the game were dropped.
+        turns: (messages,) the turn of each message, from 1.
+        place: (messages,) orders the messages of one game and turn.
+        fates: the outcomes of the messages.
     """
 
     box: Outbox
@@ -82,14 +82,14 @@ class _SentMessages(NamedTuple):
 class Radio(GameLog[list[_SentMessages]]):
     """The channels of a game, and the messages of all games of a batch.
 
-    In each turn, agents send messages with `post` and `post_checked`, `admit` refuses those that the channels do not
-    take, and `send` finds out who hears the others, once all agents have moved.
+    In each turn, `post` and `post_checked` collect messages, `admit` refuses messages that the channels do not accept,
+    and `send` determines the receivers of the others after all agents have moved.
 
     Args:
-        channels: by name.
-        roster: of every game.
-        part_of: (agents,) the part of the turn in which each decides.
-        num_games: of the batch.
+        channels: the channels by name.
+        roster: the agents of every game.
+        part_of: (agents,) the part of the turn in which each agent decides.
+        num_games: the number of games in the batch.
     """
 
     def __init__(self, channels: Mapping[str, Channel], roster: Roster, part_of: IntArray, num_games: int) -> None:
@@ -98,7 +98,7 @@ class Radio(GameLog[list[_SentMessages]]):
         self._roster = roster
         self._part_of = part_of
         self.teams = dict(zip(roster.names, (roster.teams[number] for number in roster.team_of), strict=True))
-        self._under_way: list[tuple[int, _SentMessages]] = []  # for how many turns more, and what
+        self._under_way: list[tuple[int, _SentMessages]] = []  # (remaining turns, messages)
         self.begin_turn()
 
     # -- sending ------------------------------------------------------------------------------------------------
@@ -115,9 +115,9 @@ class Radio(GameLog[list[_SentMessages]]):
     def checked(
         self, channel: str, where: BoolArray, who: tuple[IntArray, IntArray], to: object, body: object, order: int
     ) -> Outbox:
-        """Return what agents send, checked, as `ArrayView.send`.
+        """Return the checked messages of a call of `ArrayView.send`.
 
-        `who` are the numbers of the games and of the agents; `order` is the place among all messages.
+        `who` are the numbers of the games and of the agents; `order` is the number of the call.
         """
         if as_key(channel, "The name of a channel") not in self.channels:
             raise UnknownName("channel", channel, self.channels)
@@ -144,7 +144,7 @@ class Radio(GameLog[list[_SentMessages]]):
         return Outbox(channel, games[at], senders, receivers, bodies, sizes, orders)
 
     def _named(self, to: np.ndarray[Any, Any], shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
-        """Return the names of receivers, (games, agents), that are given by their numbers."""
+        """Return the names of receivers, (games, agents), from their numbers."""
         names = np.array(self._roster.names, object)
         if to.dtype.kind not in "iu" or to.shape not in (shape, shape[1:], ()) or ((to < 0) | (to >= len(names))).any():
             raise BadValue(
@@ -191,13 +191,13 @@ class Radio(GameLog[list[_SentMessages]]):
         return sorted(flaws, key=attrgetter("game", "agent"))
 
     def withdraw(self, failed: Collection[tuple[int, int]]) -> None:
-        """Drop the messages admitted last of some agents, pairs of game and agent, that did not what they wanted."""
+        """Drop the messages of the last admission by agents whose action failed, given as (game, agent) pairs."""
         for number, box in enumerate(self._admitted[self._first_admitted :], self._first_admitted):
             senders = zip(box.at.tolist(), box.senders.tolist(), strict=True)
             self._admitted[number] = some_rows(box, np.array([one not in failed for one in senders], np.bool_))
 
     def _take_posted(self, boxes: Sequence[Outbox], is_there: BoolArray) -> list[Failure]:
-        """Admit messages that were posted; return the flaws of the others."""
+        """Admit posted messages that the channels accept; return the errors of the others."""
         flaws, place = list[Failure](), np.zeros(is_there.shape, np.int64)
         left = {name: bytes_of(one, is_there.shape) for name, one in self.channels.items()}
         for box in boxes:
@@ -256,7 +256,7 @@ class Radio(GameLog[list[_SentMessages]]):
             raise UnknownName("channel", channel, self.channels)
         none = np.zeros(0, np.int64)
         found, places = [ReceivedMessages(none, none, none, [], none, none > 0)], [none]
-        number = places_of(games, len(self._of_game) + 1)  # at last the place of games that were forgotten
+        number = places_of(games, len(self._of_game) + 1)  # the last entry, index -1, is for dropped games
         column = places_of(agents, len(self._roster.names))
         for _, sent in self._under_way:
             if sent.box.channel != channel:
@@ -278,7 +278,7 @@ class Radio(GameLog[list[_SentMessages]]):
     # -- the log ------------------------------------------------------------------------------------------------
 
     def go_on(self, games: IntArray, entries: Sequence[dict[str, Any]], turn: int) -> None:
-        """Let some games begin after so many turns, with these messages in their logs, of which some are under way."""
+        """Start the empty logs of games after `turn` turns with earlier messages; some may still have to arrive."""
         self.begin(games, entries)
         number = {name: i for i, name in enumerate(self._roster.names)}
         for place, entry in enumerate(entries):
@@ -328,7 +328,7 @@ class Radio(GameLog[list[_SentMessages]]):
             yield game, entry
 
     def _written(self, sent: _SentMessages) -> Iterator[tuple[int, int, dict[str, Any]]]:
-        """Yield the game, the place and the entry of the log of each message."""
+        """Yield (game, place, log entry) for each message."""
         names, box, fates = self._roster.names, sent.box, sent.fates
         columns = box.at.tolist(), sent.place.tolist(), sent.turns.tolist(), box.senders.tolist(), box.sizes.tolist()
         found = fates.entries(names, len(box.at))

@@ -23,7 +23,7 @@ from gamms.text import shown
 from gamms.typing.agent_engine import AgentType, IAgent
 from gamms.typing.game import Deed
 
-BYTES_PER_AGENT = 400  # of a game in arrays; 290 measured, with the events of 200 turns
+BYTES_PER_AGENT = 400  # of a game in the core; 290 measured, with the events of 200 turns
 Column = np.ndarray[Any, Any]
 P = TypeVar("P")
 T = TypeVar("T")
@@ -134,7 +134,7 @@ class GameLog(ABC, Generic[P]):
 
     def forget(self, games: IntArray) -> None:
         """Remove the entries of some games."""
-        if len(games) == len(self._of_game):  # not to write out what nobody has read
+        if len(games) == len(self._of_game):  # do not write out entries that are removed anyway
             self._pending.clear()
         self.of(0)
         for game in games.tolist():
@@ -165,7 +165,7 @@ class GameLog(ABC, Generic[P]):
 
     @abstractmethod
     def _entries(self, noted: P) -> Iterable[tuple[int, dict[str, Any]]]:
-        """Return the game of each entry, and the entry; those of one game in their order."""
+        """Return pairs of game number and log entry; the entries of a game are in order."""
 
 
 class PlayedGame(Protocol):
@@ -203,14 +203,14 @@ class Roster(NamedTuple):
     """The agents of every game of a batch, in the order of their names.
 
     Attributes:
-        names: of the agents, (agents,).
+        names: (agents,) the names of the agents, sorted.
         teams: the teams that agents play for, in the order of their first agents.
-        team_of: (agents,) the number of the team of each.
+        team_of: (agents,) the number of each agent's team.
         keys: (agents,) the hashes of the names, for keyed draws.
-        agents: of the context that the batch was made from: what does not change, such as their sensors. Of a name
-            under which none has come yet it is the first agent of its team.
-        is_first: (agents,) which are there at the start; the others are names of agents that may come.
-        flies: (agents,) which fly; the others are on the ground.
+        agents: the agents of the context that the batch was made from, for constant data such as sensors. A reserved
+            name has the first agent of its team.
+        is_first: (agents,) whether each agent is in the game at the start; the other names are reserved.
+        flies: (agents,) whether each agent flies; the others move on the ground.
     """
 
     names: tuple[str, ...]
@@ -246,7 +246,7 @@ class Roster(NamedTuple):
         return found
 
     def first_nodes(self, game: PlayedGame) -> list[int]:
-        """Return the ids of the nodes where agents of a game began; of agents that fly, the nodes below."""
+        """Return the ids of the start nodes of a game's agents; for flying agents, the nodes nearest to the starts."""
         nearest = game.ctx.graph.graph.nearest_node
         starts = [game.internals.start_of(agent) for agent in self.agents]
         return [place if isinstance(place, int) else nearest(*place[:2]) for place in starts]
@@ -258,12 +258,12 @@ class Roster(NamedTuple):
         return np.flatnonzero(self.team_of == self.teams.index(team))
 
     def column(self, values: Mapping[str, Any], default: float) -> Column:
-        """Return the values of agents by name as those of one game, (1, agents); the default where there is none."""
+        """Return values by agent name as an array of one game, (1, agents), with a default for missing names."""
         known = as_mapping(values, "values")
         return np.array([[known.get(name, default) for name in self.names]])
 
     def plays_for(self, teams: Collection[Hashable] | None) -> BoolArray:
-        """Return whether each agent is in one of these teams, (agents,); None: all are."""
+        """Return whether each agent is in one of these teams, (agents,); None: all agents are."""
         is_in = np.array([teams is None or team in teams for team in self.teams], np.bool_)
         return is_in[self.team_of]
 
@@ -277,11 +277,11 @@ class Roster(NamedTuple):
         return ~self.plays_for(None if order is None else [team for part in order for team in part])
 
     def are_teams(self) -> BoolArray:
-        """Which teams have mates, (teams,): all but those of no team (None)."""
+        """Return whether agents of each team are mates, (teams,); False only for agents without a team (None)."""
         return np.array([team is not None for team in self.teams], np.bool_)
 
     def are_mates(self, agents: IntArray, others: IntArray) -> BoolArray:
-        """Return which agents are of the same team as others, by numbers that broadcast; of no team (None), none."""
+        """Return whether agents are mates of others, given numbers that broadcast; agents without a team are not."""
         own = self.team_of[agents]
         found: BoolArray = (own == self.team_of[others]) & self.are_teams()[own]
         return found
@@ -302,7 +302,7 @@ def decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
 
 
 def preparing(agent: IAgent, plans: Mapping[Hashable, Plan]) -> list[object]:
-    """Return which of the strategy of an agent and the plan of its team have a `prepare(ctx)`, which games call."""
+    """Return the strategy of an agent and the plan of its team, if they have a `prepare(ctx)` method."""
     found = [agent.strategy, getattr(plans.get(agent.team), "function", None)]
     return [one for one in found if hasattr(one, "prepare") and not isinstance(one, type)]
 
@@ -324,7 +324,7 @@ def reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:
             names = list(islice(free, number - there))
         taken = [name for name in names if name in (*roster.names, *chain.from_iterable(found.values()))]
         if taken:
-            raise BadValue(f"most_agents[{team!r}] has the names of agents to come, and {shown(taken[0])} is taken.")
+            raise BadValue(f"most_agents[{team!r}] reserves names for new agents, and {shown(taken[0])} is taken.")
         if len({*names}) < len(names):
             raise BadValue(f"most_agents[{team!r}] has a name twice: {shown(names)}.")
         found[team] = names
@@ -332,7 +332,7 @@ def reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:
 
 
 class ScoresOfGames(dict[Any, Any]):
-    """Scores by key, (games,) each; one that was not set is 0 in all games, as in `ctx.game.scores`."""
+    """Scores, key -> (games,); a missing score is 0 in all games, as in `ctx.game.scores`."""
 
     def __init__(self, zeros: Callable[[], Any]) -> None:
         super().__init__()
@@ -389,7 +389,7 @@ def in_threads(play: Callable[[int, int, int], object], games: int, threads: int
 
 
 def in_turns(turns: IntArray, games: IntArray) -> str:
-    """Say in which turn some games are, (games,), for notes on errors; of one game alone, which it is."""
+    """Return a phrase with the turns of games, (games,), for notes on errors; it names a single game."""
     known = np.unique(turns).tolist() or [0]
     those = f"in turn {known[0]}" if len(known) == 1 else f"in turns {known[0]} to {known[-1]}"
     return f"{those} of game {games[0]}" if len(games) == 1 else those

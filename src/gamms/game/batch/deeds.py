@@ -59,9 +59,9 @@ class DeclaredDeeds:
 
     Args:
         declared: deed -> its fields, as `ctx.game.deeds`.
-        check: returns the value of a field, plain, or raises; None: nothing is declared.
-        roster, streets: of the batch.
-        are_open: returns which edges, by their ids, are open in games of these numbers; None: `check` knows that.
+        check: returns the checked plain value of a field, or raises; None: no deed is declared.
+        roster, streets: the agents and the graph.
+        are_open: returns whether each edge, by id, is open in the game of the same index; None: `check` does that.
 
     Attributes:
         declared: deed -> its fields.
@@ -82,9 +82,9 @@ class DeclaredDeeds:
         self, deed: str, fields: Mapping[str, object], where: BoolArray, who: tuple[IntArray, IntArray],
         nodes: IntArray, order: int,
     ) -> ArrayDeeds:  # fmt: skip
-        """Return what agents on these nodes want to do, checked, as `ArrayView.do`.
+        """Return the checked deeds of a call of `ArrayView.do` by agents on these nodes.
 
-        `who` are the numbers of the games and of the agents; `order` is the place among all deeds.
+        `who` are the numbers of the games and of the agents; `order` is the number of the call.
         """
         known = self.fields_of(deed)
         for key in fields:
@@ -118,11 +118,11 @@ class DeclaredDeeds:
     def from_plain(
         self, done: Sequence[tuple[int, int, int, str, Mapping[str, Any]]], nodes: IntArray
     ) -> list[ArrayDeeds]:
-        """Return deeds that scalar forms do, which were checked, in arrays: those of each kind.
+        """Return checked deeds of plain functions as arrays, one table for each kind.
 
         Args:
-            done: game, number of the agent, place among the deeds of that agent, kind, and field -> value.
-            nodes: (games, agents) rows of the nodes where agents are.
+            done: tuples of game, agent number, position among the agent's deeds, kind, and field -> value.
+            nodes: (games, agents) rows of the agents' nodes.
         """
         by_kind: dict[str, list[Any]] = {}
         for one in done:
@@ -150,7 +150,7 @@ class DeclaredDeeds:
     def _column(
         self, given: object, field: DeclaredField, name: str, where: BoolArray, chosen: tuple[IntArray, IntArray]
     ) -> Column:
-        """Return the values of a field of the deeds that are done."""
+        """Return the checked values of a field for the chosen agents, (deeds,)."""
         if field.kind in ("agent", "node"):
             return self._rows(-1 if given is None else given, field, name, where, chosen)
         if field.kind in _NUMERIC and given is not None and field.is_required:
@@ -174,7 +174,7 @@ class DeclaredDeeds:
     def _rows(
         self, given: object, field: DeclaredField, name: str, where: BoolArray, chosen: tuple[IntArray, IntArray]
     ) -> Column:
-        """Return numbers of agents or rows of nodes, which are not checked by the scalar form."""
+        """Return the checked agent numbers or node rows of a field for the chosen agents, (deeds,)."""
         most = len(self._roster.names if field.kind == "agent" else self._streets.counts)
         try:
             values = as_array(given, name, "integers")
@@ -211,26 +211,26 @@ class DeclaredDeeds:
 
 
 class _PerformedDeeds(NamedTuple):
-    """Deeds of one kind of games on one map, in turns of these numbers, (deeds,)."""
+    """Deeds of one kind in games on one map, with the turn of each deed, (deeds,)."""
 
     declared: DeclaredDeeds
     deeds: ArrayDeeds
     turns: IntArray
 
     def those(self, which: BoolArray) -> "_PerformedDeeds":
-        """Return some of the deeds."""
+        """Return the deeds selected by a mask."""
         return self._replace(deeds=self.deeds.those(which), turns=self.turns[which])
 
 
 class DeedLog(GameLog[list[_PerformedDeeds]]):
-    """The deeds of all games of a batch.
+    """The log of the deeds of all games of a batch.
 
-    In each part of a turn, agents want to do deeds with `want`, `do` begins them, and `note` writes them down, but for
-    those that were refused.
+    In each part of a turn, `want` collects the requested deeds, `do` starts the deeds of the part, and `note` logs the
+    deeds that were not refused.
 
     Args:
-        part_of: (agents,) the part of the turn in which each decides.
-        num_games: of the batch.
+        part_of: (agents,) the part of the turn in which each agent decides.
+        num_games: the number of games in the batch.
     """
 
     def __init__(self, part_of: IntArray, num_games: int) -> None:
@@ -247,33 +247,33 @@ class DeedLog(GameLog[list[_PerformedDeeds]]):
         self._wanted: list[_PerformedDeeds] = []
 
     def want(self, declared: DeclaredDeeds, deeds: Iterable[ArrayDeeds], turn: IntArray) -> None:
-        """Take deeds that agents want to do in this turn.
+        """Collect the requested deeds of a part of the turn.
 
         Args:
-            declared: the deeds that games on their map declare.
-            deeds: those of each kind, of agents that decide in one part of the turn.
-            turn: (games,) how many turns were played.
+            declared: the deeds that the games declare.
+            deeds: a table for each kind, of agents that decide in one part of the turn.
+            turn: (games,) the number of turns played.
         """
         self._wanted += [_PerformedDeeds(declared, one, turn[one.at] + 1) for one in deeds if len(one.at)]
 
     def do(self, part: int) -> None:
-        """Let the agents of a part of the turn do what they want to."""
+        """Start the requested deeds of the agents that decide in a part of the turn."""
         self._now = [one for one in self._wanted if self._part_of[one.deeds.agents[0]] == part]
         self._last = [*self._last, *self._now] if part else self._now
         self._plain = None
         self._refused.clear()
 
     def refuse(self, game: int, agent: int, kind: str) -> None:
-        """Refuse a deed that an agent wants to do."""
+        """Refuse the deeds of one kind of an agent in the current part of the turn."""
         self._refused.add((game, agent, kind))
 
     def withdraw(self, failed: Collection[tuple[int, int]]) -> None:
-        """Refuse the deeds of some agents, pairs of game and agent, that did not what they wanted."""
+        """Refuse all deeds of agents whose action failed, given as (game, agent) pairs."""
         kinds = {one.deeds.kind for one in self._now}
         self._refused |= {(*pair, kind) for pair in failed for kind in kinds}
 
     def note(self) -> None:
-        """Note what the agents of the last part of the turn do, but for what was refused."""
+        """Log the deeds of the current part of the turn, except refused ones."""
         if self._refused:
             before = self._last[: len(self._last) - len(self._now)]
             self._now = [one.those(self._are_done(one.deeds)) for one in self._now]
@@ -287,19 +287,19 @@ class DeedLog(GameLog[list[_PerformedDeeds]]):
         return np.array([(*one, deeds.kind) not in self._refused for one in each], np.bool_)
 
     def done_in(self, games: IntArray, took_part: BoolArray, *, is_moving: bool) -> list[ArrayDeeds]:
-        """Return the deeds of some games in this turn; in it, a game is numbered by its place among these.
+        """Return the deeds of games in this turn; their `at` are indices into `games`.
 
         Args:
-            games: their numbers.
-            took_part: (games, agents) whose deeds count.
-            is_moving: whether agents of the last part of the turn are about to move; only their deeds count then.
+            games: the numbers of the games.
+            took_part: (games, agents) the agents whose deeds to return.
+            is_moving: whether the agents of the last part of the turn are about to move; then only their deeds count.
         """
         number = places_of(games, len(self._of_game))
         found = [one.deeds._replace(at=number[one.deeds.at]) for one in (self._now if is_moving else self._last)]
         return [deeds.those((deeds.at >= 0) & took_part[deeds.at, deeds.agents]) for deeds in found]
 
     def plain_of(self, game: int) -> dict[int, dict[str, dict[str, Any]]]:
-        """Return what agents of a game do in this turn: the number of each -> deed -> its fields."""
+        """Return the deeds of a game in this turn: agent number -> deed -> its fields."""
         if self._plain is None:
             self._plain = {}
             rows = [row for one in self._last for row in self._rows(one, one.declared.fields(one.deeds))]
@@ -317,18 +317,18 @@ class DeedLog(GameLog[list[_PerformedDeeds]]):
             yield game, agent, order, deeds.kind, value
 
     def forget(self, games: IntArray) -> None:
-        """Forget the deeds of some games."""
+        """Remove the deeds of games."""
         super().forget(games)
         self._last = [one.those(~np.isin(one.deeds.at, games)) for one in self._last]
         self._plain = None
 
     def clear(self) -> None:
-        """Forget the deeds of all games."""
+        """Remove the deeds of all games."""
         super().clear()
         self._last, self._plain = [], None
 
     def checkpoint(self) -> Callable[[], None]:
-        """Return a function that takes back all that is noted from now on."""
+        """Return a function that undoes all later changes."""
         undo_log = super().checkpoint()
         last = self._last
 

@@ -1,4 +1,4 @@
-"""The state of the first turn of a batch: that of its game, which may have been played for some turns."""
+"""The initial state of a batch, copied from its game, which may have been played for some turns."""
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
@@ -32,11 +32,11 @@ from gamms.typing import AgentType, IAgent
 from gamms.typing.game import Track
 
 Begins = Callable[[Any, GameArrays], Mapping[Hashable, Arrays]]
-"""Returns what an array form keeps of the game of a context: key -> name -> an array of one game."""
+"""Returns the memory of an array form in the game of a context: key -> name -> an array of one game."""
 
 
 def movement_type(game: PlayedGame, roster: Roster) -> type[Movement]:
-    """Return the class that says how the agents of a game go."""
+    """Return the class of movement for the settings and agents of a game."""
     settings = game.settings()
     if settings["legal"] == "any":
         return Anywhere
@@ -47,18 +47,18 @@ def movement_type(game: PlayedGame, roster: Roster) -> type[Movement]:
 
 
 def goes_along_one_edge(game: PlayedGame, roster: Roster) -> bool:
-    """Whether all agents of a game go along one edge in a turn, or anywhere."""
+    """Return whether all agents on the ground move along at most one edge per turn, or to any node."""
     return movement_type(game, roster) in (Movement, Anywhere)
 
 
 def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False, is_detached: bool = False) -> Movement:
-    """Return how the agents of a game go.
+    """Return the movement of the agents of a game.
 
     Args:
         game: the game.
         roster: its agents.
-        may_reopen: whether roads may be opened that are closed now.
-        is_detached: whether it stays as it is when the map of the game changes.
+        may_reopen: whether closed roads may be opened later.
+        is_detached: whether the movement stays the same when the map of the game changes.
     """
     settings, graph = game.settings(), game.ctx.graph
     columns, routes = graph.storage.detached() if is_detached else (graph.columns(), graph.routes)
@@ -77,21 +77,21 @@ def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False, i
 
 
 class InitialState:
-    """The state of the games of a batch at their first turn.
+    """The initial state of the games on one map of a batch.
 
     Args:
-        game: in a context that is not played in.
-        state: of all games of the batch, whose agents, deeds and channels are known.
-        columns: that the core writes, of all games.
-        games: those that are on its map.
+        game: the game at the start of the batch; its context is not played in.
+        state: the state of all games of the batch, with agents, deeds and channels already set.
+        columns: the columns of all games that the core writes.
+        games: the numbers of the games on the map.
 
     Attributes:
-        turn: how many turns were played.
-        last_turn: how agents moved in the last one, for array rules that look at it; None: there is none.
+        turn: the number of turns played before the batch.
+        last_turn: the moves of the last turn, if an array rule reads them; None: no rule does, or no turn was played.
 
     Raises:
-        NotTakenUp: the core cannot hold a part of the state.
-        UnknownName (KeyError): an agent has gone along a node that is not on the map any more.
+        NotTakenUp: the core does not support a part of the state.
+        UnknownName (KeyError): an agent moved over a node that is no longer on the map.
     """
 
     def __init__(self, game: PlayedGame, state: GameArrays, columns: Block, games: IntArray) -> None:
@@ -137,7 +137,7 @@ class InitialState:
         self._take_up_memories(game, state)
 
     def _take_up_memories(self, game: PlayedGame, state: GameArrays) -> None:
-        """Let the forms of strategies keep what agents remember."""
+        """Copy the memory of agents into `state.first`, for the forms of their strategies."""
         settings, known = game.settings(), game.ctx.agent.agents
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
         has_come = [name in known for name in state.roster.names]
@@ -149,11 +149,11 @@ class InitialState:
         for one in by_key.values():
             try:
                 _take_up(game, state, f"the strategy {as_code(one)}", strategy_spec_of(one).begins)
-            except NotTakenUp as error:  # what it keeps is not in `first` then
+            except NotTakenUp as error:  # `first` lacks its memory
                 state.takes_up[:], state.why_not_first = False, f": {error}"
 
     def last_deeds(self, games: int) -> list[ArrayDeeds]:
-        """Return what agents did in the last turn, in each of so many games."""
+        """Return the deeds of the last turn, repeated for a number of games."""
         found = []
         for one in self._last_deeds:
             number = len(one.at)
@@ -162,11 +162,11 @@ class InitialState:
         return found
 
     def not_under_way(self, state: GameArrays, games: IntArray) -> IntArray:
-        """Return those of some games of whose turns nothing was played."""
+        """Return the games that are not in a turn of which some parts were played before the batch."""
         return games if self._parts_played is None else games[state.turn[games] > self.turn]
 
     def put(self, state: GameArrays, columns: Block, games: IntArray) -> None:
-        """Let some games begin here, which were reset."""
+        """Set games, which were reset, to this state."""
         state.turn[games], state.blocked[games], state.stops[games] = self.turn, self._blocked, self._stops
         state.placed[games] = self._placed
         for one in NUMBERS:
@@ -195,7 +195,7 @@ class InitialState:
             columns.takes_part[games] = state.alive[games]
 
     def _take_flights(self, game: PlayedGame, state: GameArrays) -> None:
-        """Note where agents fly, and began, in the game."""
+        """Store the poses and start positions of the flying agents."""
         block, numbers, moves = game.ctx.agent.block, np.flatnonzero(state.roster.flies), game.internals.state.moves
         names = [state.roster.names[number] for number in numbers.tolist()]
         starts: list[Any] = [game.internals.start_of(game.ctx.agent.agents[name]) for name in names]
@@ -226,37 +226,37 @@ class InitialState:
 
 
 def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | None) -> None:
-    """Have what the array form of a rule or a strategy keeps of a game."""
+    """Copy the memory of a rule or a strategy in a game into `state.first`."""
     if begins is None:
         return
     found: Any = begins(game.ctx, state)
     if not isinstance(found, Mapping) or not all(isinstance(one, Mapping) for one in found.values()):
-        raise BadType(f"begins of {named} returns key -> name -> array, what is kept of one game, not {shown(found)}.")
+        raise BadType(f"begins of {named} must return key -> name -> array of one game, not {shown(found)}.")
     state.first |= {key: dict(arrays) for key, arrays in found.items()}
     state.first_by |= dict.fromkeys(found, named)
 
 
 def _refuse_unknown(game: PlayedGame, movement: Movement) -> None:
-    """Refuse a state that columns cannot hold."""
+    """Refuse a state that the columns of the core cannot represent."""
     if not all(map(fits_float, game.scores.values())):
-        raise NotTakenUp("scores that are no numbers")
+        raise NotTakenUp("scores that are not numbers, or too large")
     _refuse_departed(game)
     if game.turn:
         _refuse_unknown_places(game, movement)
 
 
 def _refuse_departed(game: PlayedGame) -> None:
-    """Refuse agents that were deleted and are still needed: columns have no rows of them."""
+    """Refuse deleted agents that are still needed, because columns have no rows for them."""
     values, known = game.internals.state, game.ctx.agent.agents
     gone = {name: team for name, (team, _) in values.departed.items() if name not in known}
     if not {*gone.values()} <= {agent.team for agent in known.values()}:
         raise NotTakenUp("a team whose agents were deleted")
     if gone and not gone.keys().isdisjoint(_texts_in(values.data)):
-        raise NotTakenUp("agents that were deleted, of which rules still know")
+        raise NotTakenUp("deleted agents that are still named in ctx.game.data")
 
 
 def _texts_in(value: object) -> Iterator[str]:
-    """Yield the texts in a value, but for the keys of mappings."""
+    """Yield the strings in a nested value, except the keys of mappings."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, dict | list | tuple | set | frozenset):
@@ -264,7 +264,7 @@ def _texts_in(value: object) -> Iterator[str]:
 
 
 def _refuse_unknown_places(game: PlayedGame, movement: Movement) -> None:
-    """Refuse agents on nodes or edges that the map does not have any more, or where they cannot come by their moves."""
+    """Refuse agents on nodes or edges that the map no longer has, or that their movement cannot reach."""
     block = game.ctx.agent.block
     by_metres = isinstance(movement, ByMetres)
     has_node = game.ctx.graph.graph.has_node
@@ -273,15 +273,15 @@ def _refuse_unknown_places(game: PlayedGame, movement: Movement) -> None:
         row, started = block.row_of(agent.name), game.internals.start_of(agent)
         place = block.progress[row]
         if not (has_node(started) and has_node(block.previous[row])):
-            raise NotTakenUp(f"agent {agent.name!r}, which has been where no node is any more")
+            raise NotTakenUp(f"agent {agent.name!r}, whose start node or previous node was removed")
         if place is not None and (by_metres != (place.motion != Motion.NONE) or not (by_metres or agent.speed)):
-            raise NotTakenUp(f"agent {agent.name!r}, which is on an edge as no agent of such a game")
+            raise NotTakenUp(f"agent {agent.name!r}, whose progress on an edge does not fit the settings of the game")
         if by_metres and place is not None and place.edge not in edges:
             raise NotTakenUp(f"agent {agent.name!r}, which is on an edge that was closed or removed")
 
 
 def _remembers(game: PlayedGame, agent: IAgent) -> bool:
-    """Whether an agent of a game, or its team, has something in its memory."""
+    """Return whether the memory of an agent or of its team is not empty."""
     values, nothing = game.internals.state, dict[Any, Any]()
     known = values.memories.get(agent.name, nothing), values.team_memories.get(agent.team, nothing)
     return any(not isinstance(one, dict) or len(one) > 0 for memory in known for one in memory.values())
@@ -289,11 +289,11 @@ def _remembers(game: PlayedGame, agent: IAgent) -> bool:
 
 # -- the last turn before the batch ----------------------------------------------------------------------------------
 
-_SHORT = {1: (0.0,), 2: (0.0, 1.0)}  # when agents are at their nodes that stay, or go along one edge in the turn
+_SHORT = {1: (0.0,), 2: (0.0, 1.0)}  # length of a path -> times at its nodes, if the agent stays or takes one edge
 
 
 class LastTurn(NamedTuple):
-    """How agents have moved in one game, (1, agents) each; see `LastMoves` and `ArrayTurn`."""
+    """The moves of the last turn of one game; arrays are (1, agents). See `ArrayTurn`."""
 
     starts: IntArray
     ends: IntArray
@@ -302,10 +302,10 @@ class LastTurn(NamedTuple):
 
     @classmethod
     def of(cls, moves: TurnMoves, roster: Roster, movement: Movement, node: IntArray) -> "LastTurn":
-        """Return the moves of a game whose agents are on these nodes now, (1, agents).
+        """Return the last moves of a game; `node` are the rows of the agents' current nodes, (1, agents).
 
         Raises:
-            UnknownName (KeyError): one led along a node or an edge that is not on the map any more.
+            UnknownName (KeyError): a move used a node or an edge that is no longer on the map.
         """
         number = {name: i for i, name in enumerate(roster.names)}
         pairs = [(i, number[name]) for name, i in moves.order.index_of.items() if name in number]
@@ -325,7 +325,7 @@ class LastTurn(NamedTuple):
 
 
 def _paths(tracks: Sequence[Track], numbers: IntArray, movement: Movement, starts: IntArray) -> Paths:
-    """Return the paths of agents by their numbers; the others are where they start."""
+    """Return the paths of all agents, (1, agents): the tracks of `numbers`; other agents stay at `starts`."""
     shape = (*starts.shape, max((len(track.path) for track in tracks), default=1))
     nodes, times = np.repeat(starts[..., None], shape[-1], axis=-1), np.full(shape, np.inf)
     times[..., 0], lengths, waits = 0.0, np.ones(starts.shape, np.int64), np.zeros(starts.shape, np.bool_)
@@ -341,7 +341,7 @@ def _paths(tracks: Sequence[Track], numbers: IntArray, movement: Movement, start
 def _paths_by_metres(
     moves: TurnMoves, slots: Sequence[int], numbers: IntArray, movement: ByMetres, starts: IntArray
 ) -> Paths:
-    """Return the paths of agents by metres, with the edges that they were on, those that came back to a node too."""
+    """Return the paths of agents that move by meters, including the legs along edges."""
     tracks = [moves.track(i) for i in slots]
     arrived = [_arrivals(track) for track in tracks]
     paths = _paths(arrived, numbers, movement, starts)
@@ -365,12 +365,12 @@ def _paths_by_metres(
 
 
 def _waits(track: Track) -> bool:
-    """Whether an agent is on its first node until it leaves."""
+    """Return whether an agent waits on its first node before it leaves."""
     return len(track.path) > 1 and track.path[0] == track.path[1]
 
 
 def _arrivals(track: Track) -> Track:
-    """Return the nodes that an agent has come to by its legs, the one where it began first, and again if it waited."""
+    """Return the track of the nodes where legs end, after the start node, which occurs twice if the agent waited."""
     if not track.legs:
         return track
     waits = _waits(track)

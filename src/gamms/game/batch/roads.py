@@ -1,7 +1,7 @@
-"""Which roads are open in the games of a batch: what is legal from nodes in each, and the maps that games have.
+"""The open roads of the games of a batch: the legal nodes in each game, and the maps that result from closed roads.
 
-Rules close and open roads in their games alone. What is legal is looked up for all games at once; what follows from a
-whole map, such as ways, is worked out for each map that is asked for, and shared by the games that have it.
+A rule closes or opens roads in its own game only. Legal nodes are looked up for all games at once. Data that depend on
+a whole map, such as routes, are computed on demand for each map, and shared by the games on it.
 """
 
 from collections import OrderedDict
@@ -20,22 +20,22 @@ from gamms.game.streets import StreetGraph
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, locked_columns, with_edges
 from gamms.ir.obstacles import BoolArray
 
-_MOST_BYTES = 1 << 28  # of what is worked out for maps, but for tables of ways, which are shared among batches
-_EDGE_BYTES = 200  # of that for an edge of one map; 74 measured on a grid, 200 on streets with names
-_OF_NODES = ("node_ids", "xy", "node_attributes", "crs")  # columns that are the same where roads are closed
+_MOST_BYTES = 1 << 28  # of data computed for maps, except route tables, which batches share
+_EDGE_BYTES = 200  # of these data for an edge of one map; 74 measured on a grid, 200 on streets with names
+_OF_NODES = ("node_ids", "xy", "node_attributes", "crs")  # columns that do not depend on closed roads
 
 
 class NeedsOneMap(BadValue):
-    """Something was asked for that differs between maps, where games have other roads closed."""
+    """A query has no single answer, because the games differ in their closed roads."""
 
 
 class RoadTables(NamedTuple):
-    """Where agents may go in games that have several maps, one map after the other.
+    """The legal nodes on all maps of the games, concatenated.
 
     Attributes:
-        maps: that of the start, which is None, then those of the games.
-        first: (games,) the place of the first node of the map of each.
-        offsets: (maps * nodes + 1,) the legal nodes of the node at place `i` are `targets[offsets[i]:offsets[i + 1]]`.
+        maps: the map of the start, which is None, then the other maps of the games.
+        first: (games,) the index of the first node of each game's map.
+        offsets: (maps * nodes + 1,) the legal nodes at index `i` are `targets[offsets[i]:offsets[i + 1]]`.
         targets: rows of nodes.
     """
 
@@ -46,17 +46,17 @@ class RoadTables(NamedTuple):
 
 
 class RoadMap:
-    """A map on which other roads are open than at the start.
+    """A map whose open roads differ from the start.
 
     Args:
-        roads: of all games.
-        number: of the map in its batch; 0 is that of the start.
-        gone: the rows of edges of the start that are not in their place here, ascending.
-        opened: the rows of edges that were opened, those of the start again, which come after all others.
-        closed: id -> edge, of all that are closed.
+        roads: the roads of all games.
+        number: the number of the map in its batch; 0 is the map of the start.
+        gone: the rows of edges of the start that are missing, or have moved to `opened`, ascending.
+        opened: the rows of edges that were opened, including reopened edges of the start; they follow all others.
+        closed: id -> edge, for all closed edges.
 
     Attributes:
-        shared: what was worked out for this map; see `GameArrays`.
+        shared: data computed for this map; see `GameArrays`.
         snapshot: the map of a context, as `ctx.graph.storage.snapshot` returns it; None: no rule has made it.
     """
 
@@ -65,23 +65,23 @@ class RoadMap:
         self.gone, self.opened, self.closed = gone, opened, closed
         self._arcs: dict[tuple[str | None, bool], kernels.Arcs] = {}
         self.shared: dict[Hashable, Any] = {}
-        self.world: Any = None  # of the games that have it; see `GameArrays.world`
+        self.world: Any = None  # of the games on this map; see `GameArrays.world`
         self.snapshot: Any = None
 
     def forget(self) -> None:
-        """Forget what was worked out; it is worked out again when it is asked for."""
+        """Drop the computed data; they are computed again on demand."""
         self.shared.clear()
         self.world = None
         vars(self).pop("streets", None)
 
     @property
     def key(self) -> Hashable:
-        """What is equal for equal maps."""
+        """A key that is equal for equal maps."""
         return self.gone.tobytes(), self.opened.tobytes(), tuple(self.closed)
 
     @property
     def rows(self) -> IntArray:
-        """The rows of the edges that are open here, in their order."""
+        """The rows of the open edges, in order."""
         return np.append(_others(self.gone, self._at_start), self.opened)
 
     @cached_property
@@ -90,7 +90,7 @@ class RoadMap:
         return _OpenRoutes(self._whole, self).neighborhoods()
 
     def arcs(self, weight: str | None, *, reverse: bool) -> kernels.Arcs:
-        """Return the edges with their weights, those that lead to each node if `reverse`; computed once."""
+        """Return the weighted outgoing edges of each node, or the incoming ones if `reverse`; computed once."""
         key = weight, reverse
         if key not in self._arcs:
             self._arcs[key] = _OpenRoutes(self._whole, self).arcs(weight, reverse=reverse)
@@ -98,61 +98,61 @@ class RoadMap:
 
     @cached_property
     def streets(self) -> StreetGraph:
-        """Where agents may go here."""
+        """The graph of this map."""
         return StreetGraph(locked_columns(self.columns()), _OpenRoutes(self._whole, self))
 
     def columns(self) -> GraphColumns:
-        """Return the graph."""
+        """Return the columns of this map's graph."""
         columns, rows = self._whole.columns, self.rows
         offsets, out_edges = kernels.group_rows(columns.sources[rows], len(columns.node_ids))
         return with_edges(columns, rows, offsets, out_edges)
 
 
 def _others(rows: IntArray, size: int) -> IntArray:
-    """Return the rows below `size` that are not among some, ascending."""
+    """Return the numbers below `size` that are not in `rows`, ascending."""
     is_other = np.ones(size, np.bool_)
     is_other[rows] = False
     return np.flatnonzero(is_other)
 
 
 class _OpenRoutes:
-    """The ways of a map on which other roads are open."""
+    """The weighted edges of a map whose open roads differ from the start."""
 
     def __init__(self, whole: StreetGraph, roads: RoadMap) -> None:
         self._whole, self._roads = whole, roads
 
     def weights(self, weight: str | None) -> FloatArray:
-        """Return what each edge costs, (edges,)."""
+        """Return the weight of each edge, (edges,)."""
         return self._whole.weights(weight)[self._roads.rows]
 
     def arcs(self, weight: str | None = "length", *, reverse: bool = False) -> kernels.Arcs:
-        """Return the edges with their weights."""
+        """Return the weighted outgoing edges of each node, or the incoming ones if `reverse`."""
         columns, rows = self._whole.columns, self._roads.rows
         ends = (columns.targets, columns.sources) if reverse else (columns.sources, columns.targets)
         return kernels.make_arcs(ends[0][rows], ends[1][rows], self.weights(weight), len(columns.node_ids))
 
     def neighborhoods(self) -> tuple[IntArray, IntArray]:
-        """Return the nodes that each node has an open edge to, itself first, as offsets (nodes + 1,) and rows."""
+        """Return each node and its neighbors by open edges, itself first, as offsets (nodes + 1,) and rows."""
         columns, rows = self._whole.columns, self._roads.rows
         return kernels.neighborhoods(columns.sources[rows], columns.targets[rows], len(columns.node_ids))
 
 
 class OpenRoads:
-    """The roads of all games of a batch.
+    """The open roads of all games of a batch.
 
-    Edges have the rows of `whole`, which are those of the start where they were open then.
+    Edges are rows of `whole`; edges that were open at the start have the same rows there.
 
     Args:
-        streets: of the map at the start.
-        whole: of the map on which those are open, too, that were closed then, behind all others.
-        closed: the edges that were.
-        games: how many there are.
+        streets: the graph at the start.
+        whole: the graph with all roads open; edges that were closed at the start follow all others.
+        closed: the edges that were closed at the start.
+        games: the number of games.
 
     Attributes:
         streets, whole: as given.
-        number: (games,) the number of the map of each; 0: that of the start.
-        are_closed: whether that is not so in all games.
-        shared: what was worked out for all maps, and follows from none alone.
+        number: (games,) the number of each game's map; 0: the map of the start.
+        are_closed: whether the map of any game differs from the start.
+        shared: data computed for all maps together.
         searches: the searches by which rules in the core find distances along roads, each with its weight.
     """
 
@@ -170,18 +170,18 @@ class OpenRoads:
         self.searches: list[tuple[str | None, NearNodes]] = []
 
     def use(self, roads: RoadMap) -> None:
-        """Note that a map is asked for what is worked out for it; those that were not for longest forget it."""
+        """Mark a map as recently used; drop the data of the least recently used maps above the memory limit."""
         self._used[roads.number] = roads
         self._used.move_to_end(roads.number)
         while len(self._used) > max(1, _MOST_BYTES // (_EDGE_BYTES * (1 + len(self.streets.columns.edge_ids)))):
             self._used.popitem(last=False)[1].forget()
 
     def of(self, game: int) -> RoadMap | None:
-        """Return the map of a game; None: it is that of the start."""
+        """Return the map of a game; None: the map of the start."""
         return self._maps[game]
 
     def put(self, games: IntArray, roads: RoadMap | None) -> None:
-        """Let games have a map."""
+        """Set the map of games; None: the map of the start."""
         if roads is None and not self.are_closed:
             return
         for game in games.tolist():
@@ -191,7 +191,7 @@ class OpenRoads:
         self._tables = None
 
     def checkpoint(self) -> Callable[[], None]:
-        """Return a function that takes back what rules change from now on."""
+        """Return a function that undoes all later changes of roads."""
         known = self.number.copy(), [*self._maps], self.are_closed
 
         def undo() -> None:
@@ -202,12 +202,12 @@ class OpenRoads:
         return undo
 
     def arcs_of(self, maps: Sequence[RoadMap | None], weight: str | None, *, reverse: bool) -> tuple[Any, Any, Any]:
-        """Return the edges of some maps, one map after the other: offsets, rows of nodes, and weights.
+        """Return the edges of maps, concatenated: offsets, rows of nodes, and weights.
 
         Args:
-            maps: the maps.
-            weight: of the edges.
-            reverse: whether to return the edges that lead to each node, and not those that lead away.
+            maps: the maps; None: the map of the start.
+            weight: the edge weight.
+            reverse: whether to return the incoming edges of each node instead of the outgoing ones.
         """
         at_start = self.streets.ways_to if reverse else self.streets.ways
         each = [at_start(weight) if one is None else one.arcs(weight, reverse=reverse) for one in maps]
@@ -220,7 +220,7 @@ class OpenRoads:
 
     @property
     def tables(self) -> RoadTables:
-        """Where agents may go in all games."""
+        """The legal nodes in all games."""
         if self._tables is None:
             numbers, slots = np.unique(np.append(0, self.number), return_inverse=True)
             maps = dict(zip(self.number.tolist(), self._maps, strict=True)) | {0: None}
@@ -233,7 +233,7 @@ class OpenRoads:
         return self._tables
 
     def by_map(self, games: IntArray) -> Iterator[tuple[RoadMap | None, IntArray]]:
-        """Yield the maps that some games have, and the places of those that have each."""
+        """Yield each map of the games, and the indices of its games in `games`."""
         number = self.number[games]
         for one in np.unique(number).tolist():
             places = np.flatnonzero(number == one)
@@ -242,7 +242,7 @@ class OpenRoads:
     # -- maps -------------------------------------------------------------------------------------------------------
 
     def are_open(self, edges: IntArray, games: IntArray) -> BoolArray:
-        """Return which edges, by their ids, are open in games of these numbers, one of each for each."""
+        """Return whether each edge, given by its id, is open in the game at the same index, (edges,)."""
         found = np.zeros(edges.shape, np.bool_)
         for roads, places in self.by_map(games):
             columns = self.streets.columns if roads is None else roads.columns()
@@ -250,10 +250,10 @@ class OpenRoads:
         return found
 
     def map_with(self, edge_ids: IntArray, closed: ClosedEdges) -> RoadMap | None:
-        """Return the map with these edges, in their order; None: it is that of the start.
+        """Return the map with these open edges, in this order; None: the map of the start.
 
         Raises:
-            BadValue: one is opened that was closed at the start while another edge had its id.
+            BadValue: an edge is opened that was closed at the start, while another edge had its id.
         """
         return self._map_of(self._rows_of(edge_ids), closed)
 
@@ -286,7 +286,7 @@ class OpenRoads:
 
 
 def refuse_several_maps(what: str) -> NoReturn:
-    """Refuse to say what differs between maps."""
+    """Raise an error for a query whose answer differs between maps."""
     raise NeedsOneMap(
         f"{what} differs between these games, in which other roads are closed: ask for games with the same roads, by "
         "view.in_games(which)."
@@ -294,7 +294,7 @@ def refuse_several_maps(what: str) -> NoReturn:
 
 
 class _NodeColumns:
-    """The columns of maps that differ in their edges."""
+    """The columns of nodes of maps that differ in their edges."""
 
     def __init__(self, columns: GraphColumns) -> None:
         self._columns = columns
@@ -306,10 +306,10 @@ class _NodeColumns:
 
 
 class StreetsOfMaps(StreetGraph):
-    """The nodes of maps that differ in the roads that are open; it refuses to say where these lead.
+    """The nodes of maps that differ in their open roads; queries of edges raise `NeedsOneMap`.
 
     Attributes:
-        whole: the streets of the map on which all roads are open that were at the start.
+        whole: the graph at the start.
     """
 
     def __init__(self, whole: StreetGraph) -> None:

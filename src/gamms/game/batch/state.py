@@ -1,4 +1,4 @@
-"""What a batch remembers of its games: where agents are, scores, events, deeds, and what rules and strategies keep."""
+"""The state of the games of a batch: positions, scores, events, deeds, and the memory of rules and strategies."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -29,28 +29,28 @@ from gamms.kernels.draws import BitArray
 from gamms.readonly import locked
 from gamms.text import shown
 
-KEPT = "array functions"  # the key of `ctx.game.data` for the arrays that functions keep in a game alone
-STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # kind of event -> the agent that it stops
-NAMED = {"tag": "other", "take": "flag", "drop": "flag", "capture": "flag"}  # by events of the core, beside an agent
+KEPT = "array functions"  # the key of `ctx.game.data` for the arrays of array functions in a single game
+STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # event kind -> field of the stopped agent
+NAMED = {"tag": "other", "take": "flag", "drop": "flag", "capture": "flag"}  # core event kind -> its second field
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
 Purpose = tuple[str | int, ...]
 Heading = tuple[float, float] | None
 Columns = dict[Hashable, np.ndarray[Any, Any]]
-"""What the next turns of games follow from, arrays (games, …) by name: `Batch.columns`."""
+"""The state of games as arrays (games, …) by name, as `Batch.columns` returns it."""
 
 
 class NotTakenUp(GammsError):
-    """The core cannot hold a part of a game, in words; the games are played one after the other then."""
+    """The core does not support a part of a game, so that the games are played one after the other."""
 
 
 class Emitted(NamedTuple):
     """Events of one kind that were emitted together.
 
     Attributes:
-        kind: of all.
-        games: (events,)
-        turns: (events,)
-        fields: name -> (events,) values.
+        kind: the kind of the events.
+        games: (events,) the number of each event's game.
+        turns: (events,) the turn of each event.
+        fields: name -> a list with a value for each event.
     """
 
     kind: str
@@ -60,22 +60,22 @@ class Emitted(NamedTuple):
 
     @classmethod
     def of(cls, game: int, entry: Mapping[str, Any]) -> "Emitted":
-        """Return an event that is in the log of a game."""
+        """Return the event of one log entry of a game."""
         fields = {name: [value] for name, value in entry.items() if name not in ("turn", "kind")}
         return cls(entry["kind"], np.array([game]), np.array([entry["turn"]]), fields)
 
     def those(self, which: BoolArray) -> "Emitted":
-        """Return some of the events."""
+        """Return the events selected by a mask."""
         return some_rows(self, which)
 
 
 class CoreEvents(NamedTuple):
-    """Events that the core has noted, (events,) each; see `gamms.core.rules`.
+    """Events logged by the core; arrays are (events,). See `gamms.core.rules`.
 
     Attributes:
-        games, turns, rules, kinds, agents, others: as the core has them.
-        nodes: their ids.
-        flags: of each number of a rule, the teams whose flags it has.
+        games, turns, rules, kinds, agents, others: the numbers that the core logs.
+        nodes: the ids of the nodes.
+        flags: for each rule number, the teams of its flags.
     """
 
     games: IntArray
@@ -88,15 +88,15 @@ class CoreEvents(NamedTuple):
     flags: tuple[tuple[Hashable, ...], ...]
 
     def those(self, which: BoolArray | IntArray) -> "CoreEvents":
-        """Return some of the events: which, (events,), or their places."""
+        """Return the events selected by a mask or by indices."""
         games, turns, rules, kinds, agents, others, nodes = (column[which] for column in self[:7])
         return CoreEvents(games, turns, rules, kinds, agents, others, nodes, self.flags)
 
     def emitted(self, names: Sequence[str]) -> Iterator[Emitted]:
-        """Yield the events of one kind together, those of one game in their order; `names` are those of the agents."""
+        """Yield events grouped by kind; the events of a game keep their order. `names` are the agents' names."""
         is_first = np.diff(self.games, prepend=-1) != 0
         run = np.cumsum(is_first | (np.diff(self.kinds, prepend=-1) != 0))
-        run -= np.maximum.accumulate(np.where(is_first, run, 0))  # of events of one kind, in its game
+        run -= np.maximum.accumulate(np.where(is_first, run, 0))  # the number, within a game, of the run of one kind
         keys = run * len(rules.KINDS) + self.kinds
         for key in np.unique(keys).tolist():
             some, kind = self.those(keys == key), rules.KINDS[key % len(rules.KINDS)]
@@ -109,38 +109,38 @@ class CoreEvents(NamedTuple):
 
 
 class EventLog(GameLog[Emitted | CoreEvents]):
-    """The events of all games, as they were emitted.
+    """The log of the events of all games.
 
     Args:
-        num_games: of the batch.
-        names: of the agents.
+        num_games: the number of games in the batch.
+        names: the names of the agents.
     """
 
     def __init__(self, num_games: int, names: Sequence[str]) -> None:
         super().__init__(num_games)
         self._names = names
-        self._unread: dict[Hashable, list[Emitted]] = {}  # reader -> what it has not read yet
-        self._read_before: dict[Hashable, int] = {}  # reader -> how many events of each game it had read at the start
+        self._unread: dict[Hashable, list[Emitted]] = {}  # reader -> its unread events
+        self._read_before: dict[Hashable, int] = {}  # reader -> the number of events it had read before the batch
 
     def begin(self, games: IntArray, entries: Sequence[dict[str, Any]]) -> None:
-        """Let some games begin with events of earlier turns."""
+        """Start the empty logs of games with events of earlier turns."""
         super().begin(games, entries)
         for reader, number in self._read_before.items():
             self._unread[reader] += [Emitted.of(game, entry) for game in games.tolist() for entry in entries[number:]]
 
     def read(self, reader: Hashable, number: int) -> None:
-        """Let a reader go on after the first events of each game, of which it had read so many before the batch."""
+        """Register a reader that had read the first `number` events of each game before the batch."""
         self._read_before[reader] = number
         self._unread[reader] = [
             Emitted.of(game, entry) for game in range(len(self._of_game)) for entry in self.of(game)[number:]
         ]
 
     def is_read_by(self, reader: Hashable) -> bool:
-        """Whether it is known what a reader has read."""
+        """Return whether a reader is registered."""
         return reader in self._unread
 
     def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> Emitted:
-        """Note events and return them, one for each of these games; of one game they are in their order."""
+        """Log and return events, one for each entry of `games`; the events of a game are in order."""
         emitted = Emitted(kind, games, turns, fields)
         self._pending.append(emitted)
         for unread in self._unread.values():
@@ -148,18 +148,18 @@ class EventLog(GameLog[Emitted | CoreEvents]):
         return emitted
 
     def take(self, events: CoreEvents) -> None:
-        """Note events of games in the core."""
+        """Log events of games in the core."""
         self._pending.append(events)
         for unread in self._unread.values():
             unread.extend(events.emitted(self._names))
 
     def note(self, game: int, entries: Sequence[Mapping[str, Any]]) -> None:
-        """Let readers find events that are in the log of a game already."""
+        """Add events that are already in the log of a game to the unread events of all readers."""
         for unread in self._unread.values():
             unread += [Emitted.of(game, entry) for entry in entries]
 
     def new(self, reader: Hashable, games: IntArray) -> list[Emitted]:
-        """Return the events of some games since the last call for a reader and these, at first all so far."""
+        """Return the events of games that a reader has not read yet, and mark them as read."""
         if reader not in self._unread:
             self._unread[reader] = [
                 Emitted.of(game, entry) for game in range(len(self._of_game)) for entry in self.of(game)
@@ -169,7 +169,7 @@ class EventLog(GameLog[Emitted | CoreEvents]):
         return [one.those(is_new) for one, is_new in known if is_new.any()]
 
     def checkpoint(self) -> Callable[[], None]:
-        """Return a function that takes back all that is noted from now on."""
+        """Return a function that undoes all later changes."""
         undo_log = super().checkpoint()
         unread = {reader: [*noted] for reader, noted in self._unread.items()}
 
@@ -180,13 +180,13 @@ class EventLog(GameLog[Emitted | CoreEvents]):
         return undo
 
     def forget(self, games: IntArray) -> None:
-        """Forget the events of some games."""
+        """Remove the events of games."""
         super().forget(games)
         for unread in self._unread.values():
             unread[:] = [emitted.those(~np.isin(emitted.games, games)) for emitted in unread]
 
     def clear(self) -> None:
-        """Forget the events of all games."""
+        """Remove the events of all games."""
         super().clear()
         for unread in self._unread.values():
             unread.clear()
@@ -202,11 +202,11 @@ class EventLog(GameLog[Emitted | CoreEvents]):
 
 
 def _tell_nobody(failure: Failure) -> None:
-    """Do nothing: no agent of a plain function has done something wrong."""
+    """Do nothing; the default of `GameArrays.tell`."""
 
 
 def _refuse_other_arrays(made: object, games: int) -> None:
-    """Refuse what `make` of `keep` gave if it is no dict of arrays with the games first."""
+    """Refuse the return value of `make` in `keep(key, make)` unless it is a dict of arrays (games, …)."""
     if not isinstance(made, dict):
         raise BadType(f"make of keep(key, make) returns name -> array, not {shown(made)}.")
     for name, array in made.items():
@@ -218,9 +218,16 @@ def _refuse_other_arrays(made: object, games: int) -> None:
 
 
 def _as_made(key: Hashable, named: str, first: Arrays, made: object) -> Arrays:
-    """Return what is kept of a game that has begun, in arrays as `make` of `keep` makes them for one game."""
+    """Return the memory of a game that has begun, with the names, shapes and data types that `make` makes.
+
+    Args:
+        key: the key of the memory.
+        named: the rule or strategy, for messages.
+        first: the memory of one game.
+        made: the arrays that `make` made for one game.
+    """
     _refuse_other_arrays(made, 1)
-    like: Arrays = made  # type: ignore[assignment] # which was checked
+    like: Arrays = made  # type: ignore[assignment] # checked above
     given, wanted = ({name: np.shape(one) for name, one in those.items()} for those in (first, like))
     for name in wanted | given:
         if given.get(name) != wanted.get(name):
@@ -244,13 +251,13 @@ def _repeated(first: Arrays, games: int) -> Arrays:
     return {name: np.repeat(one, games, axis=0) for name, one in first.items()}
 
 
-class World(NamedTuple):
-    """Where agents of some games go.
+class MapData(NamedTuple):
+    """The graph, the movement, and cached data of games with the same open roads, or of several maps.
 
     Attributes:
-        streets: of their map; of several maps, what is the same on all.
-        movement: how the agents go there.
-        shared: what was worked out for this map, or these.
+        streets: the graph; for several maps, the parts that do not differ.
+        movement: the movement of the agents.
+        shared: data computed for the map, or for all maps, by key.
     """
 
     streets: StreetGraph
@@ -263,53 +270,54 @@ class GameArrays:
 
     Attributes:
         roster: the agents of each game.
-        movement: how they go.
-        streets: where they go.
-        seeds: of the games.
-        node, start: (games, agents) rows of nodes: where agents are, and where they began.
-        previous: (games, agents) rows of nodes that agents have come from, where plain functions are called.
-        alive: (games, agents)
-        is_there: (games, agents) which agents are in the game, dead or alive; the others may come.
-        turn: (games,) how many turns were played.
+        movement: the movement of the agents.
+        streets: the graph on which agents move.
+        seeds: the seed of each game.
+        node, start: (games, agents) rows of nodes: the current node and the start node of each agent.
+        previous: (games, agents) rows of the previous nodes; up to date where plain functions are called.
+        alive: (games, agents) whether each agent is alive.
+        is_there: (games, agents) whether each agent is in the game, dead or alive; the others have not entered yet.
+        turn: (games,) the number of turns played.
         scores: key -> (games,) numbers.
-        counts: of moves, of conflicts and of what was illegal, (games, agents) each.
-        errors: of each game, in order.
-        failures: what agents have decided wrongly by functions in a part of the turn, and the turn; the core notes it
-            with what it finds.
-        tell: lets an agent know what it did wrong.
-        deeds: what agents may do besides moving.
-        deed_log: what they did; None: nothing.
-        radio: by what agents send messages, and what was sent; None: by nothing.
-        places: where agents on the ground are in games that are played one by one; None: on their nodes.
-        flights: the agents that fly; None: none do.
-        noted, noted_nodes: agent -> its sensors that are asked themselves which agents, or nodes, they show.
-        sighted: game and agent -> such a sensor -> others, and the rows of nodes where they are reported.
-        sighted_nodes: game and agent -> such a sensor -> the rows of the nodes that it shows.
-        covered: game and agent -> a sensor that turns with it -> the rows of the nodes on which it would show agents.
-        look: asks these sensors in some games; None: they were asked.
-        reading: the context in which sensors are called.
-        change_roads: closes or opens roads in some games; see `PointedContext.change_roads`.
-        over: of each game how it ended: reason, winner, truncated; None while it goes on.
-        is_going: (games,) which have not ended.
-        roads: which are open in each game.
-        stops: (games, agents) how often an agent was tagged, put back or eliminated.
-        headings: of each game, the headings of agents that were set during the game, by number; see `AgentBlock`.
-        turning: games, agents and the headings that these have chosen in the part of a turn that is under way.
-        placed: (games, agents) which were put where they are since they moved in this turn.
-        fell: (games, agents) which rules of the phase "deeds" have eliminated in this turn.
-        numbers: the further numbers of agents, name -> (games, agents); see `ir.schema.NUMBERS`.
-        kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
-        first, first_by: what they remember of a game that has begun, likewise, as arrays of one game; and which does.
-        has_begun: whether games begin after some turns; what forms keep of these must be in `first` then.
-        takes_up: (agents,) whether all that the strategy of an agent keeps of these turns is in `first`.
-        why_not_first: why it is not.
-        facts: what rules have published, by name, in a form that each says.
-        events: of all games.
-        blocked: (games, agents) whether conflicts have stopped an agent in the last turn.
-        shared: what was worked out once for all games, from what does not change, by what it is.
-        now: what was worked out of how the games are now, by what it is; emptied when they change.
-        no_node: (games,) 0: the number of the first node in games on one map.
-        memory_of: (agents,) the number of the memory that an agent shares with its team, or has for itself.
+        counts: name -> (games, agents) the numbers of moves, conflicts and illegal actions.
+        errors: for each game, its error entries in order.
+        failures: failed decisions of functions in the current part of the turn, with the turn; the core logs them
+            together with its own.
+        tell: called with each failure, to inform the agent.
+        deeds: the deeds that agents may do besides moving.
+        deed_log: the log of deeds; None: the games declare no deeds.
+        radio: the channels and their messages; None: the games have no channels.
+        places: positions of agents on the ground in games that are played one by one; None: agents are on nodes.
+        flights: the flying agents; None: no agent flies.
+        noted, noted_nodes: agent -> its sensors that are called individually for agents, or for nodes.
+        sighted: (game, agent) -> sensor in `noted` -> the visible agents, and the rows of nodes where they appear.
+        sighted_nodes: (game, agent) -> sensor in `noted_nodes` -> the rows of the visible nodes.
+        covered: (game, agent) -> a sensor that turns with the agent -> rows of the nodes where it would show agents.
+        look: calls these sensors in games; None: they were called already.
+        reading: returns the context manager in which sensors are called.
+        change_roads: closes or opens roads in games; see `PointedContext.change_roads`.
+        over: for each game, the reason, winner and truncation of its end; None while it continues.
+        is_going: (games,) whether each game continues.
+        roads: the open roads of each game.
+        stops: (games, agents) how often each agent was tagged, respawned or eliminated.
+        headings: for each game, agent number -> heading set during the game; see `AgentBlock`.
+        turning: (game, agent, heading) triples chosen in the current part of the turn.
+        placed: (games, agents) whether a rule has placed the agent since its move in this turn.
+        fell: (games, agents) whether a rule of the phase "deeds" has eliminated the agent in this turn.
+        numbers: name -> (games, agents) additional numbers of agents; see `ir.schema.NUMBERS`.
+        kept: the memory of rules and strategies: key -> name -> array (games, …).
+        first: the memory of turns before the batch, as `kept`, but arrays of one game.
+        first_by: key -> the rule or strategy that returned this memory, for messages.
+        has_begun: whether turns were played before the batch; then the memory of these turns must be in `first`.
+        takes_up: (agents,) whether `first` holds the complete memory that the agent's strategy has of these turns.
+        why_not_first: why a strategy's memory is missing in `first`, for messages.
+        facts: the facts that rules have published, by name.
+        events: the events of all games.
+        blocked: (games, agents) whether a conflict stopped the agent in the last turn.
+        shared: data computed once for all games, by key; independent of the state.
+        now: data computed from the current state, by key; cleared when the state changes.
+        no_node: (games,) zeros: the number of the first node, for games on one map.
+        memory_of: (agents,) the number of each agent's memory; agents of a team may share one.
     """
 
     why_not_first = ""
@@ -342,14 +350,14 @@ class GameArrays:
         self._be_on(movement)
 
     def _be_on(self, movement: Movement) -> None:
-        """Begin to note what depends on a map."""
+        """Initialize the attributes that depend on the map."""
         movement.begin(self.node.shape)
         self.movement = movement
         if self.flights is not None:
             movement.leaves_nodes = True
         self.streets = movement.streets
         self.roads = movement.all_roads
-        self._of_maps: World | None = None  # of games that have several maps
+        self._of_maps: MapData | None = None  # for games that differ in their open roads
         self.deeds = DeclaredDeeds({}, None, self.roster, movement.streets)
         self.kept, self.first, self.has_begun = dict[Hashable, Arrays](), dict[Hashable, Arrays](), False
         self.first_by, self.takes_up = dict[Hashable, str](), np.zeros(len(self.roster.names), np.bool_)
@@ -371,7 +379,7 @@ class GameArrays:
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
 
     def on_map(self, movement: Movement, roster: Roster) -> Self:
-        """Return the same games on another map: what does not depend on the map, they share."""
+        """Return a state of the same games on another map; it shares all attributes that do not depend on the map."""
         twin = copy(self)
         twin.roster = roster
         twin._be_on(movement)
@@ -381,7 +389,7 @@ class GameArrays:
         return len(self.seeds)
 
     def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
-        """Begin some games again, before `InitialState.put`."""
+        """Reset games to the start of their map; `InitialState.put` then adds the state of earlier turns."""
         for game, seed in zip(games.tolist(), seeds, strict=True):
             self.seeds[game], self.over[game], self.errors[game] = seed, None, []
             self.headings[game] = {}
@@ -406,44 +414,43 @@ class GameArrays:
 
     @property
     def _logs(self) -> Iterator[GameLog[Any]]:
-        """The logs of all games that are noted as arrays."""
+        """The logs that hold entries of many games as arrays."""
         yield from (log for log in (self.events, self.radio, self.deed_log) if log is not None)
 
     def put_roads(self, games: IntArray, roads: RoadMap | None) -> None:
-        """Let games have a map on which other roads are open; None: that of the start."""
+        """Set the map of games, on which other roads are open; None: the map of the start."""
         self.roads.put(games, roads)
         self.movement.roads = self.roads if self.roads.are_closed else None
 
-    def world(self, games: IntArray) -> World:
-        """Return where agents of some games go."""
+    def world(self, games: IntArray) -> MapData:
+        """Return the graph, the movement and the cached data of games."""
         if not self.roads.are_closed:
-            return World(self.streets, self.movement, self.shared)
+            return MapData(self.streets, self.movement, self.shared)
         number = self.roads.number[games]
         if len(games) and (number != number[0]).any():
             if self._of_maps is None:
-                self._of_maps = World(StreetsOfMaps(self.streets), self.movement, self.roads.shared)
+                self._of_maps = MapData(StreetsOfMaps(self.streets), self.movement, self.roads.shared)
             return self._of_maps
         roads = self.roads.of(int(games[0])) if len(games) else None
         if roads is None:
-            return World(self.streets, self.movement.at_start(), self.shared)
+            return MapData(self.streets, self.movement.at_start(), self.shared)
         self.roads.use(roads)
         if roads.world is None:
-            roads.world = World(roads.streets, self.movement.on(roads), roads.shared)
-        found: World = roads.world
+            roads.world = MapData(roads.streets, self.movement.on(roads), roads.shared)
+        found: MapData = roads.world
         return found
 
     def share_memories(self) -> None:
-        """Let the agents of each team share a memory; those of no team have their own."""
+        """Make the agents of each team share one memory; agents without a team (None) keep their own."""
         teams, team_of = self.roster.teams, self.roster.team_of
         shares = np.array([team is not None for team in teams], np.bool_)[team_of]
         numbers = np.where(shares, team_of, len(teams) + np.arange(len(team_of)))
         self.memory_of = locked(np.unique(numbers, return_inverse=True)[1])
 
     def columns(self) -> Columns:
-        """Return what the next turns follow from, copies by name, (games, …) each.
+        """Return copies of the positions of agents and of the memory of rules and strategies, name -> (games, …).
 
-        That is where agents are and what rules and strategies remember, and not the turn, scores, seeds and logs, deeds
-        and messages, and how agents moved in the last turn.
+        The turn, scores, seeds, logs, deeds, messages, and the moves of the last turn are not included.
         """
         return {name: one.copy() for name, one in self._remembered().items()}
 
@@ -454,18 +461,18 @@ class GameArrays:
             found.update(dict[Hashable, Any](self.flights.remembered))
         found |= {name: getattr(self.movement, name) for name in self.movement.remembers}
         found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
-        if any("stops" in those for those in self.kept.values()):  # a rule compares them with what they were
+        if any("stops" in those for those in self.kept.values()):  # a rule compares `stops` with earlier values
             found["stops"] = self.stops
         return found
 
     def _refuse_others(self, columns: Columns, mine: Columns) -> None:
-        """Refuse columns that are not those of as many such games, whose columns are `mine`."""
+        """Refuse columns whose names, shapes, data types or values do not fit `mine`, the columns of these games."""
         shapes, given = ({name: np.shape(one) for name, one in those.items()} for those in (mine, columns))
         wrong = [name for name in shapes | given if given.get(name) != shapes.get(name)]
         if wrong:
             raise BadValue(
-                f"columns are those of as many such games, after a turn of these: {shown(wrong[0])} has the shape "
-                f"{given.get(wrong[0])}, not {shapes.get(wrong[0])}; None: it is not there."
+                f"columns must come from the same number of games of this scenario, after a turn of these: "
+                f"{shown(wrong[0])} has the shape {given.get(wrong[0])}, not {shapes.get(wrong[0])}; None: missing."
             )
         nodes, edges = self.streets.num_nodes, len(self.streets.columns.edge_ids)
         limits: dict[Hashable, tuple[int, int]] = dict.fromkeys(("node", "start", "previous"), (0, nodes))
@@ -481,7 +488,7 @@ class GameArrays:
                     raise BadValue(f"The column {name!r} has numbers from {least} to {end - 1}, not {others[0]}.")
 
     def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float]) -> None:
-        """Put all games where others were, by their `columns`, without events and errors."""
+        """Set the state of all games from `columns`, and clear their events and errors."""
         mine = self._remembered()
         self._refuse_others(columns, mine)
         for name, values in mine.items():
@@ -499,7 +506,7 @@ class GameArrays:
         self.now.clear()
 
     def chosen(self, column: Any, games: IntArray, agents: IntArray | None = None) -> Any:
-        """Return a copy of a column (games, agents) of some games and agents, ascending; None: of all agents."""
+        """Return a copy of some rows and columns of (games, agents), by ascending numbers; None: all agents."""
         # NOTE: `take` costs half of an index, and several times as much as a copy of all (benchmarks: batches).
         of_games = column if len(games) == len(self) else column.take(games, axis=0)
         if agents is None or len(agents) == column.shape[1]:
@@ -507,9 +514,9 @@ class GameArrays:
         return of_games.take(agents, axis=1)
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays], *, is_new: bool = False) -> Arrays:
-        """Return what a rule or a strategy remembers of all games; at first what `make(games)` gives.
+        """Return the memory of a rule or a strategy in all games; the first call stores `make(games)`.
 
-        `is_new` says whether it remembers nothing of the turns before the batch unless `first` has it.
+        `is_new` says that a key which `first` does not contain has no data of turns before the batch.
         """
         known = self.kept.get(key)
         if known is None:
@@ -528,7 +535,7 @@ class GameArrays:
         return known
 
     def checkpoint(self, more: Sequence[np.ndarray[Any, Any]]) -> Callable[[], None]:
-        """Return a function that takes back all that happens from now on, also in these other columns."""
+        """Return a function that undoes all later changes, including changes to the columns in `more`."""
         by_key: list[dict[Any, Any]] = [*self.scores.columns, *self.kept.values()]
         columns = [
             self.node,
@@ -573,38 +580,38 @@ class GameArrays:
         return undo
 
     def turn_agents(self) -> None:
-        """Let agents that live turn as they have chosen in a part of a turn, after its moves."""
+        """Set the headings that living agents have chosen in the current part of the turn, after its moves."""
         for game, agent, heading in self.turning:
             if self.alive[game, agent]:
                 self.headings[game] = {**self.headings[game], agent: heading}
         self.turning.clear()
 
     def note_failure(self, failure: Failure, turn: int | None = None) -> None:
-        """Note in the log of a game what an agent did wrong, and let it know; `turn` is when, None: now."""
+        """Count a failure, and add it to the error log of its game; `turn` is the turn, None: the current one."""
         game, agent, kind, message = failure
         self.counts[COUNT_OF.get(kind, kind)][game, agent] += 1
         name, when = self.roster.names[agent], int(self.turn[game]) if turn is None else turn
         self.errors[game].append({"turn": when, "agent": name, "kind": kind, "message": message})
 
     def purposes(self, *purpose: str | int) -> BitArray:
-        """Return the hash of the seed and a purpose of each game, (games,); see `kernels.purpose_key`."""
+        """Return the hash of each game's seed and a purpose, (games,); see `kernels.purpose_key`."""
         return self.several_purposes(purpose)[:, 0]
 
     def several_purposes(self, *purposes: Purpose) -> BitArray:
-        """Return the same of several purposes, (games, purposes)."""
+        """Return the hashes of each game's seed and each purpose, (games, purposes)."""
         keys = self._purposes.get(purposes)
         if keys is None:
             keys = self._purposes[purposes] = _purpose_keys(self.seeds, purposes)
         return keys
 
     def seeds_of(self, games: IntArray) -> IntArray:
-        """Return the seeds of some games."""
+        """Return the seeds of games, (games,)."""
         if self._seeds is None:
             self._seeds = np.array(self.seeds)
         return self._seeds[games]
 
     def draw_keys(self, purpose: str = "agent") -> BitArray:
-        """Return the keys of what agents draw for a purpose, (games, agents); see `kernels.first_key_rows`."""
+        """Return the keys of agents' draws for a purpose, (games, agents); see `kernels.first_key_rows`."""
         if purpose not in self._draw_keys:
             self._draw_keys[purpose] = kernels.first_key_rows(self.purposes(purpose)[:, None], self.roster.keys[None])
         return self._draw_keys[purpose]

@@ -59,10 +59,10 @@ class ArrayTurn:
         seeds: (games,) the seed of each game.
         roster: the agents, in the order of their names.
         streets: the graph.
-        starts: the node of each agent before its move; in the phase "before", those of the last turn.
-        ends: the node after its move, after conflicts were resolved.
-        took_part: whether the agent was alive then.
-        paths: the paths of the agents; None: along at most one edge. `visits` returns the visited nodes.
+        starts: the row of each agent's node before its move; in the phase "before", before the move of the last turn.
+        ends: the row of each agent's node after its move, with conflicts resolved.
+        took_part: whether the agent was alive at that move.
+        paths: the paths of the agents; None: all moved along at most one edge. `visits` returns the visited nodes.
         node: the current node of each agent; `respawn` changes it.
         alive: whether the agent is alive now; `eliminate` and `respawn` change it.
 
@@ -139,7 +139,7 @@ class ArrayTurn:
         nodes = np.where(by_move[..., None], paths.nodes, self.node[..., None])
         number, skips_first = np.arange(nodes.shape[-1]), by_move & ~paths.stays & ~paths.waits
         counts = living[..., None] & (number >= skips_first[..., None]) & (number < lengths[..., None])
-        if paths.legs is not None and paths.legs.edge.size:  # who waits on a node is not there again when it leaves
+        if paths.legs is not None and paths.legs.edge.size:  # waiting on the first node is one visit, not two
             counts[..., 1:2] &= ~(by_move & paths.waits)[..., None]
         at, agents, number = np.nonzero(counts & which[nodes] if is_of_nodes else counts)
         has_moved = by_move[at, agents]
@@ -181,7 +181,7 @@ class ArrayTurn:
         nodes: Mapping[str, IntArray] | None = None,
         values: Mapping[str, list[Any]] | None = None,
     ) -> None:
-        """Emit one event for each item of `at`; the events of a game are in their order.
+        """Emit one event for each item of `at`; the events of a game keep this order.
 
         Args:
             kind: the kind of the events.
@@ -245,7 +245,7 @@ class ArrayTurn:
         Their `games` are indices in this turn.
         """
         if self._state.has_begun and not self._state.events.is_read_by(reader):
-            raise NotTakenUp(f"it is not known which events of the turns before the batch were read by {shown(reader)}")
+            raise NotTakenUp(f"it is unknown which events of the turns before the batch {shown(reader)} has read")
         number = places_of(self.games, len(self._state))
         new = self._state.events.new(reader, self.games)
         return [emitted._replace(games=number[emitted.games]) for emitted in new]
@@ -345,7 +345,7 @@ class ArrayTurn:
 
     def _put_back(self, at: IntArray, agents: IntArray) -> None:
         """Place agents on their start nodes, without events."""
-        is_first = self.roster.is_first[agents]  # those that have come since began where they are
+        is_first = self.roster.is_first[agents]  # agents that entered later stay on their current nodes
         games, before = self.games[at], self.node[at, agents]
         begun = np.where(is_first, self._state.start[games, agents], before)
         put_locked(self.node, (at, agents), begun)

@@ -28,7 +28,7 @@ from gamms.readonly import locked
 from gamms.text import shown
 
 ArrayStrategy = Callable[["ArrayView"], Any]
-"""Returns the numbers of legal nodes, (games, agents), which NumPy makes an array of; see docs/batches.md."""
+"""Returns indices of legal nodes, array-like (games, agents); see docs/batches.md."""
 
 T = TypeVar("T")
 V = TypeVar("V", bound="ArrayView")
@@ -37,29 +37,29 @@ _NO_PAIRS = flat(np.zeros(0), np.int64), flat(np.zeros(0), np.int64), flat(np.ze
 
 
 class ArrayView(Mapping[str, Any]):
-    """The agents that one strategy decides for, in all games that are played: arrays (games, agents).
+    """The agents of one strategy in many games, as arrays (games, agents).
 
-    It has the keys of `state` that have an array form: `view["curr_pos"]` are the ids of nodes, `view["legal"]` those
-    of legal nodes (games, agents, most), behind the last one -1, `view["mask"]` which agents are alive; `name` and
-    `team` are one for each agent, `turn` one for each game; `sensor` and `inbox` have by name what sensors show and
-    what came by channels.
+    A view has the keys of `state` in array form. `view["curr_pos"]` are node ids; `view["legal"]` are the ids of legal
+    nodes, (games, agents, most), padded with -1; `view["mask"]` is the mask of the agents to decide for. `name` and
+    `team` have one entry for each agent, `turn` has one for each game. `sensor` and `inbox` map the names of sensors
+    and channels to observations and messages.
 
     Attributes:
-        games: (games,) numbers in the batch.
-        agents: (agents,) numbers in the roster: the names in their order.
-        node: rows of nodes.
-        mask: which agents are asked: those that are alive; of a part of a strategy, those that it decides for.
-        turn: (games,) how many turns were played.
+        games: (games,) the number of each game in the batch.
+        agents: (agents,) the number of each agent in the roster, ascending.
+        node: (games, agents) the row of each agent's node.
+        mask: (games, agents) the living agents to decide for; at arrivals and in a view by `only`, a part of them.
+        turn: (games,) the number of turns played.
         draw: random numbers, one for each agent.
         streets: the graph.
         roster: the agents of every game.
-        memory_of: (all agents,) the number of the memory that each shares with its team, or has for itself.
+        memory_of: (all agents,) the number of each agent's memory; agents of a team may share one.
     """
 
-    _deeds: list[ArrayDeeds] | None = None  # what the agents do besides moving, in order; None: they are not asked
-    _outboxes: list[Outbox] | None = None  # what they send, likewise
-    _channels: Iterable[str] = ()  # by which messages may have come
-    _may_aim = False  # whether actions may lead towards nodes that are not legal
+    _deeds: list[ArrayDeeds] | None = None  # the deeds of the agents, in order; None: no strategy is deciding
+    _outboxes: list[Outbox] | None = None  # the messages of the agents, in order; None: no strategy is deciding
+    _channels: Iterable[str] = ()  # the names of the channels with an inbox
+    _may_aim = False  # whether actions may lead toward nodes that are not legal
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
         self._state = state
@@ -94,7 +94,7 @@ class ArrayView(Mapping[str, Any]):
 
     @property
     def _choices(self) -> IntArray:
-        """The set of legal nodes of each agent, as a number of `movement`."""
+        """The set of legal nodes of each agent, as an index that `movement` defines."""
         if "all" not in self._known:
             self._known["all"] = self._movement.choices(self.node, numbers_in(self, np.s_[:, :]))
         return self._known["all"]
@@ -105,7 +105,7 @@ class ArrayView(Mapping[str, Any]):
         if "counts" not in self._known:
             counts = self._movement.counts(self._choices)
             self._known["counts"] = counts if self._state.flights is None else np.where(self._in_air, 1, counts)
-            if self._deeds is not None:  # strategies cannot write into it
+            if self._deeds is not None:  # a strategy must not write to it
                 self._known["counts"] = locked(self._known["counts"])
         return self._known["counts"]
 
@@ -220,7 +220,7 @@ class ArrayView(Mapping[str, Any]):
         return self.seen(*names).mask
 
     def do(self, deed: str, where: Any, /, **fields: object) -> None:
-        """Let agents do a deed besides moving, as declared in `ctx.game.deeds`; deeds are in the order of the calls.
+        """Make agents do a deed besides moving, as declared in `ctx.game.deeds`; deeds keep the order of the calls.
 
         Args:
             deed: the name of the deed.
@@ -234,7 +234,7 @@ class ArrayView(Mapping[str, Any]):
                 deciding.
         """
         if self._deeds is None:
-            raise BadValue("Deeds are done by strategies that are asked: view.do is not for games.observe.")
+            raise BadValue("view.do works only while a strategy decides: it is not for games.observe.")
         chosen = as_array(where, "where", "booleans", self.node.shape) & self.mask
         for earlier in self._deeds:
             if earlier.kind == deed and chosen[earlier.at, np.searchsorted(self.agents, earlier.agents)].any():
@@ -243,7 +243,7 @@ class ArrayView(Mapping[str, Any]):
         self._deeds.append(self._state.deeds.checked(deed, fields, chosen, who, self.node, order))
 
     def send(self, channel: str, where: Any, body: object, to: object = None) -> None:
-        """Let agents send a message each by a channel, like `state["outbox"]`; messages are in the order of the calls.
+        """Make agents send one message each by a channel, like `state["outbox"]`; messages keep the order of the calls.
 
         Args:
             channel: the name of the channel.
@@ -260,7 +260,7 @@ class ArrayView(Mapping[str, Any]):
         if radio is None:
             raise BadValue(f"Channel {shown(channel)} cannot be used: the game has no channels. Declare it before.")
         if self._outboxes is None:
-            raise BadValue("view.send cannot be used: it is for strategies that are asked.")
+            raise BadValue("view.send works only while a strategy decides.")
         chosen = as_array(where, "where", "booleans", self.node.shape) & self.mask
         who, order = (self.games, self.agents), len(self._outboxes)
         self._outboxes.append(radio.checked(channel, chosen, who, to, body, order))
@@ -503,7 +503,7 @@ class ArrayView(Mapping[str, Any]):
         leads_on = None if chosen.max(initial=0) < STOP else (chosen >= STOP) & (may_aim | ~self.mask)
         if leads_on is not None and leads_on.all():
             return chosen
-        # NOTE: one comparison, for a negative number is a large one without its sign (benchmarks: batches).
+        # NOTE: one comparison, because a negative number is a large one when unsigned (benchmarks: batches).
         is_wrong = chosen.view(np.uint64) >= self._counts_of(leads_on).view(np.uint64)
         if is_wrong.any():
             game, agent = np.argwhere(is_wrong)[0]
@@ -550,7 +550,7 @@ def as_actions(given: object, shape: tuple[int, ...], by: str) -> IntArray:
 
 
 def asked_view(state: GameArrays, games: IntArray, agents: IntArray, here: BoolArray | None = None) -> ArrayView:
-    """Return a view of agents that are asked what they do; of `here`, (all games, all agents), if it is given."""
+    """Return a view for a strategy to decide with; `here` restricts its mask, (all games, all agents)."""
     view = ArrayView(state, games, agents)
     if here is not None:
         view.mask = view._whole = view.mask & here[np.ix_(games, agents)]
@@ -601,8 +601,8 @@ def lasting_in(
         first: (games,) the first node of the map of each game, among the nodes of all maps; it may change.
 
     Returns:
-        None: reuse is impossible, because turns change other columns that affect observations, or sensors differ
-        between maps.
+        The encoder and the observers; None if they cannot be reused, because turns change other columns that affect
+        observations, or sensors differ between maps.
     """
     those = [view.of(agents) for view in views]
     if not all(one._movement.are_plain(agents) and one._plain_looks() is not None for one in those):
@@ -622,7 +622,7 @@ def lasting_in(
 
 
 def alive_in(view: ArrayView) -> BoolArray:
-    """Return which agents are alive in all games of the batch, (all games, all agents); turns change it."""
+    """Return a mask of the living agents in all games of the batch, (all games, all agents); turns change it."""
     return view._state.alive
 
 
@@ -674,7 +674,7 @@ _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "inbox": lambda view: _LazyMapping(view._channels, view.heard),
 }
 
-_OTHERWISE = {  # keys of `state` -> what is there instead
+_OTHERWISE = {  # keys of `state` without array form -> the replacement
     "memory": "view.keep(key, make)",
     "team_memory": "view.keep(key, make) and view.memory_of",
     "rng": "view.draw",
