@@ -178,6 +178,14 @@ WRONG = {
 }
 
 
+def test_a_recording_names_what_is_like_an_unknown_name(town, tmp_path):
+    town.record.start(tmp_path / "game.ggr")
+    town.record.stop()
+    with gamms.recorder.open(tmp_path / "game.ggr") as recording, pytest.raises(AttributeError) as caught:
+        _ = recording.warnin
+    assert str(caught.value) == "recording has no attribute 'warnin'. Did you mean 'warning'?"
+
+
 @pytest.mark.parametrize("thing", WRONG)
 def test_an_error_names_the_thing_and_what_there_is(town, thing, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
