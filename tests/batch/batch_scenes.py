@@ -4,7 +4,7 @@ import numpy as np
 
 import gamms
 from gamms.game.batch.arrays import ArrayEngine
-from gamms.game.batch.state import NotTakenUp
+from gamms.game.batch.state import NotInCore
 from gamms.rules import resource
 from gamms.scenario import Scenario
 
@@ -40,7 +40,7 @@ class EngineWithoutUnused(ArrayEngine):
 
     def __init__(self, games, *args):
         if any("unused" in repr(one.rule) for game in games for one in game.rules):
-            raise NotTakenUp(BEYOND)
+            raise NotInCore(BEYOND)
         super().__init__(games, *args)
 
 

@@ -8,11 +8,11 @@ import pytest
 
 import gamms
 from gamms.game import TeamArrays
-from gamms.game.batch.columns import Roster
+from gamms.game.batch.columns import AgentTable
 from gamms.game.streets import StreetGraph
 from gamms.ir.graph import GraphColumns, RowMapping
 
-OPENED = (StreetGraph, GraphColumns, Roster, TeamArrays, RowMapping)
+OPENED = (StreetGraph, GraphColumns, AgentTable, TeamArrays, RowMapping)
 
 
 def arrays_in(path, thing, seen):

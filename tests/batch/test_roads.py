@@ -6,7 +6,7 @@ from batch_scenes import plain, scene
 
 import gamms
 from gamms.errors import UnknownName
-from gamms.game.batch.roads import NeedsOneMap
+from gamms.game.batch.roads import DifferingRoads
 from gamms.scenario import Scenario
 
 SEEDS = [161, 162, 163, 163]
@@ -178,9 +178,9 @@ def test_an_observer_asks_for_routes_of_games_with_the_same_roads():
             for _ in range(3):
                 games.step()
             view = games.observe("red")
-            with pytest.raises(NeedsOneMap, match=r"view\.in_games"):
+            with pytest.raises(DifferingRoads, match=r"view\.in_games"):
                 view.routes().distances(view.node, view.node[:, ::-1])
-            with pytest.raises(NeedsOneMap, match=r"streets\.counts differs"):
+            with pytest.raises(DifferingRoads, match=r"streets\.counts differs"):
                 _ = view.streets.counts
             for places in ([0], [1], [2, 3]):
                 part = view.in_games(np.array(places))

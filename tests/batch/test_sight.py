@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gamms.errors import TooLarge, UnknownName
 from gamms.game.batch import sensing
-from gamms.game.batch.sensing import Seen
+from gamms.game.batch.sensing import VisibleAgentPairs
 from gamms.strategies import chase, flee, goto, mix
 
 FIELD = {"fov": 2.0, "orientation": (0.6, 0.8)}
@@ -176,7 +176,7 @@ def test_what_is_seen_does_not_depend_on_how_many_pairs_are_compared_at_once(mon
 def test_a_mask_that_takes_too_much_memory_is_refused():
     none = np.zeros(0, np.int64)
     with pytest.raises(TooLarge, match="Use the pairs"):
-        _ = Seen((3000, 300, 302), none, none, none, none).mask
+        _ = VisibleAgentPairs((3000, 300, 302), none, none, none, none).mask
 
 
 kinds = st.sampled_from(["AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT"])

@@ -13,7 +13,7 @@ import numpy as np
 from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView, Batch, MostAgents
-from gamms.game.batch.arrays import Numbers
+from gamms.game.batch.arrays import LearnerActions
 from gamms.game.batch.games import step_numbers
 from gamms.game.batch.observed import VectorWriter, writers_of
 from gamms.game.batch.vectors import Vectors
@@ -184,7 +184,9 @@ class Learners:
             self._scripted.begin(self.games, self.deeds)
         self._members = np.concatenate([view.agents for view in views])  # numbers of the agents in the roster
         agents = np.arange(len(views[0].roster.names))
-        self._numbers = Numbers(np.zeros((len(self.games), len(agents)), np.int64), np.isin(agents, self._members))
+        self._numbers = LearnerActions(
+            np.zeros((len(self.games), len(agents)), np.int64), np.isin(agents, self._members)
+        )
         self.has_begun = False
         self._seed: int | None = None  # of the game that `begin_next` began last
         ends = np.cumsum([0, *(len(view.agents) for view in views)]).tolist()

@@ -12,7 +12,7 @@ from gamms.arguments import as_count
 from gamms.core import observe
 from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView
-from gamms.game.batch.roads import StreetsOfMaps
+from gamms.game.batch.roads import MultiMapStreets
 from gamms.game.batch.vectors import room_for
 from gamms.game.batch.view import observers_in, views_by_map
 from gamms.game.conflicts import flat
@@ -47,7 +47,7 @@ class Neighbourhood:
 
     def __call__(self, view: ArrayView) -> Float32Array:
         """Return the entries of the nodes around the agents of a view."""
-        if isinstance(view.streets, StreetsOfMaps):
+        if isinstance(view.streets, MultiMapStreets):
             parts = [(places, self(part)) for places, part in views_by_map(view)]
             order = np.argsort(np.concatenate([places for places, _ in parts]))
             most = max(part.shape[2] for _, part in parts)
@@ -102,7 +102,7 @@ class MapGraph:
     def __call__(self, view: ArrayView) -> Float32Array:
         """Return the entries of all nodes."""
         streets, (games, agents) = view.streets, view.node.shape
-        columns = (streets.whole if isinstance(streets, StreetsOfMaps) else streets).columns
+        columns = (streets.whole if isinstance(streets, MultiMapStreets) else streets).columns
         self._edges = np.stack((columns.sources, columns.targets)).astype(np.int64)
         nodes = len(columns.node_ids)
         refuse_above(games * agents * nodes * len(NODE) * 4, f"A map of {nodes} nodes for {games * agents} agents")

@@ -10,7 +10,7 @@ from gamms.arguments import as_count, as_flag, as_float, as_int, as_name, shown_
 from gamms.context import Context
 from gamms.core import rules as core
 from gamms.errors import BadType
-from gamms.game.batch.columns import Roster
+from gamms.game.batch.columns import AgentTable
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
@@ -145,7 +145,7 @@ class _FlagRule(NamedTuple):
             first["captures"][0, roster.teams.index(team)] = times
         return {("capture_flag", self.key): first}
 
-    def start_of(self, roster: Roster) -> Callable[[int], Arrays]:
+    def start_of(self, roster: AgentTable) -> Callable[[int], Arrays]:
         """Return a function that makes the state of the rule for a number of games.
 
         The state is `carriers` and `stops` (games, flags): the numbers of the agents that carry flags, -1 for none, and

@@ -8,8 +8,8 @@ import numpy as np
 
 from gamms.core import contacts, rules
 from gamms.errors import BadValue
-from gamms.game.batch.columns import Roster, kept_in
-from gamms.game.batch.in_core import ONE_THAT_SHOWS, Making, PlayedRule, floats, ints, memory_of
+from gamms.game.batch.columns import AgentTable, kept_in
+from gamms.game.batch.in_core import ONE_THAT_SHOWS, CompiledRule, RuleBuilder, floats, ints, memory_of
 from gamms.game.batch.state import Arrays
 from gamms.game.conflicts import flat
 from gamms.ir.graph import IntArray
@@ -30,11 +30,11 @@ class FlagArguments(Protocol):
     key: str
     passing: bool
 
-    def start_of(self, roster: Roster) -> Callable[[int], Arrays]:
+    def start_of(self, roster: AgentTable) -> Callable[[int], Arrays]:
         """Return a function that makes the state of the rule for a number of games."""
 
 
-def in_core(name: str, *args: object) -> Callable[[Making], rules.Rule]:
+def in_core(name: str, *args: object) -> Callable[[RuleBuilder], rules.Rule]:
     """Return a function that makes the named rule of the core with these arguments."""
     return partial(FORMS[name], *args)
 
@@ -44,7 +44,7 @@ def fits_core(points: float) -> bool:
     return abs(points) <= _MOST_EXACT
 
 
-def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
+def tag(taggings: Sequence[Any], making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.tag` from all such rules of a game."""
     roster = making.state.roster
     state = making.state
@@ -83,13 +83,13 @@ def tag(taggings: Sequence[Any], making: Making) -> rules.Rule:
         )
     if behind is None:
         raise BadValue("A tag rule needs at least one pair of sides.")
-    number = making.number(*(PlayedRule(bool(one.score), isinstance(one.score, float)) for one in taggings))
+    number = making.number(*(CompiledRule(bool(one.score), isinstance(one.score, float)) for one in taggings))
     tags = rules.Tags(ints(len(roster.names)))
     purposes = memory_of(state.purposes("contacts"))
     return rules.TagRule(making.games, making.events, number, behind, tags, making.steps, purpose, turn, purposes)
 
 
-def _near(nearness: ContactOptions, making: Making) -> Near:
+def _near(nearness: ContactOptions, making: RuleBuilder) -> Near:
     """Return the distances between agents that count as contacts; None: agents must be on the same node."""
     state, (unit, limit, *_) = making.state, nearness
     if unit is None:
@@ -108,7 +108,7 @@ def _near(nearness: ContactOptions, making: Making) -> Near:
     )
 
 
-def capture_flag(flags: FlagArguments, making: Making) -> rules.Rule:
+def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.capture_flag`."""
     state = making.state
     roster = making.state.roster
@@ -143,7 +143,7 @@ def capture_flag(flags: FlagArguments, making: Making) -> rules.Rule:
         goal=flags.goal or 0,
         points=flags.score,
     )
-    played = PlayedRule(True, isinstance(flags.score, float), tuple(flags.bases), "flags captured")
+    played = CompiledRule(True, isinstance(flags.score, float), tuple(flags.bases), "flags captured")
     return rules.FlagRule(
         making.games,
         making.events,
@@ -158,7 +158,9 @@ def capture_flag(flags: FlagArguments, making: Making) -> rules.Rule:
     )
 
 
-def respawn(key: str, teams: Collection[Hashable] | None, wait: int, most: int | None, making: Making) -> rules.Rule:
+def respawn(
+    key: str, teams: Collection[Hashable] | None, wait: int, most: int | None, making: RuleBuilder
+) -> rules.Rule:
     """Make `gamms.rules.respawn`."""
     shape = making.state.node.shape[1:]
 
@@ -169,7 +171,7 @@ def respawn(key: str, teams: Collection[Hashable] | None, wait: int, most: int |
     return rules.RespawnRule(
         making.games,
         making.events,
-        making.number(PlayedRule()),
+        making.number(CompiledRule()),
         plays=making.plays(teams),
         out=memory_of(kept["out"]),
         times=memory_of(kept["times"]),
@@ -178,22 +180,22 @@ def respawn(key: str, teams: Collection[Hashable] | None, wait: int, most: int |
     )
 
 
-def time_limit(last: int, winner: object, making: Making) -> rules.Rule:
+def time_limit(last: int, winner: object, making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.time_limit`; the winner is a team or `ONE_THAT_SHOWS`."""
-    number = making.number(PlayedRule(reason="time limit", winner=winner, truncated=True))
+    number = making.number(CompiledRule(reason="time limit", winner=winner, truncated=True))
     return rules.TimeLimitRule(making.games, making.events, number, last=last, winner=_code(winner))
 
 
-def none_left(team: Hashable, reason: str, winner: object, making: Making) -> rules.Rule:
+def none_left(team: Hashable, reason: str, winner: object, making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.none_left`; for a team without agents, a rule that does nothing."""
     if team not in making.state.roster.teams:
         return _nothing(making)
-    number = making.number(PlayedRule(reason=reason, winner=winner))
+    number = making.number(CompiledRule(reason=reason, winner=winner))
     return rules.NoneLeftRule(making.games, making.events, number, team=making.team(team), winner=_code(winner))
 
 
 def reach(
-    goals: Mapping[Hashable, Collection[int] | str], winner: object, score: float, passing: bool, making: Making
+    goals: Mapping[Hashable, Collection[int] | str], winner: object, score: float, passing: bool, making: RuleBuilder
 ) -> rules.Rule:
     """Make `gamms.rules.reach`; the winner is a team or `ONE_THAT_SHOWS`."""
     roster = making.state.roster
@@ -211,7 +213,7 @@ def reach(
     return rules.ReachRule(
         making.games,
         making.events,
-        making.number(PlayedRule(bool(score), isinstance(score, float), winner=winner)),
+        making.number(CompiledRule(bool(score), isinstance(score, float), winner=winner)),
         visitors=making.visitors(at_end=not passing),
         goals=flat(is_goal, np.int64),
         starters=flat(starters, np.int64) if starters.any() else _NOTHING,
@@ -221,7 +223,9 @@ def reach(
     )
 
 
-def arrive(team: Hashable, goal: Collection[int] | str, points: float, passing: bool, making: Making) -> rules.Rule:
+def arrive(
+    team: Hashable, goal: Collection[int] | str, points: float, passing: bool, making: RuleBuilder
+) -> rules.Rule:
     """Make `gamms.rules.arrive`; for a team without agents, a rule that does nothing."""
     if team not in making.state.roster.teams:
         return _nothing(making)
@@ -234,7 +238,7 @@ def arrive(team: Hashable, goal: Collection[int] | str, points: float, passing: 
     return rules.ArriveRule(
         making.games,
         making.events,
-        making.number(PlayedRule(True, isinstance(points, float))),
+        making.number(CompiledRule(True, isinstance(points, float))),
         visitors=making.visitors(at_end=not passing),
         team=making.team(team),
         owners=flat(owners, np.int64),
@@ -243,13 +247,13 @@ def arrive(team: Hashable, goal: Collection[int] | str, points: float, passing: 
     )
 
 
-def _starters(team: str, making: Making) -> BoolArray:
+def _starters(team: str, making: RuleBuilder) -> BoolArray:
     """Return a mask (agents,) of the agents on the ground that are on the team named in a text."""
     roster = making.state.roster
     return roster.plays_for([one for one in roster.teams if str(one) == team]) & ~roster.flies
 
 
-def _owners(ground: Any, making: Making) -> Any:
+def _owners(ground: Any, making: RuleBuilder) -> Any:
     """Return the numbers of the teams that own the nodes, (nodes,); empty without a territory."""
     state = making.state
     if ground is None:
@@ -262,20 +266,20 @@ def _owners(ground: Any, making: Making) -> Any:
     return flat(kept_in(state.shared, ("territory", id(owners)), make)[1], np.int64)
 
 
-def last_team(making: Making) -> rules.Rule:
+def last_team(making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.last_team`."""
-    number = making.number(PlayedRule(reason="last team"))
+    number = making.number(CompiledRule(reason="last team"))
     return rules.LastTeamRule(making.games, making.events, number)
 
 
-def published(fact: str, nodes: Mapping[int, Hashable], making: Making) -> rules.Rule:
+def published(fact: str, nodes: Mapping[int, Hashable], making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.territory.published`, which does nothing during a turn."""
     making.state.facts.setdefault(fact, nodes)
     return _nothing(making)
 
 
-def _nothing(making: Making) -> rules.Rule:
-    return rules.Rule(making.games, making.events, making.number(PlayedRule()))
+def _nothing(making: RuleBuilder) -> rules.Rule:
+    return rules.Rule(making.games, making.events, making.number(CompiledRule()))
 
 
 def _code(winner: object) -> int:

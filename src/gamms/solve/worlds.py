@@ -14,7 +14,7 @@ from gamms.context import Context
 from gamms.errors import BadValue, TooLarge
 from gamms.game import Game
 from gamms.game.batch import Batch
-from gamms.game.batch.columns import Roster
+from gamms.game.batch.columns import AgentTable
 from gamms.game.batch.state import Columns
 from gamms.game.hidden_state import HiddenState
 from gamms.game.snapshots import Snapshot
@@ -135,7 +135,7 @@ class TurnSimulator(Protocol):
         with_scores: whether the scores so far are part of a state.
     """
 
-    roster: Roster
+    roster: AgentTable
     terms: "TurnTerms"
     rows: int
     with_scores: bool
@@ -289,7 +289,7 @@ class BatchSimulator:
         self._batch = batch
         self._teams = setup.teams
         game = batch.game
-        self.roster = Roster.of(game.agents)
+        self.roster = AgentTable.of(game.agents)
         self.rows = len(batch)
         self.terms = TurnTerms.of(batch.game.ctx.game, setup.last_turn)
         batch.step()  # so that rules and strategies have created their memories
@@ -390,7 +390,7 @@ class ContextSimulator:
 
     def __init__(self, ctx: Context, setup: GameSetup) -> None:
         self._game: Game = ctx.game
-        self.roster = Roster.of(ctx.game.agents)
+        self.roster = AgentTable.of(ctx.game.agents)
         self.terms = TurnTerms.of(ctx.game, setup.last_turn)
         self._actions: dict[str, int] = {}
         self._legal: dict[str, tuple[int, ...]] = {}

@@ -13,15 +13,15 @@ import numpy as np
 from gamms.arguments import as_context, as_function_of, as_numbers_of
 from gamms.deciding import phase_of
 from gamms.errors import BadType
-from gamms.game.batch.channels import Radio
-from gamms.game.batch.columns import Roster, decider_of
+from gamms.game.batch.channels import MessageTraffic
+from gamms.game.batch.columns import AgentTable, decider_of
 from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.forms import F, StrategySpec, declare, key_of, strategy_spec_of
 from gamms.game.batch.given import as_flights, flown
 from gamms.game.batch.initial_state import LastTurn, movement_of
 from gamms.game.batch.movement import AIMS, LIMITED, STOP, Movement
 from gamms.game.batch.sensing import note_sensors, note_sights
-from gamms.game.batch.state import KEPT, STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
+from gamms.game.batch.state import KEPT, STOPPED, Arrays, EmittedEvents, GameArrays, NotInCore
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView, asked_view
 from gamms.game.deeds import checked_value
@@ -125,7 +125,7 @@ def _kept_before(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
     """Return the arrays that functions keep in the game of a context; its rules continue after the events they read."""
     kept = ctx.game.data.get(KEPT, {})
     if kept and not state.roster.is_first.all():
-        raise NotTakenUp("arrays kept by array functions, which have no rows for agents that enter later")
+        raise NotInCore("arrays kept by array functions, which have no rows for agents that enter later")
     for reader, number in ctx.game.data.get(_READ, {}).items():
         state.events.read(reader, number)
     return dict(kept)
@@ -148,7 +148,7 @@ class _CachedMapData(NamedTuple):
     shared: dict[Hashable, Any]
 
 
-def _world(ctx: HostContext, roster: Roster) -> _CachedMapData:
+def _world(ctx: HostContext, roster: AgentTable) -> _CachedMapData:
     """Return the movement of the agents of a game, and the data computed for its map."""
     revision, cache = ctx.graph.graph.revision, ctx.game.internals.kept
     version = revision, phase_of(ctx).setting_changes, tuple([agent.speed for agent in roster.agents])
@@ -162,7 +162,7 @@ def _world(ctx: HostContext, roster: Roster) -> _CachedMapData:
 
 def _block_of_one(ctx: HostContext) -> GameArrays:
     """Return the game of a context as a block of one game."""
-    game, block, roster = ctx.game, ctx.agent.block, Roster.of(ctx.agent.agents.values())
+    game, block, roster = ctx.game, ctx.agent.block, AgentTable.of(ctx.agent.agents.values())
     world = _world(ctx, roster)
     streets = world.movement.streets
     nodes = streets.rows([[agent.current_node_id for agent in roster.agents]])
@@ -312,7 +312,7 @@ def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
     block.look = look
     block.reading = partial(phase_of(ctx).suspended, changes_world=False)
     if game.channels:
-        block.radio = Radio(game.channels, roster, roster.part_of(None), 1)
+        block.radio = MessageTraffic(game.channels, roster, roster.part_of(None), 1)
         block.radio.go_on(_ONE, turns.inboxes.entries(), game.turn)
 
 
@@ -381,10 +381,10 @@ class _SingleGameTurn(ArrayTurn):
     def _note_place(self, kind: str, at: IntArray, agents: IntArray) -> None:
         """Add no event: the verbs of the game do."""
 
-    def new_events(self, reader: Hashable) -> list[Emitted]:
+    def new_events(self, reader: Hashable) -> list[EmittedEvents]:
         """Return the events since the last call for a reader; in the first call, all events."""
         read, events = self._game.data.setdefault(_READ, {}), self._game.events
-        found = [Emitted.of(0, entry) for entry in events[read.get(reader, 0) :]]
+        found = [EmittedEvents.of(0, entry) for entry in events[read.get(reader, 0) :]]
         read[reader] = len(events)
         return found
 

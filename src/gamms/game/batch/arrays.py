@@ -11,11 +11,11 @@ import numpy as np
 from gamms.core.arrivals import PHASES as PHASES_AT_ARRIVALS
 from gamms.core.turn import PHASES as PHASES_OF_CORE
 from gamms.errors import GammsError
-from gamms.game.batch.channels import Radio, radio_of
+from gamms.game.batch.channels import MessageTraffic, radio_of
 from gamms.game.batch.columns import (
+    AgentTable,
     Failure,
     PlayedGame,
-    Roster,
     decider_of,
     in_threads,
     in_turns,
@@ -33,15 +33,15 @@ from gamms.game.batch.cursor import (
 )
 from gamms.game.batch.deeds import DeclaredDeeds, DeedLog, deed_log_of
 from gamms.game.batch.forms import decides_in_arrays, key_of, strategy_spec_of
-from gamms.game.batch.given import Given, as_flights
-from gamms.game.batch.in_core import Block, CoreGames, called_rules, is_function
+from gamms.game.batch.given import OutsideActions, as_flights
+from gamms.game.batch.in_core import CoreColumns, CoreGames, called_rules, is_function
 from gamms.game.batch.initial_state import InitialState, goes_along_one_edge, movement_of
 from gamms.game.batch.movement import Movement, MovementOnMaps
 from gamms.game.batch.own_functions import function_in
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.sensing import called_each_turn, carried_by, look, note_sensors, turns_with_agent
-from gamms.game.batch.state import GameArrays, NotTakenUp
-from gamms.game.batch.travel import ByMetres
+from gamms.game.batch.state import GameArrays, NotInCore
+from gamms.game.batch.travel import MetricMovement
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView, asked_view
 from gamms.game.deeds import checked_value
@@ -62,7 +62,7 @@ _DECIDE, _SETTLE, _MOVE = PHASES_OF_CORE
 _ARRIVE, _CHOOSE, _GO_ON = PHASES_AT_ARRIVALS
 
 
-class Group(NamedTuple):
+class StrategyGroup(NamedTuple):
     """Agents that one array function decides for."""
 
     name: str
@@ -70,7 +70,7 @@ class Group(NamedTuple):
     form: ArrayStrategy
 
 
-class Numbers(NamedTuple):
+class LearnerActions(NamedTuple):
     """What some agents do in a turn of all games.
 
     Attributes:
@@ -84,7 +84,7 @@ class Numbers(NamedTuple):
     deeds: Mapping[str, tuple[BoolArray, Mapping[str, Any]]] = MappingProxyType({})
 
 
-class GamesOnMap:
+class GamesOnOneMap:
     """The games of a batch that are on one map: their rules, and the functions that are called between phases.
 
     Args:
@@ -105,7 +105,7 @@ class GamesOnMap:
         GammsError: a rule or the conflicts cannot be played in the core, or not from where the game is.
     """
 
-    def __init__(self, game: PlayedGame, state: GameArrays, block: Block, games: IntArray) -> None:
+    def __init__(self, game: PlayedGame, state: GameArrays, block: CoreColumns, games: IntArray) -> None:
         self.game = game
         self.state = state
         roster = state.roster
@@ -210,7 +210,7 @@ class GamesOnMap:
             error.add_note(f"In game {number} of a batch, with the seed {self.state.seeds[number]}.")
             raise error
 
-    def check_given(self, games: IntArray, given: Mapping[Hashable, Given]) -> None:
+    def check_given(self, games: IntArray, given: Mapping[Hashable, OutsideActions]) -> None:
         """Refuse deeds and messages that are not legal before a rule is called."""
         for team, wanted in given.items():
             wanted.act(asked_view(self.state, games, self.state.roster.members(team), self.at_rest))
@@ -224,8 +224,8 @@ class GamesOnMap:
     def take(
         self,
         games: IntArray,
-        given: Mapping[Hashable, Given],
-        numbers: Numbers | None,
+        given: Mapping[Hashable, OutsideActions],
+        numbers: LearnerActions | None,
         here: BoolArray | None = None,
     ) -> None:
         """Take what agents are given besides their moves, which are in the block.
@@ -244,12 +244,12 @@ class GamesOnMap:
                 actions[games] *= (actions[games] >= 0) & (actions[games] < counts)
             if self.cursor is not None or numbers.deeds:
                 agents = np.flatnonzero(numbers.is_given)
-                self._take_acts_of(games, agents, Given(actions[:, agents], numbers.deeds, {}), here)
+                self._take_acts_of(games, agents, OutsideActions(actions[:, agents], numbers.deeds, {}), here)
         for team, wanted in given.items():
             if self.cursor is not None or wanted.deeds or wanted.messages:
                 self._take_acts_of(games, state.roster.members(team), wanted, here)
 
-    def _take_acts_of(self, games: IntArray, agents: IntArray, given: Given, here: BoolArray | None) -> None:
+    def _take_acts_of(self, games: IntArray, agents: IntArray, given: OutsideActions, here: BoolArray | None) -> None:
         """Take the deeds and messages that agents are given, and note their actions."""
         view = asked_view(self.state, games, agents, here)
         if self.cursor is not None:
@@ -300,7 +300,7 @@ class GamesOnMap:
                 if here is not None:
                     self._drawn[rows] = view.draw.count
 
-    def _actions(self, view: ArrayView, group: Group) -> IntArray:
+    def _actions(self, view: ArrayView, group: StrategyGroup) -> IntArray:
         """Return the actions that an array function gives; agents that fly stay on the node below them."""
         given = group.form(view)
         if not view.flies:
@@ -518,7 +518,7 @@ class ArrayEngine:
         seeds: Sequence[int],
         map_of: IntArray,
         start: IntArray,
-        rosters: Sequence[Roster],
+        rosters: Sequence[AgentTable],
     ) -> None:
         self._map_of = map_of.copy()
         self._num_maps = len(games)
@@ -530,15 +530,15 @@ class ArrayEngine:
         self._state = GameArrays(rosters[0], movements[0], seeds, begin)
         self._state.radio = self._radio = radio_of(settings, rosters[0], len(seeds))
         self._state.deed_log = self._deed_log = deed_log_of(settings, rosters[0], len(seeds))
-        logs: tuple[Radio | DeedLog | None, ...] = (self._radio, self._deed_log)
+        logs: tuple[MessageTraffic | DeedLog | None, ...] = (self._radio, self._deed_log)
         self._logs_of_turn = [log for log in logs if log is not None]
         others = [self._state.on_map(*pair) for pair in zip(movements[1:], rosters[1:], strict=True)]
         states = [self._state, *others]
         self._last: int | None = settings["max_turns"]
         self._is_strict = settings["on_illegal"] == "raise"
-        self._block = Block(states, self._map_of)
+        self._block = CoreColumns(states, self._map_of)
         self._maps = [
-            GamesOnMap(game, state, self._block, of_map)
+            GamesOnOneMap(game, state, self._block, of_map)
             for game, state, of_map in zip(games, states, self._on, strict=True)
         ]
         self._num_parts = self._maps[0].core.num_parts
@@ -554,7 +554,7 @@ class ArrayEngine:
         self._is_on = (self._map_of == np.arange(self._num_maps)[:, None]).astype(np.int64)  # (maps, games) 1 or 0
         self._on = [np.flatnonzero(is_on) for is_on in self._is_on]
 
-    def _each(self, which: BoolArray) -> Iterator[tuple[GamesOnMap, IntArray]]:
+    def _each(self, which: BoolArray) -> Iterator[tuple[GamesOnOneMap, IntArray]]:
         """Yield each map with those of its games that are chosen by a mask, (games,)."""
         are_all = bool(which.all())
         for one, games in zip(self._maps, self._on, strict=True):
@@ -637,7 +637,9 @@ class ArrayEngine:
         self._play(~self.is_over, until * self._num_parts, None, threads)
         return int((self._state.turn - before).max())
 
-    def step(self, given: Mapping[Hashable, Given], numbers: Numbers | None = None, threads: int = 1) -> None:
+    def step(
+        self, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None = None, threads: int = 1
+    ) -> None:
         """Play one turn of all games that are not over.
 
         Args:
@@ -646,7 +648,7 @@ class ArrayEngine:
             threads: how many play.
 
         Raises:
-            NotTakenUp: a function asks for what the core does not have.
+            NotInCore: a function asks for what the core does not have.
         """
         playing = ~self.is_over
         is_given = len(given) > 0 or numbers is not None
@@ -655,7 +657,7 @@ class ArrayEngine:
             undoing = [*chain(*(one.checkpoints(is_given=is_given) for one in self._maps))]
         try:
             self._play_turn(playing, given, numbers, threads)
-        except NotTakenUp:
+        except NotInCore:
             raise
         except BaseException:
             for undo in undoing:
@@ -663,7 +665,7 @@ class ArrayEngine:
             raise
 
     def _play_turn(
-        self, playing: BoolArray, given: Mapping[Hashable, Given], numbers: Numbers | None, threads: int
+        self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None, threads: int
     ) -> None:
         """Play one turn of some games; those of all maps come to the end of a phase before the next begins."""
         self._state.failures.clear()
@@ -688,7 +690,7 @@ class ArrayEngine:
             raise
         self._finish(playing)
 
-    def _given_to(self, given: Mapping[Hashable, Given], numbers: Numbers | None) -> BoolArray:
+    def _given_to(self, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None) -> BoolArray:
         """Return which agents do what is given, in place of what their strategies decide, (agents,)."""
         roster = self._state.roster
         is_given = np.zeros(len(roster.names), np.bool_) if numbers is None else numbers.is_given.copy()
@@ -699,8 +701,8 @@ class ArrayEngine:
     def _take(
         self,
         playing: BoolArray,
-        given: Mapping[Hashable, Given],
-        numbers: Numbers | None,
+        given: Mapping[Hashable, OutsideActions],
+        numbers: LearnerActions | None,
         here: BoolArray | None = None,
     ) -> None:
         """Take the actions that are given.
@@ -723,8 +725,8 @@ class ArrayEngine:
         part: int,
         *,
         is_given: BoolArray,
-        given: Mapping[Hashable, Given],
-        numbers: Numbers | None,
+        given: Mapping[Hashable, OutsideActions],
+        numbers: LearnerActions | None,
     ) -> None:
         """Ask functions for agents of a part of the turn that arrive now, or set out, and take what is given."""
         here = np.zeros(self._state.node.shape, np.bool_)
@@ -735,7 +737,7 @@ class ArrayEngine:
         for one, games in self._each(playing):
             one.decide(games, part, is_given, here)
 
-    def _take_moves(self, playing: BoolArray, given: Mapping[Hashable, Given], here: BoolArray | None) -> None:
+    def _take_moves(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], here: BoolArray | None) -> None:
         """Write moves that were given into the block, if they are legal; `here` is as in `_take`."""
         for state, games in self._by_legal_moves(playing) if given else ():
             for team, wanted in given.items():
@@ -926,7 +928,7 @@ class ArrayEngine:
         error.add_note(f"In game {game} of a batch, with the seed {state.seeds[game]}.")
         return error
 
-    def _call_before(self, playing: BoolArray, given: Mapping[Hashable, Given]) -> BoolArray:
+    def _call_before(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions]) -> BoolArray:
         """Call the rules before the turn; return which games go on."""
         self._take_moves(playing, given, self._maps[0].at_rest)
         for one, games in self._each(playing):
@@ -1026,14 +1028,14 @@ class ArrayEngine:
         )
 
 
-def movement_in_core(game: PlayedGame, roster: Roster) -> Movement:
+def movement_in_core(game: PlayedGame, roster: AgentTable) -> Movement:
     """Return how the agents of a game move in the core, where rules may close and open roads.
 
     Raises:
-        NotTakenUp: agents may come.
+        NotInCore: agents may come.
     """
     if not roster.is_first.all():
-        raise NotTakenUp("agents that may come")
+        raise NotInCore("agents that may come")
     are_functions = first_called(game, roster) is not None or any(map(is_function, called_rules(game, roster)))
     may_change = goes_along_one_edge(game, roster) and are_functions
     return movement_of(game, roster, may_reopen=may_change, is_detached=may_change)
@@ -1041,7 +1043,7 @@ def movement_in_core(game: PlayedGame, roster: Roster) -> Movement:
 
 def decides_at_arrivals(movement: Movement) -> bool:
     """Whether agents decide where they arrive."""
-    return isinstance(movement, ByMetres) and movement.terms.decides_at_arrivals
+    return isinstance(movement, MetricMovement) and movement.terms.decides_at_arrivals
 
 
 def errs_at_arrivals(agent: IAgent) -> str | None:
@@ -1053,23 +1055,23 @@ def errs_at_arrivals(agent: IAgent) -> str | None:
     return None
 
 
-def _groups(roster: Roster, settings: Mapping[str, Any], movement: Movement) -> list[Group]:
+def _groups(roster: AgentTable, settings: Mapping[str, Any], movement: Movement) -> list[StrategyGroup]:
     """Return the array functions that decide, each with all agents that have the same.
 
     Raises:
-        NotTakenUp: the core cannot call one of them, or a strategy prepares something in each game.
+        NotInCore: the core cannot call one of them, or a strategy prepares something in each game.
     """
     plans: Mapping[Any, Plan] = settings["plans"]
     found: dict[Hashable, list[int]] = {}
     for number, agent in enumerate(roster.agents):
         for one in preparing(agent, plans):
-            raise NotTakenUp(f"{as_code(one)}, with what it prepares in a game")
+            raise NotInCore(f"{as_code(one)}, with what it prepares in a game")
         decider = decider_of(agent, plans)
         if decides_in_arrays(decider, settings):
             erring = errs_at_arrivals(agent) if decides_at_arrivals(movement) else None
             if erring is not None:
                 why = f"of agents that decide at arrivals, with the sensor {shown(erring)}, which counts its looks"
-                raise NotTakenUp(f"the array strategy {as_code(decider)}, {why}")
+                raise NotInCore(f"the array strategy {as_code(decider)}, {why}")
             key = key_of(strategy_spec_of(decider).array_form), bool(roster.flies[number])
             found.setdefault(key, []).append(number)
     groups = []
@@ -1077,11 +1079,11 @@ def _groups(roster: Roster, settings: Mapping[str, Any], movement: Movement) -> 
         decider = decider_of(roster.agents[numbers[0]], plans)
         form = strategy_spec_of(decider).array_form
         assert form is not None  # noqa: S101 - they are array functions
-        groups.append(Group(as_code(decider), np.array(numbers), form))
+        groups.append(StrategyGroup(as_code(decider), np.array(numbers), form))
     return groups
 
 
-def _scene_of(game: PlayedGame, state: GameArrays, radio: Radio, games: IntArray) -> MessagePositions:
+def _scene_of(game: PlayedGame, state: GameArrays, radio: MessageTraffic, games: IntArray) -> MessagePositions:
     """Return where the agents of some games are when all have moved.
 
     Args:

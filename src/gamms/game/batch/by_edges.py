@@ -17,7 +17,7 @@ _AT_ONCE = 1 << 12  # choices of which the largest is looked for
 _REACHES = 3  # by how much more than the speed alone what is covered of an edge may lead: 0, 1, or 2 by rounding
 
 
-class ByEdges(Movement):
+class EdgeMovement(Movement):
     """Agents that go along several edges in a turn, or parts of one, by their speeds in edges.
 
     A choice is what `Legality.reachable` returns: without a speed that of the node where an agent is, which has its

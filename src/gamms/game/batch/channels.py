@@ -9,7 +9,7 @@ import numpy as np
 from gamms.arguments import as_key
 from gamms.core import messages as core
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.columns import Failure, GameLog, Roster, joined_rows, places_of, some_rows
+from gamms.game.batch.columns import AgentTable, Failure, GameLog, joined_rows, places_of, some_rows
 from gamms.game.channels import Channel, Outgoing, bytes_of, flaw_of, receivers_of, refusals, size_of
 from gamms.game.messages import MessageOutcomes, MessagePositions, outcomes_of
 from gamms.ir.graph import IntArray
@@ -21,7 +21,7 @@ _MOST_OF_ONE = 1 << 20  # messages of one agent in a turn
 _UNKNOWN = -1  # size of a body
 
 
-class Outbox(NamedTuple):
+class OutgoingMessages(NamedTuple):
     """Messages that agents send together by one channel; arrays are (messages,).
 
     Attributes:
@@ -31,7 +31,8 @@ class Outbox(NamedTuple):
         to: the recipient: an agent, a team, or None.
         bodies: the bodies.
         sizes: the sizes of the bodies, bytes; -1: unknown.
-        order: orders the messages of one agent; `Radio.admit` adds a multiple of 2**20 for its number in the turn.
+        order: orders the messages of one agent; `MessageTraffic.admit` adds a multiple of 2**20 for its number in the
+            turn.
     """
 
     channel: str
@@ -73,13 +74,13 @@ class _SentMessages(NamedTuple):
         fates: the outcomes of the messages.
     """
 
-    box: Outbox
+    box: OutgoingMessages
     turns: IntArray
     place: IntArray
     fates: MessageOutcomes
 
 
-class Radio(GameLog[list[_SentMessages]]):
+class MessageTraffic(GameLog[list[_SentMessages]]):
     """The channels of a game, and the messages of all games of a batch.
 
     In each turn, `post` and `post_checked` collect messages, `admit` refuses messages that the channels do not accept,
@@ -92,7 +93,7 @@ class Radio(GameLog[list[_SentMessages]]):
         num_games: the number of games in the batch.
     """
 
-    def __init__(self, channels: Mapping[str, Channel], roster: Roster, part_of: IntArray, num_games: int) -> None:
+    def __init__(self, channels: Mapping[str, Channel], roster: AgentTable, part_of: IntArray, num_games: int) -> None:
         super().__init__(num_games)
         self.channels = channels
         self._roster = roster
@@ -105,8 +106,8 @@ class Radio(GameLog[list[_SentMessages]]):
 
     def begin_turn(self) -> None:
         """Drop posted messages that were not sent."""
-        self._posted: list[Outbox] = []
-        self._admitted: list[Outbox] = []
+        self._posted: list[OutgoingMessages] = []
+        self._admitted: list[OutgoingMessages] = []
         self._admissions = 0  # of the turn
         self._first_admitted = 0  # the first outbox of the last admission
         self._checked: dict[str, list[tuple[int, Outgoing, int]]] = {}  # by channel: the game, and the order
@@ -114,7 +115,7 @@ class Radio(GameLog[list[_SentMessages]]):
 
     def checked(
         self, channel: str, where: BoolArray, who: tuple[IntArray, IntArray], to: object, body: object, order: int
-    ) -> Outbox:
+    ) -> OutgoingMessages:
         """Return the checked messages of a call of `ArrayView.send`.
 
         `who` are the numbers of the games and of the agents; `order` is the number of the call.
@@ -141,7 +142,7 @@ class Radio(GameLog[list[_SentMessages]]):
             if not isinstance(one, np.ndarray) and (flaw := why_not_plain(one)):
                 raise BadType(f"The body must be a plain value, such as numbers, texts, lists and dicts: body{flaw}.")
         sizes, orders = np.full(len(at), _UNKNOWN), np.full(len(at), order)
-        return Outbox(channel, games[at], senders, receivers, bodies, sizes, orders)
+        return OutgoingMessages(channel, games[at], senders, receivers, bodies, sizes, orders)
 
     def _named(self, to: np.ndarray[Any, Any], shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
         """Return the names of receivers, (games, agents), from their numbers."""
@@ -153,7 +154,7 @@ class Radio(GameLog[list[_SentMessages]]):
             )
         return np.broadcast_to(names[to], shape)
 
-    def post(self, boxes: Iterable[Outbox]) -> None:
+    def post(self, boxes: Iterable[OutgoingMessages]) -> None:
         """Add messages of this turn; `admit` checks later whether the channels accept them.
 
         The senders of one outbox decide in the same part of the turn.
@@ -182,7 +183,9 @@ class Radio(GameLog[list[_SentMessages]]):
             games, messages, orders = zip(*rows, strict=True)
             senders = [number_of[one.sender] for one in messages]
             to, bodies, sizes = ([getattr(one, name) for one in messages] for name in ("to", "body", "size"))
-            box = Outbox(channel, np.array(games), np.array(senders), to, bodies, np.array(sizes), np.array(orders))
+            box = OutgoingMessages(
+                channel, np.array(games), np.array(senders), to, bodies, np.array(sizes), np.array(orders)
+            )
             self._admitted.append(box)
         self._checked = {}
         for box in self._admitted[self._first_admitted :]:
@@ -196,7 +199,7 @@ class Radio(GameLog[list[_SentMessages]]):
             senders = zip(box.at.tolist(), box.senders.tolist(), strict=True)
             self._admitted[number] = some_rows(box, np.array([one not in failed for one in senders], np.bool_))
 
-    def _take_posted(self, boxes: Sequence[Outbox], is_there: BoolArray) -> list[Failure]:
+    def _take_posted(self, boxes: Sequence[OutgoingMessages], is_there: BoolArray) -> list[Failure]:
         """Admit posted messages that the channels accept; return the errors of the others."""
         flaws, place = list[Failure](), np.zeros(is_there.shape, np.int64)
         left = {name: bytes_of(one, is_there.shape) for name, one in self.channels.items()}
@@ -296,7 +299,7 @@ class Radio(GameLog[list[_SentMessages]]):
                     np.full(len(games), one) for one in (number[entry["sender"]], entry["turn"], place)
                 )
                 to, bodies = [entry["to"]] * len(games), [entry["body"]] * len(games)
-                box = Outbox(entry["channel"], games, senders, to, bodies, places, places)
+                box = OutgoingMessages(entry["channel"], games, senders, to, bodies, places, places)
                 self._under_way.append((last - turn - 1, _SentMessages(box, turns, places, fates)))
 
     def forget(self, games: IntArray) -> None:
@@ -338,10 +341,10 @@ class Radio(GameLog[list[_SentMessages]]):
             yield game, place, {**entry, "size": size_of(plain) if size == _UNKNOWN else size, **fate}
 
 
-def radio_of(settings: Mapping[str, Any], roster: Roster, num_games: int) -> Radio | None:
+def radio_of(settings: Mapping[str, Any], roster: AgentTable, num_games: int) -> MessageTraffic | None:
     """Return the channels of a game with these settings; None: it has none."""
     part_of, channels = roster.part_of(settings["order"]), settings["channels"]
-    return Radio(channels, roster, part_of, num_games) if channels else None
+    return MessageTraffic(channels, roster, part_of, num_games) if channels else None
 
 
 def _as_key(to: object) -> Hashable:

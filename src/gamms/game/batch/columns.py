@@ -199,7 +199,7 @@ class PlayedGame(Protocol):
     def restore(self, snapshot: Snapshot) -> None: ...
 
 
-class Roster(NamedTuple):
+class AgentTable(NamedTuple):
     """The agents of every game of a batch, in the order of their names.
 
     Attributes:
@@ -222,7 +222,7 @@ class Roster(NamedTuple):
     flies: BoolArray
 
     @classmethod
-    def of(cls, agents: Iterable[IAgent], reserved: Mapping[Hashable, Sequence[str]] | None = None) -> "Roster":
+    def of(cls, agents: Iterable[IAgent], reserved: Mapping[Hashable, Sequence[str]] | None = None) -> "AgentTable":
         """Return the roster of agents, with names reserved for further agents, by team."""
         first = sorted(agents, key=lambda agent: agent.name)
         named = {agent.name: agent for agent in first}
@@ -307,7 +307,7 @@ def preparing(agent: IAgent, plans: Mapping[Hashable, Plan]) -> list[object]:
     return [one for one in found if hasattr(one, "prepare") and not isinstance(one, type)]
 
 
-def reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:
+def reserved(roster: AgentTable, most_agents: object) -> dict[Hashable, list[str]]:
     """Return the names reserved for agents that may enter later, by team."""
     found: dict[Hashable, list[str]] = {}
     given = most_agents if isinstance(most_agents, Mapping) else dict.fromkeys(roster.teams, most_agents)
@@ -331,7 +331,7 @@ def reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:
     return found
 
 
-class ScoresOfGames(dict[Any, Any]):
+class ZeroDefaultScores(dict[Any, Any]):
     """Scores, key -> (games,); a missing score is 0 in all games, as in `ctx.game.scores`."""
 
     def __init__(self, zeros: Callable[[], Any]) -> None:

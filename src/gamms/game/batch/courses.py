@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from gamms.core import moves, rules
-from gamms.game.batch.by_edges import ByEdges
+from gamms.game.batch.by_edges import EdgeMovement
 from gamms.game.batch.movement import Legs, Paths
-from gamms.game.batch.travel import ByMetres
+from gamms.game.batch.travel import MetricMovement
 from gamms.game.travel import EdgeIds, ResolvedAction, TurnPaths
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -30,7 +30,7 @@ class Routes:
         core: as the core reads them.
     """
 
-    def __init__(self, by: ByEdges | ByMetres, shape: tuple[int, int], room: int) -> None:
+    def __init__(self, by: EdgeMovement | MetricMovement, shape: tuple[int, int], room: int) -> None:
         self._by = by
         self._agents = shape[1]
         self._room = room
@@ -54,7 +54,7 @@ class Routes:
         nodes: Iterable[int] = ()
         if action is None:
             nodes = () if end is None else (end,)
-        elif isinstance(self._by, ByMetres):
+        elif isinstance(self._by, MetricMovement):
             count, motion, nodes = _along_legs(action)
         else:
             nodes = action.path[1:] if action.progress is None else (*action.path[1:], action.progress.target)
@@ -108,7 +108,7 @@ class EdgeCourses:
         routes: how they go.
     """
 
-    def __init__(self, by: ByEdges, ahead: IntArray, covered: FloatArray, most: int, part_of: IntArray) -> None:
+    def __init__(self, by: EdgeMovement, ahead: IntArray, covered: FloatArray, most: int, part_of: IntArray) -> None:
         shape = len(ahead), ahead.shape[1]
         self._by = by
         self._ahead = ahead
@@ -165,7 +165,7 @@ class MetreCourses:
         routes: how they go.
     """
 
-    def __init__(self, by: ByMetres, shape: tuple[int, int], most: int, part_of: IntArray) -> None:
+    def __init__(self, by: MetricMovement, shape: tuple[int, int], most: int, part_of: IntArray) -> None:
         self._by = by
         self._part_of = part_of
         self._shape = shape

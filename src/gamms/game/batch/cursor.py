@@ -11,17 +11,17 @@ import numpy as np
 
 from gamms.core.copies import copied, copied_values
 from gamms.deciding import phase_of
-from gamms.game.batch.channels import Radio
-from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of, kept_in
+from gamms.game.batch.channels import MessageTraffic
+from gamms.game.batch.columns import AgentTable, Failure, PlayedGame, decider_of, kept_in
 from gamms.game.batch.courses import Routes
 from gamms.game.batch.flights import Flights
 from gamms.game.batch.forms import decides_in_arrays
 from gamms.game.batch.in_core import CoreGames, called_rules, core_form_of
-from gamms.game.batch.own_functions import OwnFunction, some_function
+from gamms.game.batch.own_functions import FunctionPerGame, some_function
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.scores import fits_float
 from gamms.game.batch.sensing import called_each_turn
-from gamms.game.batch.state import KEPT, STOPPED, GameArrays, NotTakenUp
+from gamms.game.batch.state import KEPT, STOPPED, GameArrays, NotInCore
 from gamms.game.batch.view import ArrayView
 from gamms.game.conflicts import ranked
 from gamms.game.decisions import Decisions
@@ -93,7 +93,7 @@ for _name in (*_OF_ONE, *_OF_ALL):
     setattr(GuardedDict, _name, _refusing(_name, is_of_one=_name in _OF_ONE))
 
 
-class _Start:
+class _StartOfGame:
     """The start of the game that a context is pointed at; the game cannot be reset to it.
 
     Args:
@@ -116,7 +116,7 @@ class _Start:
         self._leave = leave
 
     @property
-    def snapshot(self) -> "_Start":
+    def snapshot(self) -> "_StartOfGame":
         """The object that says where agents began."""
         return self
 
@@ -155,7 +155,7 @@ def _itself(function: object) -> object:
     return function
 
 
-class _Asked(NamedTuple):
+class _AskedAgents(NamedTuple):
     """Agents that are asked, some of which may be dead.
 
     Attributes:
@@ -171,7 +171,7 @@ class _Asked(NamedTuple):
     templates: list[tuple[str, dict[str, Any]]]
 
 
-class _First(NamedTuple):
+class _StartValues(NamedTuple):
     """What games begin with; see `GameState`.
 
     Attributes:
@@ -189,7 +189,7 @@ class _First(NamedTuple):
     private_facts: _PrivateFacts
 
     @classmethod
-    def of(cls, state: GameState) -> "_First":
+    def of(cls, state: GameState) -> "_StartValues":
         """Return what the game of a context begins with."""
         memories = {name: memory for name, memory in state.memories.items() if memory}
         counts = {name: each.copy() for name, each in state.counts.items()}
@@ -197,7 +197,7 @@ class _First(NamedTuple):
         return cls(state.turn, state.moves, counts, {**state.blocked}, memories, state.team_memories, private_facts)
 
 
-class _Marks(NamedTuple):
+class _StreamPositions(NamedTuple):
     """How far random streams and sensors of agents of a game are in the turn, where they are asked again in it.
 
     Attributes:
@@ -209,7 +209,7 @@ class _Marks(NamedTuple):
     looks: list[Any]
 
 
-class _Living(NamedTuple):
+class _LivingOrder(NamedTuple):
     """The order of a turn of the agents that live in a game.
 
     Attributes:
@@ -220,14 +220,14 @@ class _Living(NamedTuple):
 
     order: TurnOrder
     table: DrawTable
-    asked: dict[tuple[bytes, bytes], _Asked]
+    asked: dict[tuple[bytes, bytes], _AskedAgents]
 
 
 class Cursor:
     """Calls plain functions in a context that is pointed at each game of a batch in turn.
 
     The context has one set of agents. They show the game that the context is pointed at. A plain function that reads
-    what a context cannot show of the core, or changes what the core cannot change, raises `NotTakenUp`: the games leave
+    what a context cannot show of the core, or changes what the core cannot change, raises `NotInCore`: the games leave
     the core.
 
     Args:
@@ -243,12 +243,12 @@ class Cursor:
         functions: the plain functions that are called.
 
     Raises:
-        NotTakenUp: functions are called while agents move, when the context cannot be pointed at a game.
+        NotInCore: functions are called while agents move, when the context cannot be pointed at a game.
     """
 
     _has_begun = False
-    _living: _Living
-    _marks: dict[int, _Marks]  # of games, while agents arrive
+    _living: _LivingOrder
+    _marks: dict[int, _StreamPositions]  # of games, while agents arrive
     _part: int | None = None  # of the turn in which agents are about to move
 
     def __init__(
@@ -284,7 +284,7 @@ class Cursor:
         deciders = [decider_of(state.roster.agents[number], game.settings()["plans"]) for number in asked]
         collectors = parts.collectors.by_name.values()
         self._periods = {one.every for one in collectors}
-        self._own_functions = [one for one in deciders if isinstance(one, OwnFunction)]
+        self._own_functions = [one for one in deciders if isinstance(one, FunctionPerGame)]
         self.functions = [
             *_functions_of_rules(game, state.roster),
             *map(some_function, deciders),
@@ -304,7 +304,7 @@ class Cursor:
         self._asked_agents = frozenset(asked)
         self._deeds: list[tuple[int, int, int, str, Mapping[str, Any]]] = []  # see `DeclaredDeeds.from_plain`
         self._undone: dict[int, dict[str, str]] = {}  # agent -> why it did not do what it wanted, but for conflicts
-        self._first = _First.of(parts.state)
+        self._first = _StartValues.of(parts.state)
         self._data_before: dict[int, dict[Any, Any] | None] = {}  # of games whose data were read since the checkpoint
         self.forget(np.arange(len(state)))
 
@@ -337,7 +337,7 @@ class Cursor:
         self._living_of = lru_cache(1024)(self._new_living)
         self._own_of_ctx["_rng"] = None  # `release` restores it
         values.__class__ = _PointedState
-        values.start = _Start(self._read_field, self._replace_data, self._began, self._leave)
+        values.start = _StartOfGame(self._read_field, self._replace_data, self._began, self._leave)
         values.has_begun = True
         values.last_turn = self._game.settings()["max_turns"]
         values.blocked = BlockedAgents()
@@ -397,7 +397,7 @@ class Cursor:
     def _leave(self, what: str) -> NoReturn:
         """Let the games leave the core, because of what a function does, in words."""
         self._why = self._why or f"a plain function {what}"
-        raise NotTakenUp(self._why)
+        raise NotInCore(self._why)
 
     def _what_is_fixed(self) -> tuple[Any, ...]:
         """Return the numbers and objects that only the turn engine may change."""
@@ -422,7 +422,7 @@ class Cursor:
     def _refuse_changes(self) -> None:
         """Leave the core if a function has changed a value that all games share."""
         if self._why:
-            raise NotTakenUp(self._why)
+            raise NotInCore(self._why)
         if self._what_is_fixed() != self._fixed:
             self._leave("changes the map, settings, rules, sensors or strategies")
         if self._are_shared and not is_same(self._shared_attributes, self._first_attributes):
@@ -524,9 +524,9 @@ class Cursor:
         self._living = self._living_of(alive, self._is_public)
         self._turns.take_order(self._living.order)
 
-    def _new_living(self, _: bytes, is_public: bool) -> _Living:  # noqa: ARG002 - on which the order depends
+    def _new_living(self, _: bytes, is_public: bool) -> _LivingOrder:  # noqa: ARG002 - on which the order depends
         """Return the order of the agents that live now, which know the same facts or not."""
-        return _Living(self._turns.order(), self._turns.draw_table, {})
+        return _LivingOrder(self._turns.order(), self._turns.draw_table, {})
 
     def _order_of(self, alive: bytes) -> TurnOrder:
         """Return the order of the agents that lived."""
@@ -771,7 +771,7 @@ class Cursor:
                 if self._living.table.begun != begun:
                     self._leave("draws by the streams of agents")
         except Exception as error:
-            if not isinstance(error, NotTakenUp):
+            if not isinstance(error, NotInCore):
                 self._refuse_changes()
                 if what:
                     error.add_note(f"In {what}, in turn {self._values.turn}.")
@@ -893,7 +893,7 @@ class Cursor:
         try:
             yield
         except Exception as error:
-            if not isinstance(error, NotTakenUp):
+            if not isinstance(error, NotInCore):
                 self._refuse_changes()
                 error.add_note(self._named())
             raise
@@ -945,7 +945,7 @@ class Cursor:
         for at, i in np.argwhere(view.mask).tolist():
             self._undone.get(view.games[at], {}).pop(names[view.agents[i]], None)
 
-    def _ask(self, asked: _Asked) -> list[int]:
+    def _ask(self, asked: _AskedAgents) -> list[int]:
         """Return the nodes to which agents of the game that the context is pointed at go."""
         memories = self._memories[self._number]
         for name, template in asked.templates:
@@ -971,10 +971,10 @@ class Cursor:
         found = decisions.ends
         return [found[i] for i in asked.places]
 
-    def _decide_at_arrival(self, asked: _Asked) -> Decisions:
+    def _decide_at_arrival(self, asked: _AskedAgents) -> Decisions:
         """Return what agents decide that may have decided in the same turn before."""
         number, turns, slots = self._number, self._turns, self._living.order.slots
-        known = self._marks.get(number, _Marks({}, [{} for _ in self._notices]))
+        known = self._marks.get(number, _StreamPositions({}, [{} for _ in self._notices]))
         for notice, looks in zip(self._notices, known.looks, strict=True):
             notice.go_to(looks)
         for i, name in asked.members:
@@ -982,7 +982,7 @@ class Cursor:
         turns.travel.now = self._state.movement.now[number].item()
         decisions = turns.decide(self._living.order, asked.part)
         streams = {name: slots[i].marks() for i, name in asked.members}
-        self._marks[number] = _Marks(known.streams | streams, [notice.mark() for notice in self._notices])
+        self._marks[number] = _StreamPositions(known.streams | streams, [notice.mark() for notice in self._notices])
         return decisions
 
     def _take_what_sensors_change(self) -> None:
@@ -991,14 +991,14 @@ class Cursor:
             self._leave("that is a sensor changes agents or ends the game")
         self._take()
 
-    def _choose_flights(self, flights: Flights, decisions: Decisions, asked: _Asked) -> None:
+    def _choose_flights(self, flights: Flights, decisions: Decisions, asked: _AskedAgents) -> None:
         """Let agents of the game that the context is pointed at fly as they have decided."""
         for i, name in asked.members:
             action = decisions.actions.get(i)
             if action is not None and (action.position is not None or action.quat is not None):
                 flights.choose(self._number, self._number_of[name], action.position, action.quat)
 
-    def _choose_routes(self, routes: Routes, decisions: Decisions, asked: _Asked) -> None:
+    def _choose_routes(self, routes: Routes, decisions: Decisions, asked: _AskedAgents) -> None:
         """Let agents of the game that the context is pointed at go as they have decided."""
         number, starts, ends = self._number, decisions.starts, decisions.ends
         for i, name in asked.members:
@@ -1006,7 +1006,7 @@ class Cursor:
             flies = self._block.kind[self._block.row_of(name)]
             routes.choose(number, self._number_of[name], None if flies else decisions.actions.get(i), end)
 
-    def _take_decisions(self, decisions: Decisions, asked: _Asked) -> None:
+    def _take_decisions(self, decisions: Decisions, asked: _AskedAgents) -> None:
         """Take the decisions that are not nodes to go to."""
         for action in decisions.actions.values():
             if self._core.courses is None and len(action.path) > 2:
@@ -1030,7 +1030,7 @@ class Cursor:
         for i, kind, message in decisions.failures:
             self._state.failures.append((Failure(self._number, self._number_of[named[i]], kind, message), turn))
 
-    def _take_deeds(self, decisions: Decisions, asked: _Asked) -> None:
+    def _take_deeds(self, decisions: Decisions, asked: _AskedAgents) -> None:
         """Take what agents of the game that the context is pointed at do besides moving."""
         for i, name in asked.members:
             action, agent = decisions.actions.get(i), self._number_of[name]
@@ -1040,7 +1040,7 @@ class Cursor:
             for order, (kind, fields) in enumerate(deeds.items()):
                 self._deeds.append((self._number, agent, order, kind, fields))
 
-    def _take_messages(self, radio: Radio, decisions: Decisions, asked: _Asked) -> None:
+    def _take_messages(self, radio: MessageTraffic, decisions: Decisions, asked: _AskedAgents) -> None:
         """Take what agents of the game that the context is pointed at send."""
         failed, slots, number = decisions.failed, self._living.order.slots, self._number
         having = {*asked.part.observing}  # an outbox: agents whose plan is of arrays have none
@@ -1059,12 +1059,12 @@ class Cursor:
             undone, name = self._undone.setdefault(game, {}), self._state.roster.names[agent]
             undone[name] = f"{undone[name]}; {why}" if name in undone else why
 
-    def _asked(self, agents: IntArray, observing: IntArray) -> _Asked:
+    def _asked(self, agents: IntArray, observing: IntArray) -> _AskedAgents:
         """Return the living ones of agents that are asked, and of others that only observe."""
         which = agents.tobytes(), observing.tobytes()
         return kept_in(self._living.asked, which, lambda: self._new_asked(agents, observing))
 
-    def _new_asked(self, agents: IntArray, observing: IntArray) -> _Asked:
+    def _new_asked(self, agents: IntArray, observing: IntArray) -> _AskedAgents:
         """Return the same; `_asked` remembers it, because the same agents are asked in each turn."""
         order, names = self._living.order, self._state.roster.names
         named = [names[number] for number in agents.tolist()]
@@ -1078,9 +1078,9 @@ class Cursor:
             part.observing = sorted(others.union(part.observing))
             part.see_world_only = False  # all of them observe before any decides
         templates = [(name, order.slots[i].template) for i, name in members]
-        return _Asked(part, places, members, templates)
+        return _AskedAgents(part, places, members, templates)
 
-    def _tell_blocked(self, asked: _Asked) -> list[Any]:
+    def _tell_blocked(self, asked: _AskedAgents) -> list[Any]:
         """Let agents know why they did not do what they wanted in their last turns; return their slots."""
         state, told = self._state, []
         slots, numbers = self._living.order.slots, self._number_of
@@ -1128,7 +1128,7 @@ class Cursor:
         return take_back
 
 
-def _functions_of_rules(game: PlayedGame, roster: Roster) -> Iterator[Callable[..., object]]:
+def _functions_of_rules(game: PlayedGame, roster: AgentTable) -> Iterator[Callable[..., object]]:
     """Yield the plain functions of rules and conflicts that are called."""
     for one in called_rules(game, roster):
         if is_plain_rule(one):
@@ -1167,7 +1167,7 @@ def _keys_in_core(game: PlayedGame) -> Iterator[str]:
                 yield from spec.disclose({}, ())
 
 
-def asked_of(game: PlayedGame, roster: Roster) -> list[int]:
+def asked_of(game: PlayedGame, roster: AgentTable) -> list[int]:
     """Return the numbers of the agents whose strategies, or the plans of whose teams, are called game by game."""
     settings = game.settings()
     found = []
@@ -1178,7 +1178,7 @@ def asked_of(game: PlayedGame, roster: Roster) -> list[int]:
     return found
 
 
-def first_called(game: PlayedGame, roster: Roster) -> str | None:
+def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
     """Return the first plain function that is called game by game, in words; None: there is none."""
     called = called_rules(game, roster)
     rules = [f"the rule {one.name!r}" for one in called if is_plain_rule(one)]
@@ -1201,4 +1201,4 @@ def _refuse_calls_while_moving(game: PlayedGame, state: GameArrays) -> None:
     is_in_parts = game.settings()["order"] is not None and len(state.movement.remembers) > 0
     if is_in_parts and acts_before_moves(game):
         first = first_called(game, state.roster) or "an array rule of the phase 'deeds'"
-        raise NotTakenUp(f"{first}, before agents with speeds move in an order of play")
+        raise NotInCore(f"{first}, before agents with speeds move in an order of play")

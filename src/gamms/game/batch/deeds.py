@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.arguments import as_array, as_int, as_key, as_one_shape
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.columns import GameLog, Roster, joined_rows, places_of, some_rows
+from gamms.game.batch.columns import AgentTable, GameLog, joined_rows, places_of, some_rows
 from gamms.game.deeds import DeclaredField, field_of
 from gamms.game.streets import StreetGraph
 from gamms.ir.graph import IntArray
@@ -71,7 +71,7 @@ class DeclaredDeeds:
         self,
         declared: Mapping[str, Mapping[str, Any]],
         check: Check | None,
-        roster: Roster,
+        roster: AgentTable,
         streets: StreetGraph,
         are_open: Callable[[IntArray, IntArray], BoolArray] | None = None,
     ) -> None:
@@ -347,6 +347,6 @@ class DeedLog(GameLog[list[_PerformedDeeds]]):
             yield game, entry
 
 
-def deed_log_of(settings: Mapping[str, Any], roster: Roster, num_games: int) -> DeedLog | None:
+def deed_log_of(settings: Mapping[str, Any], roster: AgentTable, num_games: int) -> DeedLog | None:
     """Return the log of deeds of games with these settings; None: they declare no deeds."""
     return DeedLog(roster.part_of(settings["order"]), num_games) if settings["deeds"] else None

@@ -5,7 +5,7 @@ from math import hypot
 
 import numpy as np
 
-from gamms.game.batch.columns import Roster
+from gamms.game.batch.columns import AgentTable
 from gamms.game.travel import ResolvedAction
 from gamms.ir.agents import AgentBlock, Pose, Position, Quat
 from gamms.ir.graph import FloatArray, IntArray
@@ -30,7 +30,7 @@ class Flights:
         has_flown: (games, flying agents) whether that has led it elsewhere.
     """
 
-    def __init__(self, roster: Roster, games: int) -> None:
+    def __init__(self, roster: AgentTable, games: int) -> None:
         self.agents = np.flatnonzero(roster.flies)
         self._speeds = [roster.agents[number].speed or 0.0 for number in self.agents.tolist()]
         shape = games, len(self.agents)

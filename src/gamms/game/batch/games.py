@@ -10,14 +10,14 @@ import numpy as np
 
 from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
-from gamms.game.batch.arrays import ArrayEngine, Numbers, movement_in_core
-from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
+from gamms.game.batch.arrays import ArrayEngine, LearnerActions, movement_in_core
+from gamms.game.batch.columns import BYTES_PER_AGENT, AgentTable, PlayedGame, ZeroDefaultScores, agents_of, reserved
 from gamms.game.batch.cursor import first_called
-from gamms.game.batch.given import Acting, Given, as_given, as_kept
-from gamms.game.batch.maps import OneByOneOnMaps, drawn_maps
-from gamms.game.batch.one_by_one import OneByOneEngine
-from gamms.game.batch.own_functions import MakeDeciders, OwnFunctions
-from gamms.game.batch.state import Columns, GameArrays, NotTakenUp
+from gamms.game.batch.given import OutsideActions, OutsideActor, as_given, as_kept
+from gamms.game.batch.maps import SequentialMapsEngine, drawn_maps
+from gamms.game.batch.one_by_one import SequentialEngine
+from gamms.game.batch.own_functions import FunctionsPerGame, MakeDeciders
+from gamms.game.batch.state import Columns, GameArrays, NotInCore
 from gamms.game.batch.view import ArrayView
 from gamms.game.global_random import global_state, seeded_for_run
 from gamms.game.hidden_state import refusing_changes
@@ -108,11 +108,11 @@ class Batch(Immutable):
         ]
         self._begin: IntArray = np.zeros((len(seeds), len(self._roster.names)), np.int64)  # see `_starts`
         made = [(source.game, source.deciders) for source in sources]
-        self._own = [None if make is None else OwnFunctions(game, make, self.seeds) for game, make in made]
+        self._own = [None if make is None else FunctionsPerGame(game, make, self.seeds) for game, make in made]
         self._engine = self._made_engine()
         self._left: str | None = None  # why the games left the core
         is_kept = as_bool(record, "record") or self._engine.may_leave
-        self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
+        self._log: list[dict[Hashable, OutsideActions]] | None = [] if is_kept else None
         self._begun = np.zeros(len(seeds), np.int64)  # the length of the log at each game's start; -1: loaded
         self._steps = 0
         self._ran_from: int | None = None  # the length of the log at the start of the current run
@@ -123,7 +123,7 @@ class Batch(Immutable):
         self._was_given = False  # whether actions were passed to `step` and not logged
         self._lock = RLock()  # of the thread that plays
 
-    def _made_engine(self) -> ArrayEngine | OneByOneOnMaps:
+    def _made_engine(self) -> ArrayEngine | SequentialMapsEngine:
         """Return the engine of the games: the core, or the turn engine for unsupported games; set `slow`."""
         try:
             engine = self._made_in_core()
@@ -138,12 +138,12 @@ class Batch(Immutable):
         """Return the engine that plays the games in the core.
 
         Raises:
-            NotTakenUp: the core does not support a part of the games.
+            NotInCore: the core does not support a part of the games.
             GammsError: a part does not fit into memory, or refers to a node or edge that the map no longer has.
         """
         for source in self._sources:
             if source.follows_seed is not None:
-                raise NotTakenUp(source.follows_seed)
+                raise NotInCore(source.follows_seed)
         self._take_functions(np.arange(len(self)))
         games = [source.game for source in self._sources]
         movements = [movement_in_core(game, roster) for game, roster in zip(games, self._rosters, strict=True)]
@@ -158,15 +158,15 @@ class Batch(Immutable):
                 own.take(on_map, [self.seeds[game] for game in on_map.tolist()])
                 own.install()
 
-    def _made_one_by_one(self) -> OneByOneOnMaps:
+    def _made_one_by_one(self) -> SequentialMapsEngine:
         """Return the engine that plays the games one after the other."""
         for own in filter(None, self._own):
             own.remove()
         engines = [
-            OneByOneEngine(source.game, roster, self.seeds)
+            SequentialEngine(source.game, roster, self.seeds)
             for source, roster in zip(self._sources, self._rosters, strict=True)
         ]
-        return OneByOneOnMaps(engines, self.maps.copy())
+        return SequentialMapsEngine(engines, self.maps.copy())
 
     def __len__(self) -> int:
         return len(self.seeds)
@@ -241,7 +241,7 @@ class Batch(Immutable):
         self._follow()
         return ~self._engine.is_over
 
-    def _step(self, given: dict[Hashable, Given], numbers: Numbers | None, threads: int) -> None:
+    def _step(self, given: dict[Hashable, OutsideActions], numbers: LearnerActions | None, threads: int) -> None:
         """Play one turn, and log the given actions."""
         before, is_played = self._engine.turns(), False
         with self._playing(), uninterrupted(at_most_once=True):
@@ -254,34 +254,36 @@ class Batch(Immutable):
                     self._note(given)
                     self._was_given |= self._log is None and numbers is not None
 
-    def _step_numbers(self, numbers: Numbers, threads: int) -> bool:
+    def _step_numbers(self, numbers: LearnerActions, threads: int) -> bool:
         """Play a turn; see `step_numbers`."""
         self._refuse_closed()
         if not self.is_in_arrays:
             return False
-        given = dict[Hashable, Given]()
+        given = dict[Hashable, OutsideActions]()
         if self._log is not None:  # the turn engine may have to play these games again
             for team in self._roster.teams:
                 members = self._roster.members(team)
                 if numbers.is_given[members].all():
-                    given[team] = Given(as_kept(numbers.actions[:, members]), {}, {}, may_stay=True)
+                    given[team] = OutsideActions(as_kept(numbers.actions[:, members]), {}, {}, may_stay=True)
         self._step(given, numbers, threads)
         self._follow()
         return True
 
-    def _play_turn(self, given: Mapping[Hashable, Given], numbers: Numbers | None, threads: int) -> None:
+    def _play_turn(
+        self, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None, threads: int
+    ) -> None:
         engine = self._engine
-        if isinstance(engine, OneByOneOnMaps):
+        if isinstance(engine, SequentialMapsEngine):
             engine.step(given)
             return
         try:
             engine.step({} if numbers is not None else given, numbers, threads)
-        except NotTakenUp as error:
+        except NotInCore as error:
             left = self._leave_arrays(engine, " ".join((f"{error}.", *getattr(error, "__notes__", ()))))
             if self._ran_from is None:
                 left.step(given)
 
-    def _leave_arrays(self, left: ArrayEngine, why: str) -> OneByOneOnMaps:
+    def _leave_arrays(self, left: ArrayEngine, why: str) -> SequentialMapsEngine:
         """Replace the core by the turn engine, which plays all games again up to the last turn.
 
         During `run` it plays them only up to the start of the run, because it seeds the global generators once per run.
@@ -313,7 +315,7 @@ class Batch(Immutable):
         finally:
             self._lock.release()
 
-    def _note(self, given: dict[Hashable, Given]) -> None:
+    def _note(self, given: dict[Hashable, OutsideActions]) -> None:
         """Log the actions of a played turn."""
         if self._ran_from is not None and not self.is_in_arrays:  # the turn engine starts the run again
             return
@@ -322,7 +324,7 @@ class Batch(Immutable):
         self._was_given |= self._log is None and bool(given)
         self._steps += 1
 
-    def _as_given(self, team: Hashable, value: object) -> Given:
+    def _as_given(self, team: Hashable, value: object) -> OutsideActions:
         """Return the checked actions of a team; copies if they are logged."""
         members = self._roster.members(team)
         given = as_given(value, team, (len(self), len(members)), is_copied=self._log is not None)
@@ -368,7 +370,7 @@ class Batch(Immutable):
                     self._run_in_core(self._engine, num_threads, show)
                 finally:
                     self._ran_from = None
-            if isinstance(self._engine, OneByOneOnMaps):  # not `else`: games may have left the core
+            if isinstance(self._engine, SequentialMapsEngine):  # not `else`: games may have left the core
                 self._run_one_by_one(self._engine, show)
         self._follow()
 
@@ -406,7 +408,7 @@ class Batch(Immutable):
         say = logger.info if len(self) < _FEWEST_WARNED else logger.warning
         say(f"A batch is played one game after the other, because of {self.slow}.")
 
-    def _run_one_by_one(self, engine: OneByOneOnMaps, show: Callable[[str], object] | None) -> None:
+    def _run_one_by_one(self, engine: SequentialMapsEngine, show: Callable[[str], object] | None) -> None:
         try:
             for game in np.flatnonzero(~engine.is_over).tolist():
                 engine.run(game)
@@ -490,7 +492,7 @@ class Batch(Immutable):
         self._begun[:] = -1
 
     def _arrays(self, what: str) -> GameArrays:
-        if isinstance(self._engine, OneByOneOnMaps) or self._engine.calls_each:
+        if isinstance(self._engine, SequentialMapsEngine) or self._engine.calls_each:
             why = str(self.slow).removesuffix(".")
             raise BadValue(f"{what} needs games that the core plays completely; it does not, because of {why}.")
         if len(self._sources) > 1:
@@ -567,7 +569,7 @@ class Batch(Immutable):
     @property
     def scores(self) -> dict[Any, Any]:
         """The scores, key -> float64 (games,); a score that no game has set is 0."""
-        scores = ScoresOfGames(lambda: np.zeros(len(self)))
+        scores = ZeroDefaultScores(lambda: np.zeros(len(self)))
         scores.update(self._engine.scores())
         return scores
 
@@ -644,9 +646,9 @@ class Batch(Immutable):
         """Play a game in a separate context up to its current turn in the batch."""
         first, log = self._entry_of(number) - self._first_turn, self._log or []
         turns = int(self._engine.turns()[number])
-        ran_from = self._engine.ran_from(number) if isinstance(self._engine, OneByOneOnMaps) else None
+        ran_from = self._engine.ran_from(number) if isinstance(self._engine, SequentialMapsEngine) else None
         num_given = turns if ran_from is None else ran_from
-        acting = Acting(game, self._roster)
+        acting = OutsideActor(game, self._roster)
         self._alone = _SingleGame(number, game)
         try:
             with seeded_for_run(game.ctx, game.turn):
@@ -678,7 +680,7 @@ class Batch(Immutable):
         """
         number = self._as_game(game)
         with self._playing():
-            if isinstance(self._engine, OneByOneOnMaps) and self._engine.can_show(number):
+            if isinstance(self._engine, SequentialMapsEngine) and self._engine.can_show(number):
                 return self._engine.show(number).ctx
             return self._context_of(number)
 
@@ -702,7 +704,7 @@ class Batch(Immutable):
             return game
         self._engine.release()
         game = source.game.fork(0)
-        if isinstance(self._engine, OneByOneOnMaps):
+        if isinstance(self._engine, SequentialMapsEngine):
             self._engine.return_to_shown()
         game.reset(seed=seed)
         return game
@@ -783,14 +785,14 @@ class Batch(Immutable):
         return found
 
 
-def _roster_of(game: PlayedGame, most_agents: MostAgents | None) -> Roster:
+def _roster_of(game: PlayedGame, most_agents: MostAgents | None) -> AgentTable:
     """Return the roster of a game's agents, with names reserved for agents that may enter later."""
     agents = agents_of(game)
-    roster = Roster.of(agents)
-    return roster if most_agents is None else Roster.of(agents, reserved(roster, most_agents))
+    roster = AgentTable.of(agents)
+    return roster if most_agents is None else AgentTable.of(agents, reserved(roster, most_agents))
 
 
-def _refuse_other_agents(roster: Roster, first: Roster, number: int) -> None:
+def _refuse_other_agents(roster: AgentTable, first: AgentTable, number: int) -> None:
     """Refuse a map on which the game's agents differ from the first map."""
     if roster.names != first.names:
         other = min({*roster.names} ^ {*first.names})
@@ -821,7 +823,7 @@ def _step_again(game: PlayedGame) -> None:
             raise
 
 
-def step_numbers(games: Batch, numbers: Numbers, threads: int) -> bool:
+def step_numbers(games: Batch, numbers: LearnerActions, threads: int) -> bool:
     """Play one turn of all games that are not over, if the core plays them; return whether it does.
 
     Args:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.arguments import as_array, as_mapping
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.columns import AgentTable, PlayedGame
 from gamms.game.batch.view import ArrayView, as_actions
 from gamms.game.deeds import field_of
 from gamms.game.settings import Plan
@@ -19,7 +19,7 @@ from gamms.text import shown
 _KEYS = ("moves", "flights", "deeds", "messages")
 
 
-class Given(NamedTuple):
+class OutsideActions(NamedTuple):
     """What the agents of a team do in a turn, in all games of a batch.
 
     Attributes:
@@ -54,7 +54,7 @@ class Given(NamedTuple):
             view.send(channel, where[view.games], here(body), here(to))
 
 
-def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied: bool) -> Given:
+def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied: bool) -> OutsideActions:
     """Return the actions of a team as they were given to `Batch.step`.
 
     Args:
@@ -93,7 +93,7 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied
         flights = as_flights(flights, f"Flights of {by}", shape)
     given = value.get("moves")
     moves = np.zeros(shape, np.int64) if given is None else as_actions(given, shape, by)
-    return Given(as_kept(moves) if is_copied else moves, deeds, messages, flights)
+    return OutsideActions(as_kept(moves) if is_copied else moves, deeds, messages, flights)
 
 
 def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
@@ -116,22 +116,22 @@ def _as_mask(where: object, shape: tuple[int, int], what: str) -> BoolArray:
     return as_array(where, f"The agents of {what!r}", "booleans", shape)
 
 
-class Acting:
+class OutsideActor:
     """Lets agents of a game take actions that are given, instead of what their strategies and plans decide.
 
     Its plans stay from turn to turn until `end`: the turn engine works out again who is asked when plans change.
     """
 
-    def __init__(self, game: PlayedGame, roster: Roster) -> None:
+    def __init__(self, game: PlayedGame, roster: AgentTable) -> None:
         self._game, self._roster = game, roster
-        self._taking: dict[Hashable, _Taking] = {}
+        self._taking: dict[Hashable, _OutsideStrategy] = {}
 
-    def take(self, given: Mapping[Hashable, Given], number: int) -> None:
+    def take(self, given: Mapping[Hashable, OutsideActions], number: int) -> None:
         """Let agents take other actions from now on: those of a game of the batch, by team."""
         if given.keys() != self._taking.keys():
             self.end()
             plans = self._game.plans
-            self._taking = {team: _Taking(self._game, self._roster, team, plans.get(team)) for team in given}
+            self._taking = {team: _OutsideStrategy(self._game, self._roster, team, plans.get(team)) for team in given}
             self._game.plans = {**plans, **{team: Plan(one) for team, one in self._taking.items()}}
         for team, one in self._taking.items():
             one.given, one.number = given[team], number
@@ -139,8 +139,11 @@ class Acting:
     def end(self) -> None:
         """Let strategies and plans decide again; after a reset, too, as the first plans are part of the start."""
         plans = self._game.plans
-        if any(isinstance(plan.function, _Taking) for plan in plans.values()):
-            own = {team: one.function.own if isinstance(one.function, _Taking) else one for team, one in plans.items()}
+        if any(isinstance(plan.function, _OutsideStrategy) for plan in plans.values()):
+            own = {
+                team: one.function.own if isinstance(one.function, _OutsideStrategy) else one
+                for team, one in plans.items()
+            }
             self._game.plans = {team: plan for team, plan in own.items() if plan is not None}
         self._taking = {}
 
@@ -153,16 +156,16 @@ def _one_of(value: Any, number: int, agent: int) -> Any:  # Any: what a caller h
     return one.tolist() if isinstance(one, np.ndarray | np.generic) else one
 
 
-class _Taking:
+class _OutsideStrategy:
     """A plan by which agents of a team, if they are alive, take actions; in place of a plan of the game or of none.
 
     Those that were not there from the start follow their strategies, or stay.
     """
 
-    given: Given
+    given: OutsideActions
     number: int
 
-    def __init__(self, game: PlayedGame, roster: Roster, team: Hashable, own: Plan | None) -> None:
+    def __init__(self, game: PlayedGame, roster: AgentTable, team: Hashable, own: Plan | None) -> None:
         self._game, self._roster, self.own = game, roster, own
         self._place_of = {roster.names[agent]: i for i, agent in enumerate(roster.members(team).tolist())}
 

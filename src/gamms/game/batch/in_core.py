@@ -14,15 +14,15 @@ import numpy as np
 from gamms.core import arrivals, conflicts, contacts, draws, moves, rules, turn
 from gamms.errors import BadValue, NoPath
 from gamms.game.arrivals import NO_DEEDS, WAITS
-from gamms.game.batch.by_edges import ByEdges
-from gamms.game.batch.columns import Failure, PlayedGame, Roster, decider_of
+from gamms.game.batch.by_edges import EdgeMovement
+from gamms.game.batch.columns import AgentTable, Failure, PlayedGame, decider_of
 from gamms.game.batch.courses import EdgeCourses, MetreCourses, paths_in_parts
 from gamms.game.batch.forms import strategy_spec_of
-from gamms.game.batch.movement import Anywhere, Paths
+from gamms.game.batch.movement import AnyNodeMovement, Paths
 from gamms.game.batch.roads import RoadTables
 from gamms.game.batch.state import CoreEvents, GameArrays
 from gamms.game.batch.strategy_steps import LOOKING, MOST_LOOKING, StrategySteps, always_act, has_plain_looks
-from gamms.game.batch.travel import ByMetres
+from gamms.game.batch.travel import MetricMovement
 from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, in_parts
 from gamms.game.conflicts import ConflictTable, flat, ranked
 from gamms.game.settings import NamedRule, as_called, declared, rule_spec_of
@@ -41,7 +41,7 @@ _SCORING = np.isin(rules.KINDS, ["tag", "capture", "reach", "arrive"])  # (kinds
 _FIRST_ROOM = 1024  # events
 
 
-class PlayedRule(NamedTuple):
+class CompiledRule(NamedTuple):
     """A rule in the core, as its events have it.
 
     Attributes:
@@ -60,7 +60,7 @@ class PlayedRule(NamedTuple):
     truncated: bool = False
 
 
-class Making:
+class RuleBuilder:
     """What the rules of one thread and one map are made with.
 
     Attributes:
@@ -81,7 +81,7 @@ class Making:
         games: rules.GameColumns,
         events: rules.Events,
         travel: ThreadTravel | None,
-        known: list[PlayedRule],
+        known: list[CompiledRule],
         thread: int,
     ) -> None:
         agents, streets = len(state.roster.names), state.streets
@@ -107,7 +107,7 @@ class Making:
         self.rules = known
         self.agents_in: list[IntArray] = []
 
-    def number(self, *played: PlayedRule) -> int:
+    def number(self, *played: CompiledRule) -> int:
         """Return the first of the numbers of a rule, one for each of its parts."""
         self.rules += played
         return len(self.rules) - len(played)
@@ -144,7 +144,7 @@ class Making:
         return teams.index(team) if team in teams else -1
 
 
-class Block:
+class CoreColumns:
     """The columns that the core writes, of the games on all maps, a row for each game.
 
     Args:
@@ -179,7 +179,7 @@ class Block:
         self.part = np.zeros(shape[0], np.int64)
         self.over = np.zeros(shape[0], np.uint8)
         self.score = np.zeros((shape[0], len(state.roster.teams)))
-        self.rules: list[PlayedRule] = []
+        self.rules: list[CompiledRule] = []
         self.events: list[rules.Events] = []
         self.illegal: list[Failure] = []
         self.waiting: set[tuple[int, int]] = set()
@@ -305,7 +305,7 @@ class Block:
             why = f"BadValue: {NoPath(int(by.columns.node_ids[-2 - edge]), target)}"
             return Failure.illegal(game, agent, why)
         node, end = by.columns.node_ids[[by.columns.sources[edge], by.columns.targets[edge]]].tolist()
-        may_turn = isinstance(by, ByMetres) and by.backs(noted.others[[row]])[0] >= 0
+        may_turn = isinstance(by, MetricMovement) and by.backs(noted.others[[row]])[0] >= 0
         error = no_way(node, end, target, is_paced=True, may_turn=bool(may_turn))
         return Failure.illegal(game, agent, f"BadValue: {error}")
 
@@ -341,7 +341,7 @@ def memory_of(column: np.ndarray[Any, Any]) -> Any:
     return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
 
 
-def core_form_of(settings: Mapping[str, Any], roster: Roster, number: int) -> int | None:
+def core_form_of(settings: Mapping[str, Any], roster: AgentTable, number: int) -> int | None:
     """Return the number by which the core knows what decides for an agent, None: it does not play that.
 
     Args:
@@ -373,7 +373,7 @@ def is_function(rule: NamedRule) -> bool:
     return rule.spec.is_array_function or rule.spec.core_form is None
 
 
-def called_rules(game: PlayedGame, roster: Roster) -> list[NamedRule]:
+def called_rules(game: PlayedGame, roster: AgentTable) -> list[NamedRule]:
     """Return the rules of a game as a batch calls them; the core has no form of some where agents leave the nodes."""
     settings, called = game.settings(), as_called(game.rules)
     by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
@@ -411,7 +411,7 @@ class CoreGames:
 
     arrival: int | None = None
 
-    def __init__(self, game: PlayedGame, state: GameArrays, block: Block, *, is_apart: bool) -> None:
+    def __init__(self, game: PlayedGame, state: GameArrays, block: CoreColumns, *, is_apart: bool) -> None:
         settings = game.settings()
         self._state = state
         self._block = block
@@ -432,7 +432,7 @@ class CoreGames:
         self._by_steps: StrategySteps | None = None
         self._deciding = self._decides_by.copy()
         streets = state.streets
-        self._streets = streets.core_with_all_legal if isinstance(state.movement, Anywhere) else streets.core
+        self._streets = streets.core_with_all_legal if isinstance(state.movement, AnyNodeMovement) else streets.core
         self._first_node = np.zeros(len(state), np.int64)  # see `rules.GameColumns`
         self._tables: RoadTables | None = None  # of the games, once a rule has closed roads
         self._until = block.until_of(state)
@@ -441,7 +441,7 @@ class CoreGames:
         self._games = np.zeros(0, np.int64)  # that are played
         self.part_of = state.roster.part_of(settings["order"])
         self.num_parts = len(settings["order"] or [()])
-        self._made: list[tuple[turn.Player, Making]] = []  # of each thread
+        self._made: list[tuple[turn.Player, RuleBuilder]] = []  # of each thread
         self._movers: list[moves.OneEdgeMovers] = []  # likewise
         self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions
         self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
@@ -570,7 +570,7 @@ class CoreGames:
         return int(columns.node_ids[row]) if beyond < 0 else EdgePlace(int(columns.edge_ids[beyond]))
 
     def prepare(self, is_given: BoolArray | None, threads: int) -> None:
-        """Prepare to play the games that `Block.until` says.
+        """Prepare to play the games that `CoreColumns.until` says.
 
         Args:
             is_given: (agents,) which agents take the actions in the block; the others decide themselves; None: all do.
@@ -644,7 +644,7 @@ class CoreGames:
         flights.put_back(*back)
         state.previous[back] = node[back]
 
-    def _player(self) -> tuple[turn.Player, Making]:
+    def _player(self) -> tuple[turn.Player, RuleBuilder]:
         """Make what one more thread plays with."""
         state, roster, block = self._state, self._state.roster, self._block
         columns = self._columns = self._columns or self._new_columns()
@@ -698,7 +698,7 @@ class CoreGames:
         travel = None if self.num_parts == 1 else in_parts(movers, len(roster.names))
         if columns is not None:
             travel = columns.thread(len(self._made), movers, by_steps, events)
-        making = Making(state, games, events, travel, block.rules, len(self._made))
+        making = RuleBuilder(state, games, events, travel, block.rules, len(self._made))
         parts = self._made_rules(making)
         first = None
         if self.has_functions:
@@ -708,7 +708,7 @@ class CoreGames:
         walkers, travelers, at_arrivals = (None, None, None) if travel is None else travel[:3]
         return turn.Player(games, movers, walkers, travelers, at_arrivals, first, self._until.data), making
 
-    def _made_rules(self, making: Making) -> list[Any]:
+    def _made_rules(self, making: RuleBuilder) -> list[Any]:
         """Return functions, and the first of the rules of the core between them, each chain as one."""
         parts: list[Any] = []
         for are_functions, several in groupby(self._rules, is_function):
@@ -724,7 +724,7 @@ class CoreGames:
         """Return what threads share in games that do not go along one edge a turn."""
         by, go_by_steps = self._state.movement, any(self._steps)
         keeps_courses = self._keeps_courses or self.num_parts > 1
-        if isinstance(by, ByMetres):
+        if isinstance(by, MetricMovement):
             return MetreColumns(
                 self._state,
                 by,
@@ -733,7 +733,7 @@ class CoreGames:
                 keeps_courses=keeps_courses,
                 has_conflicts=self._has_conflicts,
             )
-        if isinstance(by, ByEdges):
+        if isinstance(by, EdgeMovement):
             return EdgeColumns(self._state, by, self.part_of, go_by_steps=go_by_steps, keeps_courses=keeps_courses)
         return None
 

@@ -8,17 +8,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.errors import BadType
-from gamms.game.batch.by_edges import ByEdges
-from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of, some_rows
+from gamms.game.batch.by_edges import EdgeMovement
+from gamms.game.batch.columns import AgentTable, PlayedGame, agents_of, decider_of, some_rows
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flights import poses_in, starts_above
 from gamms.game.batch.forms import key_of, strategy_spec_of
-from gamms.game.batch.in_core import Block
-from gamms.game.batch.movement import Anywhere, Legs, Movement, Paths
+from gamms.game.batch.in_core import CoreColumns
+from gamms.game.batch.movement import AnyNodeMovement, Legs, Movement, Paths
 from gamms.game.batch.reach import TravelTerms, seconds_of_turn
 from gamms.game.batch.scores import fits_float
-from gamms.game.batch.state import STOPPED, Arrays, GameArrays, NotTakenUp
-from gamms.game.batch.travel import ByMetres
+from gamms.game.batch.state import STOPPED, Arrays, GameArrays, NotInCore
+from gamms.game.batch.travel import MetricMovement
 from gamms.game.moves import TurnMoves
 from gamms.game.settings import as_called
 from gamms.game.slots import COUNTED
@@ -35,23 +35,25 @@ Begins = Callable[[Any, GameArrays], Mapping[Hashable, Arrays]]
 """Returns the memory of an array form in the game of a context: key -> name -> an array of one game."""
 
 
-def movement_type(game: PlayedGame, roster: Roster) -> type[Movement]:
+def movement_type(game: PlayedGame, roster: AgentTable) -> type[Movement]:
     """Return the class of movement for the settings and agents of a game."""
     settings = game.settings()
     if settings["legal"] == "any":
-        return Anywhere
+        return AnyNodeMovement
     if settings["speed_unit"] != "edges":
-        return ByMetres
+        return MetricMovement
     on_ground = [agent for agent in roster.agents if agent.type is not AgentType.AERIAL]
-    return Movement if all(agent.speed is None for agent in on_ground) else ByEdges
+    return Movement if all(agent.speed is None for agent in on_ground) else EdgeMovement
 
 
-def goes_along_one_edge(game: PlayedGame, roster: Roster) -> bool:
+def goes_along_one_edge(game: PlayedGame, roster: AgentTable) -> bool:
     """Return whether all agents on the ground move along at most one edge per turn, or to any node."""
-    return movement_type(game, roster) in (Movement, Anywhere)
+    return movement_type(game, roster) in (Movement, AnyNodeMovement)
 
 
-def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False, is_detached: bool = False) -> Movement:
+def movement_of(
+    game: PlayedGame, roster: AgentTable, *, may_reopen: bool = False, is_detached: bool = False
+) -> Movement:
     """Return the movement of the agents of a game.
 
     Args:
@@ -66,12 +68,12 @@ def movement_of(game: PlayedGame, roster: Roster, *, may_reopen: bool = False, i
     whole = StreetGraph(*graph.storage.reopened()) if closed else None
     speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
     made = movement_type(game, roster)
-    if issubclass(made, ByMetres):
+    if issubclass(made, MetricMovement):
         return made(streets, speeds, TravelTerms.of(game, streets), whole, closed)
-    if issubclass(made, ByEdges):
+    if issubclass(made, EdgeMovement):
         return made(streets, speeds, whole, closed)
     movement = made(streets, whole, closed)
-    if made is Anywhere:
+    if made is AnyNodeMovement:
         movement.turn_seconds = seconds_of_turn(settings)
     return movement
 
@@ -90,11 +92,11 @@ class InitialState:
         last_turn: the moves of the last turn, if an array rule reads them; None: no rule does, or no turn was played.
 
     Raises:
-        NotTakenUp: the core does not support a part of the state.
+        NotInCore: the core does not support a part of the state.
         UnknownName (KeyError): an agent moved over a node that is no longer on the map.
     """
 
-    def __init__(self, game: PlayedGame, state: GameArrays, columns: Block, games: IntArray) -> None:
+    def __init__(self, game: PlayedGame, state: GameArrays, columns: CoreColumns, games: IntArray) -> None:
         _refuse_unknown(game, state.movement)
         block, values, rows = game.ctx.agent.block, game.internals.state, state.streets.rows
         names, known = state.roster.names, game.ctx.agent.agents
@@ -149,7 +151,7 @@ class InitialState:
         for one in by_key.values():
             try:
                 _take_up(game, state, f"the strategy {as_code(one)}", strategy_spec_of(one).begins)
-            except NotTakenUp as error:  # `first` lacks its memory
+            except NotInCore as error:  # `first` lacks its memory
                 state.takes_up[:], state.why_not_first = False, f": {error}"
 
     def last_deeds(self, games: int) -> list[ArrayDeeds]:
@@ -165,7 +167,7 @@ class InitialState:
         """Return the games that are not in a turn of which some parts were played before the batch."""
         return games if self._parts_played is None else games[state.turn[games] > self.turn]
 
-    def put(self, state: GameArrays, columns: Block, games: IntArray) -> None:
+    def put(self, state: GameArrays, columns: CoreColumns, games: IntArray) -> None:
         """Set games, which were reset, to this state."""
         state.turn[games], state.blocked[games], state.stops[games] = self.turn, self._blocked, self._stops
         state.placed[games] = self._placed
@@ -239,7 +241,7 @@ def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | N
 def _refuse_unknown(game: PlayedGame, movement: Movement) -> None:
     """Refuse a state that the columns of the core cannot represent."""
     if not all(map(fits_float, game.scores.values())):
-        raise NotTakenUp("scores that are not numbers, or too large")
+        raise NotInCore("scores that are not numbers, or too large")
     _refuse_departed(game)
     if game.turn:
         _refuse_unknown_places(game, movement)
@@ -250,9 +252,9 @@ def _refuse_departed(game: PlayedGame) -> None:
     values, known = game.internals.state, game.ctx.agent.agents
     gone = {name: team for name, (team, _) in values.departed.items() if name not in known}
     if not {*gone.values()} <= {agent.team for agent in known.values()}:
-        raise NotTakenUp("a team whose agents were deleted")
+        raise NotInCore("a team whose agents were deleted")
     if gone and not gone.keys().isdisjoint(_texts_in(values.data)):
-        raise NotTakenUp("deleted agents that are still named in ctx.game.data")
+        raise NotInCore("deleted agents that are still named in ctx.game.data")
 
 
 def _texts_in(value: object) -> Iterator[str]:
@@ -266,18 +268,18 @@ def _texts_in(value: object) -> Iterator[str]:
 def _refuse_unknown_places(game: PlayedGame, movement: Movement) -> None:
     """Refuse agents on nodes or edges that the map no longer has, or that their movement cannot reach."""
     block = game.ctx.agent.block
-    by_metres = isinstance(movement, ByMetres)
+    by_metres = isinstance(movement, MetricMovement)
     has_node = game.ctx.graph.graph.has_node
     edges, _ = game.ctx.graph.storage.roads()  # those that are open
     for agent in [one for one in agents_of(game) if one.type is not AgentType.AERIAL]:
         row, started = block.row_of(agent.name), game.internals.start_of(agent)
         place = block.progress[row]
         if not (has_node(started) and has_node(block.previous[row])):
-            raise NotTakenUp(f"agent {agent.name!r}, whose start node or previous node was removed")
+            raise NotInCore(f"agent {agent.name!r}, whose start node or previous node was removed")
         if place is not None and (by_metres != (place.motion != Motion.NONE) or not (by_metres or agent.speed)):
-            raise NotTakenUp(f"agent {agent.name!r}, whose progress on an edge does not fit the settings of the game")
+            raise NotInCore(f"agent {agent.name!r}, whose progress on an edge does not fit the settings of the game")
         if by_metres and place is not None and place.edge not in edges:
-            raise NotTakenUp(f"agent {agent.name!r}, which is on an edge that was closed or removed")
+            raise NotInCore(f"agent {agent.name!r}, which is on an edge that was closed or removed")
 
 
 def _remembers(game: PlayedGame, agent: IAgent) -> bool:
@@ -301,7 +303,7 @@ class LastTurn(NamedTuple):
     paths: Paths | None
 
     @classmethod
-    def of(cls, moves: TurnMoves, roster: Roster, movement: Movement, node: IntArray) -> "LastTurn":
+    def of(cls, moves: TurnMoves, roster: AgentTable, movement: Movement, node: IntArray) -> "LastTurn":
         """Return the last moves of a game; `node` are the rows of the agents' current nodes, (1, agents).
 
         Raises:
@@ -315,7 +317,7 @@ class LastTurn(NamedTuple):
         ends[0, numbers] = rows([int(moves.ends[i]) for i in slots])
         took_part[0, numbers] = True
         paths = None
-        if isinstance(movement, ByMetres):
+        if isinstance(movement, MetricMovement):
             paths = _paths_by_metres(moves, slots, numbers, movement, starts)
         elif moves.actions:
             tracks = [moves.track(i) for i in slots]
@@ -339,7 +341,7 @@ def _paths(tracks: Sequence[Track], numbers: IntArray, movement: Movement, start
 
 
 def _paths_by_metres(
-    moves: TurnMoves, slots: Sequence[int], numbers: IntArray, movement: ByMetres, starts: IntArray
+    moves: TurnMoves, slots: Sequence[int], numbers: IntArray, movement: MetricMovement, starts: IntArray
 ) -> Paths:
     """Return the paths of agents that move by meters, including the legs along edges."""
     tracks = [moves.track(i) for i in slots]

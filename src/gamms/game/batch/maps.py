@@ -8,8 +8,8 @@ import numpy as np
 
 from gamms import kernels
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.given import Given
-from gamms.game.batch.one_by_one import OneByOneEngine
+from gamms.game.batch.given import OutsideActions
+from gamms.game.batch.one_by_one import SequentialEngine
 from gamms.game.batch.view import ArrayView
 from gamms.game.result import Result
 from gamms.ir.graph import IntArray
@@ -27,7 +27,7 @@ def drawn_maps(seeds: Sequence[int], num_maps: int) -> IntArray:
     return kernels.below_many(bits, num_maps)
 
 
-class OneByOneOnMaps:
+class SequentialMapsEngine:
     """Plays games on several maps one after the other, with one engine for each map.
 
     Each engine numbers all games of the batch, and plays the games on its map.
@@ -43,7 +43,7 @@ class OneByOneOnMaps:
     functions: tuple[Callable[..., object], ...] = ()  # the functions called for many games at once
     calls_each = may_leave = False
 
-    def __init__(self, engines: Sequence[OneByOneEngine], map_of: IntArray) -> None:
+    def __init__(self, engines: Sequence[SequentialEngine], map_of: IntArray) -> None:
         self._engines = engines
         self._map_of = map_of
         self.current = 0
@@ -77,7 +77,7 @@ class OneByOneOnMaps:
 
     # -- playing ------------------------------------------------------------------------------------------------
 
-    def step(self, given: Mapping[Hashable, Given]) -> None:
+    def step(self, given: Mapping[Hashable, OutsideActions]) -> None:
         """Play one turn of all games that are not over; if one of several games raises, the turn is undone in all."""
         playing = np.flatnonzero(~self.is_over)
         by_map = [playing[self._map_of[playing] == number] for number in range(len(self._engines))]
@@ -92,7 +92,7 @@ class OneByOneOnMaps:
                 for game in games.tolist():
                     self.step_game(game, given)
 
-    def step_game(self, game: int, given: Mapping[Hashable, Given]) -> None:
+    def step_game(self, game: int, given: Mapping[Hashable, OutsideActions]) -> None:
         """Play one turn of one game."""
         self._stepping(game).step_game(game, given)
 
@@ -117,7 +117,7 @@ class OneByOneOnMaps:
         """Return the number of turns a game had when `run` played it to its end; None: `run` did not play it."""
         return self._of(game).ran_from.get(game)
 
-    def _stepping(self, game: int) -> OneByOneEngine:
+    def _stepping(self, game: int) -> SequentialEngine:
         self.current = int(self._map_of[game])
         return self._engines[self.current]
 
@@ -153,7 +153,7 @@ class OneByOneOnMaps:
         """Return the result of a game so far."""
         return self._of(game).result(game)
 
-    def _of(self, game: int) -> OneByOneEngine:
+    def _of(self, game: int) -> SequentialEngine:
         return self._engines[int(self._map_of[game])]
 
     def view(self, agents: IntArray, number: int) -> ArrayView:

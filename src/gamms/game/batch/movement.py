@@ -111,7 +111,7 @@ class Movement:
         self, streets: StreetGraph, whole: StreetGraph | None = None, closed: ClosedEdges | None = None
     ) -> None:
         self.streets, self.whole, self.closed = streets, streets if whole is None else whole, closed or {}
-        self.edge = np.zeros((0, 0), np.int64)  # in games by metres, see `ByMetres`
+        self.edge = np.zeros((0, 0), np.int64)  # in games by metres, see `MetricMovement`
         self.share, self.motion, self.now = np.zeros((0, 0)), np.zeros((0, 0), np.int64), np.zeros(0)
         self._tables: dict[str | None, RouteTable] = {}
 
@@ -279,7 +279,7 @@ class MovementOnMaps(Movement):
         return self._counts[choices]
 
 
-class Anywhere(Movement):
+class AnyNodeMovement(Movement):
     """Agents that go to any node in a turn; in games by metres, rules find them on no edge."""
 
     is_plain = False

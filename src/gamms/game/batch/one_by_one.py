@@ -9,11 +9,11 @@ import numpy as np
 
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.channels import radio_of
-from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.columns import AgentTable, PlayedGame
 from gamms.game.batch.deeds import DeclaredDeeds
-from gamms.game.batch.given import Acting, Given
+from gamms.game.batch.given import OutsideActions, OutsideActor
 from gamms.game.batch.initial_state import movement_of
-from gamms.game.batch.movement import Anywhere, Movement, Places
+from gamms.game.batch.movement import AnyNodeMovement, Movement, Places
 from gamms.game.batch.roads import RoadMap
 from gamms.game.batch.sensing import note_sensors, note_sights
 from gamms.game.batch.state import GameArrays
@@ -31,7 +31,7 @@ from gamms.typing.on_edges import located
 _ABSENT: dict[str, Any] = {}  # how a game is over that another engine plays
 
 
-class OneByOneEngine:
+class SequentialEngine:
     """Plays the games of a batch one after the other: each is a snapshot that is restored for its turn.
 
     Attributes:
@@ -39,14 +39,14 @@ class OneByOneEngine:
         ran_from: games that were played to their ends at once -> how many turns they had before.
     """
 
-    def __init__(self, game: PlayedGame, roster: Roster, seeds: Sequence[int]) -> None:
+    def __init__(self, game: PlayedGame, roster: AgentTable, seeds: Sequence[int]) -> None:
         self._game, self._roster, self.seeds = game, roster, list(seeds)
         self._snapshots: list[Snapshot | None] = [None] * len(seeds)  # None: at the start, over, or in the context
         self.loaded: int | None = None
         self._shown: int | None = None  # the game that the context was pointed at by `show`
         self.ran_from = dict[int, int]()
         self._beyond_arrays = dict[int, UnknownName]()  # games with agents at or next to nodes that rules have added
-        self._acting = Acting(game, roster)
+        self._acting = OutsideActor(game, roster)
         self._results: list[Result | None] = [None] * len(seeds)
         self._first = game.turn, dict(game.scores)  # of games that have begun
         self._turns = np.full(len(seeds), game.turn)
@@ -105,7 +105,7 @@ class OneByOneEngine:
             self._is_observed[playing] = False
             raise
 
-    def check(self, given: Mapping[Hashable, Given], games: IntArray) -> None:
+    def check(self, given: Mapping[Hashable, OutsideActions], games: IntArray) -> None:
         """Refuse what cannot be done in one of some games as they are now, before any is played."""
         if not given:
             return
@@ -130,7 +130,7 @@ class OneByOneEngine:
             found[there] = np.isin(edges[there], self._load(number).ctx.graph.columns().edge_ids)
         return found
 
-    def step_game(self, number: int, given: Mapping[Hashable, Given]) -> None:
+    def step_game(self, number: int, given: Mapping[Hashable, OutsideActions]) -> None:
         """Play one turn of a game."""
         with self._named(number):
             game = self._load(number)
@@ -216,8 +216,10 @@ class OneByOneEngine:
         self._flyers = [i for i, agent in enumerate(self._roster.agents) if agent.type is AgentType.AERIAL]
         agents = range(len(self._roster.agents))
         self._odd = [i for i in agents if i in self._flyers or not movement.are_plain(np.array([i]))]
-        self._revision = None if isinstance(movement, Anywhere) else self._game.ctx.graph.graph.revision
-        self._legal = Noted(movement) if self._flyers or not isinstance(movement, Anywhere) else None
+        self._revision = None if isinstance(movement, AnyNodeMovement) else self._game.ctx.graph.graph.revision
+        self._legal = (
+            TurnEngineMovement(movement) if self._flyers or not isinstance(movement, AnyNodeMovement) else None
+        )
         state = GameArrays(self._roster, self._legal or movement, self.seeds, np.zeros(shape, np.int64))
         settings, check = self._game.settings(), partial(checked_value, ctx=self._game.ctx)
         state.deeds = DeclaredDeeds(settings["deeds"], check, self._roster, state.streets, self._are_open)
@@ -282,7 +284,7 @@ class OneByOneEngine:
         except (BadValue, UnknownName):
             return None
 
-    def _note_legal(self, noted: "Noted", number: int, nodes: IntArray, odd: Iterable[int]) -> None:
+    def _note_legal(self, noted: "TurnEngineMovement", number: int, nodes: IntArray, odd: Iterable[int]) -> None:
         """Note where the agents of the game that the context has may go: those that are out stay; some go oddly."""
         revision = self._game.ctx.graph.graph.revision
         is_known, names = revision is not None and revision == self._revision, self._roster.names
@@ -387,7 +389,7 @@ class OneByOneEngine:
         return result
 
 
-def _functions_of(game: PlayedGame, roster: Roster) -> list[Callable[..., object]]:
+def _functions_of(game: PlayedGame, roster: AgentTable) -> list[Callable[..., object]]:
     """Return the functions that decide, rule and collect in a game, each once."""
     conflicts = game.settings()["conflicts"]
     functions = [agent.strategy for agent in roster.agents]
@@ -399,7 +401,7 @@ def _functions_of(game: PlayedGame, roster: Roster) -> list[Callable[..., object
     return [*{id(one): one for one in functions if one is not None}.values()]
 
 
-class Noted(Movement):
+class TurnEngineMovement(Movement):
     """Agents of games that are played by the turn engine, which says of each where it may go.
 
     A choice is the number of a game and an agent.

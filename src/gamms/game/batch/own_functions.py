@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.state import NotTakenUp
+from gamms.game.batch.state import NotInCore
 from gamms.game.settings import Plan
 from gamms.ir.graph import IntArray
 from gamms.text import as_code
@@ -15,7 +15,7 @@ MakeDeciders = Callable[[int], Mapping[Decider, Any]]
 """Resets a game with a seed, and returns its strategies and plans that depend on the seed."""
 
 
-class OwnFunction:
+class FunctionPerGame:
     """A strategy, or the plan of a team, with a different function in each game.
 
     Attributes:
@@ -38,15 +38,15 @@ class OwnFunction:
 
 def function_in(decider: Any, game: int) -> Any:
     """Return the function of a strategy or plan in a game."""
-    return decider.of_game[game] if isinstance(decider, OwnFunction) else decider
+    return decider.of_game[game] if isinstance(decider, FunctionPerGame) else decider
 
 
 def some_function(decider: Any) -> Any:
     """Return the function of a strategy or plan in the first game that has one."""
-    return next(filter(None, decider.of_game)) if isinstance(decider, OwnFunction) else decider
+    return next(filter(None, decider.of_game)) if isinstance(decider, FunctionPerGame) else decider
 
 
-class OwnFunctions:
+class FunctionsPerGame:
     """The strategies and plans that differ between the games on one map.
 
     Args:
@@ -60,7 +60,7 @@ class OwnFunctions:
         self._make = make
         self._seed = seeds[0]
         self._made_for: list[int | None] = [None] * len(seeds)
-        self._own: dict[Decider, OwnFunction] = {}
+        self._own: dict[Decider, FunctionPerGame] = {}
         self._first: Mapping[Decider, Any] = {}  # of the seed of the context
 
     def take(self, games: IntArray, seeds: Sequence[int]) -> None:
@@ -69,21 +69,21 @@ class OwnFunctions:
         The context must not be pointed at a game of the batch.
 
         Raises:
-            NotTakenUp: an agent has no strategy in one of the games, or its strategy has a `prepare` method.
+            NotInCore: an agent has no strategy in one of the games, or its strategy has a `prepare` method.
         """
         for number, seed in zip(games.tolist(), seeds, strict=True):
             if seed == self._made_for[number]:
                 continue
             for decider, function in self._make(seed).items():
                 if function is None or hasattr(function, "prepare"):
-                    raise NotTakenUp(f"{as_code(function)}, with what it prepares in a game")
-                own = self._own.setdefault(decider, OwnFunction(len(self._made_for)))
+                    raise NotInCore(f"{as_code(function)}, with what it prepares in a game")
+                own = self._own.setdefault(decider, FunctionPerGame(len(self._made_for)))
                 own.of_game[number] = function
             self._made_for[number] = seed
         self._first = self._make(self._seed)
 
     def install(self) -> None:
-        """Set the strategies and plans of the context to the `OwnFunction` objects of all games."""
+        """Set the strategies and plans of the context to the `FunctionPerGame` objects of all games."""
         self._decide_by(self._own)
 
     def remove(self) -> None:

@@ -9,9 +9,9 @@ from gamms.core.agents import PointedColumns
 from gamms.core.copies import copied
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.movement import Anywhere, Movement
+from gamms.game.batch.movement import AnyNodeMovement, Movement
 from gamms.game.batch.roads import RoadMap
-from gamms.game.batch.state import GameArrays, Heading, NotTakenUp
+from gamms.game.batch.state import GameArrays, Heading, NotInCore
 from gamms.game.snapshots import Snapshot
 from gamms.ir.agents import show_flights, show_game, show_lives, show_progress
 from gamms.ir.graph import IntArray
@@ -181,20 +181,20 @@ class PointedContext:
 
         Raises:
             UnknownName (KeyError): an edge does not exist in a game.
-            NotTakenUp: the core cannot close roads in these games.
+            NotInCore: the core cannot close roads in these games.
         """
         change = getattr(self._game.ctx.graph, verb)
         with self.held():
             for number in self.each(games):
                 change(edges)
                 if not self.take_roads(number):
-                    raise NotTakenUp("roads that an array rule closes or opens")
+                    raise NotInCore("roads that an array rule closes or opens")
 
     def take_roads(self, number: int) -> bool:
         """Let a game have the map of the context; return False, and do nothing, if more than roads was changed."""
         state, storage = self._state, self._game.ctx.graph.storage
         others = self._graph.revision - self._revision - storage.road_changes + self._road_changes
-        if others or type(state.movement) not in (Movement, Anywhere):
+        if others or type(state.movement) not in (Movement, AnyNodeMovement):
             return False
         try:
             roads = state.roads.map_with(*storage.roads())

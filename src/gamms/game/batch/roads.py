@@ -25,7 +25,7 @@ _EDGE_BYTES = 200  # of these data for an edge of one map; 74 measured on a grid
 _OF_NODES = ("node_ids", "xy", "node_attributes", "crs")  # columns that do not depend on closed roads
 
 
-class NeedsOneMap(BadValue):
+class DifferingRoads(BadValue):
     """A query has no single answer, because the games differ in their closed roads."""
 
 
@@ -287,7 +287,7 @@ class OpenRoads:
 
 def refuse_several_maps(what: str) -> NoReturn:
     """Raise an error for a query whose answer differs between maps."""
-    raise NeedsOneMap(
+    raise DifferingRoads(
         f"{what} differs between these games, in which other roads are closed: ask for games with the same roads, by "
         "view.in_games(which)."
     )
@@ -305,8 +305,8 @@ class _NodeColumns:
         return getattr(self._columns, name)
 
 
-class StreetsOfMaps(StreetGraph):
-    """The nodes of maps that differ in their open roads; queries of edges raise `NeedsOneMap`.
+class MultiMapStreets(StreetGraph):
+    """The nodes of maps that differ in their open roads; queries of edges raise `DifferingRoads`.
 
     Attributes:
         whole: the graph at the start.
@@ -329,4 +329,4 @@ def _refusing(name: str) -> property:
 
 
 for _name in _OF_ROADS:
-    setattr(StreetsOfMaps, _name, _refusing(_name))
+    setattr(MultiMapStreets, _name, _refusing(_name))

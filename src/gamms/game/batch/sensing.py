@@ -32,7 +32,7 @@ _MOST_PAIRS = 1 << 28  # agents and nodes, of one answer
 _MOST_MARKS = 1 << 24  # pairs of agents that the core compares at once
 
 
-class Seen(NamedTuple):
+class VisibleAgentPairs(NamedTuple):
     """The agents that agents see, as pairs: by game, then by observer, then by the name of the other agent.
 
     Attributes:
@@ -59,12 +59,12 @@ class Seen(NamedTuple):
         use = "at, viewers, others and nodes of view.seen()"
         return _mask_of_pairs(self.shape, (self.at, self.viewers, self.others), use)
 
-    def in_games(self, games: IntArray) -> "Seen":
+    def in_games(self, games: IntArray) -> "VisibleAgentPairs":
         """Return the pairs of some games, ascending, renumbered for a view of these games."""
         at = places_of(games, self.shape[0])[self.at]
         return self._replace(shape=(len(games), *self.shape[1:]), at=at).of(at >= 0)
 
-    def of(self, chosen: BoolArray | IntArray) -> "Seen":
+    def of(self, chosen: BoolArray | IntArray) -> "VisibleAgentPairs":
         """Return pairs selected by a mask, (pairs,), or by indices.
 
         Raises:
@@ -75,7 +75,7 @@ class Seen(NamedTuple):
         return some_rows(self, as_numbers_of(chosen, "chosen", len(self.at), "pairs").reshape(-1))
 
 
-class SeenNodes(NamedTuple):
+class VisibleNodes(NamedTuple):
     """The nodes that agents see, as pairs: by game, then by observer.
 
     The nodes of one observer are in the order of the map; for a single sensor, in the order of the sensor.
@@ -190,7 +190,7 @@ def seen(
     asked: BoolArray,
     names: Sequence[str],
     axes: Callable[[], FloatArray],
-) -> Seen:
+) -> VisibleAgentPairs:
     """Return which agents some agents see.
 
     Args:
@@ -218,7 +218,7 @@ def seen(
     none = np.zeros(0, np.int64)
     at, viewers, others, nodes = (np.concatenate(columns) for columns in zip((none,) * 4, *parts, strict=True))
     _, first = np.unique((at * shape[1] + viewers) * shape[2] + others, return_index=True)
-    return Seen(shape, at[first], viewers[first], others[first], nodes[first])
+    return VisibleAgentPairs(shape, at[first], viewers[first], others[first], nodes[first])
 
 
 def _seen_in_core(
@@ -276,7 +276,7 @@ def _sighted(
 
 def seen_nodes(
     state: GameArrays, games: IntArray, agents: IntArray, node: IntArray, asked: BoolArray, names: Sequence[str]
-) -> SeenNodes:
+) -> VisibleNodes:
     """Return which nodes some agents see; see `seen`.
 
     Args:
@@ -313,7 +313,7 @@ def seen_nodes(
             raise TooLarge("The agents see too many nodes together for arrays. Ask for fewer games.")
     at, viewers, rows = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     order = np.argsort(at * shape[1] + viewers, kind="stable")
-    return SeenNodes(shape, at[order], viewers[order], rows[order])
+    return VisibleNodes(shape, at[order], viewers[order], rows[order])
 
 
 def _shows_nodes(agent: IAgent, name: str) -> bool:

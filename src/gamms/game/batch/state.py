@@ -12,12 +12,12 @@ import numpy as np
 from gamms import kernels
 from gamms.core import rules
 from gamms.errors import BadType, BadValue, GammsError
-from gamms.game.batch.channels import Radio
-from gamms.game.batch.columns import Failure, GameLog, Roster, some_rows
+from gamms.game.batch.channels import MessageTraffic
+from gamms.game.batch.columns import AgentTable, Failure, GameLog, some_rows
 from gamms.game.batch.deeds import DeclaredDeeds, DeedLog
 from gamms.game.batch.flights import Flights
 from gamms.game.batch.movement import Movement, Places
-from gamms.game.batch.roads import RoadMap, StreetsOfMaps
+from gamms.game.batch.roads import MultiMapStreets, RoadMap
 from gamms.game.batch.scores import Scores
 from gamms.game.decisions import COUNT_OF
 from gamms.game.slots import COUNTED
@@ -39,11 +39,11 @@ Columns = dict[Hashable, np.ndarray[Any, Any]]
 """The state of games as arrays (games, …) by name, as `Batch.columns` returns it."""
 
 
-class NotTakenUp(GammsError):
+class NotInCore(GammsError):
     """The core does not support a part of a game, so that the games are played one after the other."""
 
 
-class Emitted(NamedTuple):
+class EmittedEvents(NamedTuple):
     """Events of one kind that were emitted together.
 
     Attributes:
@@ -59,12 +59,12 @@ class Emitted(NamedTuple):
     fields: Mapping[str, list[Any]]
 
     @classmethod
-    def of(cls, game: int, entry: Mapping[str, Any]) -> "Emitted":
+    def of(cls, game: int, entry: Mapping[str, Any]) -> "EmittedEvents":
         """Return the event of one log entry of a game."""
         fields = {name: [value] for name, value in entry.items() if name not in ("turn", "kind")}
         return cls(entry["kind"], np.array([game]), np.array([entry["turn"]]), fields)
 
-    def those(self, which: BoolArray) -> "Emitted":
+    def those(self, which: BoolArray) -> "EmittedEvents":
         """Return the events selected by a mask."""
         return some_rows(self, which)
 
@@ -92,7 +92,7 @@ class CoreEvents(NamedTuple):
         games, turns, rules, kinds, agents, others, nodes = (column[which] for column in self[:7])
         return CoreEvents(games, turns, rules, kinds, agents, others, nodes, self.flags)
 
-    def emitted(self, names: Sequence[str]) -> Iterator[Emitted]:
+    def emitted(self, names: Sequence[str]) -> Iterator[EmittedEvents]:
         """Yield events grouped by kind; the events of a game keep their order. `names` are the agents' names."""
         is_first = np.diff(self.games, prepend=-1) != 0
         run = np.cumsum(is_first | (np.diff(self.kinds, prepend=-1) != 0))
@@ -105,10 +105,10 @@ class CoreEvents(NamedTuple):
                 others = zip(some.rules.tolist(), some.others.tolist(), strict=True)
                 fields[NAMED[kind]] = [names[one] if kind == "tag" else self.flags[rule][one] for rule, one in others]
             fields["node"] = some.nodes.tolist()
-            yield Emitted(kind, some.games, some.turns, fields)
+            yield EmittedEvents(kind, some.games, some.turns, fields)
 
 
-class EventLog(GameLog[Emitted | CoreEvents]):
+class EventLog(GameLog[EmittedEvents | CoreEvents]):
     """The log of the events of all games.
 
     Args:
@@ -119,29 +119,31 @@ class EventLog(GameLog[Emitted | CoreEvents]):
     def __init__(self, num_games: int, names: Sequence[str]) -> None:
         super().__init__(num_games)
         self._names = names
-        self._unread: dict[Hashable, list[Emitted]] = {}  # reader -> its unread events
+        self._unread: dict[Hashable, list[EmittedEvents]] = {}  # reader -> its unread events
         self._read_before: dict[Hashable, int] = {}  # reader -> the number of events it had read before the batch
 
     def begin(self, games: IntArray, entries: Sequence[dict[str, Any]]) -> None:
         """Start the empty logs of games with events of earlier turns."""
         super().begin(games, entries)
         for reader, number in self._read_before.items():
-            self._unread[reader] += [Emitted.of(game, entry) for game in games.tolist() for entry in entries[number:]]
+            self._unread[reader] += [
+                EmittedEvents.of(game, entry) for game in games.tolist() for entry in entries[number:]
+            ]
 
     def read(self, reader: Hashable, number: int) -> None:
         """Register a reader that had read the first `number` events of each game before the batch."""
         self._read_before[reader] = number
         self._unread[reader] = [
-            Emitted.of(game, entry) for game in range(len(self._of_game)) for entry in self.of(game)[number:]
+            EmittedEvents.of(game, entry) for game in range(len(self._of_game)) for entry in self.of(game)[number:]
         ]
 
     def is_read_by(self, reader: Hashable) -> bool:
         """Return whether a reader is registered."""
         return reader in self._unread
 
-    def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> Emitted:
+    def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> EmittedEvents:
         """Log and return events, one for each entry of `games`; the events of a game are in order."""
-        emitted = Emitted(kind, games, turns, fields)
+        emitted = EmittedEvents(kind, games, turns, fields)
         self._pending.append(emitted)
         for unread in self._unread.values():
             unread.append(emitted)
@@ -156,13 +158,13 @@ class EventLog(GameLog[Emitted | CoreEvents]):
     def note(self, game: int, entries: Sequence[Mapping[str, Any]]) -> None:
         """Add events that are already in the log of a game to the unread events of all readers."""
         for unread in self._unread.values():
-            unread += [Emitted.of(game, entry) for entry in entries]
+            unread += [EmittedEvents.of(game, entry) for entry in entries]
 
-    def new(self, reader: Hashable, games: IntArray) -> list[Emitted]:
+    def new(self, reader: Hashable, games: IntArray) -> list[EmittedEvents]:
         """Return the events of games that a reader has not read yet, and mark them as read."""
         if reader not in self._unread:
             self._unread[reader] = [
-                Emitted.of(game, entry) for game in range(len(self._of_game)) for entry in self.of(game)
+                EmittedEvents.of(game, entry) for game in range(len(self._of_game)) for entry in self.of(game)
             ]
         known = [(one, np.isin(one.games, games)) for one in self._unread[reader]]
         self._unread[reader] = [one.those(~is_new) for one, is_new in known if not is_new.all()]
@@ -191,7 +193,7 @@ class EventLog(GameLog[Emitted | CoreEvents]):
         for unread in self._unread.values():
             unread.clear()
 
-    def _entries(self, noted: Emitted | CoreEvents) -> Iterator[tuple[int, dict[str, Any]]]:
+    def _entries(self, noted: EmittedEvents | CoreEvents) -> Iterator[tuple[int, dict[str, Any]]]:
         if isinstance(noted, CoreEvents):
             for emitted in noted.emitted(self._names):
                 yield from self._entries(emitted)
@@ -322,7 +324,7 @@ class GameArrays:
 
     why_not_first = ""
 
-    def __init__(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
+    def __init__(self, roster: AgentTable, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
         self.roster, self.seeds = roster, list(seeds)
         games, shape = len(seeds), (len(seeds), len(roster.names))
         self.start, self.node = start, start.copy()
@@ -342,7 +344,7 @@ class GameArrays:
         self.turning: list[tuple[int, int, Heading]] = []
         self.events = EventLog(games, roster.names)
         self.failures: list[tuple[Failure, int]] = []
-        self.radio: Radio | None = None
+        self.radio: MessageTraffic | None = None
         self.deed_log: DeedLog | None = None
         self._purposes: dict[tuple[Purpose, ...], BitArray] = {}
         self._draw_keys: dict[str, BitArray] = {}  # by purpose
@@ -378,7 +380,7 @@ class GameArrays:
         self.no_node = np.zeros(len(self), np.int64)
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
 
-    def on_map(self, movement: Movement, roster: Roster) -> Self:
+    def on_map(self, movement: Movement, roster: AgentTable) -> Self:
         """Return a state of the same games on another map; it shares all attributes that do not depend on the map."""
         twin = copy(self)
         twin.roster = roster
@@ -429,7 +431,7 @@ class GameArrays:
         number = self.roads.number[games]
         if len(games) and (number != number[0]).any():
             if self._of_maps is None:
-                self._of_maps = MapData(StreetsOfMaps(self.streets), self.movement, self.roads.shared)
+                self._of_maps = MapData(MultiMapStreets(self.streets), self.movement, self.roads.shared)
             return self._of_maps
         roads = self.roads.of(int(games[0])) if len(games) else None
         if roads is None:
@@ -528,7 +530,7 @@ class GameArrays:
                 make = partial(_repeated, first if named is None else _as_made(key, named, first, make(1)))
             elif self.has_begun and not is_new:
                 why = f"it is not known what is kept under {shown(key)} of the turns before the batch"
-                raise NotTakenUp(why + self.why_not_first)
+                raise NotInCore(why + self.why_not_first)
             known = make(len(self))
             _refuse_other_arrays(known, len(self))
             self.kept[key], self._makers[key] = known, make

@@ -10,10 +10,10 @@ import numpy as np
 from gamms.arguments import as_int
 from gamms.core import routes, rules, strategies
 from gamms.errors import BadValue
-from gamms.game.batch.columns import Roster
+from gamms.game.batch.columns import AgentTable
 from gamms.game.batch.forms import CoreStep
 from gamms.game.batch.roads import RoadMap, RoadTables
-from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
+from gamms.game.batch.state import Arrays, GameArrays, NotInCore
 from gamms.game.conflicts import flat
 from gamms.game.travel import ReachableNodes
 from gamms.ir.graph import FloatArray, IntArray
@@ -61,7 +61,7 @@ def has_plain_looks(agent: IAgent) -> bool:
     return all(_plain_look(sensor) is not None for sensor in sensors if sensor.type in ON_GROUND | IN_AIR)
 
 
-def looks_of(roster: Roster, looking: Sequence[bool], names: Sequence[str] = ()) -> tuple[Any, Any, Any]:
+def looks_of(roster: AgentTable, looking: Sequence[bool], names: Sequence[str] = ()) -> tuple[Any, Any, Any]:
     """Return the plain sensors of the agents of a roster that look, of these names or all, as the core takes them.
 
     That is `begins`, `squares` and `shows` of `strategies.SensorTable`.
@@ -92,7 +92,7 @@ def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) 
     """Return what agents of the game of a context remember of steps, as `StrategySteps` keeps it.
 
     Raises:
-        NotTakenUp: a memory has something else there, or a node that is not on the map any more.
+        NotInCore: a memory has something else there, or a node that is not on the map any more.
     """
     found: dict[Hashable, Arrays] = {}
     names = state.roster.names
@@ -103,7 +103,7 @@ def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) 
             try:
                 values = _numbers_of(step, known[name], state)
             except (TypeError, ValueError, LookupError) as error:
-                raise NotTakenUp(f"the memory of agent {shown(name)} has what no strategy reads: {error}") from error
+                raise NotInCore(f"the memory of agent {shown(name)} has what no strategy reads: {error}") from error
             for column, value in zip(columns.values(), values, strict=True):
                 column[0, number] = value
     return found

@@ -26,7 +26,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
 
 
-class ByMetres(Movement):
+class MetricMovement(Movement):
     """Agents that are anywhere on edges, and go as far in a turn as their speeds in metres say.
 
     Args:

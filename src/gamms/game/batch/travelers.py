@@ -7,10 +7,10 @@ import numpy as np
 
 from gamms.core import arrivals, by_edges, by_metres, contacts, moves, rules, strategies, travel
 from gamms.game.arrivals import MOST_ARRIVALS
-from gamms.game.batch.by_edges import ByEdges
+from gamms.game.batch.by_edges import EdgeMovement
 from gamms.game.batch.courses import EdgeCourses, MetreCourses
 from gamms.game.batch.state import GameArrays
-from gamms.game.batch.travel import ByMetres
+from gamms.game.batch.travel import MetricMovement
 from gamms.game.conflicts import flat
 from gamms.game.travel import ENDLESS, ReachableNodes, StoredPaths, TurnPaths
 from gamms.ir.graph import IntArray
@@ -27,7 +27,7 @@ _ROUNDED = 1e-6  # by how much more of a way agents may cover than they should
 NO_LEGS = contacts.Legs(0, *[memoryview(array("q"))] * 5, *[memoryview(array("d"))] * 5)  # type: ignore[arg-type]
 
 
-def most_legs(by: ByMetres) -> int:
+def most_legs(by: MetricMovement) -> int:
     """Return how many legs an agent has in a turn at most: a way has each edge once, unless it decides on its way."""
     fastest = float(by.paces.max(initial=0.0, where=~np.isnan(by.paces))) * by.terms.turn_seconds * (1.0 + _ROUNDED)
     if by.terms.decides_at_arrivals:
@@ -54,7 +54,7 @@ def _refuse_too_long(legs: int, kept: int) -> None:
     )
 
 
-def most_nodes(by: ByEdges) -> int:
+def most_nodes(by: EdgeMovement) -> int:
     """Return how many nodes an agent passes in a turn at most, the one where it is included."""
     return 3 + int(by.paces.max(initial=0.0, where=~np.isnan(by.paces)))
 
@@ -107,7 +107,7 @@ class EdgeColumns:
     """
 
     def __init__(
-        self, state: GameArrays, by: ByEdges, part_of: IntArray, *, go_by_steps: bool, keeps_courses: bool
+        self, state: GameArrays, by: EdgeMovement, part_of: IntArray, *, go_by_steps: bool, keeps_courses: bool
     ) -> None:
         self._by = by
         self._agents = state.node.shape[1]
@@ -200,7 +200,7 @@ class MetreColumns:
     def __init__(
         self,
         state: GameArrays,
-        by: ByMetres,
+        by: MetricMovement,
         part_of: IntArray,
         *,
         go_by_steps: bool,

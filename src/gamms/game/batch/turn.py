@@ -12,7 +12,7 @@ from gamms.game.batch.columns import kept_in, lock, once, places_of, put_locked,
 from gamms.game.batch.deeds import ArrayDeeds, joined
 from gamms.game.batch.movement import Paths
 from gamms.game.batch.routes import RouteTable
-from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
+from gamms.game.batch.state import STOPPED, Arrays, EmittedEvents, GameArrays, NotInCore
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -239,13 +239,13 @@ class ArrayTurn:
         self._note(kind, at, {"agent": [names[number] for number in agents.tolist()], "node": nodes})
         np.add.at(self._state.stops, (self.games[at], agents), 1)
 
-    def new_events(self, reader: Hashable) -> list[Emitted]:
+    def new_events(self, reader: Hashable) -> list[EmittedEvents]:
         """Return the events of these games since the last call for a reader; in the first call, all events.
 
         Their `games` are indices in this turn.
         """
         if self._state.has_begun and not self._state.events.is_read_by(reader):
-            raise NotTakenUp(f"it is unknown which events of the turns before the batch {shown(reader)} has read")
+            raise NotInCore(f"it is unknown which events of the turns before the batch {shown(reader)} has read")
         number = places_of(self.games, len(self._state))
         new = self._state.events.new(reader, self.games)
         return [emitted._replace(games=number[emitted.games]) for emitted in new]

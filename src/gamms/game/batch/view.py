@@ -9,15 +9,24 @@ import numpy as np
 from gamms.arguments import as_array, as_count, as_key, as_numbers_of
 from gamms.core import observe, strategies
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.channels import Outbox, ReceivedMessages
+from gamms.game.batch.channels import OutgoingMessages, ReceivedMessages
 from gamms.game.batch.columns import kept_in
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.movement import STOP, Movement, Places
 from gamms.game.batch.roads import OpenRoads
 from gamms.game.batch.routes import RouteTable
-from gamms.game.batch.sensing import SHOWING_AGENTS, SHOWING_NODES, Seen, SeenNodes, covered, names_of, seen, seen_nodes
-from gamms.game.batch.state import Arrays, GameArrays, NotTakenUp
+from gamms.game.batch.sensing import (
+    SHOWING_AGENTS,
+    SHOWING_NODES,
+    VisibleAgentPairs,
+    VisibleNodes,
+    covered,
+    names_of,
+    seen,
+    seen_nodes,
+)
+from gamms.game.batch.state import Arrays, GameArrays, NotInCore
 from gamms.game.batch.strategy_steps import looks_of, made_looks
 from gamms.game.batch.vectors import Encoder, Vectors, legal_of, write_vectors
 from gamms.game.conflicts import flat
@@ -57,7 +66,9 @@ class ArrayView(Mapping[str, Any]):
     """
 
     _deeds: list[ArrayDeeds] | None = None  # the deeds of the agents, in order; None: no strategy is deciding
-    _outboxes: list[Outbox] | None = None  # the messages of the agents, in order; None: no strategy is deciding
+    _outboxes: list[OutgoingMessages] | None = (
+        None  # the messages of the agents, in order; None: no strategy is deciding
+    )
     _channels: Iterable[str] = ()  # the names of the channels with an inbox
     _may_aim = False  # whether actions may lead toward nodes that are not legal
 
@@ -72,7 +83,7 @@ class ArrayView(Mapping[str, Any]):
         self.turn = state.turn[games]
         self._known = dict[str, IntArray]()
         self.draw = ViewDraws(state.chosen(state.draw_keys(), games, agents), self.turn)
-        self._whole, self._sights = self.mask, dict[Hashable, Seen]()
+        self._whole, self._sights = self.mask, dict[Hashable, VisibleAgentPairs]()
 
     def _lock(self) -> None:
         """Make the arrays read-only for strategies."""
@@ -189,7 +200,7 @@ class ArrayView(Mapping[str, Any]):
             The actions; -1 if there is no path.
         """
         if self._movement.has_aims and not self._may_aim:
-            raise NotTakenUp("view.towards of agents with speeds")
+            raise NotInCore("view.towards of agents with speeds")
         node, (games, agents) = self.node[which], numbers_in(self, which)
         ends = np.broadcast_to(targets, node.shape).ravel()
         found = self._movement.towards(node.ravel(), ends, (games.ravel(), agents.ravel()), allowed)
@@ -278,7 +289,7 @@ class ArrayView(Mapping[str, Any]):
             raise UnknownName("channel", channel, ())
         return radio.heard(channel, self.games, self.turn, self.agents, self.mask)
 
-    def seen(self, *names: str) -> Seen:
+    def seen(self, *names: str) -> VisibleAgentPairs:
         """Return the agents that sensors show to the agents in the mask, as pairs; no agent sees itself.
 
         Args:
@@ -294,11 +305,11 @@ class ArrayView(Mapping[str, Any]):
         found = self._sights[key]
         return found if self.mask is self._whole else found.of(self.mask[found.at, found.viewers])
 
-    def _looked(self, names: tuple[str, ...]) -> Seen:
+    def _looked(self, names: tuple[str, ...]) -> VisibleAgentPairs:
         """Return the pairs that sensors of these names, or all sensors, show to all agents of the view; see `seen`."""
         state, key = self._state, ("seen", self.agents.tobytes(), names)
         are_all = len(self.games) == len(state)
-        known: Seen | None = state.now.get(key)
+        known: VisibleAgentPairs | None = state.now.get(key)
         if known is not None:
             return known if are_all else known.in_games(self.games)
         found = seen(state, self.games, self.agents, self._whole, names, self._xy_of_all)
@@ -310,7 +321,7 @@ class ArrayView(Mapping[str, Any]):
         """Return the positions of all agents of these games, (games, all agents, 2)."""
         return ArrayView(self._state, self.games, np.arange(len(self.roster.names)))._places().xy
 
-    def seen_nodes(self, *names: str) -> SeenNodes:
+    def seen_nodes(self, *names: str) -> VisibleNodes:
         """Return the nodes that sensors show to the agents in the mask: NEIGHBOR, MAP, RANGE, ARC and OCCLUDED_MAP.
 
         Args:
@@ -330,17 +341,17 @@ class ArrayView(Mapping[str, Any]):
         with self._state.reading():
             return covered(self._state, self.games, self.agents, self.node, self.mask)
 
-    def enemies(self) -> Seen:
+    def enemies(self) -> VisibleAgentPairs:
         """Return the visible agents of other teams, as pairs; an agent without a team (None) is an enemy of all."""
         found = self.seen()
         return found.of(~self._are_mates(found))
 
-    def mates(self) -> Seen:
+    def mates(self) -> VisibleAgentPairs:
         """Return the visible agents of the same team, as pairs."""
         found = self.seen()
         return found.of(self._are_mates(found))
 
-    def _are_mates(self, found: Seen) -> BoolArray:
+    def _are_mates(self, found: VisibleAgentPairs) -> BoolArray:
         """Return whether each pair is of the same team, (pairs,)."""
         return self.roster.are_mates(self.agents[found.viewers], found.others)
 
@@ -647,7 +658,7 @@ class _LazyMapping(Mapping[str, T]):
         return len(self._names)
 
 
-def _sensors(view: ArrayView) -> Mapping[str, Seen | SeenNodes]:
+def _sensors(view: ArrayView) -> Mapping[str, VisibleAgentPairs | VisibleNodes]:
     agents = view.roster.agents
     of_nodes = names_of(agents, view.agents, SHOWING_NODES)
     names = sorted({*names_of(agents, view.agents, SHOWING_AGENTS), *of_nodes})
