@@ -58,7 +58,7 @@ def test_what_a_rule_returned_is_no_rule(ctx):
 
 @pytest.mark.parametrize("conflicts", [Conflicts, Conflicts(capacity=1)])
 def test_what_decides_conflicts_is_no_rule(ctx, conflicts):
-    with pytest.raises(TypeError, match=r"set ctx.game.conflicts to what decides conflicts"):
+    with pytest.raises(TypeError, match=r"is not a rule: set it as ctx\.game\.conflicts\."):
         ctx.game.add(conflicts)
 
 

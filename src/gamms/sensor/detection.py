@@ -139,6 +139,7 @@ class DetectionModel(Guarded):
         """Return the counts of looks, for `go_to`."""
         return self._looks.copy()
 
+    @refused_while_deciding
     def go_to(self, mark: dict[str | None, tuple[int, int]]) -> None:
         """Count looks from a mark on."""
         self._looks = mark.copy()

@@ -7,7 +7,7 @@ from itertools import filterfalse
 from math import inf, tau
 from typing import Any, Literal, NamedTuple, TypeGuard, Unpack, overload
 
-from gamms.arguments import as_declared, as_member, as_name
+from gamms.arguments import as_declared, as_mapping, as_member, as_name
 from gamms.compat import Surface
 from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated, Duplicate, UnknownName, UnknownType, nearest
@@ -150,13 +150,14 @@ class SensorEngine(Surface, ContextPart, ISensorEngine):
     @refused_while_deciding
     def from_declaration(self, sensor_id: str, declaration: SensorDeclaration) -> Sensor:
         """Create the sensor that a factory such as `gamms.sensor.agent_range` declares, and keep it."""
+        given = as_mapping(declaration, "declaration")
         known = self._sensors.get(sensor_id)
         if known is not None and owner_of(known) is None:
             self.delete_sensor(sensor_id)
-        if "function" in declaration:
-            function: Any = declaration["function"]
+        if "function" in given:
+            function: Any = given["function"]
             return self.from_function(sensor_id, function)
-        options: Any = {"sensor_type": None, **declaration}
+        options: Any = {"sensor_type": None, **given}
         created: Sensor = self.create_sensor(sensor_id, **options)
         return created
 

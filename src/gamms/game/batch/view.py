@@ -66,9 +66,7 @@ class ArrayView(Mapping[str, Any]):
     """
 
     _deeds: list[ArrayDeeds] | None = None  # the deeds of the agents, in order; None: no strategy is deciding
-    _outboxes: list[OutgoingMessages] | None = (
-        None  # the messages of the agents, in order; None: no strategy is deciding
-    )
+    _outboxes: list[OutgoingMessages] | None = None  # their messages, in order; None: no strategy is deciding
     _channels: Iterable[str] = ()  # the names of the channels with an inbox
     _may_aim = False  # whether actions may lead toward nodes that are not legal
 
