@@ -183,7 +183,7 @@ def test_agents_that_fly_come_too(phase):
     [
         ({"blue": 2}, BadValue, "has 3 agents"),
         ({"green": 2}, UnknownName, "green"),
-        ({"blue": ["red_0"]}, BadValue, "agents to come, and 'red_0' is taken"),
+        ({"blue": ["red_0"]}, BadValue, "new agents, and 'red_0' is taken"),
         ({"blue": ["x", "x"]}, BadValue, "a name twice: .*'x'"),
         ({"blue": 10**12}, TooLarge, r"most_agents\['blue'\]=1000000000000 would take"),
     ],
