@@ -6,6 +6,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
+import gamms
 from gamms.errors import BadType, BadValue, TooLarge
 from gamms.limits import allowing
 from gamms.visual.appearance import TEAM_COLORS
@@ -51,6 +52,18 @@ def test_an_unknown_agent_is_warned_about_once_and_drawn_when_it_exists(ctx, cap
     ctx.agent.create_agent("comes_later", start_node_id=0)
     assert len(ctx.visual.draw_commands()) > 0
     assert len(caplog.records) == 1
+
+
+def test_a_wrong_name_that_is_declared_before_any_agent_is_warned_about_in_the_first_drawing(caplog):
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+        ctx.visual.set_agent_visual("rad_0")
+        assert not caplog.records
+        ctx.agent.create_agent("red_0", start_node_id=0)
+        ctx.visual.draw_commands()
+        ctx.visual.draw_commands()
+    assert [record.levelno for record in caplog.records] == [logging.WARNING]
+    assert "Unknown agent 'rad_0'. Did you mean 'red_0'?" in caplog.text
 
 
 def test_a_bad_coordinate_is_an_error_of_the_artist_that_gave_it(ctx, caplog):

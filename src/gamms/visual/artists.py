@@ -200,6 +200,7 @@ class Artists(Guarded):
         self._default: dict[Theme, DefaultScene] = {}
         self.edits = 0
         self.drawings = RecordedDrawings(ctx)
+        self._unchecked: list[str] = []  # names of agents that were declared before any agent existed
         self.fog: Fog | None = None
         # the result of `drawn`, with the edit counts for which it is valid
         self._drawn: tuple[Any, dict[str, IArtist]] = None, {}
@@ -222,6 +223,7 @@ class Artists(Guarded):
         """
         if self._ctx.is_terminated():
             raise ContextTerminated("the state to draw")
+        self._warn_of_unknown_agents()
         artists = self._of_default(scene, sensors=sensors) | self.declared
         self._drawing.has_default_look = not self.is_graph_declared
         if self.fog is not None:
@@ -318,14 +320,23 @@ class Artists(Guarded):
     @as_declared(IVisualizationEngine.set_agent_visual)
     def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> Artist:
         """Set the look of an agent; the contract explains the keywords."""
-        agents = self._ctx.agent.agents
-        if agents and as_name(name, "an agent") not in agents:
-            self._ctx.logger.warning(
-                f"set_agent_visual: {UnknownName('agent', name, agents)} It is shown once it exists."
-            )
+        self._unchecked.append(as_name(name, "an agent"))
+        self._warn_of_unknown_agents()
         artist = self._made("agent", {**kwargs, "name": name}, Layer.AGENTS)
         artist.data["agent_data"].image = kwargs.get("image_path")
         return self._declare(name, artist)
+
+    def _warn_of_unknown_agents(self) -> None:
+        """Warn once about each declared name that no agent has; wait while there are no agents."""
+        agents = self._ctx.agent.agents
+        if not agents:
+            return
+        for name in self._unchecked:
+            if name not in agents:
+                self._ctx.logger.warning(
+                    f"set_agent_visual: {UnknownName('agent', name, agents)} It is shown once it exists."
+                )
+        self._unchecked.clear()
 
     @refused_while_deciding
     @as_declared(IVisualizationEngine.set_sensor_visual)
