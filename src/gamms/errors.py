@@ -104,7 +104,7 @@ class UnknownAttribute(GammsError, AttributeError):
 
 
 def no_attribute(package: str, known: Iterable[str]) -> Callable[[str], NoReturn]:
-    """Return the `__getattr__` of a package with these names, which says what is most like an unknown one."""
+    """Return the `__getattr__` of a package with these names, which suggests the most similar known name."""
 
     def refuse(name: str) -> NoReturn:
         raise UnknownAttribute(package, name, () if name.startswith("_") else known)

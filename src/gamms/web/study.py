@@ -73,7 +73,7 @@ class StudyOptions(TypedDict, total=False):
     seconds: float
     """The time that a participant has for a choice; 60."""
     codes: Iterable[str] | None
-    """The codes of the participants, each of whom gets a separate link; None: one link for all, with any code."""
+    """The codes of the participants, each with a separate link; None: one link for all, with any code."""
     per_minute: int
     """The maximum number of consents per minute from one network address, if there is one link for all; 60."""
     partner_within: float

@@ -261,7 +261,7 @@ class GamesOnOneMap:
         """Return which agents take the actions in the block, (agents,): those of functions, and those that are given.
 
         Args:
-            is_given: (agents,) which agents do what is given.
+            is_given: (agents,) which agents have an action from outside.
         """
         takes = is_given | self._is_asked
         for group in self._groups:
@@ -274,7 +274,7 @@ class GamesOnOneMap:
         Args:
             games: that are played.
             part: of the turn.
-            is_given: (agents,) which agents do what is given.
+            is_given: (agents,) which agents have an action from outside.
             here: (all games, agents) which agents decide now; None: all.
         """
         actions = self._block.given
@@ -691,7 +691,7 @@ class ArrayEngine:
         self._finish(playing)
 
     def _given_to(self, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None) -> BoolArray:
-        """Return which agents do what is given, in place of what their strategies decide, (agents,)."""
+        """Return a mask (agents,) of the agents with an action from outside instead of a decision."""
         roster = self._state.roster
         is_given = np.zeros(len(roster.names), np.bool_) if numbers is None else numbers.is_given.copy()
         for team in given:
@@ -728,7 +728,7 @@ class ArrayEngine:
         given: Mapping[Hashable, OutsideActions],
         numbers: LearnerActions | None,
     ) -> None:
-        """Ask functions for agents of a part of the turn that arrive now, or set out, and take what is given."""
+        """Ask for the decisions of agents that arrive now or set out, and take actions from outside."""
         here = np.zeros(self._state.node.shape, np.bool_)
         for one, games in self._each(playing):
             here[games] = one.core.deciding(games)
@@ -766,7 +766,7 @@ class ArrayEngine:
         Args:
             playing: (games,) which are played.
             first: (games,) the first part that was not played.
-            is_given: (agents,) which agents do what is given.
+            is_given: (agents,) which agents have an action from outside.
             threads: how many play.
             ask: asks functions where agents arrive in some games, in a part of the turn; None: they decide there in the
                 core, or do not decide at arrivals.
@@ -797,7 +797,7 @@ class ArrayEngine:
     def _play_decisions(
         self, playing: BoolArray, part: int, play: Callable[[], None], *, is_later: bool = False
     ) -> None:
-        """Let agents of a part of the turn do what they have decided, and note what they could not do or send.
+        """Carry out the decisions of agents in a part of the turn; record failed actions and unsent messages.
 
         Args:
             playing: (games,) which are played.

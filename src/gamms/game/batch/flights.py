@@ -77,7 +77,7 @@ class Flights:
         return [(tuple(now), tuple(before), tuple(quat)) for now, before, quat in each]
 
     def take(self, game: int, block: AgentBlock, rows: Sequence[int]) -> BoolArray:
-        """Take the poses of agents, by their rows in a block that shows a game; return whom a flight has led there."""
+        """Take the poses of agents from the rows of a block that shows a game; return the agents that flew."""
         self.position[game] = [block.position[row] for row in rows]
         self.previous_position[game] = [block.previous_position[row] for row in rows]
         self.quat[game] = [block.quat[row] for row in rows]
@@ -122,7 +122,7 @@ class Flights:
         self._chosen.clear()
 
     def set_out(self, games: IntArray, members: BoolArray, *, is_first: bool) -> None:
-        """Begin a part of a turn: what was chosen is what the agents want.
+        """Begin a part of a turn: the chosen flights become the wanted ones.
 
         Args:
             games: those that are played.

@@ -294,7 +294,7 @@ class CoreColumns:
             self._state.note_failure(failure, when)
 
     def _failure_of(self, noted: CoreEvents, row: int) -> Failure:
-        """Return what is wrong: an agent arrived too often, did a deed too late, or no way leads to a node."""
+        """Return the error: an agent arrived too often, did a deed too late, or has no path to a node."""
         edge, target, game, agent, kind = (
             int(column[row]) for column in (noted.others, noted.nodes, noted.games, noted.agents, noted.kinds)
         )
@@ -442,7 +442,7 @@ class CoreGames:
         self.part_of = state.roster.part_of(settings["order"])
         self.num_parts = len(settings["order"] or [()])
         self._made: list[tuple[turn.Player, RuleBuilder]] = []  # of each thread
-        self._movers: list[moves.OneEdgeMovers] = []  # likewise
+        self._movers: list[moves.OneEdgeMovers] = []  # one for each thread
         self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions
         self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
         self._counts = ints(state.node.size)  # that threads share
@@ -520,7 +520,7 @@ class CoreGames:
         self._arrivals.late[games, agents] = 1
 
     def forget_late_deeds(self, game: int, agent: int) -> None:
-        """Note that an agent has decided nothing, as what it wanted was illegal."""
+        """Record that an agent has no decision, because its action was illegal."""
         self._arrivals.late[game, agent] = 0
 
     def end_arrivals(self, *, is_played: bool) -> None:

@@ -81,7 +81,9 @@ class Choices:
         self._roads = roads
         self._streets = streets
         self._nodes = streets.num_nodes
-        self._speeds, self._goes_on, self._reach = speeds, goes_on, ReachableNodes(self._nodes)
+        self._speeds = speeds
+        self._goes_on = goes_on
+        self._reach = ReachableNodes(self._nodes)
         self._forget()
 
     def _forget(self) -> None:

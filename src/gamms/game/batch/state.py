@@ -337,7 +337,8 @@ class GameArrays:
         self.errors: list[list[dict[str, Any]]] = [[] for _ in seeds]
         self.over, self.is_going = list[dict[str, Any] | None]([None] * games), np.ones(games, np.bool_)
         self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
-        self.placed, self.fell = np.zeros((2, *shape), np.bool_)
+        self.placed = np.zeros(shape, np.bool_)
+        self.fell = np.zeros(shape, np.bool_)
         self.flights = Flights(roster, games) if roster.flies.any() else None
         self.numbers = {one.name: np.full(shape, one.initial, one.kind) for one in NUMBERS}
         self.headings: list[dict[int, Heading]] = [{} for _ in seeds]

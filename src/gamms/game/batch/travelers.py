@@ -154,7 +154,7 @@ class EdgeColumns:
 
 
 class ArrivalColumns:
-    """What is the same for all threads that play games in which agents decide at arrivals; see `core.arrivals`.
+    """Data that all threads share in games whose agents decide at arrivals; see `core.arrivals`.
 
     Args:
         shape: the numbers of games and agents.
@@ -168,7 +168,8 @@ class ArrivalColumns:
         self._columns = np.zeros((5, *shape), np.int64)
         self._queue = arrivals.Queue(shape[1], shape[0])
         self.now = np.full(shape[0], np.inf)
-        self.comes, self.late = np.zeros((2, *shape), np.uint8)
+        self.comes = np.zeros(shape, np.uint8)
+        self.late = np.zeros(shape, np.uint8)
         self.loses = self._columns[1]
 
     def thread(self, travelers: by_metres.MetreMovers, *, has_end: bool) -> arrivals.Arrivals:
@@ -216,7 +217,7 @@ class MetreColumns:
         decides_at_arrivals = by.terms.decides_at_arrivals
         self.arrivals = ArrivalColumns(shape) if decides_at_arrivals else None
         self._at_arrivals: list[arrivals.Arrivals] = []  # of each thread
-        self._travelers: list[by_metres.MetreMovers] = []  # likewise
+        self._travelers: list[by_metres.MetreMovers] = []  # one for each thread
         self._refuse_too_long((1 + decides_at_arrivals) * keeps_courses)
         self.courses = MetreCourses(by, shape, self._most, part_of) if keeps_courses else None
         self._drawn = np.zeros(shape, np.int64)

@@ -81,7 +81,8 @@ class ArrayView(Mapping[str, Any]):
         self.turn = state.turn[games]
         self._known = dict[str, IntArray]()
         self.draw = ViewDraws(state.chosen(state.draw_keys(), games, agents), self.turn)
-        self._whole, self._sights = self.mask, dict[Hashable, VisibleAgentPairs]()
+        self._whole = self.mask
+        self._sights = dict[Hashable, VisibleAgentPairs]()
 
     def _lock(self) -> None:
         """Make the arrays read-only for strategies."""
