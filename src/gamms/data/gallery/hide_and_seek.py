@@ -9,10 +9,14 @@ def hide(ctx, reach):
     """Make a hider's strategy: flee from visible seekers, else go to the least visible node within `reach` metres."""
 
     @cache
-    def corner(start):
+    def visibility(node):
         eyes = ctx.agent.get_agent("hiders_0").sensors["sees_seekers"]
+        return len(eyes.coverage(node).node_ids)
+
+    @cache
+    def corner(start):
         near = ctx.graph.distances(source=start, cutoff=reach)
-        return min(sorted(near), key=lambda node: len(eyes.coverage(node).node_ids))
+        return min(sorted(near), key=visibility)
 
     def target(state):
         if "corner" not in state["memory"]:
