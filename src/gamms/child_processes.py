@@ -5,7 +5,8 @@ import os
 import sys
 from typing import Any
 
-_SET_DEATH_SIGNAL, _KILL = 1, 9  # of prctl; SIGKILL
+_SET_DEATH_SIGNAL = 1  # of prctl; SIGKILL
+_KILL = 9
 _LIBC: Any = ctypes.CDLL(None) if sys.platform == "linux" else None  # loaded here, for a forked child must not load
 
 

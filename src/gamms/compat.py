@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.machinery import ModuleSpec
+from itertools import chain
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -54,7 +55,7 @@ class _Alias(ModuleType):
     def __getattr__(self, name: str) -> Any:
         packages = _PACKAGES_OF[self.__name__]
         if name == "__all__":  # the names of `from … import *`
-            return [public for package in packages for public in getattr(import_module(package), name, ())]
+            return list(chain.from_iterable(getattr(import_module(package), name, ()) for package in packages))
         if name.startswith("__"):
             raise AttributeError(name)
         child = f"{self.__name__}.{name}"

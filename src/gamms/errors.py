@@ -36,7 +36,7 @@ ScenarioError (scenario), RecordingError, RecorderBusy and Damaged (recorder), U
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from itertools import islice
+from itertools import chain, islice
 from typing import Any, NoReturn
 
 from gamms.text import shown
@@ -190,7 +190,7 @@ def install_command(*extras: str) -> str:
         declared = requires(DISTRIBUTION) or []
     except PackageNotFoundError:  # run from its source
         return f'pip install ".[{",".join(extras)}]" in a checkout of GAMMS'
-    libraries = dict.fromkeys(one for extra in extras for one in _libraries(extra, declared))
+    libraries = dict.fromkeys(chain.from_iterable(_libraries(extra, declared) for extra in extras))
     return " ".join(("pip install", *(f'"{one}"' for one in libraries)))
 
 

@@ -14,6 +14,7 @@ import tempfile
 import threading
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NoReturn, TypeVar
 
@@ -427,7 +428,7 @@ def _value(data: bytes) -> Any:
 def _check_depth(value: object) -> None:
     level: list[object] = [value]
     for _ in range(_DEEPEST):
-        level = [one for holder in level for one in _items_of(holder)]
+        level = list(chain.from_iterable(_items_of(holder) for holder in level))
     if level:
         raise BadFile(f"it is nested more than {_DEEPEST} levels deep")
 

@@ -24,7 +24,8 @@ _REPEAT_S = 1.0  # seconds after which waypoints are sent again, in case the rob
 _MOST_POINTS = (
     500  # points in one message, so that it fits into a line; the next message continues from the robot's position
 )
-_DECIMALS, _DEGREES = 3, 8
+_DECIMALS = 3
+_DEGREES = 8
 _MARK_PX = 9.0
 _LINE_PX = 2
 _WAY_PX = 4

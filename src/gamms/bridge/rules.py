@@ -15,7 +15,8 @@ from gamms.plain import as_json
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, Rule
 
-_DECIMALS, _DEGREES = 3, 8
+_DECIMALS = 3
+_DEGREES = 8
 _LAST = Rank.END + 1  # after the rules that decide whether the game is over
 _SLOWEST_S = 1e9
 
@@ -72,7 +73,8 @@ def positions(ctx: Context) -> list[Message]:
         for message, one, other in zip(
             messages, lat.round(_DEGREES).tolist(), lon.round(_DEGREES).tolist(), strict=True
         ):
-            message["lat"], message["lon"] = one, other
+            message["lat"] = one
+            message["lon"] = other
     return messages
 
 

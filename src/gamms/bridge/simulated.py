@@ -74,8 +74,10 @@ class SimulatedRobot:
         left = self._speed * (now - self._time)
         self._time = now
         while self._way and left > 0.0:
-            (x, y), (to_x, to_y) = self.xy, self._way[0]
-            dx, dy = to_x - x, to_y - y
+            x, y = self.xy
+            to_x, to_y = self._way[0]
+            dx = to_x - x
+            dy = to_y - y
             apart = hypot(dx, dy)
             if apart > 0.0:
                 self._heading = degrees(atan2(dx, dy)) % 360.0

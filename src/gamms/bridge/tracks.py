@@ -243,7 +243,11 @@ def _in_map_units(points: FloatArray, keys: tuple[str, str], graph: IGraph) -> F
 
 def _columns_of(header: list[str]) -> dict[str, int]:
     names = [name.strip().lower() for name in header]
-    at = {key: names.index(one) for key, known in _COLUMNS.items() for one in reversed(known) if one in names}
+    at: dict[str, int] = {}
+    for key, known in _COLUMNS.items():
+        found = [names.index(one) for one in known if one in names]
+        if found:
+            at[key] = found[0]
     if "time" not in at or not ({"lat", "lon"} <= at.keys() or {"x", "y"} <= at.keys()):
         raise ValueError(f"its columns are {shown(names)}, and it needs time, and lat and lon or x and y")
     return at
@@ -305,7 +309,8 @@ class _Matcher:
             )
         rows = [kept[at] for at in near]
         runs = self._likeliest_runs(points.xy[rows], [candidates[at] for at in near])
-        parts, off = [], []
+        parts = []
+        off = []
         for start, run in runs:
             stop = start + len(run)
             until = rows[stop] if stop < len(rows) else len(points.times)
@@ -368,13 +373,15 @@ class _Matcher:
     ) -> tuple[int, list[_EdgeCandidate]]:
         run = [candidates[at][chosen]]
         while backs[at][chosen] >= 0:
-            chosen, at = int(backs[at][chosen]), at - 1
+            chosen = int(backs[at][chosen])
+            at = at - 1
             run.append(candidates[at][chosen])
         return at, run[::-1]
 
     def _road_distances(self, before: list[_EdgeCandidate], after: list[_EdgeCandidate], straight: float) -> FloatArray:
         """Return road distances (before, after) between candidates; infinity for long detours."""
-        sources, targets = self._columns.sources, self._columns.targets
+        sources = self._columns.sources
+        targets = self._columns.targets
         ends = {int(sources[one.edge]) for one in after}
         ways = np.full((len(before), len(after)), inf)
         found = {start: self._distances(start, ends) for start in {int(targets[one.edge]) for one in before}}

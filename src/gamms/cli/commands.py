@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import StrEnum
 from io import TextIOWrapper
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -192,7 +192,7 @@ class _Command(TyperCommand):
     """A command whose errors name the invalid value of an option, which typer leaves out."""
 
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override] # a click.Context
-        words = [part for word in args for part in (word.split("=", 1) if word.startswith("--") else [word])]
+        words = list(chain.from_iterable(word.split("=", 1) if word.startswith("--") else [word] for word in args))
         try:
             return super().parse_args(ctx, args)
         except typer.BadParameter as error:

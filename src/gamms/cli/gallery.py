@@ -155,7 +155,8 @@ def _write_page(folder: Path, names: list[str], seed: int | None) -> None:
     from gamms import scenario
 
     games = {name: scenario.from_gallery(name) for name in names}
-    known, cards = records(), []
+    known = records()
+    cards = []
     index = folder / "index.html"
     with made_folder(folder):
         for name, game in games.items():

@@ -81,7 +81,8 @@ def play(game: "Scenario", seeds: Sequence[int], strategies: Strategies, out: Pa
     """Play a game for each seed, write `result_<seed>.json` and `results.csv`, and print a table and a summary."""
     from gamms.workers import cores
 
-    teams, played = list(game.spec.teams), []
+    teams = list(game.spec.teams)
+    played = []
     with made_folder(out):
         for seed, result in _results(game, seeds, strategies, jobs or cores()):
             result.save(without_link(out / f"result_{seed}.json"))
@@ -130,7 +131,8 @@ def _play_batch(game: "Scenario", strategies: Strategies, memory: int, seeds: Se
     seed = seeds[0]
     try:
         with allowing(memory):
-            functions, results = imported(strategies), []
+            functions = imported(strategies)
+            results = []
             for seed in seeds:
                 results.append(game.play(seed, functions))
             return results

@@ -51,7 +51,8 @@ def new(
             for one in name.iterdir():
                 one.unlink()
             raise
-    *most, last = [f"{scenario} (the game)", *(f"{name / copy} ({_WHAT[copy]})" for copy in files)]
+    written = [f"{scenario} (the game)", *(f"{name / copy} ({_WHAT[copy]})" for copy in files)]
+    *most, last = written
     echo(f"Wrote {', '.join(most)}{' and ' if most else ''}{last}. What next:\n")
     recording = name / "first" / RECORDING
     next_commands = {

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from functools import wraps
 from inspect import Parameter, signature
-from itertools import dropwhile
+from itertools import chain, dropwhile
 from pathlib import Path
 from traceback import FrameSummary, StackSummary, TracebackException
 from typing import TYPE_CHECKING, Annotated, Any, Unpack
@@ -59,7 +59,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             raise typer.Exit(1) from None
 
     known = signature(command)
-    for hint in (hint for one in known.parameters.values() for hint in getattr(one.annotation, "__metadata__", ())):
+    for hint in chain.from_iterable(getattr(one.annotation, "__metadata__", ()) for one in known.parameters.values()):
         hint.readable = False  # an unreadable file is an error of the system, like a missing one
     options = (("max_memory", None, _MaxMemory), ("traceback", False, _Traceback))
     added = [Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=of) for name, default, of in options]

@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -291,8 +292,9 @@ def _of_version_3(file: Path) -> dict[str, Any]:
     from gamms import recorder
 
     with recorder.open(file) as recording:
-        first, last = recording[0], recording[-1]
-        names = {name for state in (first, last) for name in state.agents["name"].tolist()}
+        first = recording[0]
+        last = recording[-1]
+        names = set(chain.from_iterable(state.agents["name"].tolist() for state in (first, last)))
         return {
             "complete": "yes" if recording.is_complete else recording.warning,
             "made by": f"gamms {as_text(recording.header.get('package'))}",

@@ -129,7 +129,8 @@ def _consent(file: Path) -> str:
 
 def _summary(running: "Study") -> str:
     """Return in words the contents of the results folder."""
-    rows, folder = running.rows, running.folder
+    rows = running.rows
+    folder = running.folder
     if not rows:
         return f"No round was played to its end; {folder} says how many have agreed: {sum(running.assigned.values())}."
     people = len({row["participant"] for row in rows})

@@ -18,6 +18,7 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
+from itertools import chain
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO, Literal, NotRequired, TypedDict
 from unicodedata import category, normalize
@@ -46,7 +47,8 @@ from gamms.limits import refuse_above
 from gamms.text import printable_line, shown
 
 FORMAT = "gamms experiment 1"
-PLAN, JOURNAL = "experiment.json", "journal.jsonl"
+PLAN = "experiment.json"
+JOURNAL = "journal.jsonl"
 _SYNC_S = 0.5  # seconds between calls of fsync
 _INT64 = 1 << 63
 _FIRST = ("id", "scenario", "gamms", "python", "numpy")
@@ -189,7 +191,7 @@ def read_plan(folder: Path) -> ExperimentPlan:
 
 def columns_of(rows: Sequence[Row], varied: Sequence[str]) -> list[str]:
     """Return the columns of rows in the order of the files."""
-    found = {name for row in rows for name in row}
+    found = set(chain.from_iterable(rows))
     known = [*_FIRST, *varied, *_MIDDLE]
     others = sorted(found - {*known, "error"}, key=lambda name: (not name.startswith("score."), name))
     return [*known, *others, "error"]
@@ -218,7 +220,9 @@ def _write_parquet(file: Path, columns: Mapping[str, list[Any]]) -> None:
     for name, values in columns.items():
         kinds = {type(value) for value in values if value is not None}
         is_bool_or_int64 = kinds == {bool} or (kinds == {int} and all(-_INT64 <= one < _INT64 for one in values if one))
-        convert = _same if is_bool_or_int64 else float if kinds and kinds <= {int, float} else _as_text
+        convert: Any = float if kinds and kinds <= {int, float} else _as_text
+        if is_bool_or_int64:
+            convert = _same
         arrays[name] = pa.array([None if one is None else convert(one) for one in values])
     with whole_file(file) as beside, beside.open("wb") as stream:  # whose name pyarrow reads as UTF-8
         pq.write_table(pa.table(arrays), stream)
@@ -251,7 +255,8 @@ def shard_of(given: object) -> tuple[int, int] | None:
     try:
         number, count = (int(part) for part in parts)
     except (ValueError, TypeError):
-        number, count = 0, 0
+        number = 0
+        count = 0
     if not 1 <= number <= count:
         raise BadValue(
             f"shard must be (number, count), such as (3, 20) or '3/20' for the third of 20, not {shown(given)}."
@@ -295,7 +300,8 @@ def merge(out: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]]
         if plan != plans[0]:
             key = next(key for key, value in plan.items() if value != plans[0].get(key))
             raise BadValue(f"{str(folder)!r} and {str(found[0])!r} are of different experiments: their {key} differ.")
-    ids, keys = plans[0]["rows"], plans[0]["keys"]
+    ids = plans[0]["rows"]
+    keys = plans[0]["keys"]
     rows: dict[str, Row] = {}
     for folder in found:
         of_shard = rows_in(folder / JOURNAL, *ROW)
@@ -343,9 +349,12 @@ _ENCRYPTED = 1
 _CHUNK = 1 << 20
 _DEEPEST = 8  # nested folders
 _LONGEST = 200  # bytes of a name that all systems accept
-_END, _END_SIZE = b"PK\x05\x06", 22
-_LARGE, _LARGE_SIZE = b"PK\x06\x07", 20  # before the end of a file of more than 4 GiB or 65,535 files
-_LEAST_ENTRY, _BYTES_PER_ENTRY = 46, 2_000  # bytes in the table at the end of the file; bytes of memory
+_END = b"PK\x05\x06"
+_END_SIZE = 22
+_LARGE = b"PK\x06\x07"  # before the end of a file of more than 4 GiB or 65,535 files
+_LARGE_SIZE = 20
+_LEAST_ENTRY = 46  # bytes in the table at the end of the file; bytes of memory
+_BYTES_PER_ENTRY = 2_000
 
 
 def pack(folder: str | os.PathLike[str], file: str | os.PathLike[str]) -> int:
@@ -480,7 +489,8 @@ def _check(entries: list[zipfile.ZipInfo], file: Path) -> None:
     places = [PurePosixPath(one.filename) for one in entries]
     if not any(PurePosixPath(PLAN) == place or place.match(f"shard-*-of-*/{PLAN}") for place in places):
         raise BadFile(f"{str(file)!r} does not hold the folder of an experiment: it has no {PLAN}.")
-    seen, around = set[str](), set[str]()
+    seen = set[str]()
+    around = set[str]()
     for one, place in zip(entries, places, strict=True):
         why = _fault(one)
         key = _folded(place)

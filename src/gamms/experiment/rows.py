@@ -3,7 +3,7 @@
 import hashlib
 import os
 from collections.abc import Callable, Mapping, Sequence
-from itertools import combinations
+from itertools import chain, combinations
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
@@ -110,12 +110,7 @@ class Rows(Sequence[Row]):
 
     def metrics(self) -> list[str]:
         """Return the metrics of `summary`: turns, scores, collected numbers, and `wins.<team>`."""
-        found = {
-            name
-            for row in self._rows
-            for name, value in row.items()
-            if name.startswith(_METRICS) and isinstance(value, (int, float))
-        }
+        found = {name for name in self._columns_of_numbers() if name.startswith(_METRICS)}
         winners = {str(row["winner"]) for row in self._rows if row.get("winner") is not None}
         return ["turns", *sorted(found, key=lambda name: (not name.startswith("score."), name))] + [
             f"{_WINS}{one}" for one in sorted(winners)
@@ -219,7 +214,8 @@ class Rows(Sequence[Row]):
         """
         if self._sample is None:
             raise BadValue("Sobol indices need rows of a sample: run(…, vary=sample(space, n, method='sobol')).")
-        name, (keys, n) = self._as_metric(metric), self._sample
+        name = self._as_metric(metric)
+        keys, n = self._sample
         points = len(self._rows) / (n * (len(keys) + 2))
         if points != int(points):
             raise BadValue(
@@ -281,10 +277,13 @@ class Rows(Sequence[Row]):
             as_known(key, "varied key", known)
         return keys
 
+    def _columns_of_numbers(self) -> set[str]:
+        cells = chain.from_iterable(row.items() for row in self._rows)
+        return {name for name, value in cells if isinstance(value, (int, float))}
+
     def _as_metric(self, name: str) -> str:
         known = self.metrics()
-        columns = {one for row in self._rows for one, value in row.items() if isinstance(value, (int, float))}
-        if not (name in columns or str(name).startswith(_WINS)):
+        if not (name in self._columns_of_numbers() or str(name).startswith(_WINS)):
             raise UnknownName("column of numbers", name, known)
         return name
 

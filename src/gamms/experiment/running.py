@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import ExitStack
 from functools import partial
+from itertools import product
 from typing import Any, NamedTuple
 
 from gamms.arguments import as_bool, as_function_of, as_ids, as_mapping, as_path
@@ -51,8 +52,7 @@ class _GamePlan(NamedTuple):
         names = list(self.collect)
         return [
             row_id(digest, variant.settings, names, seed)
-            for digest, variant in zip(self.digests, self.variants, strict=True)
-            for seed in self.seeds
+            for (digest, variant), seed in product(zip(self.digests, self.variants, strict=True), self.seeds)
         ]
 
     def keys(self) -> list[str]:
@@ -122,7 +122,8 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     with ExitStack() as ending:
         if chosen[1]:
             ending.callback(chosen[0].shutdown, cancel_futures=True)
-        journal, folder = None, None
+        journal = None
+        folder = None
         if out is not None:
             folder = folders.shard_folder(as_path(out, "out"), part)
             ending.enter_context(locked(folder))
@@ -276,7 +277,8 @@ class _Runner:
 
     def _missing_games(self, shard: tuple[int, int] | None) -> list[_PendingGames]:
         number, count = shard or (1, 1)
-        known, found = set(self.rows), []
+        known = set(self.rows)
+        found = []
         seeds = self._plan.seeds
         for variant in range(len(self._plan.variants)):
             places = range(variant * len(seeds), (variant + 1) * len(seeds))
@@ -345,7 +347,8 @@ class _Runner:
                 self._waiting[self._submit_to(self._alone, one)] = one, True
 
     def _note(self, games: _PendingGames, played: list[Row]) -> None:
-        plan, rows = self._plan, []
+        plan = self._plan
+        rows = []
         first = games.variant * len(plan.seeds)
         variant = plan.variants[games.variant]
         for seed, row in zip(games.seeds, played, strict=True):

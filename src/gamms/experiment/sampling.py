@@ -1,6 +1,7 @@
 """Samples of a space of settings: random, evenly spread, or for Sobol indices."""
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 from gamms.arguments import as_choice, as_count, as_float, as_int, as_mapping
@@ -71,15 +72,15 @@ def sample(space: Mapping[str, Range], n: int, method: str = "sobol", *, seed: i
     blocks = _saltelli(unit, size) if is_sobol else [unit]
     points = [
         {key: _value(one, float(share)) for (key, one), share in zip(ranges.items(), row, strict=True)}
-        for block in blocks
-        for row in block
+        for row in chain.from_iterable(blocks)
     ]
     return Sample(list(ranges), count, how, points)
 
 
 def _saltelli(unit: FloatArray, size: int) -> list[FloatArray]:
     """Return the point sets A, B, and for each key A with that key taken from B."""
-    first, second = unit[:, :size], unit[:, size:]
+    first = unit[:, :size]
+    second = unit[:, size:]
     mixed = []
     for key in range(size):
         points = first.copy()

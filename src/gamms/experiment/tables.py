@@ -159,7 +159,7 @@ def plot(
         import matplotlib.pyplot as plt
         from matplotlib.ticker import MaxNLocator
     axes: Axes = plt.subplots(layout="constrained")[1] if ax is None else ax
-    places = list(dict.fromkeys(at for points in series.values() for at, _ in points))
+    places = list(dict.fromkeys(at for at, _ in chain.from_iterable(series.values())))
     is_number = all(isinstance(at, (int, float)) and not isinstance(at, bool) for at in places)
     for number, (name, points) in enumerate(series.items()):
         ordered = sorted(points, key=lambda point: point[0]) if is_number else points

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from itertools import product
+from itertools import chain, product
 from math import prod
 from typing import Any, NamedTuple
 
@@ -150,7 +150,7 @@ def _check_open(scenario: Scenario, key: str) -> None:
 def _set_strategy(scenario: Scenario, of: str, value: Any, variant: Variant) -> None:
     """Set the strategy of a team or agent: a function, a reference to code, or None for the scenario's own."""
     by_team = members(scenario.spec)
-    agents = {member.name: member for team in by_team.values() for member in team}
+    agents = {member.name: member for member in chain.from_iterable(by_team.values())}
     if of not in by_team and of not in agents:
         raise UnknownName("team or agent", of, [*by_team, *agents])
     if callable(value):

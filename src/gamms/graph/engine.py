@@ -572,4 +572,5 @@ def share_map(target: GraphEngine, source: GraphEngine, memo: dict[int, Any]) ->
     target._storage.visibility_rows = source._storage.visibility_rows
     for name in ("_graph", "_store", "_obstacles", "_storage"):
         memo[id(getattr(source, name))] = getattr(target, name)
-    memo[id(source)], memo[id(source._store.neighborhoods)] = target, target._store.neighborhoods
+    memo[id(source)] = target
+    memo[id(source._store.neighborhoods)] = target._store.neighborhoods

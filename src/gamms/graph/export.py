@@ -81,7 +81,9 @@ def export(path: str | os.PathLike[str], columns: GraphColumns, attribution: str
 
 def layers_of(columns: GraphColumns, attribution: str | None) -> GraphTables:
     """Return a graph as tables; on a map with a CRS, geometries are in degrees, and nodes have `lat` and `lon`."""
-    ids, (sources, targets) = columns.node_ids, (columns.sources, columns.targets)
+    ids = columns.node_ids
+    sources = columns.sources
+    targets = columns.targets
     drawn = shapes_of(columns)
     points = columns.xy
     lines = drawn

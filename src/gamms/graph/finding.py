@@ -239,7 +239,8 @@ def _clusters(xy: FloatArray) -> list[IntArray]:
         new = cluster
         while len(new) and len(left):
             is_near = np.hypot(*(xy[left, None] - xy[None, new]).transpose(2, 0, 1)).min(axis=1) <= _ONE_JUNCTION
-            new, left = left[is_near], left[~is_near]
+            new = left[is_near]
+            left = left[~is_near]
             cluster = np.concatenate((cluster, new))
         clusters.append(cluster)
     return clusters
@@ -279,7 +280,8 @@ def track_of(path: object, graph: IGraph, routes: RouteQueries, within: float) -
     paths: list[list[int]] = []
     edges: list[int | None] = []
     for part in read_gpx(as_path(path, "path")):
-        is_new, (lat, lon) = True, part.latlon.T
+        is_new = True
+        lat, lon = part.latlon.T
         for x, y in zip(*graph.from_latlon(lat=lat, lon=lon), strict=True):
             near = routes.nearest_edge(x, y, within)
             edges.append(None if near is None else near.edge_id)

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import fields
+from itertools import chain
 from math import inf, pi
 from typing import TYPE_CHECKING, Any, Self
 
@@ -192,14 +193,16 @@ class Graph(Guarded, IGraph):
         id = records.as_id(records.required(node_data, "id", "An update of a node"), "a node")
         nodes = self._store.nodes
         row = self._store.nodes.find(id)
-        x, y = nodes.xy[2 * row], nodes.xy[2 * row + 1]
+        x = nodes.xy[2 * row]
+        y = nodes.xy[2 * row + 1]
         new_x = records.as_coordinate(node_data.get("x", x), "x", id)
         new_y = records.as_coordinate(node_data.get("y", y), "y", id)
         given = records.extras(node_data, records.NODE_KEYS)
         nodes.set_attributes(row, given)
         if (new_x, new_y) != (x, y):
             nodes.own()
-            nodes.xy[2 * row], nodes.xy[2 * row + 1] = new_x, new_y
+            nodes.xy[2 * row] = new_x
+            nodes.xy[2 * row + 1] = new_y
             self._store.indexes.node_moved(row)
         self._store.revision += 1
 
@@ -277,7 +280,8 @@ class Graph(Guarded, IGraph):
         """Return the nodes and edges within `radius` of a node and inside its field of view."""
         nodes = self._store.nodes
         row = nodes.find(records.as_id(node_id, "a node"))
-        x, y = nodes.xy[2 * row], nodes.xy[2 * row + 1]
+        x = nodes.xy[2 * row]
+        y = nodes.xy[2 * row + 1]
         if (fov := as_range(fov, "fov")) != 2.0 * pi:
             cos, sin = as_numbers(heading, "heading", "(cos, sin)")
             if (cos, sin) != (0.0, 0.0):
@@ -301,7 +305,7 @@ class Graph(Guarded, IGraph):
         # NOTE: the garbage collector, which finds nothing here, would double the time (benchmarks: looks of
         # many agents).
         with GarbagePause():
-            seen = [disc for part in parts for disc in self._surroundings(part)]
+            seen = list(chain.from_iterable(self._surroundings(part) for part in parts))
         return [seen[i] for i in np.argsort(order).tolist()]
 
     def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:
@@ -520,7 +524,8 @@ class Graph(Guarded, IGraph):
     def _end_rows(self, edge: dict[str, Any], id: int) -> tuple[int, int]:
         row_of = self._store.nodes.index.row
         try:
-            source, target = edge["source"], edge["target"]
+            source = edge["source"]
+            target = edge["target"]
         except KeyError as error:  # 1.0.0 raises KeyError here, and ValueError for other missing values
             raise MissingKey(f"Edge {id} needs the key {error}; got only {', '.join(map(shown, edge))}.") from None
         ends = row_of(records.as_id(source, "a node")), row_of(records.as_id(target, "a node"))

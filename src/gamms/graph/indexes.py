@@ -5,6 +5,7 @@ Each index is built on first use; a change is noted in it, or discards the affec
 
 from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import chain
 from math import inf, isqrt
 from typing import Any, NamedTuple
 
@@ -145,7 +146,8 @@ class NodeGrid:
         if self._nodes.dead:
             at, rows = (column[self._nodes.array("alive")[rows] != 0] for column in pairs)
         xy = self._nodes.array("xy").take(rows, axis=0)
-        dx, dy = xy[:, 0] - x[at], xy[:, 1] - y[at]
+        dx = xy[:, 0] - x[at]
+        dy = xy[:, 1] - y[at]
         squares = dx * dx + dy * dy
         squares[(squares <= _LEAST**2) & ((dx != 0.0) | (dy != 0.0))] = np.nan  # too small to compare by squares
         begins = np.flatnonzero(np.diff(at, prepend=-1))
@@ -165,7 +167,8 @@ class NodeGrid:
         least = inf
         found = -1
         for row in self.around(x, y, reach):
-            dx, dy = xy[2 * row] - x, xy[2 * row + 1] - y
+            dx = xy[2 * row] - x
+            dy = xy[2 * row + 1] - y
             square = dx * dx + dy * dy
             if not square and (dx or dy):
                 square = _TINY
@@ -239,7 +242,9 @@ class Adjacency:
         at, places = kernels.expand_ranges(self._offsets[known], self._offsets[np.minimum(nodes + 1, self._nodes)])
         rows = self._rows[places]
         if self._late:
-            late = [(i, edge) for i, node in enumerate(nodes.tolist()) for edge in self._late.get(node, ())]
+            late: list[tuple[int, int]] = []
+            for i, node in enumerate(nodes.tolist()):
+                late += [(i, edge) for edge in self._late.get(node, ())]
             more = np.array(late, np.int64).reshape(-1, 2)
             at = np.concatenate((at, more[:, 0]))
             rows = np.concatenate((rows, more[:, 1]))
@@ -253,7 +258,7 @@ class Adjacency:
         """Return the living edge rows whose end is one of `nodes` (unique rows), ascending."""
         rows = kernels.ragged_rows(self._offsets, self._rows, nodes[nodes < self._nodes])
         if self._late:
-            late = [edge for node in nodes.tolist() for edge in self._late.get(node, ())]
+            late = list(chain.from_iterable(self._late.get(node, ()) for node in nodes.tolist()))
             rows = np.concatenate([rows, np.array(late, np.int64)])
         if not (self._is_exact and not self._late):
             rows = rows[self._edges.array("alive")[rows] != 0]
@@ -266,7 +271,8 @@ class Adjacency:
 def is_within(x: FloatArray, y: FloatArray, at_x: FloatArray | float, at_y: FloatArray | float, d: float) -> BoolArray:
     """Return whether points are at most `d` from a place, or from each of several places (places, 1)."""
     with np.errstate(over="ignore"):  # an infinite distance is a valid result
-        dx, dy = x - at_x, y - at_y
+        dx = x - at_x
+        dy = y - at_y
         is_near: BoolArray = dx * dx + dy * dy <= d * d if _LEAST < d < _MOST else np.hypot(dx, dy) <= d
     return is_near
 
@@ -346,7 +352,8 @@ def edge_values(
     last: list[Any] = take_nodes(targets)
     if edges.polylines:
         for i, polyline in edges.bends_among(rows):
-            first[i], last[i] = tuple(polyline.ravel().tolist()), None
+            first[i] = tuple(polyline.ravel().tolist())
+            last[i] = None
     fields = (edges.array("ids")[rows].tolist(), ids[sources].tolist(), ids[targets].tolist())
     return list(map(_edge, zip(*fields, edges.array("lengths")[rows].tolist(), first, last, strict=True)))
 

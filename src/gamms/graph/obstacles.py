@@ -256,7 +256,8 @@ class FaceGrid:
 
     def __init__(self, boxes: FloatArray) -> None:
         rows = np.flatnonzero(~np.isnan(boxes[:, 0]))
-        low, high = boxes[rows, :3] / 2.0, boxes[rows, 3:] / 2.0
+        low = boxes[rows, :3] / 2.0
+        high = boxes[rows, 3:] / 2.0
         half = high - low
         with np.errstate(over="ignore"):
             spread = half[:, :2].max(axis=1) + 2.0 * kernels.MARGIN * half.sum(axis=1)
@@ -288,7 +289,8 @@ def surroundings(origin: FloatArray, targets: FloatArray) -> tuple[Corner2D, Cor
     high = np.maximum(targets.max(axis=0), origin)
     with np.errstate(over="ignore"):
         margin = kernels.MARGIN * float((high - low).sum())
-    (low_x, low_y, _), (high_x, high_y, _) = low.tolist(), high.tolist()
+    low_x, low_y, _ = low.tolist()
+    high_x, high_y, _ = high.tolist()
     return (low_x - margin, low_y - margin), (high_x + margin, high_y + margin)
 
 

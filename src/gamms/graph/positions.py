@@ -29,7 +29,8 @@ def nearest_node(store: GraphStore, xy: tuple[Any, Any], latlon: tuple[Any, Any]
     """Return the id of the node nearest to a place, or the nearest ids (places,) for several places."""
     if not len(store.nodes):
         raise BadValue("The graph has no nodes, so none is nearest. Add nodes first.")
-    nearest, (x, y) = store.indexes.nearest, xy
+    nearest = store.indexes.nearest
+    x, y = xy
     is_one = type(x) is type(y) is float and isfinite(x) and isfinite(y)
     if is_one and within is None and latlon[0] is None and latlon[1] is None:
         return store.nodes.ids[nearest(x, y)]  # NOTE: flying agents ask this every turn (benchmarks: flyers)
@@ -252,7 +253,8 @@ def _disc(
         return None
     try:
         row = store.nodes.find(records.as_id(index_of(near), "a node"))
-        x, y = store.nodes.xy[2 * row], store.nodes.xy[2 * row + 1]
+        x = store.nodes.xy[2 * row]
+        y = store.nodes.xy[2 * row + 1]
     except TypeError:
         x, y = _point(near)
     return x, y, as_range(radius, "radius")

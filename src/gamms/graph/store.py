@@ -83,7 +83,8 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
             self._changed.clear()
         runs = self._runs  # read once, because other threads may change it
         if runs is not None and id not in self._changed and type(id) is int:
-            (offsets, ids), row = runs, self._store.nodes.index.row(id)
+            offsets, ids = runs
+            row = self._store.nodes.index.row(id)
             if 0 <= row < len(offsets) - 1:
                 return self._keep(id, tuple(dict.fromkeys((id, *ids[offsets[row] : offsets[row + 1]]))))
         id = records.as_id(id, "a node")

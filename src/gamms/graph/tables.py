@@ -210,7 +210,8 @@ class Table:
         Raises:
             DuplicateId (KeyError): an id is taken; nothing has changed.
         """
-        first, end = self.count, self.count + len(ids)
+        first = self.count
+        end = self.count + len(ids)
         self.index.extend(ids, first, self.kind)
         self.reserve(len(ids))
         for name, values in {"ids": ids, **columns}.items():

@@ -7,6 +7,7 @@ user's script again; those of `gamms.workers` import GAMMS alone (docs/decisions
 
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -68,7 +69,7 @@ class SightLines:
 
     def seen(self, first: int, last: int) -> VisibilityRows:
         """Return the nodes that the observers of one or more groups see, in the order of the groups."""
-        found = [row for rows in self.groups[first:last] for row in self._rows(rows)]
+        found = list(chain.from_iterable(self._rows(rows) for rows in self.groups[first:last]))
         return VisibilityRows(np.array([len(rows) for rows in found], np.int32), np.concatenate(found))
 
     def _rows(self, observers: IntArray) -> Iterator[RowArray]:
@@ -96,7 +97,10 @@ def _groups(xy: FloatArray, radius: float) -> list[IntArray]:
         column, line = (away / (max(radius * _NEAR, float(away.max()) * 1e-6) or 1.0)).astype(np.int64).T
     order = np.lexsort((column, line))
     ends = np.flatnonzero(np.diff(column[order]) | np.diff(line[order])) + 1
-    return [rows[i : i + _GROUP] for rows in np.split(order, ends) for i in range(0, len(rows), _GROUP)]
+    groups: list[IntArray] = []
+    for rows in np.split(order, ends):
+        groups += [rows[i : i + _GROUP] for i in range(0, len(rows), _GROUP)]
+    return groups
 
 
 def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable[[str], None]) -> VisibilityRows:

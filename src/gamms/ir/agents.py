@@ -6,7 +6,7 @@ from array import array
 from bisect import bisect_left
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import compress, count
+from itertools import chain, compress, count
 from operator import ne, not_
 from typing import Any
 
@@ -160,7 +160,8 @@ class AgentBlock(AgentColumns):
         flies = position is not None
         self._show()
         self.node[row] = self.previous[row] = node
-        self.kind[row], self.alive[row] = flies, True
+        self.kind[row] = flies
+        self.alive[row] = True
         given = {"names": name, "teams": team, "speed": speed}
         if flies:
             given |= {"position": position, "previous_position": position, "quat": UNTURNED}
@@ -275,7 +276,7 @@ class AgentBlock(AgentColumns):
         journal = self.journal
         if not self.has_teams:
             goes = compress(zip(rows.rows, ends, strict=True), map(ne, before, ends))
-            journal.log += [number for row, end in goes for number in (journal.ids[row], end)]
+            journal.log += chain.from_iterable((journal.ids[row], end) for row, end in goes)
         else:
             goers = rows.ascending
             nodes = rows.in_order(ends)
@@ -559,7 +560,9 @@ class TurnPositions:
 def show_flights(block: AgentBlock, rows: Sequence[int], poses: Sequence[Pose]) -> None:
     """Show flying agents of these rows in a game of a batch, above the nodes that the block has for them."""
     for row, (position, previous, quat) in zip(rows, poses, strict=True):
-        block.position[row], block.previous_position[row], block.quat[row] = position, previous, quat
+        block.position[row] = position
+        block.previous_position[row] = previous
+        block.quat[row] = quat
     block._unlocated.clear()
 
 

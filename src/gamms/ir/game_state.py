@@ -3,6 +3,7 @@
 from collections.abc import Container, Hashable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, fields
+from itertools import chain
 from numbers import Real
 from operator import attrgetter
 from types import NoneType
@@ -227,7 +228,7 @@ def as_blocked(value: object) -> BlockedAgents:
     Raises:
         BadType: the value is not such a mapping.
     """
-    if not isinstance(value, Mapping) or not all(isinstance(text, str) for pair in value.items() for text in pair):
+    if not isinstance(value, Mapping) or not all(isinstance(text, str) for text in chain.from_iterable(value.items())):
         raise BadType(f"Blocked agents must be a dict of texts, not {shown(value)}.")
     return BlockedAgents(value)
 

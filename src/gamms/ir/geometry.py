@@ -1,6 +1,7 @@
 """Polylines as shapely LineStrings and as arrays."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -251,7 +252,7 @@ def region_of(shape: object, name: str, from_lonlat: Callable[[FloatArray], Floa
 def _polygons(shape: Mapping[Any, Any], name: str) -> list[Any]:
     """Return the coordinates of the polygons in a GeoJSON object."""
     if shape.get("type") == "FeatureCollection" and isinstance(shape.get("features"), list):
-        return [one for part in shape["features"] for one in _polygons_of_feature(part, name)]
+        return list(chain.from_iterable(_polygons_of_feature(part, name) for part in shape["features"]))
     return _polygons_of_feature(shape, name)
 
 
@@ -304,9 +305,11 @@ def lines_inside(
     """
     import shapely
 
-    low, high = ends.min(axis=1), ends.max(axis=1)
+    low = ends.min(axis=1)
+    high = ends.max(axis=1)
     for row, points in polylines.items():
-        low[row], high[row] = points.min(axis=0), points.max(axis=0)
+        low[row] = points.min(axis=0)
+        high[row] = points.max(axis=0)
     west, south, east, north = region.bounds
     near = np.flatnonzero(((high >= (west, south)) & (low <= (east, north))).all(axis=1))
     shapes = [polylines.get(row, ends[row]) for row in near.tolist()]

@@ -74,7 +74,8 @@ class Journal:
 
     def renumber(self, row: int, name: str, number: int) -> None:
         """Give an agent another number."""
-        self.ids[row], self.names[number] = number, name
+        self.ids[row] = number
+        self.names[number] = name
 
     def close_up(self, gone: list[int]) -> None:
         """Drop the numbers of rows, ascending, that are closed up."""

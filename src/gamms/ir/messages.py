@@ -6,6 +6,7 @@ body, bytes), `heard` and `overheard` (agent -> number of the turn in which the 
 """
 
 from collections.abc import Collection, Iterable, Mapping
+from itertools import chain
 from typing import Any
 
 from gamms.errors import BadType
@@ -23,13 +24,12 @@ def as_message(entry: dict[str, Any]) -> dict[str, Any]:
     Raises:
         BadType: it is not an entry.
     """
-    times = [entry.get(key) for key in ARRIVALS]
+    times: list[Any] = [entry.get(key) for key in ARRIVALS]
     names: list[Any] = [entry.get(key) for key in _NAMES]
     has_times = all(isinstance(one, dict) and all(type(turn) is int for turn in one.values()) for one in times)
     has_numbers = all(type(entry.get(key)) is int for key in ("turn", "size")) and entry.keys() >= {"to", "body"}
-    if not (has_times and has_numbers and all(isinstance(one, list) for one in names)) or not all(
-        isinstance(name, str) for one in (*times, *names) for name in one
-    ):
+    is_entry = has_times and has_numbers and all(isinstance(one, list) for one in names)
+    if not is_entry or not all(isinstance(name, str) for name in chain.from_iterable((*times, *names))):
         raise BadType(f"{shown(entry)} is not one of the messages: it does not have receivers and arrival turns.")
     return entry
 

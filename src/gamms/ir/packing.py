@@ -7,6 +7,7 @@ give equal bytes. docs/recording-format.md describes the format byte by byte.
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import chain
 from math import prod
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -249,7 +250,7 @@ _WAYS: dict[type, Callable[[Plain, int], Item]] = {
     str: lambda value, _: _of_text(value),
     int: lambda value, _: _of_int(value),
     float: lambda value, _: float(value),
-    dict: lambda value, depth: _container(_DICT, [one for pair in value.items() for one in pair], depth),
+    dict: lambda value, depth: _container(_DICT, list(chain.from_iterable(value.items())), depth),
     list: lambda value, depth: _container(_LIST, list(value), depth),
     tuple: lambda value, depth: _container(_TUPLE, list(value), depth),
     bytes: lambda value, _: _extension()(_BYTES, bytes(value)),

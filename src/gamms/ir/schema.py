@@ -14,6 +14,7 @@ from collections.abc import Callable, Container
 from copy import deepcopy
 from dataclasses import field
 from enum import Enum
+from itertools import chain
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -202,7 +203,7 @@ ATTRIBUTES = {column.name: column.attribute or column.name for column in AGENT_C
 SETTABLE = {ATTRIBUTES[name] for name in CHANGE_EVENTS} | {column.name for column in NUMBERS}
 """The names of settable attributes of agents that are stored in columns."""
 
-ON_EDGES = tuple(part.name for column in AGENT_COLUMNS for part in column.parts)
+ON_EDGES = tuple(part.name for part in chain.from_iterable(column.parts for column in AGENT_COLUMNS))
 """The columns of an `ir.progress.Progress`; the last two may be missing in games that count edges."""
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Sequence, Sized
 from dataclasses import dataclass, field
-from itertools import accumulate
+from itertools import accumulate, chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -93,7 +93,7 @@ class SensorView:
 def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:
     """Return offsets (rows + 1,) and values of lists of different lengths."""
     offsets = _offsets(rows)
-    return offsets, np.fromiter((value for row in rows for value in row), np.int64, int(offsets[-1]))
+    return offsets, np.fromiter(chain.from_iterable(rows), np.int64, int(offsets[-1]))
 
 
 def sensed_arrays(looks: Sequence[IntArray], edges: Callable[[], LookResults] | None = None) -> LookResults:

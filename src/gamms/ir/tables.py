@@ -1,6 +1,7 @@
 """Rows of plain values as columns."""
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,7 +34,7 @@ def table_of(rows: Rows) -> dict[str, "np.ndarray[Any, Any]"]:
     """
     if isinstance(rows, Mapping):
         return {name: _column(list(values)) for name, values in rows.items()}
-    names = dict.fromkeys(name for row in rows for name in row)
+    names = dict.fromkeys(chain.from_iterable(rows))
     empty = len(names) * len(rows) - sum(map(len, rows))
     refuse_above(_OF_EMPTY * empty, f"A table of {len(rows):,} rows and {len(names):,} columns, most of it empty,")
     return {name: _column([row.get(name) for row in rows]) for name in names}

@@ -65,7 +65,8 @@ class _DetourSearch:
                 rest = self._rests[end]
                 if reached >= far.get(end, inf) or rest == inf or end in closed or (row == start and end in taken):
                     continue
-                far[end], before[end] = reached, row
+                far[end] = reached
+                before[end] = row
                 heappush(heap, (reached + rest, hops + 1, end, reached))
         else:
             return None
@@ -75,5 +76,6 @@ class _DetourSearch:
         return path[::-1]
 
     def _leaving(self, row: int) -> Iterable[tuple[int, float]]:
-        first, last = self._offsets[row], self._offsets[row + 1]
+        first = self._offsets[row]
+        last = self._offsets[row + 1]
         return zip(self._ends[first:last], self._weights[first:last], strict=True)

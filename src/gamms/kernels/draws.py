@@ -213,14 +213,16 @@ def _philox_many(keys: Sequence[int]) -> BitArray:
     even[0] = 1
     for _ in range(10):
         high, low = _products(even)
-        even, odd = high[::-1] ^ odd ^ key, low[::-1]
+        even = high[::-1] ^ odd ^ key
+        odd = low[::-1]
         key += _WEYLS
     return np.stack((even[0], odd[0], even[1], odd[1]), axis=1)
 
 
 def _products(bits: BitArray) -> tuple[BitArray, BitArray]:
     """Return the upper and lower 64 bits of the products with the two factors, computed from 32-bit halves."""
-    half, (low, high) = np.uint64(32), _FACTORS_OF_PHILOX
+    half = np.uint64(32)
+    low, high = _FACTORS_OF_PHILOX
     below = bits & _LOW
     above = bits >> half
     middle = above * low + (below * low >> half)

@@ -85,7 +85,8 @@ def in_view(
         axis: the viewing direction x, y and z, of any positive length; one for all offsets or one for each.
         fov: full opening angle in radians.
     """
-    (x, y, z), (a, b, c) = offsets, axis
+    x, y, z = offsets
+    a, b, c = axis
     across = np.sqrt(squares(y * c - z * b, z * a - x * c, x * b - y * a))
     seen: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (
         np.arctan2(across, x * a + y * b + z * c) <= fov / 2.0 + _RIM

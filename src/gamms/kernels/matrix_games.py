@@ -81,7 +81,8 @@ def _first_tableau(scaled: FloatArray) -> FloatArray:
     tableau = np.zeros((games, rows + 1, columns + rows + 2))
     tableau[:, :rows, :columns] = scaled
     tableau[:, :rows, columns:-2] = np.eye(rows)
-    tableau[:, :rows, -1], tableau[:, -1, :columns] = 1.0, -1.0
+    tableau[:, :rows, -1] = 1.0
+    tableau[:, -1, :columns] = -1.0
     return tableau
 
 
@@ -114,4 +115,5 @@ def _pivot(tableau: FloatArray, basis: IntArray, games: IntArray, entering: IntA
     pivot_rows = now[each, leaving] / column[each, leaving][:, None]
     now -= column[:, :, None] * pivot_rows[:, None, :]
     now[each, leaving] = pivot_rows
-    tableau[games], basis[games, leaving] = now, entering
+    tableau[games] = now
+    basis[games, leaving] = entering

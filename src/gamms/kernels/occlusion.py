@@ -230,7 +230,8 @@ def _faces_and_targets(corners: FloatArray, targets: FloatArray) -> _NearFaces:
         corners: (3, 4, faces)
         targets: (3, targets)
     """
-    low, high = corners.min(axis=1), corners.max(axis=1)
+    low = corners.min(axis=1)
+    high = corners.max(axis=1)
     gap = np.maximum(np.maximum(low, -high), 0.0)  # (3, faces) distance from the observer to the box of the face
     spread = gap + 2.0 * (high - low)
     blur = 2.0 * _BLUR * (spread[0] + spread[1] + spread[2])
@@ -268,9 +269,11 @@ def _sectors(
     start = azimuths[0] + turns.min(axis=0) - slack
     end = azimuths[0] + turns.max(axis=0) + slack
     shift = _TURN * np.floor((start + np.pi) / _TURN)
-    first, last = ways.searchsorted(start - shift), ways.searchsorted(end - shift, side="right")
+    first = ways.searchsorted(start - shift)
+    last = ways.searchsorted(end - shift, side="right")
     is_around = ~(distance > blur)
-    first[is_around], last[is_around] = 0, len(ways) // 2
+    first[is_around] = 0
+    last[is_around] = len(ways) // 2
     return first, last
 
 
@@ -300,7 +303,8 @@ def _visible_from_each(quads: FloatArray, observers: FloatArray, targets: FloatA
         end = max(int(pairs.searchsorted(done + _MANY, side="right")), begin + 1)
         groups, rows = expand_ranges(first[begin:end], last[begin:end])
         may_block = seen[rows] & ~(reach[rows] < distance[begin:end][groups])
-        in_the_way, rows = faces[begin:end][groups[may_block]], rows[may_block]
+        in_the_way = faces[begin:end][groups[may_block]]
+        rows = rows[may_block]
         while len(rows):  # the nearest faces hide most targets, which saves tests of the others
             some = slice(max(len(rows) // _SHARE, min(_FEW * len(x), _MOST_FEW)))
             ends = lines.take(rows[some])
@@ -310,9 +314,11 @@ def _visible_from_each(quads: FloatArray, observers: FloatArray, targets: FloatA
                 ends = ends % x.shape[1]
             blocked = _blocks(origins, targets.take(ends, axis=1), quads.take(in_the_way[some], axis=2))
             seen[rows[some][blocked]] = False
-            in_the_way, rows = in_the_way[some.stop :], rows[some.stop :]
+            in_the_way = in_the_way[some.stop :]
+            rows = rows[some.stop :]
             may_block = seen[rows]
-            in_the_way, rows = in_the_way[may_block], rows[may_block]
+            in_the_way = in_the_way[may_block]
+            rows = rows[may_block]
         done = int(pairs[end - 1])
         begin = end
     found = np.zeros(is_asked.size, np.bool_)
@@ -352,7 +358,8 @@ def _views(quads: FloatArray, observers: FloatArray) -> _FaceViews:
     start = turns[0] + away.min(axis=0)
     end = turns[0] + away.max(axis=0)
     shift = np.where(start < 0.0, float(_PARTS), 0.0)
-    low, high = quads[:3].min(axis=1), quads[:3].max(axis=1)
+    low = quads[:3].min(axis=1)
+    high = quads[:3].max(axis=1)
     size = _extent(high - low)
     gap = np.maximum(low[:, None] - observers[:3, :, None], observers[:3, :, None] - high[:, None])
     np.maximum(gap, 0.0, out=gap)
@@ -378,7 +385,8 @@ def _hidden_beyond(views: _FaceViews, is_wall: BoolArray, tall: FloatArray) -> F
         is_wall: (faces,) see `_are_walls`.
         tall: (faces,) minimum height of each face.
     """
-    x, y = views.x, views.y
+    x = views.x
+    y = views.y
     squares = np.maximum(x[0] * x[0] + y[0] * y[0], x[1] * x[1] + y[1] * y[1])
     reach = np.sqrt(squares) + views.size
     least_volume = np.maximum(_SURE * reach * reach * views.size, 10.0 * _LEAST)

@@ -223,9 +223,12 @@ def least_matching(costs: FloatArray) -> list[int]:
         while row >= 0:  # until a column without a row is found
             offers = np.where(is_done, inf, passed + table[row] - gains[row] - prices)
             is_less = offers < distances
-            distances[is_less], before[is_less] = offers[is_less], column
+            distances[is_less] = offers[is_less]
+            before[is_less] = column
             column = int(np.argmin(np.where(is_done, inf, distances)))
-            passed, is_done[column], row = float(distances[column]), True, int(row_of[column])
+            passed = float(distances[column])
+            is_done[column] = True
+            row = int(row_of[column])
         tried = is_done & (row_of >= 0)
         gains[row_of[tried]] += passed - distances[tried]
         gains[start] += passed

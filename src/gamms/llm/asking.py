@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from openai import AsyncOpenAI
 
 _BACKOFF_S = 0.5  # seconds before the second attempt; each further wait is twice as long
-_RESERVED_SHARE, _RESERVED_S = 0.1, 0.25  # share and least number of seconds of a turn that are left for the fallback
+_RESERVED_SHARE = 0.1  # share and least number of seconds of a turn that are left for the fallback
+_RESERVED_S = 0.25
 _MOST_OF_AN_ANSWER = 2000  # characters that are kept and shown to the model again
 _TIMEOUT = "timeout"
 

@@ -158,7 +158,8 @@ def _way(here: tuple[float, ...] | None, there: tuple[float, ...] | None) -> str
     """Return the position, distance and direction of one point as seen from another, in words."""
     if here is None or there is None:
         return ""
-    dx, dy = there[0] - here[0], there[1] - here[1]
+    dx = there[0] - here[0]
+    dy = there[1] - here[1]
     distance = hypot(dx, dy)
     wind = f" {_WINDS[round(atan2(dy, dx) / (pi / 4)) % 8]}" if distance else ""
     return f" at {_point(there)}, {_number(distance)} away{wind}"

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Mapping
 from functools import cache
+from itertools import chain, product
 from traceback import format_exception
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from urllib.parse import urlsplit
@@ -31,7 +32,7 @@ _VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}")
 _AGAIN = frozenset({408, 409, 425, 429})  # statuses after which a request may be sent again; so may those from 500 on
 _LOGGERS = (  # loggers of the libraries, which log addresses and, at DEBUG, response headers
     *("openai", "openai._base_client", "httpx", "httpx2"),
-    *(f"httpcore{version}.{part}" for version in ("", "2") for part in ("connection", "http11", "http2", "proxy")),
+    *(f"httpcore{version}.{part}" for version, part in product(("", "2"), ("connection", "http11", "http2", "proxy"))),
 )
 _UNSPOKEN = frozenset({401, 403, 407})  # statuses whose error texts may contain parts of keys
 
@@ -169,7 +170,8 @@ def _hide_secrets_of(client: "AsyncOpenAI") -> None:
     url = urlsplit(str(client.base_url))
     found = [client.api_key, *client.auth_headers.values(), *headers, url.password, url.username, *url.query.split("=")]
     found += [str(one) for one in (client.default_query or {}).values()]
-    _secrets.update(word for one in found if one for word in (one, *one.split()) if len(word) >= _SHORTEST_SECRET)
+    words = chain.from_iterable((one, *one.split()) for one in found if one)
+    _secrets.update(word for word in words if len(word) >= _SHORTEST_SECRET)
     for name in _LOGGERS:
         logging.getLogger(name).addFilter(_filter)  # adding it again has no effect
 
@@ -217,7 +219,8 @@ def _cut_name(variable: str) -> str:
 
 
 async def _body(client: "AsyncOpenAI", fields: dict[str, Any]) -> bytes:
-    model, messages = fields.pop("model"), fields.pop("messages")
+    model = fields.pop("model")
+    messages = fields.pop("messages")
     # One connection for each request: a kept connection belongs to one event loop, and every game has its own loop.
     headers = {"Accept-Encoding": "identity", "Connection": "close"}
     create = client.chat.completions.with_streaming_response.create

@@ -159,7 +159,8 @@ class Schema:
     def _check_names(self, struct: Mapping[str, Any]) -> None:
         for name in as_mapping(struct, f"A row of map {self.map_name!r}"):
             if name not in self.fields:
-                hint, known = nearest(name, self.fields), [*self.fields]
+                hint = nearest(name, self.fields)
+                known = [*self.fields]
                 raise BadValue(f"Map {self.map_name!r} has no field {shown(name)}.{hint} Its fields are {known}.")
 
 

@@ -372,7 +372,8 @@ def _read_map_tables(database: Database) -> dict[str, _MapTable]:
 def _parsed(name: object, text: Plain, path: str) -> _MapTable:
     try:
         place = _MapTable(**json.loads(text))
-        columns, types = dict(place.columns), dict(place.types)
+        columns = dict(place.columns)
+        types = dict(place.types)
         names = [name, place.table, place.key, *columns, *columns.values(), *types, *types.values()]
         is_sound = all(isinstance(one, str) for one in names) and columns.keys() == types.keys()
     except (TypeError, ValueError, RecursionError):

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
@@ -34,14 +34,17 @@ def open_squares(relations: Iterable[tuple[int, Mapping[str, str], list[int]]], 
 
 def rims_of(squares: Squares) -> dict[int, dict[str, Any]]:
     """Return way id -> attributes of the open multipolygon around which it lies; the first of several counts."""
-    return {id: of_square for of_square, rings in reversed([*squares.values()]) for id in rings}
+    found: dict[int, dict[str, Any]] = {}
+    for of_square, rings in reversed([*squares.values()]):
+        found.update(dict.fromkeys(rings, of_square))
+    return found
 
 
 def with_areas(ways: OsmRoads, row_of: Mapping[int, int], squares: Squares) -> OsmRoads:
     """Return the ways with their open areas: multipolygons, and closed ways with `area=yes`."""
     areas = [[row_of[id] for id in rings if id in row_of] for _, rings in squares.values()]
     is_alone = ways.refs[ways.offsets[:-1]] == ways.refs[ways.offsets[1:] - 1]
-    is_alone[[row for rows in areas for row in rows]] = False
+    is_alone[list(chain.from_iterable(areas))] = False
     areas += [[row] for row, tags in enumerate(ways.tags) if tags.get("area") == "yes" and is_alone[row]]
     return replace(ways, areas=[rows for rows in areas if rows])
 
@@ -59,7 +62,8 @@ def with_ways_across(ways: OsmRoads) -> OsmRoads:
     junctions = np.setdiff1d(refs[met > 2], [*ways.barriers])
     row_of = {row: row for row in range(len(ways.tags))}
     outlines = outlines_of_ways(ways.offsets, ways.lonlat, row_of, [[*rows] for rows in ways.areas], ways.areas)
-    ends, tags = list[int](), [*ways.tags]
+    ends = list[int]()
+    tags = [*ways.tags]
     for rows, shape in zip(ways.areas, repaired(footprints_of(outlines)), strict=True):
         if max(np.isin(_refs_of(ways, rows), junctions).sum(), len(rows)) > _MOST_JUNCTIONS:
             continue
@@ -108,7 +112,8 @@ def _refs_of(ways: OsmRoads, rows: Sequence[int]) -> IntArray:
 def _along_rim(ways: OsmRoads, rows: Sequence[int], junctions: IntArray) -> tuple[IntArray, FloatArray]:
     """Return a position for each junction and way end on the rim of an area, and their distances along the rim."""
     rank: dict[int, int] = {}  # of a node
-    rim, steps = list[int](), list[tuple[int, int, float]]()
+    rim = list[int]()
+    steps = list[tuple[int, int, float]]()
     for row in rows:
         positions = np.arange(ways.offsets[row], ways.offsets[row + 1])
         steps_of_way = _distances(ways.lonlat[positions], np.arange(len(positions) - 1)[:, None] + (0, 1))

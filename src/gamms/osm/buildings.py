@@ -197,7 +197,8 @@ def _records_of_features(
     plane: Callable[[FloatArray], MetricPlane],
 ) -> Iterator[Record]:
     """Return the walls of shapes; `plane` returns the projection for all their points."""
-    walls, streets = list[tuple[Any, WallProfile]](), list[Any]()
+    walls = list[tuple[Any, WallProfile]]()
+    streets = list[Any]()
     for shape, given in features:
         tags = {key: text for key, text in given.items() if isinstance(text, str)}
         is_line = getattr(shape, "geom_type", None) == "LineString"
@@ -210,7 +211,8 @@ def _records_of_features(
     points = footprints.points_of(shapes)
     if not len(points):
         return iter(())
-    roads, (to_metres, ground) = footprints.shapes_of(streets), plane(points)
+    roads = footprints.shapes_of(streets)
+    to_metres, ground = plane(points)
     return _records(faces_of(shapes, [wall for _, wall in walls], to_metres, tolerance, roads, ground))
 
 

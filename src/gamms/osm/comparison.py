@@ -82,7 +82,8 @@ def untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwork) -> i
     theirs, source_share, source_line = _segments(source)
     places, numbers = np.unique(np.concatenate((ours, theirs)), return_inverse=True)
     pairs = numbers.reshape(-1, 2) @ (len(places), 1)  # one number per pair of points
-    wanted, (keys, firsts) = pairs[: len(ours)], np.unique(pairs[len(ours) :], return_index=True)
+    wanted = pairs[: len(ours)]
+    keys, firsts = np.unique(pairs[len(ours) :], return_index=True)
     if not len(keys) or not len(ours):
         return 0
     at = kernels.rows_of(keys, wanted)
@@ -104,8 +105,10 @@ def surplus(roads: RoadNetwork, source: RoadNetwork) -> float:
     theirs = segment_starts(source.offsets)
     if not len(mine) or not len(theirs):
         return math.inf if len(mine) else 0.0
-    here, there = roads.points[mine], roads.points[mine + 1]
-    start, end = source.points[theirs], source.points[theirs + 1]
+    here = roads.points[mine]
+    there = roads.points[mine + 1]
+    start = source.points[theirs]
+    end = source.points[theirs + 1]
     near, _ = nearest_lines((here + there) / 2.0, start, end)
     off = np.maximum(*(distances_to(places, start[near], end[near]) for places in (here, there)))
     astray = off > _EXACT
@@ -200,10 +203,8 @@ def wrong_joints(roads: RoadNetwork, source: RoadNetwork, tolerance: float) -> i
     gone = np.array([place for place in theirs.keys() & once.keys() if place not in ours], complex)
     if tolerance > 0.0 and len(gone):
         reach = WIDEST * tolerance + _EXACT
-        new, gone = (
-            new[_near(new, gone, reach) == 0],
-            gone[_near(gone, gone, reach) < 2],
-        )  # every node of a merged junction is gone
+        new = new[_near(new, gone, reach) == 0]  # every node of a merged junction is gone
+        gone = gone[_near(gone, gone, reach) < 2]
     return len(new) + len(gone)
 
 

@@ -68,7 +68,8 @@ BARRIER_HEIGHTS: dict[str, float] = {  # height in meters of lines with `barrier
     "hedge": 2.0,
     "fence": 1.8,
 }
-_GARAGES, _OTHER = 11, 14  # types
+_GARAGES = 11  # types
+_OTHER = 14
 _ONE_STOREY: dict[tuple[str, str], tuple[float, int]] = {
     ("building", "garages"): (4.0, _GARAGES),
     **{("building", kind): (3.0, _OTHER) for kind in ("cabin", "container", "greenhouse", "hut", "kiosk", "shed")},

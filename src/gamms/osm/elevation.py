@@ -134,7 +134,8 @@ def _interpolated(posts: "np.ndarray[Any, np.dtype[np.int16]]", share: FloatArra
 
 def _nearest_known(posts: "np.ndarray[Any, np.dtype[np.int16]]", at: FloatArray, file: Path) -> float:
     column, row = np.rint(at).astype(np.int64).tolist()
-    west, south = max(column - _REACH, 0), max(row - _REACH, 0)
+    west = max(column - _REACH, 0)
+    south = max(row - _REACH, 0)
     around = posts[south : row + _REACH + 1, west : column + _REACH + 1]
     rows, columns = np.nonzero(around != _VOID)
     if not len(rows):
@@ -228,15 +229,18 @@ def _spanned(z: FloatArray, ends: IntArray, lengths: FloatArray, raised: BoolArr
 
     level = z[met]
     rest: FloatArray = -balance(level)
-    direction, size = rest, float((rest * rest).sum())
+    direction = rest
+    size = float((rest * rest).sum())
     least = 1e-20 * size
     for _ in range(min(int(inner.sum()), _MOST_ROUNDS)):
         if size <= least:
             break
         turned = balance(direction)
         step = size / float((direction * turned).sum())
-        level, rest = level + step * direction, rest - step * turned
-        before, size = size, float((rest * rest).sum())
+        level = level + step * direction
+        rest = rest - step * turned
+        before = size
+        size = float((rest * rest).sum())
         direction = rest + (size / before) * direction
     spanned = z.copy()
     spanned[met] = level

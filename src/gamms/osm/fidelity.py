@@ -60,7 +60,8 @@ _JUDGED_TAGS = ("oneway",)
 _FILTER = "filter"  # why an open way is left out; other reasons contain "="
 _MOST_NAMED = 4  # tags that close ways, in the text of a report
 _SHARES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
-LEAST_PIECE, MOST_PIECE = 0.75, 1.25  # in resolutions
+LEAST_PIECE = 0.75  # in resolutions
+MOST_PIECE = 1.25
 
 
 class Report(NamedTuple):
@@ -255,7 +256,8 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
     if "tolerance" in about:
         joints = max(joints, wrong_joints(roads, merged, 0.0))
     off_map = surplus(roads, source)
-    least, most = LEAST_PIECE - _SLACK, MOST_PIECE + _SLACK
+    least = LEAST_PIECE - _SLACK
+    most = MOST_PIECE + _SLACK
     in_bounds = ((regular >= least) & (regular <= most)).all()
     return Report(
         source=about["source"],
@@ -324,7 +326,8 @@ def _selection(
     about: dict[str, Any], retain_all: bool, osm_type: "OSMType | str | ModeFunction | None"
 ) -> RoadSelection:
     """Return the selection of roads that are compared with a graph; `about` is the graph's description."""
-    name, classic = about.get("mode", ""), about.get("osm_type", "")
+    name = about.get("mode", "")
+    classic = about.get("osm_type", "")
     strong = bool(about.get("strong", osm_type is not None)) and not retain_all
     recipe = recipe_of(1.0, 0.0, None, retain_all)._replace(
         bidirectional=about.get("bidirectional"),
@@ -406,7 +409,8 @@ def _own_count(source: Source, selection: RoadSelection) -> dict[str, Any]:
 
 def _is_accounted(source: RoadNetwork, about: Mapping[str, Any]) -> bool:
     """Return whether open and left-out ways add up to the counted length of the source."""
-    total, left_out = about.get("source_length"), source.left_out
+    total = about.get("source_length")
+    left_out = source.left_out
     if total is None:
         return True
     known = source.lengths.sum() + sum(about["closed"].values()) + left_out.other_parts_m + left_out.no_way_back_m

@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -184,7 +185,9 @@ def checked_filter(tags: object) -> dict[str, tuple[str, ...] | None]:
         if isinstance(key, str) and isinstance(values, bool):
             checked.update({key: None} if values else {})
             continue
-        texts = (values,) if isinstance(values, str) else tuple(values) if isinstance(values, Iterable) else (None,)
+        texts: tuple[Any, ...] = (values,)
+        if isinstance(values, Iterable) and not isinstance(values, str):
+            texts = tuple(values)
         if not all(isinstance(text, str) for text in (key, *texts)):
             raise BadType(f"tags[{shown(key)}] must be True, a value or a list of values, not {shown(values)}.")
         checked[key] = texts
@@ -250,7 +253,7 @@ def outlines_of_ways(
     is_whole = (np.diff(known[offsets]) == sizes) & (sizes > 1)
     rows = [[row for id in sorted({*ways} & row_of.keys()) if is_whole[row := row_of[id]]] for ways in ways_of]
     owners = np.repeat(np.arange(len(rows)), np.array([len(of_one) for of_one in rows], np.int64))
-    positions, offsets = kernels.chosen_runs(offsets, np.array([row for of_one in rows for row in of_one], np.int64))
+    positions, offsets = kernels.chosen_runs(offsets, np.array(list(chain.from_iterable(rows)), np.int64))
     return Outlines(offsets, lonlat[positions], owners, about)
 
 
@@ -403,7 +406,8 @@ class BuildingIndex:
 
         lines = shapely.linestrings(np.stack((start, end), axis=1))
         line, row = self._tree.query(lines, predicate="intersects")
-        lines, shapes = lines[line], self._tree.geometries[row]
+        lines = lines[line]
+        shapes = self._tree.geometries[row]
         through = shapely.relate_pattern(lines, shapes, _ENTERS) & ~shapely.contains_properly(shapes, lines)
         inside = shapely.buffer(shapes[through], -_ROUNDING, join_style="mitre")
         enters = shapely.relate_pattern(lines[through], inside, _ENTERS)
@@ -433,7 +437,7 @@ def outlines_of(area: "BaseGeometry", most_m2: float) -> list[FloatArray]:
     if in_metres.geom_type == "Polygon" and in_metres.area <= most_m2:
         hull = in_metres
     parts = [hull] if hull.area <= most_m2 else [part.convex_hull for part in shapely.get_parts(in_metres)]
-    cells = [cell for part in parts for cell in _cells(part, most_m2)]
+    cells = list(chain.from_iterable(_cells(part, most_m2) for part in parts))
     return [shapely.get_coordinates(_in_degrees(cell, crs).exterior) for cell in cells]
 
 

@@ -160,10 +160,13 @@ def snapped(ways: OsmRoads, metres: float) -> OsmRoads:
     lines = [slice(a, b) for a, b in pairwise(ways.offsets.tolist())]
     counts = np.bincount(ways.refs)
     whole = [line for line, rows in enumerate(lines) if rows.stop - rows.start > 1]
-    ends = [(line, at) for line in whole for at in (lines[line].start, lines[line].stop - 1)]
-    open_ends = [(line, at) for line, at in ends if counts[ways.refs[at]] == 1]
+    open_ends: list[tuple[int, int]] = []
+    for line in whole:
+        ends = (lines[line].start, lines[line].stop - 1)
+        open_ends += [(line, at) for at in ends if counts[ways.refs[at]] == 1]
     found = _nearest_lines({line: xy[lines[line]] for line in whole}, open_ends, xy, metres) if whole else {}
-    joined, inserted = [], dict[int, list[tuple[float, int]]]()  # places; line -> [(distance along it, place)]
+    joined = []  # places; line -> [(distance along it, place)]
+    inserted = dict[int, list[tuple[float, int]]]()
     for (_, at), line in found.items():
         points = xy[lines[line]]
         off = np.hypot(*(points - xy[at]).T)

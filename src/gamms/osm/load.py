@@ -277,7 +277,8 @@ def selection_of(recipe: GraphRecipe, mode: ModeFunction | None, tags: tuple[str
         rule = classic_rule(None, every_way=recipe.every_way)
         chosen = RoadSelection(keeping(rule, tags), "", recipe.retain_all, strong, closed, is_classic=recipe.every_way)
     else:
-        rule, stops = keeping(rule_of(mode), tags), stops_of(mode)
+        rule = keeping(rule_of(mode), tags)
+        stops = stops_of(mode)
         chosen = RoadSelection(rule, recipe.mode, recipe.retain_all, strong, closed_rule(mode), areas=True, stops=stops)
     return chosen._replace(tags=tags, around_buildings=recipe.around_buildings)
 

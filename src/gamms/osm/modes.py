@@ -108,7 +108,8 @@ class Mode:
     def _directions(self, tags: Mapping[str, str]) -> tuple[bool, bool]:
         key = next((key for key in self.oneway if key in tags), None)
         if key is None:
-            along, against = bool(_match(self.implied_oneway, tags)), False
+            along = bool(_match(self.implied_oneway, tags))
+            against = False
         else:
             along = tags[key] in self.oneway[key]
             against = tags[key] in _AGAINST
@@ -148,7 +149,8 @@ def _fields_of(mode: Mode) -> dict[str, Any]:
 
 
 def _read(file: Path, known: Mapping[str, dict[str, Any]]) -> dict[str, Mode]:
-    where, found = repr(str(file)), dict(known)
+    where = repr(str(file))
+    found = dict(known)
     try:
         tables = tomllib.loads(file.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:

@@ -197,7 +197,8 @@ def segments_of(ways: OsmRoads) -> RoadSegments:
         shut = np.isin(ends, [*ways.barriers])
         rows[shut] = len(ends) + np.arange(shut.sum())
         rows, firsts = kernels.first_seen(rows)
-    sources, targets = rows[0::2], rows[1::2]
+    sources = rows[0::2]
+    targets = rows[1::2]
     firsts = positions.ravel()[firsts]
     refs = None if ways.nodes is None else ways.refs[firsts]
     return RoadSegments(ways.lonlat[firsts], sources, targets, way, refs)
@@ -246,11 +247,13 @@ def components(a: IntArray, b: IntArray, count: int) -> IntArray:
     """
     label = np.arange(count)
     while True:
-        left, right = label[a], label[b]
+        left = label[a]
+        right = label[b]
         differ = left != right
         if not differ.any():
             return label
-        a, b = a[differ], b[differ]
+        a = a[differ]
+        b = b[differ]
         low = np.minimum(left, right)[differ]
         high = np.maximum(left, right)[differ]
         np.minimum.at(label, high, low)
@@ -336,7 +339,8 @@ def with_ends(
     Returns:
         The new offsets, the new points, and the growth of each line.
     """
-    head, tail = points[offsets[:-1]], points[offsets[1:] - 1]
+    head = points[offsets[:-1]]
+    tail = points[offsets[1:] - 1]
     before = (head != start).any(axis=1)
     after = (tail != end).any(axis=1)
     grown = offsets_of(np.diff(offsets) + before + after)
@@ -357,7 +361,8 @@ def moved_ends(
         The new points, and the factor by which the drawn length of each line changes.
     """
     moved = points.copy()
-    moved[offsets[:-1]], moved[offsets[1:] - 1] = start, end
+    moved[offsets[:-1]] = start
+    moved[offsets[1:] - 1] = end
     before = lengths_of(offsets, points)
     after = lengths_of(offsets, moved)
     return moved, np.divide(after, before, out=np.ones_like(after), where=before > 0.0)
@@ -393,7 +398,8 @@ class CoverageGaps(NamedTuple):
     across_m: float = 0.0  # of added lines across squares, on the whole map
 
 
-_NOTHING, _ALL_IN = MergedJunctions(), CoverageGaps()
+_NOTHING = MergedJunctions()
+_ALL_IN = CoverageGaps()
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -432,7 +438,8 @@ def network_of_part(segments: RoadSegments, tags: Sequence[Mapping[str, Any]], *
     one_way = np.fromiter((bool(of_way["oneway"]) for of_way in tags), np.bool_, len(tags))[segments.ways]
     inside = _in_largest(segments, one_way if strong else None)
     out = ~(inside[segments.sources] & inside[segments.targets])
-    sources, targets = segments.sources[out], segments.targets[out]
+    sources = segments.sources[out]
+    targets = segments.targets[out]
     metres = ellipsoid_lengths(segments.lonlat[sources], segments.lonlat[targets])
     joined = components(segments.sources, segments.targets, len(segments.lonlat))
     near = joined[sources] == joined[inside.argmax()]
@@ -469,7 +476,8 @@ def network_of_lines(
     counts[list(polylines)] = [len(polyline) for polyline in polylines.values()]
     offsets = offsets_of(counts)
     points = np.empty((offsets[-1], 2))
-    points[offsets[:-1]], points[offsets[1:] - 1] = xy[sources], xy[targets]
+    points[offsets[:-1]] = xy[sources]
+    points[offsets[1:] - 1] = xy[targets]
     for road, polyline in polylines.items():
         points[offsets[road] : offsets[road + 1]] = polyline
     two_way = np.zeros(len(sources), np.bool_)

@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import replace
 from functools import cache
+from itertools import chain
 from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 
 import numpy as np
@@ -43,7 +44,9 @@ _HIGHWAYS_OF_SPEED = {
     4.0: ("corridor",),
     2.0: ("steps",),
 }
-SPEED_OF_HIGHWAY_KPH = {highway: kph for kph, highways in _HIGHWAYS_OF_SPEED.items() for highway in highways}
+SPEED_OF_HIGHWAY_KPH: dict[str, float] = {}
+for _kph, _highways in _HIGHWAYS_OF_SPEED.items():
+    SPEED_OF_HIGHWAY_KPH.update(dict.fromkeys(_highways, _kph))
 UNKNOWN_SPEED_KPH = 30.0
 
 SPEED_OF_WORD_KPH: dict[str, float] = {  # the word after the country in values such as FI:urban
@@ -134,7 +137,7 @@ def _slopes(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> tuple[
 
 def _texts(value: object) -> list[str]:
     if isinstance(value, (list, tuple)):
-        return [text for part in value for text in _texts(part)]
+        return list(chain.from_iterable(_texts(part) for part in value))
     if isinstance(value, str):
         return [part.strip().lower() for part in re.split("[;|,]", value)]
     return [str(value)] if is_number(value) else []
@@ -367,13 +370,15 @@ def _keep_older_tags(network: RoadNetwork, columns: dict[str, CodedValues], road
 
 def _bent(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> Polylines:
     """Return the shapes of edges that are not straight lines between their nodes."""
-    first, last = network.offsets[:-1], network.offsets[1:] - 1
+    first = network.offsets[:-1]
+    last = network.offsets[1:] - 1
     is_straight = (last - first == 1) & np.all(
         (network.points[first] == network.xy[network.sources]) & (network.points[last] == network.xy[network.targets]),
         axis=1,
     )
     rows = np.flatnonzero(~is_straight[roads])
-    of_row, count = roads[rows], len(network.points)
+    of_row = roads[rows]
+    count = len(network.points)
     points = np.concatenate((network.points, network.points[::-1]))
     points.setflags(write=False)
     starts = np.where(is_back[rows], 2 * count - network.offsets[of_row + 1], network.offsets[of_row])
@@ -474,7 +479,8 @@ def network_of_graph(graph: "nx.Graph[Any]", names: Collection[str] | None = Non
 
 
 def _position(node: object, data: Mapping[str, Any]) -> tuple[float, float]:
-    x, y = _number(data.get("x")), _number(data.get("y"))
+    x = _number(data.get("x"))
+    y = _number(data.get("y"))
     if not (math.isfinite(x) and math.isfinite(y)):
         raise BadValue(
             f"Node {shown(node)} has no position: it needs finite numbers 'x' and 'y', not {shown(dict(data))}."
@@ -509,7 +515,8 @@ def _oriented(
         return polylines
     roads = np.fromiter(polylines, np.int64, len(polylines))
     first, last = (np.array([polyline[end] for polyline in polylines.values()]) for end in (0, -1))
-    start, end = xy[sources[roads]], xy[targets[roads]]
+    start = xy[sources[roads]]
+    end = xy[targets[roads]]
     along = np.hypot(*(first - start).T) + np.hypot(*(last - end).T)
     against = np.hypot(*(first - end).T) + np.hypot(*(last - start).T)
     return {**polylines, **{road: polylines[road][::-1] for road in roads[against < along].tolist()}}

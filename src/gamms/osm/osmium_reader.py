@@ -6,6 +6,7 @@ import zlib
 from array import array
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
@@ -48,7 +49,8 @@ WAY_OUT = (
 )
 _MOST_HEADER = 64 << 10  # bytes, by the format
 _MOST_BLOB = 32 << 20
-_DATA_SIZE, _RAW_SIZE = 3, 2  # field numbers in BlobHeader and in Blob
+_DATA_SIZE = 3  # field numbers in BlobHeader and in Blob
+_RAW_SIZE = 2
 
 
 def as_file(path: object) -> Path:
@@ -273,9 +275,13 @@ def read_ways(
         BadFile: the file is not OpenStreetMap data, is damaged, or too large.
         MissingExtra: osmium is not installed.
     """
-    source, lines, rule = _source_of(file), _WayVertices(allowance_of(file)), rule or classic_rule(None)
+    source = _source_of(file)
+    lines = _WayVertices(allowance_of(file))
+    rule = rule or classic_rule(None)
     kept: list[tuple[dict[str, Any], bool]] = []
-    marked, texts, barriers = dict[int, dict[str, str]](), dict[str, str](), set[int]()
+    marked = dict[int, dict[str, str]]()
+    texts = dict[str, str]()
+    barriers = set[int]()
     relations: list[tuple[int, dict[str, str], list[int]]] = []
     show(f"Reading {file.name}")
     with _errors_of(file):
@@ -309,7 +315,8 @@ def read_ways(
                 kept.append((rims[way.id], False))
         if part is None:
             lines.complete(source, lambda missing: show(f"Reading {file.name}: looking for {missing} nodes"))
-    refs, offsets = np.array(lines.refs, np.int64), np.array(lines.offsets, np.int64)
+    refs = np.array(lines.refs, np.int64)
+    offsets = np.array(lines.offsets, np.int64)
     against = np.array([is_against for _, is_against in kept], np.bool_)
     ways = OsmRoads(
         offsets,
@@ -358,7 +365,8 @@ def _roads(
     from osmium import FileProcessor, osm
     from osmium.filter import KeyFilter
 
-    ways, nodes = KeyFilter("highway"), KeyFilter(*node_keys(tags))
+    ways = KeyFilter("highway")
+    nodes = KeyFilter(*node_keys(tags))
     ways.enable_for(osm.WAY | osm.RELATION)
     nodes.enable_for(osm.NODE)
     objects = FileProcessor(source, osm.NODE | osm.WAY | osm.RELATION)
@@ -484,7 +492,7 @@ class _FootprintReader:
 
         for relation in FileProcessor(source, osm.RELATION).with_filter(KeyFilter(*self.rules.keys)):
             self._add_relation(cast("osm.Relation", relation))
-        members = {way for ways in self.ways_of for way in ways}
+        members = set(chain.from_iterable(self.ways_of))
         for way in _ways(source, *self.rules.keys, part=self.part):
             self._add_way(way)
         for way in _ways(source, ids=members, part=self.part) if members else ():
@@ -518,7 +526,9 @@ class _FootprintReader:
         row_of = self.lines.row_of
         # Several relations may share a way.
         points = sum(
-            int(offsets[row_of[id] + 1] - offsets[row_of[id]]) for ways in self.ways_of for id in ways if id in row_of
+            int(offsets[row_of[id] + 1] - offsets[row_of[id]])
+            for id in chain.from_iterable(self.ways_of)
+            if id in row_of
         )
         self.lines.allowance.charge(_BYTES_PER_POINT * points)
         return outlines_of_ways(offsets, self.lines.lonlat(), row_of, self.ways_of, self.walls)

@@ -5,7 +5,7 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import groupby
+from itertools import chain, groupby, product
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import msgspec
@@ -117,11 +117,11 @@ def features_of_place(
         servers = MapServers(name, show, offline=offline)
         boundary = _boundary(servers, location)
         show(f"Downloading the features of {name}")
-        pairs = [(key, one) for key, values in wanted.items() for one in ([None] if values is None else values)]
-        filters = [
-            "=".join(json.dumps(text, ensure_ascii=False) for text in pair if text is not None) for pair in pairs
-        ]
-        kinds = [f"{kind}[{one}]" for one in filters for kind in ("way", "relation")]
+        filters: list[str] = []
+        for key, values in wanted.items():
+            texts = [""] if values is None else [f"={json.dumps(one, ensure_ascii=False)}" for one in values]
+            filters += [json.dumps(key, ensure_ascii=False) + text for text in texts]
+        kinds = [f"{kind}[{one}]" for one, kind in product(filters, ("way", "relation"))]
         kinds += [f"way[{json.dumps(key)}]" for key in lines]
         found = _download(servers, boundary, [(kinds, "(._;>;);out;")], read_areas)
         areas = _areas(found, wanted, boundary)
@@ -220,7 +220,8 @@ def _ways(found: "_OverpassElements", options: StreetOptions) -> OsmRoads:
     rule = None if options.mode is None else rule_of(options.mode, names)
     speeds = options.mode or modes()[options.osm_type.name.lower()]
     squares = {} if rule is None or options.custom_filter else open_squares(_rings(found), rule)
-    rims, row_of = rims_of(squares), dict[int, int]()
+    rims = rims_of(squares)
+    row_of = dict[int, int]()
     read: list[tuple[dict[str, Any], bool]] = []
     lines: list[list[int]] = []
     for way in found.ways.values():
@@ -238,7 +239,8 @@ def _ways(found: "_OverpassElements", options: StreetOptions) -> OsmRoads:
     tags = [of_way for of_way, _ in read]
     against = np.array([is_against for _, is_against in read], np.bool_)
     if rule is None and options.osm_type is OSMType.WALK:
-        tags, against = [{**of_way, "oneway": False} for of_way in tags], np.zeros(len(tags), np.bool_)
+        tags = [{**of_way, "oneway": False} for of_way in tags]
+        against = np.zeros(len(tags), np.bool_)
     offsets, lonlat, ids = _vertices(found, lines)
     stops = stops_of(options.mode)
     barriers = (
@@ -288,7 +290,7 @@ def _lines(
 
 def _vertices(found: "_OverpassElements", lines: list[list[int]]) -> tuple[IntArray, FloatArray, IntArray]:
     """Return the offsets of lines through these nodes, degrees (vertices, 2) or NaN, and the ids of the nodes."""
-    refs = [ref for line in lines for ref in line]
+    refs = list(chain.from_iterable(lines))
     places = {id: (node.lon, node.lat) for id, node in found.nodes.items()}
     lonlat = np.array([places.get(ref, (math.nan, math.nan)) for ref in refs], np.float64).reshape(-1, 2)
     return offsets_of(np.array([len(line) for line in lines], np.int64)), lonlat, np.array(refs, np.int64)

@@ -225,8 +225,10 @@ def _check_filter(custom_filter: object) -> None:
 
 
 def _box(left: float, bottom: float, right: float, top: float) -> list[tuple[float, float]]:
-    west, east = as_float(left, "left"), as_float(right, "right")
-    south, north = as_float(bottom, "bottom"), as_float(top, "top")
+    west = as_float(left, "left")
+    east = as_float(right, "right")
+    south = as_float(bottom, "bottom")
+    north = as_float(top, "top")
     if not (-180.0 <= west < east <= 180.0 and -90.0 <= south < north <= 90.0):
         raise BadValue(
             f"left={west}, bottom={south}, right={east}, top={north} is not an area: it takes degrees with "

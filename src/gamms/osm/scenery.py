@@ -50,13 +50,17 @@ _LINES = {
 _COAST = "coastline"  # land on its left, the sea on its right
 _LINE_KEYS = "railway", "waterway", "natural"
 _MARGIN_M = 20.0  # around the streets
-_LEAST_M2, _AREA_M, _LINE_M = 60.0, 1.0, 0.5  # smaller areas are left out; tolerances of outlines and lines
+_LEAST_M2 = 60.0  # smaller areas are left out; tolerances of outlines and lines
+_AREA_M = 1.0
+_LINE_M = 0.5
 _TOLERANCE = SimplifyTolerance(0.5, 0.01)  # of buildings
 _MOST_WALLS = 200_000
 _GRID = 16.0  # coordinates are rounded to 1 / 16 meter, so that files stay small
-_BESIDE_M, _SURE = 0.25, 0.9  # distance from a coast of the tested points, and the share of them that has to agree
+_BESIDE_M = 0.25  # distance from a coast of the tested points, and the share of them that has to agree
+_SURE = 0.9
 _REACH_M = 100.0  # largest distance from the edge of the area at which a coast may end
-_POLYGON, _LINE = 3, 1  # shapely's type numbers
+_POLYGON = 3  # shapely's type numbers
+_LINE = 1
 
 
 def scenery_from_file(filepath: str | os.PathLike[str], ctx: IContext, *, buildings: bool = True) -> Scenery:
@@ -183,7 +187,8 @@ def _scenery(features: list[_Feature], crs: str, box: "BaseGeometry") -> Scenery
     rows = np.flatnonzero(is_near).tolist()
     walls = [row for row in rows if isinstance(features[row][1], WallProfile)]
     by_kind = {kind: projected[[row for row in rows if features[row][1] == kind]] for kind in (*SceneryKind, _COAST)}
-    kinds, lines = list[int](), list[FloatArray]()
+    kinds = list[int]()
+    lines = list[FloatArray]()
     for kind in SceneryKind:
         if kind < SceneryKind.WATERWAY:
             more = _sea(by_kind[_COAST], box) if kind is SceneryKind.WATER else []
@@ -248,13 +253,15 @@ def _sea(coasts: Shapes, box: "BaseGeometry") -> "list[BaseGeometry]":
     ways = points[start + 1] - points[start]
     pieces = shapely.intersection(shapely.linestrings(np.stack([points[start], points[start + 1]], axis=1)), box)
     is_in = shapely.length(pieces) > 0.0
-    pieces, ways = pieces[is_in], ways[is_in]
+    pieces = pieces[is_in]
+    ways = ways[is_in]
     middles = shapely.get_coordinates(shapely.line_interpolate_point(pieces, 0.5, normalized=True))
     right = ways[:, ::-1] / np.hypot(*ways.T)[:, None] * (1.0, -1.0)
     lengths = shapely.length(pieces)
     cut = shapely.union_all([*shapely.intersection(coasts, box), box.boundary, *_ways_out(coasts, box)])
     parts = shapely.get_parts(shapely.polygonize(shapely.get_parts(cut)))
-    found, tree = [], shapely.STRtree(parts)
+    found = []
+    tree = shapely.STRtree(parts)
     votes = np.zeros((2, len(parts)))
     for side, sign in enumerate((1.0, -1.0)):
         beside = shapely.points(middles + sign * _BESIDE_M * right)

@@ -121,7 +121,8 @@ class MapServers:
     ) -> T:
         """Return the answer from the disk, or else from the server."""
         key = hashlib.sha256(f"{url}?{urlencode(asked)}".encode()).hexdigest()
-        path, damage = self._folder / f"{key}.json", ""
+        path = self._folder / f"{key}.json"
+        damage = ""
         if (setting("use_cache") or self._offline) and path.is_file():
             try:
                 return read(_parsed(path.read_bytes()))

@@ -11,7 +11,8 @@ from gamms.text import shown
 OWN_NAMES = frozenset(  # attributes that are not tags
     ("id", "osmid", "x", "y", "z", "linestring", "geometry", "length", "grade", "speed_kph", "travel_time", "reversed")
 )
-_MOST_TAGS, _LONGEST_TAG = 256, 255
+_MOST_TAGS = 256
+_LONGEST_TAG = 255
 
 
 class NodeTags(NamedTuple):

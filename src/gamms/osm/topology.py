@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from itertools import combinations, product
+from itertools import chain, combinations, product
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -41,13 +41,14 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
     of `osmid`. A ring without a junction becomes one road that leads back to its first node.
     """
     steps, begins = _chain_steps(_partners(network).tolist())
-    order, backward = steps >> 1, (steps & 1).astype(np.bool_)
+    order = steps >> 1
+    backward = (steps & 1).astype(np.bool_)
     walked = chosen_roads(network, order)
-    chain = np.repeat(np.arange(len(begins)), np.diff(np.append(begins, len(order))))
+    chain_of = np.repeat(np.arange(len(begins)), np.diff(np.append(begins, len(order))))
     mirrored = np.repeat(backward, np.diff(walked.offsets))
     points = walked.points[np.where(mirrored, reversed_points(walked.offsets), np.arange(len(walked.points)))]
     inner = np.setdiff1d(walked.offsets[:-1], walked.offsets[:-1][begins])  # a joint is in both roads: keep one
-    sizes = np.bincount(chain, weights=np.diff(walked.offsets) - 1).astype(np.int64) + 1
+    sizes = np.bincount(chain_of, weights=np.diff(walked.offsets) - 1).astype(np.int64) + 1
     ends = np.append(begins[1:], len(order)) - 1
     joined = replace(
         network,
@@ -104,7 +105,8 @@ def _partners(network: RoadNetwork) -> IntArray:
     if network.refs is not None and network.nodes.staying:
         through &= ~np.isin(network.refs, np.array([*network.nodes.staying], np.int64))
     pair = offsets[:-1][through]
-    a, b = ends[pair], ends[pair + 1]
+    a = ends[pair]
+    b = ends[pair + 1]
     # Ways that differ only in their id have equal numbers.
     tags = ([(name, value) for name, value in of_way.items() if name != "osmid"] for of_way in network.tags)
     known: dict[str, int] = {}
@@ -113,7 +115,8 @@ def _partners(network: RoadNetwork) -> IntArray:
     onward = network.two_way[a >> 1] | ((a & 1) != (b & 1))
     joined = alike & onward & (a >> 1 != b >> 1)
     partners = np.full(len(nodes), -1)
-    partners[a[joined]], partners[b[joined]] = b[joined], a[joined]
+    partners[a[joined]] = b[joined]
+    partners[b[joined]] = a[joined]
     return partners
 
 
@@ -154,7 +157,8 @@ def _with_joined_tags(network: RoadNetwork, ways: IntArray, begins: IntArray) ->
         ways: (pieces,) of the pieces of road.
         begins: (roads,) the first piece of each.
     """
-    of_road, tags = ways[begins], [*network.tags]
+    of_road = ways[begins]
+    tags = [*network.tags]
     if not len(begins):
         return replace(network, ways=of_road)
     ends = np.append(begins[1:], len(ways))
@@ -234,7 +238,7 @@ def _behind_buildings(network: RoadNetwork, label: IntArray) -> IntArray:
     offsets, nodes = kernels.group_rows(label, len(network.xy))
     large = np.flatnonzero(np.diff(offsets) > 2)
     members = (nodes[offsets[one] : offsets[one + 1]].tolist() for one in large.tolist())
-    pairs = np.array([pair for some in members for pair in combinations(some, 2)], np.int64).reshape(-1, 2)
+    pairs = np.array(list(chain.from_iterable(combinations(some, 2) for some in members)), np.int64).reshape(-1, 2)
     return np.unique(pairs[_crossings(network, *network.xy[pairs.T])[0]])
 
 
@@ -336,12 +340,16 @@ def _junctions(network: RoadNetwork, chains: RoadChains, is_flat: BoolArray, tol
     for first, second in chains.ends[rows].tolist():
         one = _leader_of(first, leader)
         other = _leader_of(second, leader)
-        (west, south, east, north), (w, s, e, n) = box[one], box[other]
+        west, south, east, north = box[one]
+        w, s, e, n = box[other]
         union = min(west, w), min(south, s), max(east, e), max(north, n)
         common = floors[one] & floors[other]
         if one != other and common and np.hypot(union[2] - union[0], union[3] - union[1]) <= _ACROSS * tolerance:
-            low, high = min(one, other), max(one, other)
-            leader[high], box[low], floors[low] = low, union, common
+            low = min(one, other)
+            high = max(one, other)
+            leader[high] = low
+            box[low] = union
+            floors[low] = common
     for node in leader:
         label[node] = _leader_of(node, leader)
     return label
@@ -361,7 +369,8 @@ def _contracted(network: RoadNetwork, label: IntArray, inner: BoolArray, weighty
     sums = [np.bincount(row, weights=weight * values) for values in (network.xy - shift).T]
     xy = network.xy[names] + np.column_stack(sums) / np.bincount(row, weights=weight)[:, None]
     rest = chosen_roads(network, np.flatnonzero(~inner))
-    sources, targets = row[rest.sources], row[rest.targets]
+    sources = row[rest.sources]
+    targets = row[rest.targets]
     points, growth = moved_ends(rest.offsets, rest.points, xy[sources], xy[targets])
     lengths = rest.lengths * growth
     gone = float(network.lengths.sum() - lengths.sum())
@@ -456,7 +465,8 @@ def cut_polylines(offsets: IntArray, points: FloatArray, counts: IntArray) -> tu
     result = np.empty((cut_offsets[-1], 2))
     result[np.arange(len(piece)) + 2 * piece + 1] = points[kept]
     starts, ends = _ends_of_pieces(counts, cuts, points[offsets[:-1]], points[offsets[1:] - 1])
-    result[cut_offsets[:-1]], result[cut_offsets[1:] - 1] = starts, ends
+    result[cut_offsets[:-1]] = starts
+    result[cut_offsets[1:] - 1] = ends
     return cuts, cut_offsets, result
 
 
@@ -486,7 +496,8 @@ def _ends_of_pieces(counts: IntArray, cuts: Values, begins: Values, ends: Values
 def _repeated(network: RoadNetwork, roads: IntArray) -> BoolArray:
     """Return a mask of these roads that lead from one node to another like an earlier one."""
     nodes = len(network.xy)
-    source, target = network.sources[roads], network.targets[roads]
+    source = network.sources[roads]
+    target = network.targets[roads]
     back = np.where(network.two_way[roads], target * nodes + source, -1 - roads)  # no way back: a key of its own
     keys = np.column_stack((source * nodes + target, back)).ravel()
     new = np.zeros(len(keys), np.bool_)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,9 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
 from gamms.osm.footprints import PART, Shapes, WallProfile, repaired
 
-_LINE, _POLYGON, _AREA = 1, 3, 2  # shapely's type numbers, and a dimension
+_LINE = 1  # shapely's type numbers, and a dimension
+_POLYGON = 3
+_AREA = 2
 _MOST_RELATIVE_M = 0.5
 _AT_ONCE = 16  # shapes in one tree query
 _MOST_PAIRS = 1_000_000  # of intersecting lines and street pieces
@@ -82,7 +85,7 @@ def faces_of(
     base, top, types = (np.array([wall[i] for wall in walls])[of_wall] for i in range(3))
     floor = np.zeros(len(points)) if ground is None else _floor(ground(points), owner[line], shapes)
     corners = [
-        np.column_stack((points[row], floor[row] + height)) for height in (top, base) for row in (start, start + 1)
+        np.column_stack((points[row], floor[row] + height)) for height, row in product((top, base), (start, start + 1))
     ]
     return WallFaces(np.stack(corners, axis=1).reshape(-1, 4, 3), types.astype(np.int64))
 
@@ -160,7 +163,8 @@ def _beside_parts(shapes: Shapes, walls: Sequence[WallProfile]) -> tuple[Shapes,
     parts = np.flatnonzero(np.array([wall.key == PART for wall in walls], np.bool_))
     buildings = np.flatnonzero(np.array([wall.key == "building" for wall in walls], np.bool_))
     part, building = _containing(shapes[parts], shapes[buildings])
-    shapes, heights = shapes.copy(), [*walls]
+    shapes = shapes.copy()
+    heights = [*walls]
     if not len(part):
         return shapes, walls
     order = np.argsort(building, kind="stable")

@@ -1,6 +1,7 @@
 """Sample the positions of agents that are out of sight, from the observations of the planning agents and their team."""
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -36,17 +37,14 @@ class HiddenPositions:
         teams = {ctx.agent.get_agent(name).team for name in states}
         self._mates = [one for one in walking if one.team in teams - {None}]
         self._enemies = [one for one in walking if one not in self._mates]
-        self._seen_in_air = {
-            name: place
-            for state in states.values()
-            for kind, data in state["sensor"].values()
-            if kind in IN_AIR
-            for name, (_, place) in data.items()
-            if name in self._flying
-        }
+        self._seen_in_air: dict[str, Any] = {}
+        for kind, data in chain.from_iterable(state["sensor"].values() for state in states.values()):
+            if kind in IN_AIR:
+                found = {name: place for name, (_, place) in data.items() if name in self._flying}
+                self._seen_in_air.update(found)
         self._observe()
         both = [(state.get("memory", {}), state.get("team_memory", {})) for state in states.values()]
-        memory = belief.merge(*(part for parts in both for part in parts))
+        memory = belief.merge(*chain.from_iterable(both))
         now: Any = {"memory": memory, **{key: one for key, one in next(iter(states.values())).items() if key == "turn"}}
         known = belief.believed(ctx, now)
         self._turn = known.turn
@@ -83,7 +81,8 @@ class HiddenPositions:
         name = kernels.name_key(mate.name)
         if seen is None or not self._ctx.graph.graph.has_node(seen.node):
             return int(self._node_ids[kernels.below(kernels.draw_bits(key, name, 0), len(self._node_ids))])
-        node, near = seen.node, self._ctx.graph.graph.neighborhoods
+        node = seen.node
+        near = self._ctx.graph.graph.neighborhoods
         for step in range(min(self._turn - seen.turn, _MOST_STEPS)):
             ways: Sequence[int] = near[node]
             node = ways[kernels.below(kernels.draw_bits(key, name, 0, step), len(ways))]
@@ -98,8 +97,8 @@ class HiddenPositions:
             belief.observe(self._ctx, state, share=is_alone)
             if not isinstance(here, tuple):
                 belief.note(self._ctx, state, name, here, share=is_alone)
-            shown = [data for kind, data in state["sensor"].values() if kind in ON_GROUND]
-            for mate, node in sorted(pair for data in shown for pair in data.items() if pair[0] in mates):
+            shown = chain.from_iterable(data.items() for kind, data in state["sensor"].values() if kind in ON_GROUND)
+            for mate, node in sorted(pair for pair in shown if pair[0] in mates):
                 belief.note(self._ctx, state, mate, int(node), share=is_alone)
 
 

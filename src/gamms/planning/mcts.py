@@ -1,7 +1,7 @@
 """Monte Carlo tree search for agents that decide simultaneously, in sampled worlds that fit their knowledge."""
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import count
+from itertools import chain, count
 from math import exp, inf, isqrt, log, sqrt
 from typing import Any, Literal, NamedTuple, Unpack, cast
 
@@ -162,13 +162,15 @@ def mcts(
 
 def _strategy_of(settings: _SearchSettings) -> Callable[[States], None]:
     """Return the strategy, or plan, for checked settings."""
-    pace, limit = SearchPace(), settings.seconds
+    pace = SearchPace()
+    limit = settings.seconds
 
     def mcts(states: States) -> None:
         # NOTE: garbage collection takes 50 to 80 ms on the map of a suburb: with a time limit, it waits until the
         # decision is made. Nothing may be allocated after this block, or the collection would begin here.
         with GarbagePause(is_wanted=limit < inf):
-            given, timer = states_of(states), SearchTimer(limit, pace)
+            given = states_of(states)
+            timer = SearchTimer(limit, pace)
             if not pace.has_followed(given, limit):
                 _Search(settings, pace, timer, given).decide()
 
@@ -278,14 +280,16 @@ class _TreeNode:
 
     def chances(self) -> list[float]:
         """Return the probabilities with which Exp3 chooses each action."""
-        highest, number = max(self.weights), len(self.weights)
+        highest = max(self.weights)
+        number = len(self.weights)
         shares = [exp(_EXPLORED / number * (weight - highest)) for weight in self.weights]
         total = sum(shares)
         return [(1.0 - _EXPLORED) * share / total + _EXPLORED / number for share in shares]
 
     def draw_by_trials(self, chance: float) -> int:
         """Return an action drawn in proportion to its trials, without the share that Exp3 explores at random."""
-        number, tries = len(self.counts), sum(self.counts)
+        number = len(self.counts)
+        tries = sum(self.counts)
         shares = [max(0.0, one - tries * _EXPLORED / number) for one in self.counts]
         return _draw_index(shares if any(shares) else [1.0] * number, chance)
 
@@ -342,7 +346,8 @@ class _PairedTrials:
         for action in range(1, len(self.counts)):
             margin = self._mean(action) - confidence * spread / sqrt(max(self.counts[action], 1))
             if margin > most:
-                best, most = action, margin
+                best = action
+                most = margin
         return best
 
     def _mean(self, action: int) -> float:
@@ -442,7 +447,7 @@ def _policy_first(actions: Sequence[Action], first: Action | None) -> list[Actio
 def _seen(state: State) -> Key:
     """Return what an agent observes of others, and its own position."""
     seen = [sorted(data.items()) for kind, data in state["sensor"].values() if kind in ON_GROUND]
-    return (state["curr_pos"], *(pair for pairs in seen for pair in pairs))
+    return (state["curr_pos"], *chain.from_iterable(seen))
 
 
 class _Search:
@@ -577,7 +582,8 @@ class _Search:
             if not timer.fits("turn", then="value"):
                 return None
             model.play(1, walkers)
-            before, lead = lead, model.lead()
+            before = lead
+            lead = model.lead()
             rewards.append(lead - before)
             if model.is_over:
                 break

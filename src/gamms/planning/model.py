@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from inspect import iscoroutinefunction
+from itertools import chain
 from math import hypot
 from typing import Any, Literal, TypedDict, Unpack, cast
 
@@ -175,7 +176,8 @@ class Model:
 
         The winner gets an extra point and every other team loses one; a tie changes nothing.
         """
-        scores, over = self.game.scores, self.game.over
+        scores = self.game.scores
+        over = self.game.over
         others = [scores[team] for team in self.ctx.agent.teams if team != self.team]
         lead = float(scores[self.team] - max(others, default=0.0))
         winner = None if over is None else over["winner"]
@@ -251,12 +253,14 @@ def closeness(model: Model) -> float:
     team shows in the last turn counts -1: the team still has to find it. If the team has no sensor that shows agents,
     all opponents are known.
     """
-    agents, graph = model.ctx.agent, model.ctx.graph
+    agents = model.ctx.agent
+    graph = model.ctx.graph
     living = [one for one in agents.create_iter() if one.alive]
     own = [one for one in living if one.team == model.team]
     others = [one for one in living if one.team != model.team]
-    sensors = [sensor for one in own for sensor in one.sensors.values() if sensor.type in IN_AIR | ON_GROUND]
-    seen = {name for sensor in sensors for name in sensor.data} if sensors else {one.name for one in others}
+    carried = chain.from_iterable(one.sensors.values() for one in own)
+    sensors = [sensor for sensor in carried if sensor.type in IN_AIR | ON_GROUND]
+    seen = set(chain.from_iterable(sensor.data for sensor in sensors)) if sensors else {one.name for one in others}
     xy = graph.columns().xy
     diagonal = max(hypot(*(xy.max(axis=0) - xy.min(axis=0))), 1e-9)
     value = -float(len(others))

@@ -337,7 +337,8 @@ class Components(Guarded):
             del self._component_registry[key]
         if not is_same:
             self._on_event("COMPONENT_REGISTER", _registration(key, texts))
-            self._component_registry[key], self._classes[key] = cls, kind
+            self._component_registry[key] = cls
+            self._classes[key] = kind
         for field in fields:
             setattr(cls, field, _property_of(field, self))
         cls.name = property(lambda component: getattr(component, STORE)["name"], doc="The name of the component.")

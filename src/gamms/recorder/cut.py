@@ -189,7 +189,7 @@ class KnowledgeFilter:
     def _sensors_of(self, names: Iterable[str]) -> list[dict[str, Any]]:
         """Return the sensors of the given agents, in the order of all sensors."""
         agents = self._all.agents
-        carried = {one for name in names for one in agents.columns["sensors"][agents.row(name)].values()}
+        carried = set(chain.from_iterable(agents.columns["sensors"][agents.row(name)].values() for name in names))
         return [sensor for sensor_id, sensor in self._all.sensors.items() if sensor_id in carried]
 
     # -- whole states ---------------------------------------------------------------------------------------------
@@ -278,7 +278,8 @@ class KnowledgeFilter:
     def _own_part(self, kind: int, data: Plain) -> Any:
         """Return the known part of the data of an event; None if nothing is known."""
         if kind == MOVES:
-            return [item for pair in zip(data[::2], data[1::2], strict=True) for item in self._own_move(*pair)] or None
+            moves = chain.from_iterable(self._own_move(*pair) for pair in zip(data[::2], data[1::2], strict=True))
+            return list(moves) or None
         if isinstance(data, tuple):  # (number, …)
             return (self._id_of(data[0]), *data[1:]) if self._names.get(data[0]) in self._own else None
         known = EVENTS[kind]
@@ -338,7 +339,7 @@ class KnowledgeFilter:
             yield kind, own | self._heard_until(data, np.inf)
             return
         heard = self._heard_until(data, np.inf)
-        for turn in sorted({turn for each in heard.values() for turn in each.values()}):
+        for turn in sorted(set(chain.from_iterable(each.values() for each in heard.values()))):
             now = {key: {name: at for name, at in each.items() if at == turn} for key, each in heard.items()}
             self._later.setdefault(self._turn + max(turn - data["turn"], 0), []).append((kind, own | now))
 
@@ -475,7 +476,10 @@ class KnowledgeFilter:
                 yield kind, data
         elif kind == MOVES:
             pairs = zip(data[::2], data[1::2], strict=True)
-            known = [item for agent, node in pairs if agent in self._numbers for item in (number_of(agent), node)]
+            known: list[int] = []
+            for agent, node in pairs:
+                if agent in self._numbers:
+                    known += (number_of(agent), node)
             if known:
                 yield kind, known
         elif kind == kinds.SENSED:

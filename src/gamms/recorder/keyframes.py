@@ -22,7 +22,7 @@ from gamms.typing.game import strategy_name
 Keyframe = dict[str, Any]
 Columns = dict[str, Any]  # the columns of `LISTS` and `ARRAYS`
 
-_WRITTEN = [part for column in AGENT_COLUMNS if column.is_recorded for part in column.parts or (column,)]
+_WRITTEN = list(chain.from_iterable(column.parts or (column,) for column in AGENT_COLUMNS if column.is_recorded))
 LISTS = [column.name for column in _WRITTEN if column.kind is None]
 ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # dtype, and shape of a row
     column.name: (np.int64 if column.kind is np.bool_ else column.kind, column.shape)
@@ -272,8 +272,8 @@ def _names_of(functions: list[Any]) -> list[str | None]:
 
 def _carried(sensors: list[dict[str, str]], groups: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the sensors of agents, as indices in the list of all sensors, and names that differ from their ids."""
-    names = [name for one in sensors for name in one]
-    ids = [sensor_id for one in sensors for sensor_id in one.values()]
+    names = list(chain.from_iterable(sensors))
+    ids = list(chain.from_iterable(one.values() for one in sensors))
     place = {sensor["id"]: i for i, sensor in enumerate(sensors_in(groups))}
     others = [sensor_id for sensor_id in dict.fromkeys(ids) if sensor_id not in place]
     place |= {sensor_id: len(place) + i for i, sensor_id in enumerate(others)}
@@ -391,12 +391,11 @@ def progress_of(source: int, target: int, share: float, edge: int = 0, motion: i
 def sensors_in(groups: Iterable[Mapping[str, Plain]]) -> list[dict[str, Any]]:
     """Return the sensors in groups of `grouped`, one by one."""
     groups = list(groups)
-    found = [
-        {"id": sensor_id, "type": group["type"], "keywords": group["keywords"]}
-        for group in groups
-        for sensor_id in group["ids"]
-    ]
-    places = [int(at) for group in groups for at in group.get("at", ())]
+    found: list[dict[str, Any]] = []
+    places: list[int] = []
+    for group in groups:
+        found += [{"id": one, "type": group["type"], "keywords": group["keywords"]} for one in group["ids"]]
+        places += map(int, group.get("at", ()))
     if not places:
         return found
     if len(places) != len(found):

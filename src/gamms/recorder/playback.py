@@ -1,6 +1,7 @@
 """Replay of a recording in a window, with seeking."""
 
 from collections.abc import Iterator
+from itertools import chain
 from typing import Any, BinaryIO
 
 from gamms.arguments import as_int
@@ -137,6 +138,6 @@ class Playback(IPlayback):
             self._drawn_until = turn
         last = {artist: log for log, artist in self._drawn if log < turn}
         logs = sorted(set(last.values()))
-        later = [data for log in logs for *_, data in self._reader.events(log, log + 1, _DRAWINGS)]
+        later = [data for *_, data in chain.from_iterable(self._reader.events(log, log + 1, _DRAWINGS) for log in logs)]
         drawings: list[Any] = [*header.get("drawings", []), *later]
         return declared[-1][2] if declared else header.get("visuals"), drawings

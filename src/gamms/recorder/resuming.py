@@ -4,7 +4,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from copy import deepcopy
-from itertools import product
+from itertools import chain, product
 from logging import CRITICAL, getLogger
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
@@ -256,7 +256,8 @@ def sensor_ids(reader: "Reader", past: "EventHistory", turn: int) -> set[str]:
     begin = reader.keyframe(0)
     said = [data for *_, data in past.events(turn, (kinds.SENSORS, kinds.SNAPSHOT))]
     said += [] if begin is None else [begin[1]]
-    return {sensor["id"] for data in said for sensor in keyframes.sensors_in(data.get("sensor_kinds", ()))}
+    sensors = chain.from_iterable(keyframes.sensors_in(data.get("sensor_kinds", ())) for data in said)
+    return {sensor["id"] for sensor in sensors}
 
 
 class EventHistory:

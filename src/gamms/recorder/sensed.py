@@ -20,7 +20,8 @@ _OF_AGENTS_IN_SPACE = ("AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT")  # their data ar
 _OF_NODES = ("NEIGHBOR", "MAP", "RANGE", "ARC", "AERIAL", "OCCLUDED_MAP", "OCCLUDED_AERIAL")
 _OF_AGENTS = ("AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT", *_OF_AGENTS_IN_SPACE)
 _SEEING = frozenset((*_OF_NODES, *_OF_AGENTS))
-_INT, _INT64 = frozenset({int}), range(-(1 << 63), 1 << 63)
+_INT = frozenset({int})
+_INT64 = range(-(1 << 63), 1 << 63)
 
 
 Nearest = Callable[[Sequence[float]], int]

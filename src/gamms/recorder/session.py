@@ -72,7 +72,8 @@ class RecordingSession:
         self.world: bytes | None = self._skipped.packed() if has_map else None
         self._skipped.check_all()
         self.drawings = DrawingChanges(ctx.visual, with_custom=with_drawings)
-        self._declarations, self.visuals = self.drawings.edits, self.drawings.specs()
+        self._declarations = self.drawings.edits
+        self.visuals = self.drawings.specs()
         self._listen()
         self.begin = keyframes.captured(ctx) | keyframes.first_history(ctx) | keyframes.components_of(ctx)
         self._revised = _REVISIONS(self._graph)
@@ -215,7 +216,9 @@ class RecordingSession:
         if not self.is_new or not (self.world is None or is_map_of(self.world, header)):
             return False
         self._replayed = DetachedState(deepcopy(begin))
-        self.header, self.world, self.begin = header, header.get("world", b""), begin  # not None: there is a map
+        self.header = header  # not None: there is a map
+        self.world = header.get("world", b"")
+        self.begin = begin
         self._set_declarations_aside()
         return True
 
@@ -429,7 +432,8 @@ class RecordingSession:
 
     def _visual_changes(self) -> Log:
         """Return an event with changed visuals; visuals of the first turn go to the header."""
-        self._declarations, visuals = self.drawings.edits, self.drawings.specs()
+        self._declarations = self.drawings.edits
+        visuals = self.drawings.specs()
         if not self.turn:
             self.visuals = visuals
             return []
@@ -437,7 +441,8 @@ class RecordingSession:
 
     def _world_changes(self) -> Log:
         """Return an event with a changed map; the first map goes to the header, even if it is loaded late."""
-        self._revised, world = _REVISIONS(self._graph), self._skipped.packed()
+        self._revised = _REVISIONS(self._graph)
+        world = self._skipped.packed()
         if self.world is None:
             self.world = world
             return []

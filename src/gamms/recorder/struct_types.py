@@ -15,6 +15,7 @@ import re
 import types
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -121,7 +122,7 @@ class FieldType:
 
 def union(parts: Iterable[FieldType]) -> FieldType:
     """Return the union of types, without duplicates, in order; None comes last."""
-    members = tuple(dict.fromkeys(member for part in parts for member in part.members))
+    members = tuple(dict.fromkeys(chain.from_iterable(part.members for part in parts)))
     return FieldType(members[::-1] if len(members) == 2 and members[0] == _NONE else members)
 
 
@@ -203,7 +204,7 @@ def _atom(node: ast.expr, depth: int) -> FieldType:
 
 
 def _array(array: Array) -> FieldType:
-    inner = [member for item in array.items for member in item.members if isinstance(member, Array)]
-    if any(list in (array.kind, member.kind) for member in inner):
+    members = chain.from_iterable(item.members for item in array.items)
+    if any(list in (array.kind, member.kind) for member in members if isinstance(member, Array)):
         raise ValueError(" A list holds scalars, and a tuple holds no list.")
     return FieldType((array,))

@@ -197,7 +197,10 @@ def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
     found: dict[int, Any] = {}  # the last value of each turn
     for log, _, _, data in reader.events(start, stop, {kinds.GAME_SCORES, kinds.SNAPSHOT}):
         found[log + 1] = data["scores"]
-    return _rows_as(_SCORES, [(turn, of, score) for turn, scores in found.items() for of, score in scores])
+    rows: list[tuple[Any, ...]] = []
+    for turn, scores in found.items():
+        rows += [(turn, of, score) for of, score in scores]
+    return _rows_as(_SCORES, rows)
 
 
 def _deeds(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:

@@ -119,7 +119,8 @@ def tracks_of(moments: Iterable[AgentsAtTurn], began: float, turn_seconds: float
     turns, names, teams, nodes, alive, xyz = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.lexsort((turns, np.unique(names.astype(np.str_), return_inverse=True)[1]))
     order = order[np.isfinite(xyz[order, 0])]
-    xy, latlon = xyz[order, :2], None
+    xy = xyz[order, :2]
+    latlon = None
     if crs is not None:
         latlon = projection.project_back_and_forth(xy, crs, projection.WGS84)[:, ::-1].round(_DECIMALS)
     texts = [times[turn] for turn in turns[order].tolist()]

@@ -171,7 +171,8 @@ def verify(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = No
             f"{as_text(name)}, and cannot be replayed without the map. Give the map: --map FILE.gamms."
         )
     _check_keyframes(path)
-    before, after = Path(path).read_bytes(), re_recorded(path, map)
+    before = Path(path).read_bytes()
+    after = re_recorded(path, map)
     if before != after and (part := _differing_part(before, after)) is not None:
         raise RecordingError(f"Replayed and recorded again, it is another recording: {part} is not the same.")
 
@@ -191,8 +192,10 @@ class _SequentialReader(Reader):
 def _check_keyframes(path: str | os.PathLike[str]) -> None:
     """Compare every keyframe with the state computed from the turns before it."""
     with Reader(path) as reader, _SequentialReader(path) as walker:
-        stored, computed = Recording(reader), Recording(walker)
-        turns, turn = [], reader.keyframe_before(stored.turns)
+        stored = Recording(reader)
+        computed = Recording(walker)
+        turns = []
+        turn = reader.keyframe_before(stored.turns)
         while turn > 0:
             turns.append(turn)
             turn = reader.keyframe_before(turn - 1)

@@ -208,7 +208,8 @@ def _replay(ctx: Context, records: Iterator[_Record]) -> None:
     replayer = Replayer(ctx, is_version_2=True)
     waiting: _Record | None = None
     for record in chain(records, [{"opCode": kinds.TERMINATE}]):
-        kind, data = record["opCode"], to_plain(record.get("data"))
+        kind = record["opCode"]
+        data = to_plain(record.get("data"))
         if waiting is not None:
             if _is_move(ctx, waiting, record):
                 block = ctx.agent.block
@@ -347,7 +348,8 @@ def with_sensed(recording: Recording) -> Recording:
     """
     if recording.counts().get("SENSED"):
         return recording
-    stream, reader = BytesIO(), Reader(BytesIO(recording.content()))
+    stream = BytesIO()
+    reader = Reader(BytesIO(recording.content()))
     first = reader.keyframe(0)
     if first is None:
         raise RecordingError("This recording does not say how it begins.")

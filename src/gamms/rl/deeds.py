@@ -1,7 +1,7 @@
 """Declared deeds as a finite list of choices for learners: no deed, or a deed with concrete field values."""
 
 from collections.abc import Mapping, Sequence
-from itertools import product
+from itertools import chain, product
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -186,8 +186,9 @@ def choices_of(view: ArrayView, declared: Mapping[str, Mapping[str, DeclaredFiel
     """Return the deed choices in a view, computed once for its map; None: no deeds are declared."""
     if not declared:
         return None
-    known, roster = _known.setdefault(view.streets, {}), view.roster
-    sensors = sorted({name for agent in roster.agents for name in getattr(agent, "sensors", {})})
+    known = _known.setdefault(view.streets, {})
+    roster = view.roster
+    sensors = sorted(set(chain.from_iterable(getattr(agent, "sensors", {}) for agent in roster.agents)))
     teams = [team for team in roster.teams if team is not None]
     movement = movement_in(view)
     key = repr((declared, roster.names, teams, sensors, movement.width))

@@ -151,7 +151,8 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
             BadType, BadValue: the seeds or the mask have another form; or the mask names only some of the agents that
                 still play in a game.
         """
-        seeds, which = self._seeds_of(seed), np.arange(self.num_games)
+        seeds = self._seeds_of(seed)
+        which = np.arange(self.num_games)
         if options is not None and "reset_mask" in options:
             which = self._named_by(options["reset_mask"])
         found, alive = self._begin(which, seeds)
@@ -173,7 +174,8 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
                 "truncated}) before step()."
             )
         turn = self._play(actions)
-        ends, infos = turn.terminated | turn.truncated, Infos()
+        ends = turn.terminated | turn.truncated
+        infos = Infos()
         if self._autoreset_mode is AutoresetMode.SAME_STEP and ends.any():
             infos = {"final_obs": self._interface.given(turn.last), "final_info": _infos(turn.last, turn.valid)}
             infos |= {"_final_obs": ends, "_final_info": ends.copy()}
@@ -293,9 +295,11 @@ def mode_of(given: object) -> AutoresetMode:
     Raises:
         BadValue: the mode does not exist.
     """
-    known = {key: mode for mode in AutoresetMode for key in (mode, mode.name, mode.value)}
+    known: dict[object, AutoresetMode] = {}
+    for mode in AutoresetMode:
+        known.update(dict.fromkeys((mode, mode.name, mode.value), mode))
     try:
-        return known[given]  # type: ignore[index] # whatever it is
+        return known[given]
     except (KeyError, TypeError):
         names = [mode.name for mode in AutoresetMode]
         raise BadValue(f"autoreset_mode must be one of {names}, not {shown(given)}.") from None

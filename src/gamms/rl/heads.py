@@ -58,7 +58,8 @@ def heads_of(learners: Learners, given: Sequence[tuple[IntArray, Any]], *, are_f
             moves[:, agents], found = np.divmod(values, len(learners.deeds))
             deeds[:, agents] = np.where(learners.are_legal(moves)[:, agents], found, 0)
         else:
-            moves[:, agents], deeds[:, agents] = values[..., 0], values[..., 1]
+            moves[:, agents] = values[..., 0]
+            deeds[:, agents] = values[..., 1]
     return ActionHeads(moves, deeds, flights)
 
 
@@ -119,7 +120,8 @@ def action_masks(learners: Learners, *, are_flat: bool = False) -> BoolArray:
         raise BadValue(f"Agent {shown(learners.names[0])} flies, and what it does has no mask: learn without masks.")
     if learners.deeds is None:
         return learners.masks
-    moves, deeds = learners.masks, learners.deed_masks
+    moves = learners.masks
+    deeds = learners.deed_masks
     if are_flat:
         return (moves[..., None] & deeds[..., None, :]).reshape(*moves.shape[:2], -1)
     found: BoolArray = np.concatenate((moves, deeds), axis=2)

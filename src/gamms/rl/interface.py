@@ -87,7 +87,8 @@ class EnvInterface:
     def observation_space(self, agent: int = 0) -> spaces.Dict | spaces.Box:
         """Return the observation space of an agent, by its number: see `mask` above."""
         values = np.asarray(self.learners.observe())
-        shape, kind = values.shape[2:], values.dtype
+        shape = values.shape[2:]
+        kind = values.dtype
         if kind.kind == "f":
             box = spaces.Box(*self.learners.bounds, shape, kind.type)
         else:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple, Self
@@ -197,9 +197,9 @@ class Learners:
         self._found: Vectors | None = None  # all current observations, if the core writes them
         self._begin_writing()
         self._remember()
-        self.names: tuple[str, ...] = tuple(name for view in views for name in view["name"])
+        self.names: tuple[str, ...] = tuple(chain.from_iterable(view["name"] for view in views))
         game = self.games.game
-        members = [views[0].roster.agents[number] for view in views for number in view.agents]
+        members = [views[0].roster.agents[number] for number in chain.from_iterable(view.agents for view in views)]
         self.flies: BoolArray = np.array([one.type is AgentType.AERIAL for one in members], np.bool_)
         num_heads = 1 if self.deeds is None else 2
         self._prefix = ActionHistory(self._shape, num_heads, flies=bool(self.flies.any()))
@@ -252,7 +252,7 @@ class Learners:
             return self._found.values if which is None else self._found.values[which]
         if which is None:
             return joined([self._observed_by(views) for views in self._now])
-        are_alike = all(type(view) is ArrayView for views in self._now for view in views)  # with the same roads
+        are_alike = all(type(view) is ArrayView for view in chain.from_iterable(self._now))  # with the same roads
         if not are_alike or not getattr(self.observation, "of_each", False):  # it may need all games
             return self.observe()[which]
         return joined([self._observed_by(_in_games(views, which)) for views in self._now])
@@ -432,7 +432,8 @@ class Learners:
         xy = np.concatenate([view["xy"] for view in views], axis=1)[:, order]
         alive = np.concatenate([view.mask for view in views], axis=1)[:, order]
         nodes = views[0].streets.columns.xy
-        low, high = nodes.min(axis=0), nodes.max(axis=0)
+        low = nodes.min(axis=0)
+        high = nodes.max(axis=0)
         shares = (xy - (low + high) / 2.0) * (2.0 / _longer_side(nodes))
         if any(agent.type is AgentType.AERIAL for agent in views[0].roster.agents):
             z = np.concatenate([view["z"] for view in views], axis=1)[:, order]
@@ -454,7 +455,8 @@ class Learners:
 
     def _views(self, number: int) -> list[ArrayView]:
         """Return the views of the teams in the games on the map of this number, which may be empty."""
-        games, agent = self.games, self.agent
+        games = self.games
+        agent = self.agent
         if agent is not None:
             return [games.observe_agent(agent, map=number)]
         return [games.observe(team, map=number) for team in self.teams]
@@ -555,7 +557,8 @@ class Learners:
 
     def _checked(self, given: object, view: ArrayView, what: str) -> Any:
         """Return the result of a user's function as a checked array."""
-        games, agents = len(view.games), len(view.agents)
+        games = len(view.games)
+        agents = len(view.agents)
         found = np.asarray(given)
         is_number = found.dtype.kind in "biuf"
         wanted = [(games, agents)] + [(games, 1)] * (what == "reward")
@@ -665,7 +668,8 @@ def _codes_of(value: object, seen: set[int]) -> Iterator[CodeType]:
         yield from _codes_of(value.func, seen)
         return
     if not isinstance(value, FunctionType):
-        methods = (one for kind in type(value).__mro__ for one in vars(kind).values() if isinstance(one, FunctionType))
+        attributes = chain.from_iterable(vars(kind).values() for kind in type(value).__mro__)
+        methods = (one for one in attributes if isinstance(one, FunctionType))
         for method in methods:
             yield from _codes_of(method, seen)
         return

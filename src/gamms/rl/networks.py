@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
+from itertools import chain
 from threading import Timer
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -83,7 +84,8 @@ class Network(NamedTuple):
         Raises:
             BadValue: they do not fit, or are not numbers.
         """
-        shared, width = self.architecture.shared, 0
+        shared = self.architecture.shared
+        width = 0
         for part in self.architecture.inputs:
             width += entries if part == "observation" else actions
         if shared is not None:
@@ -161,7 +163,8 @@ def network_of(model: Any, shared: int | None = None) -> Network:
         inputs = list(extractors)
         modules = [*extractors.values(), actor.latent_pi, actor.mu]
     else:
-        inputs, modules = ["observation"], [model]
+        inputs = ["observation"]
+        modules = [model]
     layers: list[str] = []
     weights: dict[str, Float32Array] = {}
     for module in modules:
@@ -191,7 +194,7 @@ def _layers_in(module: Any) -> list[Any]:
     """Return the layers of a module, including those in nested sequences."""
     kind = type(module).__name__
     if kind == "Sequential":
-        return [layer for part in module for layer in _layers_in(part)]
+        return list(chain.from_iterable(_layers_in(part) for part in module))
     is_usual = all(getattr(module, key) == value for key, value in _DEFAULTS.get(kind, {}).items())
     if not is_usual or kind not in ("Linear", *_OF_TORCH, *_NOTHING):
         known = ", ".join(("Linear", *_OF_TORCH, *_NOTHING))
@@ -291,7 +294,8 @@ def with_metadata(model: bytes, key: str, value: str) -> bytes:
 
 def _length(data: bytes) -> bytes:
     """Return the length of data as a varint: seven bits a byte, the lowest first."""
-    number, found = len(data), bytearray()
+    number = len(data)
+    found = bytearray()
     while number > 127:
         found.append(number & 127 | 128)
         number >>= 7

@@ -38,7 +38,8 @@ class Neighbourhood:
         names: the names of the entries.
     """
 
-    names, of_each = NEAR, True
+    names = NEAR
+    of_each = True
 
     def __init__(self, hops: int, nodes: int | None) -> None:
         self.hops = hops
@@ -72,7 +73,8 @@ class Neighbourhood:
         rank = rank[kept]
         rows = np.zeros((len(counts), most), np.int64)
         hops = np.full((len(counts), most), -1)
-        rows[source, rank], hops[source, rank] = node, far
+        rows[source, rank] = node
+        hops[source, rank] = far
         return rows, hops, _places(streets)
 
 
@@ -83,7 +85,8 @@ class MapGraph:
         names: the names of the entries.
     """
 
-    names, of_each = NODE, True
+    names = NODE
+    of_each = True
 
     def __init__(self) -> None:
         self._edges: IntArray | None = None
@@ -101,7 +104,8 @@ class MapGraph:
 
     def __call__(self, view: ArrayView) -> Float32Array:
         """Return the entries of all nodes."""
-        streets, (games, agents) = view.streets, view.node.shape
+        streets = view.streets
+        games, agents = view.node.shape
         columns = (streets.whole if isinstance(streets, MultiMapStreets) else streets).columns
         self._edges = np.stack((columns.sources, columns.targets)).astype(np.int64)
         nodes = len(columns.node_ids)
@@ -120,7 +124,8 @@ class MapGraph:
             (nodes,), the row of each node.
         """
         values = np.asarray(observation, np.float32)
-        edges, nodes = self.edge_index, values.shape[-2]
+        edges = self.edge_index
+        nodes = values.shape[-2]
         if values.ndim == 2:
             return {"x": values, "edge_index": edges}
         values = values.reshape(-1, nodes, values.shape[-1])
@@ -178,7 +183,8 @@ def _around(streets: StreetGraph, hops: int) -> tuple[IntArray, IntArray, IntArr
         node = streets.legal[np.repeat(node, counts), action]
         key, first = np.unique(source * nodes + node, return_index=True)
         first = np.sort(first[~np.isin(key, known)])
-        source, node = source[first], node[first]
+        source = source[first]
+        node = node[first]
         known = np.concatenate((known, source * nodes + node))
         found.append((source, node, np.full(len(node), far)))
     sources, targets, distances = (np.concatenate(column) for column in zip(*found, strict=True))
@@ -189,7 +195,8 @@ def _around(streets: StreetGraph, hops: int) -> tuple[IntArray, IntArray, IntArr
 def _places(streets: StreetGraph) -> FloatArray:
     """Return positions of nodes, (nodes, 2), relative to the map's center, in halves of its longer side."""
     xy = streets.columns.xy
-    low, high = xy.min(axis=0), xy.max(axis=0)
+    low = xy.min(axis=0)
+    high = xy.max(axis=0)
     places: FloatArray = (xy - (low + high) / 2.0) / (float((high - low).max()) / 2.0 or 1.0)
     return places
 

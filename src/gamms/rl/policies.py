@@ -439,7 +439,8 @@ def _save_onnx(model: object, file: Path, found: PolicyDescription) -> None:
         raise MissingFile("an ONNX model", source)
     data = source.read_bytes()
     logits, _ = onnx_logits(data, str(source))
-    actions, shape = found.spaces.numbers, found.spaces.observation
+    actions = found.spaces.numbers
+    shape = found.spaces.observation
     given = {"observation": np.zeros((1, *shape), np.float32), "action_mask": np.ones((1, actions), np.float32)}
     made = logits(given).shape
     if made != (1, actions):

@@ -11,7 +11,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 from shutil import disk_usage
 from typing import Any, NamedTuple
@@ -32,10 +32,8 @@ _KEYS = "observation", "action_mask"
 _OF_SLOTS = "rewards", "terminated", "truncated", "valid"  # fields of a `SlotsTurn`
 _MEMORY = "/dev/shm"  # noqa: S108 - where Linux has files in memory; ours have names of `mkstemp`
 _LINE = 64  # bytes at which arrays are aligned
-_OBSERVED, _LAST = (
-    "observed ",
-    "observed last ",
-)  # prefixes of the names of observations: current, and at the end of a game
+_OBSERVED = "observed "  # prefixes of the names of observations: current, and at the end of a game
+_LAST = "observed last "
 
 
 class SharedColumn(NamedTuple):
@@ -151,7 +149,8 @@ class ProcessesEnv(GamesEnv):
         seed: int,
         make: Callable[..., GamesEnv],
     ) -> bytes:
-        (first, last), agents = share, self.num_agents
+        first, last = share
+        agents = self.num_agents
         share_of_games = partial(make, num_games=last - first, seed=seed + first)
         return _task(begin, file, columns, slice(first * agents, last * agents), self.num_games, share_of_games)
 
@@ -166,8 +165,7 @@ class ProcessesEnv(GamesEnv):
         found += [SharedColumn(name, slots, "?") for name in (*_OF_SLOTS[1:], "over", "plays")]
         return found + [
             SharedColumn(prefix + key, slots + column.shape[2:], column.dtype.str)
-            for prefix in (_OBSERVED, _LAST)
-            for key, column in self._interface.columns().items()
+            for prefix, (key, column) in product((_OBSERVED, _LAST), self._interface.columns().items())
         ]
 
     def _ask(self, tasks: Sequence[bytes]) -> list[Any]:
@@ -265,7 +263,8 @@ def begin(
 ) -> None:
     """Create the games of some slots in this process by `make`; `num_games` counts those of all processes."""
     global _games_here  # noqa: PLW0603 - a process plays in one environment
-    games, arrays = make(), _mapped(file, columns)
+    games = make()
+    arrays = _mapped(file, columns)
     games.learners.stride = num_games
     _games_here = _WorkerGames(games, {name: array[slots] for name, array in arrays.items()})
 

@@ -154,5 +154,6 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
             found = {key: column[0, number] for key, column in columns.items()}
             if self.learners.flies[number]:
                 found.pop("action_mask", None)
-            values[name], infos[name] = self._interface.given(found), mask_in(found)
+            values[name] = self._interface.given(found)
+            infos[name] = mask_in(found)
         return values, infos

@@ -40,7 +40,8 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
         names = learners.names_by_team()
         self.group_map = {str(team): list(names[team]) for team in learners.teams}
         example = _tensor(learners.observe())
-        shape, kind = example.shape[2:], example.dtype
+        shape = example.shape[2:]
+        kind = example.dtype
         observed = {}
         acting = {}
         rewards = {}
@@ -111,8 +112,10 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
 
     def _results(self, played: TurnOutcome | None) -> TensorDictBase:
         """Return the observations, and the results of the last turn."""
-        learners, games = self.learners, len(self.learners.games)
-        alive, over = learners.alive, learners.is_over
+        learners = self.learners
+        games = len(self.learners.games)
+        alive = learners.alive
+        over = learners.is_over
         if played is None:
             root = {key: np.zeros((games, 1), np.bool_) for key in _ENDS}
             ended = {key: np.zeros_like(alive) for key in _ENDS}
@@ -132,7 +135,8 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
         if played is not None:
             columns["reward"] = played.rewards.astype(np.float32)[..., None]
         tensors = {key: _tensor(column) for key, column in columns.items()}
-        groups, first = {}, 0
+        groups = {}
+        first = 0
         for team, members in self.group_map.items():
             size = len(members)
             of_team = {key: one[:, first : first + size] for key, one in tensors.items()}

@@ -173,7 +173,8 @@ class ScriptedActions:
 
     def __call__(self, state: dict[str, Any]) -> None:
         """Set the action that was stored for this turn of the current game."""
-        legal, games = state["legal"], cast("Batch", self._games)
+        legal = state["legal"]
+        games = cast("Batch", self._games)
         move, deed, *flight = self._taken[state["turn"], games.loaded].tolist()
         agent = games.game.ctx.agent.agents[state["name"]]
         here = agent.current_node_id

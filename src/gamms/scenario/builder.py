@@ -152,7 +152,8 @@ class Builder:
     def _call_again(self) -> None:
         """Call the scenario's functions again and store their values; keep other values that the program has set."""
         game = self.ctx.game
-        now, first = _values_of(game), self._values
+        now = _values_of(game)
+        first = self._values
         changes = {name: _changed(now[name], first[name], is_same) for name in ("data", "scores", "events")}
         facts = _changed(now["facts"], first["facts"], is_)
         removed = first["data"].keys() - now["data"].keys()
@@ -222,7 +223,8 @@ class Builder:
 
     def _noted(self, function: Function, path: str, call: Callable[[], Any]) -> Any:  # Any: whatever functions return
         """Call a function and return its result, and record whether the result may depend on the seed."""
-        before, gave = self.ctx.seed_uses, call()
+        before = self.ctx.seed_uses
+        gave = call()
         if gave is not function and not (is_defined_in(function, RULES) and first_of(function) != "ctx"):
             self._calls += 1
         if not _is_ours(function) and gave is not function and getattr(gave, "func", None) is not function:
@@ -297,7 +299,8 @@ class Builder:
         _move_start(agent, built.start, start)
         if "agents" not in self._again:
             return built._replace(node=node, start=start)
-        meta, functions = self._config(member)["meta"], {}
+        meta = self._config(member)["meta"]
+        functions = {}
         if is_same(getattr(agent, "meta", None), built.meta):
             agent.meta = meta
         declared = self._sensors(member)
@@ -430,9 +433,11 @@ class Builder:
     # -- rules, conflicts, values -------------------------------------------------------------------------------
 
     def _add_rule(self, given: str | schema.Rule, number: int) -> None:
-        game, path = self.ctx.game, f"rules.{number}"
+        game = self.ctx.game
+        path = f"rules.{number}"
         with at(path):
-            calls, full = self._calls, in_full(schema.Rule, given)
+            calls = self._calls
+            full = in_full(schema.Rule, given)
             rule = self._rule(given, path)
             if self._calls == calls:
                 self._lasting.add(number)
@@ -449,7 +454,8 @@ class Builder:
         return self._made(Code(function=rule.rule, with_=rule.with_), path, "rule")
 
     def _conflicts(self, given: schema.Conflicts) -> IConflicts:
-        rules, path = import_module(RULES), "conflicts.resolve"
+        rules = import_module(RULES)
+        path = "conflicts.resolve"
         capacity = given.capacity
         if isinstance(capacity, dict):
             capacity = {_as_node(node, "conflicts.capacity"): number for node, number in capacity.items()}
@@ -521,12 +527,10 @@ def _values_of(game: Game) -> dict[str, dict[Any, Any]]:
     """Copy the values of a game before its first turn."""
     events = {number: dict(event) for number, event in enumerate(game.events)}
     state = game.internals.state
-    private = {
-        (field, to, name): fact
-        for field in ("agent_facts", "team_facts")
-        for to, facts in getattr(state, field).items()
-        for name, fact in facts.items()
-    }
+    private: dict[tuple[str, Any, str], Any] = {}
+    for field in ("agent_facts", "team_facts"):
+        for to, facts in getattr(state, field).items():
+            private.update({(field, to, name): fact for name, fact in facts.items()})
     values = {"facts": dict(game.facts), "data": deepcopy(game.data), "scores": dict(game.scores), "events": events}
     return {**values, "private": private}
 

@@ -207,7 +207,8 @@ def located(function: Function, given: Parameters, sources: CodeSources, path: s
     found = dict(given)
     new = getattr(function, "new_files", ())
     for key in (*getattr(function, "files", ()), *new):
-        text, where = found.get(key), joined(path, f"with.{key}")
+        text = found.get(key)
+        where = joined(path, f"with.{key}")
         if isinstance(text, str):
             file = inside(text, sources.folder, where, "file")
             if key not in new and not file.is_file():

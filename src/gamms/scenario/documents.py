@@ -101,7 +101,8 @@ def on_map(number: int | None) -> Iterator[None]:
 
 def _in_words(path: str, raw: Plain) -> str:
     """Return a path with list items counted from 1: `item 3 of rules (tag), with.hops`."""
-    words, here = "", raw
+    words = ""
+    here = raw
     for part in path.split("."):
         if isinstance(here, list) and part.isdecimal() and int(part) < len(here):
             label = _known(here)[int(part)]
@@ -175,13 +176,15 @@ def changed(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Pl
         here: Plain = new
         parts = path.split(".")
         for number, part in enumerate(parts):
-            is_last, key = number + 1 == len(parts), _found(here, part)
+            is_last = number + 1 == len(parts)
+            key = _found(here, part)
             if key is None:
                 if not (isinstance(here, dict) and (is_last or number == 0)):
                     known = ", ".join(map(repr, _known(here)[:_MOST_NAMED]))
                     hint = nearest(part, _known(here)) or (f" There are: {known}." if known else "")
                     raise ScenarioError(".".join(parts[: number + 1]), f"there is no {part!r} to change.{hint}")
-                here[part], key = None, part
+                here[part] = None
+                key = part
             if is_last:
                 here[key] = copied(value, path)
             elif here[key] is None:
@@ -291,7 +294,8 @@ def from_yaml(text: str) -> Plain:
     import yaml
 
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # NOTE: ten times as fast; only its events are used
-    value, documents = None, 0
+    value = None
+    documents = 0
     try:
         for event in (events := yaml.parse(text, Loader=loader)):
             if isinstance(event, yaml.DocumentStartEvent):

@@ -5,6 +5,7 @@ They are derived from annotations. Functions of users are checked only when a ga
 
 from collections.abc import Awaitable, Callable
 from collections.abc import Callable as AnyCallable
+from itertools import chain
 from types import NoneType
 from typing import Annotated, Any, get_args, get_origin
 
@@ -91,7 +92,7 @@ def _callables_in(annotation: object) -> list[Any]:
     if get_origin(annotation) is AnyCallable:
         return [annotation]
     parts = get_args(annotation)[:1] if get_origin(annotation) is Annotated else get_args(annotation)
-    return [one for part in parts for one in _callables_in(part)]
+    return list(chain.from_iterable(_callables_in(part) for part in parts))
 
 
 def _is_strategy(function: object) -> bool:

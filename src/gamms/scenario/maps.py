@@ -92,7 +92,8 @@ def mode_of(map: Map, folder: Path | None) -> osm.Mode | None:
     given = map.file if map.place is None else map.place
     if not isinstance(given, StreetMap) or (given.osm_type is None and given.modes is None):
         return None
-    path, known = f"map.{kind}.modes", osm.modes()
+    path = f"map.{kind}.modes"
+    known = osm.modes()
     if given.modes is not None:
         with at(path):
             known |= osm.modes(inside(given.modes, folder, path, "file of modes"))
@@ -137,7 +138,8 @@ def _load_file(ctx: Context, given: MapFile, file: Path, options: Values) -> Non
     is_saved = file.suffix == ".gamms"
     is_geojson = osm.is_geojson(file)
     named = {*options, *(name for name in ("buildings", "scenery") if getattr(given, name))}
-    for option in named if is_saved else _OF_OSM & named if is_geojson else ():
+    refused = named if is_saved else named & _OF_OSM
+    for option in refused if is_saved or is_geojson else ():
         raise ScenarioError(
             f"map.file.{option}",
             f"{file.name} is not an OpenStreetMap file; this option is only for OpenStreetMap files.",

@@ -3,7 +3,7 @@
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from itertools import chain
+from itertools import chain, product
 from typing import NamedTuple
 
 import numpy as np
@@ -89,15 +89,15 @@ class AgentPlacement:
             ScenarioError: a node is unknown, or not all agents fit; the message tells how many did.
         """
         if not len(seeds):
-            return {one.name: np.empty(0, np.int64) for team in self._teams.values() for one in team.members}
+            members = chain.from_iterable(team.members for team in self._teams.values())
+            return {one.name: np.empty(0, np.int64) for one in members}
         size = max(1, _AT_ONCE // max(1, len(self.map.ids)))
         parts = [self._rows(seeds[first : first + size]) for first in range(0, len(seeds), size)]
         ids = {name: self.map.ids[np.concatenate([part[name] for part in parts])] for name in self._teams}
-        return {
-            one.name: ids[name][:, column]
-            for name, team in self._teams.items()
-            for column, one in enumerate(team.members)
-        }
+        found: dict[str, IntArray] = {}
+        for name, team in self._teams.items():
+            found.update({one.name: ids[name][:, column] for column, one in enumerate(team.members)})
+        return found
 
     def _rows(self, seeds: Sequence[int]) -> dict[str, IntArray]:
         rows = dict[str, IntArray]()
@@ -159,8 +159,10 @@ class NodePlaces:
 
     def _are_within(self, row: int, metres: float) -> BoolArray:
         """Return a mask (nodes,) of the nodes nearer than `metres` to a row, in a straight line."""
-        dx, dy = self._xs - self._xs[row], self._ys - self._ys[row]
-        squares, limit = dx * dx + dy * dy, metres * metres
+        dx = self._xs - self._xs[row]
+        dy = self._ys - self._ys[row]
+        squares = dx * dx + dy * dy
+        limit = metres * metres
         within: BoolArray = squares < limit
         border = np.flatnonzero(np.abs(squares - limit) <= 1e-9 * limit)  # where squares round differently from lengths
         within[border] = np.hypot(dx[border], dy[border]) < metres
@@ -212,7 +214,8 @@ class _TeamPlacement:
         most = np.zeros(len(seeds), np.int64)
         for attempt in range(_TRIES if self.spec.apart else 1):
             drawn = self._try([seeds[number] for number in left.tolist()], free, allowed[left], attempt)
-            rows[left[:, None], free], placed = drawn, (drawn >= 0).sum(axis=1)
+            rows[left[:, None], free] = drawn
+            placed = (drawn >= 0).sum(axis=1)
             most[left] = np.maximum(most[left], placed)
             left = left[placed < len(free)]
             if not len(left):
@@ -258,7 +261,7 @@ class _TeamPlacement:
     def _words(self, seeds: Sequence[int], free: list[int], attempt: int) -> BitArray:
         """Return the random words for the agents' draws, (seeds, agents, 8)."""
         names = [("scenario", "place", self.name, self.members[number].name, attempt) for number in free]
-        words = kernels.stream_words([kernels.stream_key(seed, *name) for seed in seeds for name in names])
+        words = kernels.stream_words([kernels.stream_key(seed, *name) for seed, name in product(seeds, names)])
         return words.reshape(len(seeds), len(free), -1)
 
     def _close(self, allowed: WordArray, rows: IntArray) -> None:

@@ -5,7 +5,7 @@ import os
 import warnings
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from functools import cache, partial
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -257,7 +257,7 @@ class Scenario(Surface, Immutable):
         """Return a context with the game in it, and its builder; see `build`."""
         given = dict(as_mapping({} if strategies is None else strategies, "strategies"))
         by_team = members(self.spec)
-        known = [*by_team, *(member.name for team in by_team.values() for member in team)]
+        known = [*by_team, *(member.name for member in chain.from_iterable(by_team.values()))]
         unknown = next((name for name in given if name not in known), None)
         if unknown is not None:
             raise UnknownName("team or agent", unknown, known)

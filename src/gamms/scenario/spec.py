@@ -7,7 +7,7 @@ import re
 import types
 from collections.abc import Iterator, Mapping
 from functools import cache
-from itertools import count
+from itertools import chain, count
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
@@ -353,7 +353,8 @@ def _explained(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
 
 def _parts(value: Any, kind: Any, fields: Mapping[str, FieldInfo]) -> Iterator[tuple[object, Any, Any]]:
     """Yield the name, value and type of each item of a value, if the value has the form of the type."""
-    origin, arguments = get_origin(kind), get_args(kind)
+    origin = get_origin(kind)
+    arguments = get_args(kind)
     if fields:
         yield from ((key, value[key], field.type) for key, field in fields.items() if key in value)
     elif origin is dict and isinstance(value, dict):
@@ -378,13 +379,14 @@ def _options(kind: object) -> list[object]:
     if get_origin(kind) is Annotated:
         return _options(get_args(kind)[0])
     if get_origin(kind) in (Union, types.UnionType):
-        return [one for option in get_args(kind) for one in _options(option)]
+        return list(chain.from_iterable(_options(option) for option in get_args(kind)))
     return [kind]
 
 
 def _in_words(value: object, kind: object, message: str) -> str:
     """Return a hint about the valid values."""
-    choices = [choice for option in _options(kind) if get_origin(option) is Literal for choice in get_args(option)]
+    literals = [option for option in _options(kind) if get_origin(option) is Literal]
+    choices = list(chain.from_iterable(map(get_args, literals)))
     if choices:
         return f"use one of {', '.join(map(str, choices))}.{nearest(value, choices)}"
     plain = re.sub(

@@ -340,5 +340,5 @@ def unread_data(spec: Spec, found: Iterable[CodeReference]) -> list[str | int]:
 def _files_beside(found: Iterable[CodeReference]) -> Iterator[Path]:
     """Yield the Python files in the folders of code, up to a number and a size."""
     folders = dict.fromkeys(one.file.parent for one in found if one.file is not None)
-    files = (file for folder in folders for file in sorted(folder.glob("*.py")))
+    files = chain.from_iterable(sorted(folder.glob("*.py")) for folder in folders)
     yield from (file for file in islice(files, _MOST_FILES) if file.stat().st_size <= MOST_BYTES)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from itertools import product
 
 from gamms.context import Context
 from gamms.solve.table import Table
@@ -38,7 +39,8 @@ class SensorObserver:
             state: the number of the state.
             moved: agents that have moved since -> their current nodes.
         """
-        table, since = self._table, moved or {}
+        table = self._table
+        since = moved or {}
         who = zip(table.roster.names, table.nodes[state].tolist(), table.alive[state].tolist(), strict=True)
         places = tuple(since.get(name, node) if is_alive else -1 for name, node, is_alive in who)
         if places not in self._seen:
@@ -55,7 +57,7 @@ class SensorObserver:
     def is_reliable(self, agent: int) -> bool:
         """Return whether an agent's sensors work without chance, noise and delay."""
         sensors = self._agents[agent].sensors.values()
-        return not any(getattr(sensor, name, None) for sensor in sensors for name in _CHANCY)
+        return not any(getattr(sensor, name, None) for sensor, name in product(sensors, _CHANCY))
 
 
 @contextmanager

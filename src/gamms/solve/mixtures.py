@@ -110,7 +110,8 @@ class DoubleOracle:
         return self.gaps[-1]
 
     def __repr__(self) -> str:
-        (low, high), (rows, columns) = self.bounds, self.payoffs.shape
+        low, high = self.bounds
+        rows, columns = self.payoffs.shape
         within = "" if self.gap <= _TOLERANCE else f"bounds=({low:.6g}, {high:.6g}), "
         return f"DoubleOracle(value={self.value:.6g}, {within}gap={self.gap:.3g}, {rows} x {columns} strategies)"
 
@@ -364,7 +365,8 @@ class _BestResponse:
         return self._after[key]
 
     def _seen_after(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:
-        found, is_second = [], other is not None
+        found = []
+        is_second = other is not None
         for k, its in self._beliefs[seen]:
             does = self._does(turn, state, k, its, own)
             if does == other if is_second else self._game.later[self._game.row(state, self._side, own, does)] == later:
@@ -408,7 +410,8 @@ class _BestResponse:
         return self._best[key]
 
     def _worth_of(self, turn: int, state: int, seen: int, other: int | None, own: int) -> float:
-        total, laters = 0.0, dict[int, None]()
+        total = 0.0
+        laters = dict[int, None]()
         does = [(k, self._does(turn, state, k, its, own)) for k, its in self._beliefs[seen]]
         if other is not None:  # if no strategy does that, all of them are assumed to have done it
             does = [one for one in does if one[1] == other] or [(k, other) for k, _ in does]

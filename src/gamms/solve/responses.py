@@ -36,7 +36,8 @@ if TYPE_CHECKING:
 
 Method = Literal["exact", "search", "learn"]
 METHODS = ("exact", "search", "learn")
-_ITERATIONS, _DEPTH = 100, 12  # iterations and depth of a decision of "search"
+_ITERATIONS = 100  # iterations and depth of a decision of "search"
+_DEPTH = 12
 _SEARCHED = 20  # games that estimate its value; few, because each turn takes long
 _TRAINED = 50_000  # turns of training
 _TRAINED_GAMES = 16  # at once
@@ -193,7 +194,8 @@ def evaluate(
     cut = _cut(scenario, turns)
     start = scenario.spec.seed if seed is None else seed
     start = 0 if start is None else start
-    first, number = as_int(start, "seed"), as_count(games, "games")
+    first = as_int(start, "seed")
+    number = as_count(games, "games")
     found = {
         name: float(_rewards_in_games(cut, team, {team: strategy, teams[1]: other}, "score", first, number).mean())
         for name, other in named.items()

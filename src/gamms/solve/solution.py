@@ -69,20 +69,20 @@ class TableStrategy(ABC):
 
     def __call__(self, ctx: Context) -> Strategy:
         """Return the strategy of an agent in a game."""
-        table, roster = self._table, self._table.roster
+        table = self._table
+        roster = self._table.roster
 
         def strategy(state: State) -> None:
-            memory, turn = state["memory"], state["turn"]
+            memory = state["memory"]
+            turn = state["turn"]
             if state["team"] != self.team:
                 raise BadValue(f"{self!r} is for agents of team {shown(self.team)}, not for {shown(state['name'])}.")
             agents = ctx.agent.agents
             living = [agents[name] if name in agents and agents[name].alive else None for name in roster.names]
             moved = self._moved_before(ctx)
             moves = ctx.game.moves if moved else {}
-            nodes = [
-                -1 if one is None else moves[one.name].start if one.name in moved else one.current_node_id
-                for one in living
-            ]
+            started = {name: moves[name].start for name in moved}
+            nodes = [-1 if one is None else started.get(one.name, one.current_node_id) for one in living]
             number = memory[_MEMORY] = self._state_at(nodes, turn, memory.get(_MEMORY))
             seen = self._action_seen(number, {name: agents[name].current_node_id for name in moved})
             action = self._action(ctx, state, number, seen)
@@ -109,7 +109,8 @@ class TableStrategy(ABC):
 
     def _action_seen(self, number: int, moved: Mapping[str, int]) -> int | None:
         """Return the joint action of the other team from its agents' moves in this turn."""
-        table, other = self._table, 1 - self._side
+        table = self._table
+        other = 1 - self._side
         for action in range(int(table.sizes[number, other]) if moved and len(table.setup.teams) == 2 else 0):
             wanted = table.actions_of(number, other, action)
             if all(moved.get(name, node) == node for name, node in wanted.items()):
@@ -173,7 +174,8 @@ class SolvedStrategy(TableStrategy):
             BadValue: the strategy counts down turns in a game without a last turn, or the game was solved without
                 winners.
         """
-        stages, side = self._stages, 1 - self._side
+        stages = self._stages
+        side = 1 - self._side
         table = stages.table
         if stages.counts_down(self._side):
             raise BadValue(
@@ -528,7 +530,8 @@ def _warn_of_worthless_wins(table: Table, usual: FloatArray, last: FloatArray | 
 
 
 def _rewards(table: Table, outcomes: Outcomes, reward: Reward, of: str) -> FloatArray:
-    teams, mine = table.roster.teams, table.roster.teams.index(of)
+    teams = table.roster.teams
+    mine = table.roster.teams.index(of)
     if callable(reward):
         given = [as_float(reward(transition), "reward") for transition in table.transitions(outcomes)]
         return np.array(given, np.float64)

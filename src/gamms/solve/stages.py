@@ -13,10 +13,8 @@ from gamms.solve.table import StateGroup, Table
 Bound = Literal["exact", "lower", "upper", "none"]
 """The relation of a value to the value of the game: equal, lower or upper bound, or uncertain."""
 _MOST_SWEEPS = 100_000
-_FEW_SWEEPS, _MANY_SWEEPS = (
-    100,
-    2_000,
-)  # sweeps after which values that still change as much as before are assumed to grow without bound
+_FEW_SWEEPS = 100  # sweeps after which values that still change as much as before are assumed to grow without bound
+_MANY_SWEEPS = 2_000
 _MOST_VALUES = 50_000_000  # stored values, for play by the number of turns left
 
 
@@ -81,7 +79,8 @@ class ValueIteration:
 
     def left(self, turn: int, team: int) -> int:
         """Return the number of turns left by which a team plays after `turn` turns; if it does not matter, all."""
-        most, last = len(self.values) - 1, self.table.last_turn
+        most = len(self.values) - 1
+        last = self.table.last_turn
         if self.table.by_turn:
             return 0
         if last is not None:
@@ -105,7 +104,8 @@ class ValueIteration:
             shape: the group of states.
             left: the number of turns left, see `left`.
         """
-        rows, rewards = shape.rows, self.rewards
+        rows = shape.rows
+        rewards = self.rewards
         later = self.values[left if self.table.by_turn else left - 1]
         is_last = left == 1 and self.table.last_turn is not None and rewards.last is not None
         now = rewards.last if is_last and rewards.last is not None else rewards.usual
@@ -151,7 +151,8 @@ class ValueIteration:
             _, rows, columns = kernels.solve_matrix_games(payoffs)
             shape_of = np.ones(payoffs.shape)
             return StrategyShares(rows[:, :, None] * shape_of, columns[:, None, :] * shape_of)
-        first, second = np.zeros(payoffs.shape), np.zeros(payoffs.shape)
+        first = np.zeros(payoffs.shape)
+        second = np.zeros(payoffs.shape)
         games = np.arange(len(payoffs))
         if self.table.order < 0:
             first[games, payoffs.min(axis=2).argmax(axis=1)] = 1.0
@@ -185,7 +186,8 @@ class ValueIteration:
 
     def _sweep_levels(self) -> None:
         """Compute values backward from the last turn, if the turn is part of the state."""
-        table, values = self.table, np.zeros(len(self.table))
+        table = self.table
+        values = np.zeros(len(self.table))
         self.values = [values]
         for level in range(int(table.level.max()), -1, -1):
             for shape in table.shapes:
@@ -284,7 +286,8 @@ class BestResponseValues(ValueIteration):
         """Return the strategies in a group of states: a best response, and the other team's strategy."""
         payoffs = self.payoffs(shape, left)
         played = self._other.play(shape, min(left, len(self._other.values) - 1))
-        own, games = np.zeros(payoffs.shape), np.arange(len(payoffs))
+        own = np.zeros(payoffs.shape)
+        games = np.arange(len(payoffs))
         axis = 1 + self._team
         is_second = self.table.order == (1 if self._team == 0 else -1)
         if is_second:

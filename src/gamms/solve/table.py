@@ -2,6 +2,7 @@
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from functools import cached_property
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -122,7 +123,9 @@ class Table:
         self.counts = np.ones(self.nodes.shape, np.int64)
         self.sizes = np.zeros((states, 2), np.int64)
         for ids, legal, counts, sizes in zip(parts.played, parts.legal, parts.counts, parts.sizes, strict=True):
-            self.legal[ids, :, : legal.shape[2]], self.counts[ids], self.sizes[ids] = legal, counts, sizes
+            self.legal[ids, :, : legal.shape[2]] = legal
+            self.counts[ids] = counts
+            self.sizes[ids] = sizes
         self.offsets = np.concatenate(([0], np.cumsum(self.sizes.prod(axis=1))))
         rows = np.concatenate(parts.rows) if parts.rows else np.zeros((0, 2), np.int64)
         place = self.offsets[rows[:, 0]] + rows[:, 1]
@@ -139,7 +142,8 @@ class Table:
     @cached_property
     def shapes(self) -> list[StateGroup]:
         """The states from which turns were played, grouped by their numbers of joint actions."""
-        shapes, played = [], np.flatnonzero(np.diff(self.offsets))
+        shapes = []
+        played = np.flatnonzero(np.diff(self.offsets))
         for rows, columns in np.unique(self.sizes[played], axis=0).tolist():
             states = played[(self.sizes[played] == (rows, columns)).all(axis=1)]
             grid = np.arange(rows * columns).reshape(rows, columns)
@@ -187,7 +191,8 @@ class Table:
     @cached_property
     def _turns_played(self) -> IntArray:
         """(states,) the number of turns played from each state for all actions; `_ALL_TURNS` if there is no limit."""
-        last, after = self.last_turn or 0, self.usual.after
+        last = self.last_turn or 0
+        after = self.usual.after
         sources = np.repeat(np.arange(len(self)), np.diff(self.offsets))
         played = np.full(len(self), _ALL_TURNS)
         reached = self.level == last - 1  # first reached there, so only the last turn was played from them
@@ -234,7 +239,7 @@ def _order_of(world: TurnSimulator, teams: Sequence[Any]) -> int:
 def _before(world: TurnSimulator, team: Any) -> list[str]:
     order = world.terms.order or []
     own = next((number for number, part in enumerate(order) if team in part), 0)
-    teams = [one for part in order[:own] for one in part]
+    teams = list(chain.from_iterable(order[:own]))
     return [world.roster.names[agent] for agent in np.flatnonzero(world.roster.plays_for(teams)).tolist()]
 
 
@@ -398,7 +403,8 @@ class _Explorer:
         for name, one in (("turn", SAME._replace(turns=shift.turns)), ("scores", SAME._replace(scores=shift.scores))):
             if goes_differently(one):
                 raise _HiddenDependence(name)
-        roster, nodes = self._world.roster, states.nodes[0].tolist()
+        roster = self._world.roster
+        nodes = states.nodes[0].tolist()
         where = ", ".join(f"{name} on {node}" for name, node in zip(roster.names, nodes, strict=True))
         others = [team for team in roster.teams if team not in self._setup.teams]
         whose = f", a conflict or a strategy of {', '.join(map(shown, others))}" if others else " or a conflict"
@@ -445,7 +451,9 @@ class _Explorer:
 
     def _check_again(self) -> None:
         """Play again from states that were reached a second time, and compare the outcomes."""
-        played = {int(state): place for place, ids in enumerate(self._found.played) for state in ids.tolist()}
+        played: dict[int, int] = {}
+        for place, ids in enumerate(self._found.played):
+            played.update(dict.fromkeys(ids.tolist(), place))
         for number, states, turn in self._again:
             if number in played and (self._last is None or turn < self._last - 1):
                 self._compare(number, states, turn, played[number])

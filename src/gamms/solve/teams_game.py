@@ -153,7 +153,8 @@ class TeamsState(pyspiel.State):  # type: ignore[misc] # OpenSpiel has no types
         return list(range(int(self.model.table.sizes[self.number, player])))
 
     def _apply_action(self, action: int) -> None:
-        player, first = self.current_player(), self.model.first or 0
+        player = self.current_player()
+        first = self.model.first or 0
         if player == first:
             self._moved = action
             self._last = 0.0
@@ -162,7 +163,8 @@ class TeamsState(pyspiel.State):  # type: ignore[misc] # OpenSpiel has no types
             return
         self.done[player].append(action)
         actions = [action, action]
-        actions[first], self._moved = self._moved or 0, None
+        actions[first] = self._moved or 0
+        self._moved = None
         self._play(actions)
         self.seen[first].append(int(self.model.observed[self.number, first]))
 
@@ -217,7 +219,8 @@ class _KnowledgeEncoder:
         """Write a player's knowledge into the tensor: one entry for each observation and action of a turn."""
         if not len(self.tensor):
             return
-        self._seen[:], self._done[:] = 0.0, 0.0
+        self._seen[:] = 0.0
+        self._done[:] = 0.0
         seen = state.seen[player] if self._recalls else state.seen[player][-1:]
         self._seen[np.arange(len(seen)), seen] = 1.0
         if self._recalls:

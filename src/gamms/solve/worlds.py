@@ -4,6 +4,7 @@ Each turn is played twice, the second time with another seed, turn and scores, t
 """
 
 from collections.abc import Hashable, Mapping, Sequence
+from itertools import chain
 from math import ceil, prod
 from typing import Any, NamedTuple, Protocol
 
@@ -25,9 +26,11 @@ from gamms.strategies import stay
 from gamms.text import shown
 from gamms.typing import AgentType
 
-GOES_ON, NO_WINNER = -2, -1  # instead of the number of the winning team
+GOES_ON = -2  # instead of the number of the winning team
+NO_WINNER = -1
 Strategies = Mapping[str, Any]
-_MOST_ROWS, _FEWEST_ROWS = 1 << 13, 128  # turns that are played at once in a batch
+_MOST_ROWS = 1 << 13  # turns that are played at once in a batch
+_FEWEST_ROWS = 128
 _FEW_ROWS = 256  # turns that are played one by one
 TOLERANCE = 1e-9  # for comparing scores
 
@@ -87,7 +90,8 @@ def joined(parts: Sequence[States]) -> States:
     """Concatenate states of one game."""
     first = parts[0].columns
     columns = None if first is None else {name: np.concatenate([_of(one, name) for one in parts]) for name in first}
-    keys, snapshots = ([one for part in parts for one in getattr(part, name)] for name in ("keys", "snapshots"))
+    keys = list(chain.from_iterable(part.keys for part in parts))
+    snapshots = list(chain.from_iterable(part.snapshots for part in parts))
     nodes = np.concatenate([one.nodes for one in parts])
     alive = np.concatenate([one.alive for one in parts])
     return States(keys, nodes, alive, columns, snapshots)
@@ -229,7 +233,8 @@ def simulator_of(setup: GameSetup) -> TurnSimulator:
 
 def _positions(ctx: Context, setup: GameSetup) -> int:
     """Return the number of joint positions that agents may reach; refuse too many."""
-    game, graph = ctx.game, ctx.graph.columns()
+    game = ctx.game
+    graph = ctx.graph.columns()
     last = TurnTerms.of(game, setup.last_turn).last_turn
     reached = []
     for agent in game.agents:
@@ -295,7 +300,8 @@ class BatchSimulator:
         batch.step()  # so that rules and strategies have created their memories
         batch.reset()
         self._streets = batch.observe(batch.teams[0]).streets
-        self._start, self._maps = batch.columns(), dict[bytes, int]()  # state of the roads -> a number from 1 on
+        self._start = batch.columns()
+        self._maps = dict[bytes, int]()  # state of the roads -> a number from 1 on
         self._acting = [batch.observe(team).agents for team in setup.teams]
 
     def close(self) -> None:
@@ -334,7 +340,8 @@ class BatchSimulator:
 
     def play(self, states: States, actions: IntArray, turn: int, shift: Perturbation = SAME) -> TurnResults:
         """Play a turn from each state."""
-        number, batch = len(states), self._batch
+        number = len(states)
+        batch = self._batch
         places = (np.arange(number) + shift.seed) % self.rows  # the games of the batch have seeds of their own
         rows = np.zeros(self.rows, np.int64)
         rows[places] = np.arange(number)
@@ -342,7 +349,8 @@ class BatchSimulator:
         chosen = actions[rows]
         batch.step({team: chosen[:, agents] for team, agents in zip(self._teams, self._acting, strict=True)})
         is_last = self.terms.last_turn is not None and turn + shift.turns + 1 >= self.terms.last_turn
-        after, is_over = self._states(), batch.is_over | is_last
+        after = self._states()
+        is_over = batch.is_over | is_last
         gains = np.stack([batch.scores.get(team, 0.0) - before[team] for team in batch.teams], axis=1)
         winner = np.where(is_over, NO_WINNER, GOES_ON)
         if is_over.any():
@@ -386,7 +394,8 @@ class BatchSimulator:
 class ContextSimulator:
     """Plays turns one after the other in a context; see `TurnSimulator`."""
 
-    rows, with_scores = _FEW_ROWS, False
+    rows = _FEW_ROWS
+    with_scores = False
 
     def __init__(self, ctx: Context, setup: GameSetup) -> None:
         self._game: Game = ctx.game
@@ -430,7 +439,7 @@ class ContextSimulator:
             self._restore(snapshot, turn, SAME)
             self._game.step()
             found.append([self._legal.get(name, (node,)) for name, node in zip(self.roster.names, nodes, strict=True)])
-        most = max(len(legal) for those in found for legal in those)
+        most = max(len(legal) for legal in chain.from_iterable(found))
         return np.array([[[*legal, *[-1] * (most - len(legal))] for legal in those] for those in found])
 
     def play(self, states: States, actions: IntArray, turn: int, shift: Perturbation = SAME) -> TurnResults:
@@ -439,7 +448,8 @@ class ContextSimulator:
         moments = []
         gains = []
         winners = []
-        teams, names = self.roster.teams, self.roster.names
+        teams = self.roster.teams
+        names = self.roster.names
         for row, (snapshot, chosen) in enumerate(zip(states.snapshots, actions.tolist(), strict=True)):
             self._restore(snapshot, turn, shift._replace(seed=shift.seed and shift.seed + row))
             before = [game.scores[team] for team in teams]

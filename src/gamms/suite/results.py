@@ -68,7 +68,8 @@ def run(
     into = None if out is None else as_path(out, "out")
     by_seed = None if seeds is None else list(seeds)
     executor, is_own = executor_for(None, workers)
-    rows, made = {}, []
+    rows = {}
+    made = []
     with executor if is_own else nullcontext():
         for task in chosen:
             reference = BASELINES.get(strategy, strategy) if isinstance(strategy, str) else None

@@ -14,7 +14,8 @@ from gamms.visual.drawing import Commands
 _CAMERA = Camera(200, 100, 0.0, 100.0, 1.0)  # the world point (x, y) is pixel (x, 100 - y)
 _PAPER = (255, 255, 255, 255)
 _TOLERANCE = 6  # of color components: formats may round
-_PNG, _SVG = b"\x89PNG", b"<svg"
+_PNG = b"\x89PNG"
+_SVG = b"<svg"
 
 _Point = tuple[int, int]
 _Rgb = tuple[int, int, int]
@@ -34,7 +35,8 @@ class _PictureCase(NamedTuple):
 _RING = ((40, 10), (160, 10), (160, 90), (40, 90))  # world units
 _HOLE = ((80, 30), (80, 70), (120, 70), (120, 30))
 _CORNERS = ((2, 2), (197, 2), (2, 97), (197, 97))
-_RED, _BLUE = (200, 0, 0), (0, 0, 200)
+_RED = (200, 0, 0)
+_BLUE = (0, 0, 200)
 _FAINT = (*_RED, 51)
 _PINK = (244, 204, 204)  # a fifth of red over white
 
@@ -199,7 +201,8 @@ def _check_layers(backend: Backend) -> None:
 
 
 def _check_words(backend: Backend) -> None:
-    nothing, words = Commands().freeze(), Commands()
+    nothing = Commands().freeze()
+    words = Commands()
     words.add_text("A <b> & ©", 20, 60, (0, 0, 0), 30)
     blank = _picture(backend, nothing)
     expect("text is shown", _picture(backend, words.freeze()) != blank, "an empty picture")

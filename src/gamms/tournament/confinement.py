@@ -41,10 +41,14 @@ class ProcessLimits(NamedTuple):
 
 # -- constants of Linux -----------------------------------------------------------------------------------------
 
-_DROP_FROM_BOUNDS, _SET_SECCOMP, _NO_NEW_PRIVILEGES = 24, 22, 38  # options of prctl
+_DROP_FROM_BOUNDS = 24  # options of prctl
+_SET_SECCOMP = 22
+_NO_NEW_PRIVILEGES = 38
 _MOST_CAPABILITIES = 64
 _CAPABILITIES_VERSION = 0x20080522
-_CREATE_RULESET, _ADD_RULE, _RESTRICT = 444, 445, 446  # system calls of Landlock, on all architectures
+_CREATE_RULESET = 444  # system calls of Landlock, on all architectures
+_ADD_RULE = 445
+_RESTRICT = 446
 
 _EXECUTE = 1
 _WRITE = 1 << 1
@@ -60,7 +64,8 @@ _MOVE = 1 << 13
 _OF_FILES = _EXECUTE | _WRITE | _READ | _TRUNCATE | _CONTROL  # the rights that a rule for a file may name
 _OF_SCRATCH = _WRITE | _READ | _LIST | _REMOVE_FOLDER | _REMOVE_FILE | _MAKE_FOLDER | _MAKE_FILE | _MOVE | _TRUNCATE
 _RIGHTS = {1: 13, 2: 14, 3: 15, 5: 16}  # version of Landlock -> number of its rights on files
-_BY_TCP, _BY_SOCKET_AND_SIGNAL = 3, 3
+_BY_TCP = 3
+_BY_SOCKET_AND_SIGNAL = 3
 
 _RESERVED = 64  # address space, in multiples of the memory limit; page tables take an eighth of the memory
 _STACK_BYTES = 1 << 23

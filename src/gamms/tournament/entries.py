@@ -11,6 +11,7 @@ import stat
 import sys
 import sysconfig
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -23,7 +24,8 @@ from gamms.tournament.scratch import remove_folder
 EntrySpec = str | Sequence[str]
 """`file.py:function`, `module:function`, or a program with its arguments."""
 
-_MOST_FILES, _MOST_BYTES = 2_000, 1 << 28  # limits on the folder of an entry
+_MOST_FILES = 2_000  # limits on the folder of an entry
+_MOST_BYTES = 1 << 28
 _Places = list[tuple[Path, Path] | None]  # for each text: the file that it names, and the path that the entry may read
 SCRATCH = "scratch"  # the subfolder for files that exist only while the tournament is played
 _LIBRARIES = ("lib", "lib64", "libexec", "share", "pyvenv.cfg")
@@ -80,8 +82,8 @@ def found_entries(given: Mapping[str, EntrySpec], base: Path, out: Path, private
             chosen(reference, f"the entry {name!r}")
     entries = []
     for number, name in enumerate(sorted(texts)):
-        others = [file for other, some in files.items() if other != name for file in some if file is not None]
-        closed = [out, *private, *others, home_folder()]
+        others = chain.from_iterable(some for other, some in files.items() if other != name)
+        closed = [out, *private, *(file for file in others if file is not None), home_folder()]
         copies = out / SCRATCH / secrets.token_hex()
         places = [None if file is None else _readable_paths(file, closed, copies) for file in files[name]]
         make = _python_entry if isinstance(given[name], str) else _program
@@ -159,7 +161,7 @@ def _program(name: str, texts: list[str], places: _Places) -> Entry:
         raise BadValue(f"The entry {name!r} starts {words[0]!r}, and there is no such program.")
     program = Path(found).absolute()
     own = sorted({str(place[1]) for place in places if place})
-    libraries = {str(one) for way in (program, program.resolve()) for one in _beside(way)}
+    libraries = {str(one) for one in chain.from_iterable(_beside(way) for way in (program, program.resolve()))}
     digest = _digest([place[0].name if place else text for text, place in zip(texts, places, strict=True)], own)
     return Entry(name, "", (str(program), *words[1:]), (*own, *sorted(libraries)), digest, "", "")
 

@@ -30,7 +30,8 @@ from gamms.tournament.confinement import ControlGroups, ProcessLimits, confine
 
 _STEP_S = 0.002
 _FREE = 10  # lowest descriptor for temporary copies, above those that a child receives
-_IN, _OUT = 3, 4  # descriptors for questions and answers of a Python entry; its standard output is its log
+_IN = 3  # descriptors for questions and answers of a Python entry; its standard output is its log
+_OUT = 4
 _LONGEST = 1 << 16
 _CRASHED = 70
 _OF_LAUNCHER = 2  # processes beside the threads of an entry

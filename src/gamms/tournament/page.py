@@ -99,7 +99,8 @@ def _payoffs(table: Table) -> str:
             if one is None:
                 cells.append("")
                 continue
-            points, score = one.points, one.score
+            points = one.points
+            score = one.score
             interval = _between(f"{score.low:+.2f}", f"{score.high:+.2f}")
             title = f"score {score.value:+.2f} ({interval}), {one.games} games, {one.seeds} seeds"
             between = f"<small>{points.low:.2f}-{points.high:.2f}</small>"
@@ -149,7 +150,8 @@ def _faults(table: Table, folder: Path) -> str:
             if team in row["faults"] and len(rows) < _MOST_FAULTS:
                 log = Path("logs", f"{row['id']}.{number}.txt")
                 link = f"<a href={_quoted(log.as_posix())}>log</a>" if (folder / log).exists() else "-"
-                kind, detail = row["faults"][team], row["details"][team]
+                kind = row["faults"][team]
+                detail = row["details"][team]
                 other = next(name for side, name in row["entries"].items() if side != team)
                 rows.append([*map(_text, (row["entries"][team], kind, detail, other)), str(row["seed"]), link])
     if not rows:

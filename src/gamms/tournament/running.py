@@ -7,7 +7,7 @@ import pickle
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
 from functools import partial
-from itertools import combinations
+from itertools import chain, combinations, product
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypedDict, TypeVar
 
@@ -111,7 +111,7 @@ class _Schedule(NamedTuple):
             met |= {frozenset((first.name, second.name)) for first, second in pairs}
             fixtures = {pair: self._of_pair(pair, number) for pair in pairs}
             yield number, fixtures
-            games = [one for some in fixtures.values() for one in some]
+            games = list(chain.from_iterable(fixtures.values()))
             found = [_row_of(one, known[one.id]) for one in games if one.id in known]
             rows += found
             if len(found) < len(games):
@@ -119,7 +119,7 @@ class _Schedule(NamedTuple):
 
     def _of_pair(self, pair: _Pair, number: int) -> list[Fixture]:
         first, second = pair
-        return [self._fixture(way, seed, number) for seed in self.seeds for way in (pair, (second, first))]
+        return [self._fixture(way, seed, number) for seed, way in product(self.seeds, (pair, (second, first)))]
 
     def _fixture(self, pair: _Pair, seed: int, number: int) -> Fixture:
         by_side = dict(zip(self.sides, pair, strict=True))
@@ -194,7 +194,8 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     if not isinstance(scenario, Scenario):
         raise BadType(f"scenario must be a Scenario, as gamms.scenario.load gives it, not {shown(scenario)}.")
     where = as_path(out, "out").absolute()
-    teams, numbers = _sides(scenario, sides), _seeds(seeds)
+    teams = _sides(scenario, sides)
+    numbers = _seeds(seeds)
     base = Path.cwd() if folder is None else as_path(folder, "folder").absolute()
     allowed = _allowed(scenario, move_seconds, memory_mb)
     number = None if rounds is None else as_count(rounds, "rounds", 1)
@@ -231,7 +232,8 @@ def run(  # noqa: PLR0913 - each option is independent of the others
             }
             write_whole(where / MANIFEST, (json.dumps(written, indent=1) + "\n").encode())
             table = runner.play(plan, {one.name: one for one in found})
-            table.not_enforced, table.not_ready = missing, not_ready
+            table.not_enforced = missing
+            table.not_ready = not_ready
             publish(found, where)
         finally:
             if runner is not None:
@@ -365,7 +367,7 @@ class _Runner:
         total = sum(map(len, fixtures.values()))
         waiting = dict[Future[list[Row]], tuple[Task, int]]()
         tasks = iter(self._tasks(fixtures, entries))
-        done = total - sum(one.id not in self._journal.rows for some in fixtures.values() for one in some)
+        done = total - sum(one.id not in self._journal.rows for one in chain.from_iterable(fixtures.values()))
         while True:
             while len(waiting) < self._slots and (task := next(tasks, None)) is not None:
                 waiting[self._submit(partial(play, task))] = task, 1

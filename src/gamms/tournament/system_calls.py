@@ -282,15 +282,19 @@ NEWEST = 469  # the last call of Linux 6.18; a later one answers as if it was ab
 MACHINES = {"x86_64": (0, 0xC000003E), "aarch64": (1, 0xC00000B7)}
 """Machine name -> (column in the tables, architecture number that a filter sees)."""
 
-_LOAD, _AND, _RETURN = 0x20, 0x54, 0x06  # instructions of filters
-_IF_EQUAL, _IF_ABOVE = 0x15, 0x25
-_NUMBER, _ARCHITECTURE, _ARGUMENTS = 0, 4, 16  # offsets into the data that a filter sees
-_ALLOW, _KILL_PROCESS, _FAIL = (
-    0x7FFF0000,
-    0x80000000,
-    0x00050000,
-)  # return values; the error number is added to the last one
-_REFUSE, _IS_ABSENT = _FAIL | 1, _FAIL | 38  # EPERM, ENOSYS
+_LOAD = 0x20  # instructions of filters
+_AND = 0x54
+_RETURN = 0x06
+_IF_EQUAL = 0x15
+_IF_ABOVE = 0x25
+_NUMBER = 0  # offsets into the data that a filter sees
+_ARCHITECTURE = 4
+_ARGUMENTS = 16
+_ALLOW = 0x7FFF0000  # return values; the error number is added to the last one
+_KILL_PROCESS = 0x80000000
+_FAIL = 0x00050000
+_REFUSE = _FAIL | 1  # EPERM, ENOSYS
+_IS_ABSENT = _FAIL | 38
 
 Instruction = tuple[int, int, int, int]  # code, jump if true, jump if false, operand
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from itertools import combinations, permutations
+from itertools import chain, combinations, permutations
 from statistics import fmean
 from typing import NamedTuple
 
@@ -15,7 +15,8 @@ from gamms.ir.graph import FloatArray
 from gamms.text import printable_line
 from gamms.tournament.games import Row
 
-WIN, DRAW = 1.0, 0.5
+WIN = 1.0
+DRAW = 0.5
 _RESAMPLES = 1_000
 _SEED = 20
 _CELLS = 1 << 22  # elements of an array of resamples
@@ -117,7 +118,7 @@ class Table:
         self.entries = as_items(entries, "entries", "names")
         self.not_enforced = list[str]()
         self.not_ready = dict[str, str]()
-        for name in {entry for row in self.rows for entry in row["entries"].values()}:
+        for name in set(chain.from_iterable(row["entries"].values() for row in self.rows)):
             as_known(name, "entry", self.entries)
         self._payoffs: dict[tuple[str, str], Payoff] | None = None
 
@@ -175,7 +176,8 @@ class Table:
                 points = points_of(row)
                 scores = {row["entries"][team]: one for team, one in row["scores"].items()}
                 for pair in permutations(points):
-                    first, second = pair[0], pair[1]
+                    first = pair[0]
+                    second = pair[1]
                     value = points[first], scores[first] - scores[second]
                     games.setdefault((first, second), {}).setdefault(row["seed"], []).append(value)
             self._payoffs = {pair: _payoff(by_seed) for pair, by_seed in sorted(games.items())}

@@ -71,7 +71,8 @@ def as_heading(heading: object) -> tuple[float, float]:
     scale = max(abs(cos), abs(sin))  # scale first, so that no square overflows or vanishes
     if scale == 0.0:
         raise BadValue("An orientation must not be (0, 0). Use None to clear it.")
-    cos, sin = cos / scale, sin / scale
+    cos = cos / scale
+    sin = sin / scale
     length = hypot(cos, sin)
     return cos / length, sin / length
 

@@ -409,8 +409,12 @@ Team = Annotated[Hashable, TEAMS]
 
 def team_parameters(make_rule: Callable[..., object]) -> dict[str, str]:
     """Return the parameters of a function that are annotated as teams: name -> TEAMS or OWNERS."""
-    notes = ((name, getattr(one, "__metadata__", ())) for name, one in make_rule.__annotations__.items())
-    return {name: note for name, some in notes for note in some if note in (TEAMS, OWNERS)}
+    found: dict[str, str] = {}
+    for name, annotation in make_rule.__annotations__.items():
+        notes = [note for note in getattr(annotation, "__metadata__", ()) if note in (TEAMS, OWNERS)]
+        if notes:
+            found[name] = notes[-1]
+    return found
 
 
 class Move(NamedTuple):
@@ -428,7 +432,8 @@ class Move(NamedTuple):
         """The start and the end: node ids, or places on edges."""
         if not self.legs:
             return self.start, self.end
-        first, last = self.legs[0], self.legs[-1]
+        first = self.legs[0]
+        last = self.legs[-1]
         begins = first.since == 0.0 and 0.0 < first.begin < 1.0
         ends = 0.0 < last.end < 1.0
         return EdgePlace(first.edge) if begins else self.start, EdgePlace(last.edge) if ends else self.end

@@ -1,7 +1,7 @@
 """Positions of agents on edges of the graph, in games by metres (`ctx.game.speed_unit`)."""
 
 from collections.abc import Sequence
-from itertools import accumulate, pairwise
+from itertools import accumulate, chain, pairwise
 from math import hypot
 from typing import Any, NamedTuple, Self
 
@@ -73,8 +73,10 @@ class Line(NamedTuple):
         left = share * sum(lengths)
         for i, length in enumerate(lengths):
             if length > 0.0 and left <= length:
-                (x0, y0), (x1, y1) = points[i], points[i + 1]
-                dx, dy = (x1 - x0) / length, (y1 - y0) / length
+                x0, y0 = points[i]
+                x1, y1 = points[i + 1]
+                dx = (x1 - x0) / length
+                dy = (y1 - y0) / length
                 return x0 + left * dx, y0 + left * dy, dx, dy
             left -= length
         return *points[-1], 0.0, 0.0
@@ -100,11 +102,11 @@ class Lines:
         self._count = np.array([len(line.lengths) for line in lines], np.int64)  # (edges,) number of straight parts
         self._first = np.cumsum(self._count + 1) - self._count - 1
         self._whole = np.array([sum(line.lengths) for line in lines])
-        points = [point for line in lines for point in line.points]
+        points = list(chain.from_iterable(line.points for line in lines))
         self._x, self._y = np.array(points, np.float64).reshape(-1, 2).T.copy()
         # By point: distance to the next point, and share of the line before it.
-        self._lengths = np.array([far for line in lines for far in (*line.lengths, 0.0)])
-        self._shares = np.array([share for line in lines for share in (0.0, *line.shares())])
+        self._lengths = np.array(list(chain.from_iterable((*line.lengths, 0.0) for line in lines)))
+        self._shares = np.array(list(chain.from_iterable((0.0, *line.shares()) for line in lines)))
 
     def at(self, edges: IntArray, shares: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Return the points x and y at shares of edge rows, and the directions cos and sin there, (places,)."""
@@ -124,7 +126,8 @@ class Lines:
             far = left[is_here]
             cos[found] = (self._x[here + 1] - self._x[here]) / length[is_here]
             sin[found] = (self._y[here + 1] - self._y[here]) / length[is_here]
-            x[found], y[found] = self._x[here] + far * cos[found], self._y[here] + far * sin[found]
+            x[found] = self._x[here] + far * cos[found]
+            y[found] = self._y[here] + far * sin[found]
             goes_on = ~is_here & (place + 1 < last[open_])
             open_ = open_[goes_on]
             place = place[goes_on] + 1
@@ -151,9 +154,12 @@ class Lines:
         places = begins[of] + 1 + np.where((begin <= end)[of], rank, counts[of] - 1 - rank)
         which = np.repeat(number, counts + 2)
         shares, x, y = np.empty((3, len(which)))
-        shares[places], x[places], y[places] = share, self._x[points], self._y[points]
+        shares[places] = share
+        x[places] = self._x[points]
+        y[places] = self._y[points]
         for where, ends in ((begins, begin), (begins + counts + 1, end)):
-            shares[where], (x[where], y[where]) = ends, self.at(edges, ends)[:2]
+            shares[where] = ends
+            (x[where], y[where]) = self.at(edges, ends)[:2]
         return which, shares, x, y
 
 
@@ -172,7 +178,8 @@ def point_along(flat: Sequence[float], share: float) -> tuple[float, float, floa
 
 def line_along(flat: Sequence[float], begin: float, end: float) -> list[tuple[float, float, float]]:
     """Return the corners of a part of a polyline, between two shares: (share, x, y) of each."""
-    line, (low, high) = Line.of(flat), sorted((begin, end))
+    line = Line.of(flat)
+    low, high = sorted((begin, end))
     bends = [(share, *point) for share, point in zip(line.shares(), line.points[1:], strict=True)]
     between = [bend for bend in bends if low < bend[0] < high]
     ends = [(share, *point_along(flat, share)[:2]) for share in (begin, end)]

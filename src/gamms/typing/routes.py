@@ -365,7 +365,8 @@ class RouteQueries:
         Raises:
             UnknownName (KeyError): a node does not exist.
         """
-        routes, rows, ends = self._routes, *self._rows_of(sources, targets)
+        routes = self._routes
+        rows, ends = self._rows_of(sources, targets)
         different, place = np.unique(ends, return_inverse=True)
         found = np.empty((len(different), len(rows)))
         for line, end in zip(found, different.tolist(), strict=True):
@@ -387,7 +388,8 @@ class RouteQueries:
         Raises:
             UnknownName (KeyError): a node does not exist.
         """
-        routes, rows, ends = self._routes, *self._rows_of(sources, targets)
+        routes = self._routes
+        rows, ends = self._rows_of(sources, targets)
         near = [routes.near_end(rows, end, weight, is_nearest=True) for end in ends.tolist()]
         return [float(far.min(initial=inf)) for far in near]
 
@@ -495,7 +497,8 @@ def made_last(queries: RouteQueries, slot: Hashable, key: object, make: Callable
         key: the inputs of the result.
         make: computes the result, which is read-only.
     """
-    now, (known, made) = (queries._columns().revision, key), queries._latest.get(slot, (None, None))
+    now = (queries._columns().revision, key)
+    known, made = queries._latest.get(slot, (None, None))
     if known != now:
         made = make()
         queries._latest[slot] = now, made

@@ -364,7 +364,7 @@ class WaitingTurns:
         for kind in sorted(FORMS):
             if some := [part.rows[kind] for part in parts if kind in part.rows]:
                 columns += EventRows.joined(some).columns(kind)
-        data = [one for part in parts for one in part.data]
+        data = list(chain.from_iterable(part.data for part in parts))
         return packing.pack_parts(data, columns, blocks.cost_of(*self.counts[1:]), FAST)
 
     def _columns_of_moves(self) -> Iterator[bytes]:

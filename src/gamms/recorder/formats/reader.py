@@ -87,7 +87,8 @@ class Reader(StreamOwner):
         """Return all moves of turns `start` to `stop - 1`, in order: turns, rows, nodes, (moves,) each."""
         parts: list[tuple[IntArray, ...]] = []
         for chunk, first, last in self._parts(start, stop):
-            begin, end = chunk.move_ends[first], chunk.move_ends[last]
+            begin = chunk.move_ends[first]
+            end = chunk.move_ends[last]
             sizes = np.diff(chunk.move_ends[first : last + 1])
             turns = np.repeat(np.arange(chunk.first + first, chunk.first + last), sizes)
             parts.append((turns, chunk.moves[begin:end, 0], chunk.moves[begin:end, 1]))

@@ -129,7 +129,8 @@ class CborReader:
     def _bytes(self, size: int) -> bytes:
         if size > MOST_BYTES:
             raise BadCbor(f"it holds a text of {size} bytes, more than {MOST_BYTES}")
-        begin, end = self.position, self.position + size
+        begin = self.position
+        end = self.position + size
         if end > len(self._data):
             raise Incomplete
         self.position = end

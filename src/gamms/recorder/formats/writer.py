@@ -123,7 +123,8 @@ class Writer:
             else:
                 for log in some:
                     self.add_turn(log)
-            begin, first = end, first + len(some)
+            begin = end
+            first = first + len(some)
 
     def _close_or_flush(self) -> None:
         if self._is_full(self._open.turns, self._open.size):
@@ -193,7 +194,8 @@ class Writer:
         self._put(blocks.TURNS, self._open.body(), self._open.counts)
         self._values += self._open.values
         self._open = chunks.WaitingTurns(self.turns)
-        self._saved, self._saved_at = 0, self._clock()
+        self._saved = 0
+        self._saved_at = self._clock()
 
     def _put(self, type: int, body: bytes, counts: blocks.BlockCounts) -> None:
         self._file.append(self._block(type, body, counts))
