@@ -236,14 +236,14 @@ def check(number, *, by_steps=False):
 
 @pytest.mark.parametrize("part", range(4))
 def test_games_in_the_core_are_those_one_by_one(part):
-    number_of_games = 80 if Path(gamms.core.turn.__file__).suffix != ".py" else 16
+    number_of_games = 40 if Path(gamms.core.turn.__file__).suffix != ".py" else 16
     for number in range(part, number_of_games, 4):
         check(number)
 
 
 @pytest.mark.parametrize("part", range(4))
 def test_agents_that_decide_by_steps_in_the_core_do_what_they_do_one_by_one(part):
-    number_of_games = 80 if Path(gamms.core.turn.__file__).suffix != ".py" else 16
+    number_of_games = 40 if Path(gamms.core.turn.__file__).suffix != ".py" else 16
     for number in range(part, number_of_games, 4):
         check(number, by_steps=True)
 

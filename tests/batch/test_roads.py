@@ -89,8 +89,9 @@ def audit(turn):
     turn.add_score("legal", np.arange(len(turn.games)), turn.streets.counts[turn.node].sum(axis=1).astype(float))
 
 
-@pytest.mark.parametrize("phase", ["before", "after"])
-@pytest.mark.parametrize("settings", [{}, {"order": [["blue"], ["red"]]}, {"legal": "any"}])
+@pytest.mark.parametrize(
+    ("settings", "phase"), [({}, "before"), ({"order": [["blue"], ["red"]]}, "after"), ({"legal": "any"}, "before")]
+)
 @pytest.mark.parametrize(
     "red",
     [
