@@ -383,7 +383,7 @@ def test_an_onnx_model_is_saved_and_plays(saved, tmp_path):
     with pytest.raises(BadFile, match="may read its weights from other files"):
         rl.save_policy(tmp_path / "far.onnx", tmp_path / "r.onnx", scene(), team="red")
     (tmp_path / "bad.onnx").write_bytes(b"\x00" * 50)
-    with pytest.raises(BadFile, match="is no ONNX model"):
+    with pytest.raises(BadFile, match="is not an ONNX model"):
         rl.policy(tmp_path / "bad.onnx")
     with pytest.raises(BadFile, match="does not take observations as its game has them"):
         rl.save_policy(tmp_path / "net.onnx", tmp_path / "r.onnx", scene(width=1, sensors=False), team="red")
