@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms import belief, limits
 from gamms.errors import BadValue, TooLarge
-from gamms.game.batch import flows
+from gamms.game.batch import flows, routes
 from gamms.game.batch.flows import Flows
 from gamms.game.streets import StreetGraph
 
@@ -60,13 +60,11 @@ def test_nodes_in_reach_are_those_that_the_graph_gives(edges, limit, weight):
 @given(
     edges=EDGES,
     most=st.sampled_from([28, 84, 1 << 20]),
-    at_once=st.sampled_from([1, 20]),
     weight=st.sampled_from([None, "length"]),
 )
-def test_distances_are_those_of_the_graph_added_up_from_the_sources(edges, most, at_once, weight):
+def test_distances_are_those_of_the_graph_added_up_from_the_sources(edges, most, weight):
     with gamms.create_context(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(flows, "_MOST_BYTES", most)
-        patch.setattr(flows, "_BY_SEARCH", at_once)
+        patch.setattr(routes, "_MOST_BYTES", most)
         found, ids = small_map(ctx, edges), ctx.graph.columns().node_ids.tolist()
         for nodes in (np.array([3, 1]), np.array([[3, 6, 0]]), np.arange(7)):
             expected = ctx.graph.distance_matrix([ids[one] for one in nodes.ravel()], ids, weight=weight)

@@ -2,9 +2,10 @@ cimport cython
 
 from gamms.core cimport travel
 
+ctypedef unsigned char u8
 ctypedef long long i64
 
-cdef double INFINITE, SLACK, LEAST
+cdef double INFINITE, SLACK, LEAST, NOT_KNOWN
 
 
 @cython.final
@@ -32,3 +33,60 @@ cdef i64 list_goals(travel.ReachSearch reach, const i64[::1] goals) except -1 no
 cdef int go_along(Arcs arcs, Paths paths, i64 start, i64 arc, double within) except -1 nogil
 @cython.locals(count=i64)
 cpdef i64 trace(Paths paths, i64 node) except -1 nogil
+
+
+@cython.final
+cdef class PathTables:
+    cdef const i64[::1] ids
+    cdef Arcs arcs
+    cdef Paths paths
+    cdef i64[::1] tables, targets, following, root, goal
+    cdef double[::1] far
+    cdef readonly i64 count
+
+    @cython.locals(nodes=i64, table=i64, place=i64)
+    cpdef take(
+        self,
+        const i64[::1] offsets,
+        const i64[::1] tails,
+        const double[::1] costs,
+        double[::1] far,
+        i64[::1] following,
+        const i64[::1] moved,
+    )
+
+    @cython.locals(place=i64)
+    cdef Py_ssize_t place(self, i64 node, i64 target) except -1 nogil
+    @cython.locals(table=i64, first=i64, node=i64)
+    cdef int begin(self, i64 place) except -1 nogil
+    @cython.locals(first=i64, is_whole=bint, number=i64, at=i64, place=i64)
+    cdef int find(self, i64 target, i64 node) except -1 nogil
+    cdef int fill(self, i64 target) except -1 nogil
+    cdef double distance(self, i64 node, i64 target) except? -1.0 nogil
+
+
+@cython.locals(place=i64, number=i64)
+cpdef int find_distances(
+    PathTables ways, const i64[::1] order, const i64[::1] nodes, const i64[::1] targets, double[::1] found
+) except -1 nogil
+@cython.locals(place=i64, number=i64)
+cpdef int find_next(
+    PathTables ways, const i64[::1] order, const i64[::1] nodes, const i64[::1] targets, i64[::1] found
+) except -1 nogil
+@cython.locals(place=i64, number=i64, first=i64, count=i64, node=i64)
+cpdef int find_actions(
+    PathTables ways,
+    const i64[::1] offsets,
+    const i64[::1] legal,
+    const i64[::1] order,
+    const i64[::1] nodes,
+    const i64[::1] targets,
+    const u8[::1] allowed,
+    i64[::1] found,
+) except -1 nogil
+@cython.locals(found=i64, following=i64)
+cdef i64 node_towards(
+    PathTables ways, const i64[::1] legal, i64 first, i64 count, i64 node, i64 target, const u8[::1] allowed
+) except? -2 nogil
+@cython.locals(number=i64)
+cdef i64 number_of(const i64[::1] legal, i64 first, i64 count, i64 node) except? -2 nogil

@@ -7,9 +7,12 @@ each node, to the previous node with the smallest id.
 
 from __future__ import annotations
 
+from array import array
+
 from gamms.core import travel
 
 INFINITE = float("inf")
+NOT_KNOWN = -1.0  # a distance not computed yet
 SLACK = 1e-9  # relative; rounding adds less to a path of a million arcs
 LEAST = 1e-150  # below this length, floats may have lost digits
 
@@ -154,3 +157,223 @@ def trace(paths: Paths, node: int) -> int:
         count += 1
         node = paths.before[node]
     return count
+
+
+# -- paths to many targets -------------------------------------------------------------------------------------------
+
+
+class PathTables:
+    """Shortest paths from all nodes to target nodes, computed on first use.
+
+    Ties are broken as in `travel.GoalPaths`; the cost is the length.
+
+    Attributes:
+        ids: (nodes,) the id of each row.
+        arcs: the reversed edges of all maps; `arcs.first` is the place of the first node of the current map, see
+            `moves.LegalMoves`.
+        paths: working memory.
+        tables: (places,) the table number of the target at each place; -1: none.
+        targets: (room,) the place of the target of each table; -1: the map is no longer used.
+        far: (room * nodes,) the distance from each node to the target; infinity: no path.
+        following: (room * nodes,) the next node on the path.
+        count: the number of tables.
+    """
+
+    def __init__(
+        self,
+        ids: memoryview[int],
+        offsets: memoryview[int],
+        tails: memoryview[int],
+        costs: memoryview[float],
+        paths: Paths,
+        far: memoryview[float],
+        following: memoryview[int],
+    ) -> None:
+        self.ids = ids
+        self.paths = paths
+        self.root = memoryview(array("q", [0]))
+        self.goal = memoryview(array("q", [0]))
+        self.tables = memoryview(array("q"))
+        self.targets = memoryview(array("q"))
+        self.count = 0
+        self.take(offsets, tails, costs, far, following, self.targets)
+
+    def take(
+        self,
+        offsets: memoryview[int],
+        tails: memoryview[int],
+        costs: memoryview[float],
+        far: memoryview[float],
+        following: memoryview[int],
+        moved: memoryview[int],
+    ) -> None:
+        """Switch to other maps, and keep the tables of maps that remain.
+
+        `moved` has the new first place of each old map, or -1 if it is gone. The edges into the node at each place
+        begin at `offsets`; `tails` are their source nodes, `costs` their lengths. `far` and `following` begin with the
+        old entries.
+        """
+        nodes = max(len(self.ids), 1)
+        self.arcs = Arcs(offsets, tails, costs, self.ids)
+        self.far = far
+        self.following = following
+        self.tables = memoryview(array("q", [-1] * (len(offsets) - 1)))
+        targets = memoryview(array("q", bytes(8 * (len(far) // nodes))))
+        for table in range(self.count):
+            place = self.targets[table]
+            targets[table] = -1
+            if place >= 0 and moved[place // nodes] >= 0:
+                targets[table] = moved[place // nodes] + place % nodes
+                self.tables[targets[table]] = table
+        self.targets = targets
+
+    def place(self, node: int, target: int) -> int:
+        """Return the index in `far` and `following` for a path from a node to a target."""
+        if self.tables[self.arcs.first + target] < 0:
+            self.begin(self.arcs.first + target)
+            self.find(target, node)
+        place = self.tables[self.arcs.first + target] * len(self.ids) + node
+        if self.far[place] == NOT_KNOWN:
+            self.find(target, -1)
+        return place
+
+    def begin(self, place: int) -> int:
+        """Add a table for the target at a place; if there is no room, delete all older tables."""
+        if self.count == len(self.targets):
+            for table in range(self.count):
+                if self.targets[table] >= 0:
+                    self.tables[self.targets[table]] = -1
+            self.count = 0
+        self.tables[place] = self.count
+        self.targets[self.count] = place
+        first = self.count * len(self.ids)
+        self.count += 1
+        for node in range(len(self.ids)):
+            self.far[first + node] = NOT_KNOWN
+        return 0
+
+    def find(self, target: int, node: int) -> int:
+        """Search paths to a target from all nodes up to the distance of a node; -1: from all nodes."""
+        first = self.tables[self.arcs.first + target] * len(self.ids)
+        self.root[0] = target
+        self.goal[0] = node
+        find(self.arcs, self.paths, self.root, self.goal, len(self.ids), INFINITE, False)
+        is_whole = self.paths.reach.size == 0
+        for number in range(self.paths.count):
+            at = self.paths.reach.seen[number]
+            if is_whole or at == node or self.paths.reach.when[at] < self.paths.reach.when[node]:
+                self.far[first + at] = self.paths.reach.when[at]
+                self.following[first + at] = self.paths.before[at]
+        if is_whole:
+            for place in range(first, first + len(self.ids)):
+                if self.far[place] == NOT_KNOWN:
+                    self.far[place] = INFINITE
+        return 0
+
+    def fill(self, target: int) -> int:
+        """Search paths to a target from all nodes, unless there is a table for it."""
+        if self.tables[self.arcs.first + target] < 0:
+            self.begin(self.arcs.first + target)
+            self.find(target, -1)
+        return 0
+
+    def distance(self, node: int, target: int) -> float:
+        """Return the distance from a node to a target; infinity if there is no path."""
+        return self.far[self.place(node, target)]
+
+
+def find_distances(
+    ways: PathTables, order: memoryview[int], nodes: memoryview[int], targets: memoryview[int], found: memoryview[float]
+) -> int:
+    """Write the distance from each node to its target, (queries,); queries are answered in a given order."""
+    for place in range(len(order)):
+        number = order[place]
+        ways.fill(targets[number])
+        found[number] = ways.distance(nodes[number], targets[number])
+    return 0
+
+
+def find_next(
+    ways: PathTables, order: memoryview[int], nodes: memoryview[int], targets: memoryview[int], found: memoryview[int]
+) -> int:
+    """Write the next node on the path from each node to its target; the node itself at the target or without a path."""
+    for place in range(len(order)):
+        number = order[place]
+        ways.fill(targets[number])
+        found[number] = nodes[number]
+        if nodes[number] != targets[number] and ways.distance(nodes[number], targets[number]) < INFINITE:
+            found[number] = ways.following[ways.place(nodes[number], targets[number])]
+    return 0
+
+
+def find_actions(
+    ways: PathTables,
+    offsets: memoryview[int],
+    legal: memoryview[int],
+    order: memoryview[int],
+    nodes: memoryview[int],
+    targets: memoryview[int],
+    allowed: memoryview[int],
+    found: memoryview[int],
+) -> int:
+    """Write the number of the legal node to which each node's path to its target leads in one move; -1: no path.
+
+    Args:
+        ways: the paths.
+        offsets: (nodes + 1,) where the legal nodes of each node begin in `legal`.
+        legal: rows of nodes.
+        order: the order in which the queries are answered.
+        nodes: (queries,) rows of nodes.
+        targets: (queries,) rows of nodes.
+        allowed: (nodes,) 1: the node may be entered; empty: all may.
+        found: (queries,) receives the numbers.
+    """
+    for place in range(len(order)):
+        number = order[place]
+        ways.fill(targets[number])
+        first = offsets[nodes[number]]
+        count = offsets[nodes[number] + 1] - first
+        node = node_towards(ways, legal, first, count, nodes[number], targets[number], allowed)
+        if node >= 0 and len(allowed) > 0 and not allowed[node]:
+            node = nodes[number]
+        found[number] = number_of(legal, first, count, node)
+    return 0
+
+
+def node_towards(
+    ways: PathTables, legal: memoryview[int], first: int, count: int, node: int, target: int, allowed: memoryview[int]
+) -> int:
+    """Return the node that an agent moves to in one move on its path from a node to a target; -1: no path.
+
+    It moves to the target if that is legal, otherwise to the last node of the path that a chain of legal nodes leads
+    to. From the second node on, the chain has only nodes that are allowed.
+
+    Args:
+        ways: the paths.
+        legal: rows of nodes; the legal ones are the `count` entries from index `first`.
+        first: see `legal`.
+        count: see `legal`.
+        node: the row of the agent's node.
+        target: the row of its target.
+        allowed: see `find_actions`.
+    """
+    if number_of(legal, first, count, target) >= 0:
+        return target
+    if not ways.distance(node, target) < INFINITE:
+        return -1
+    found = node
+    following = ways.following[ways.place(node, target)]
+    while number_of(legal, first, count, following) >= 0:
+        if found != node and len(allowed) > 0 and not (allowed[found] and allowed[following]):
+            break
+        found = following
+        following = ways.following[ways.place(found, target)]
+    return found
+
+
+def number_of(legal: memoryview[int], first: int, count: int, node: int) -> int:
+    """Return the number of a node among `count` legal nodes from index `first` on; -1: it is not legal."""
+    for number in range(count):
+        if legal[first + number] == node:
+            return number
+    return -1

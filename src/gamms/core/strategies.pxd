@@ -10,7 +10,7 @@ ctypedef unsigned long long u64
 
 cdef u8 STAYS, WALKS, GOES, FOLLOWS, WANDERS, CHASES, FLEES, MIXES, SKIPS
 cdef i64 NOTHING
-cdef double INFINITE, NOT_KNOWN
+cdef double INFINITE
 
 
 cpdef i64 next_stop(
@@ -19,35 +19,6 @@ cpdef i64 next_stop(
 cpdef i64 turns_left(bint is_there, i64 left, double far) noexcept nogil
 @cython.locals(found=i64, number=i64, is_lower=bint)
 cpdef i64 farthest(const double[::1] distances, const i64[::1] ids, i64 count) except? -2 nogil
-
-
-@cython.final
-cdef class PathTables:
-    cdef const i64[::1] ids
-    cdef routes.Arcs arcs
-    cdef routes.Paths paths
-    cdef i64[::1] tables, targets, following, root, goal
-    cdef double[::1] far
-    cdef i64 count
-
-    @cython.locals(nodes=i64, table=i64, place=i64)
-    cpdef take(
-        self,
-        const i64[::1] offsets,
-        const i64[::1] tails,
-        const double[::1] costs,
-        double[::1] far,
-        i64[::1] following,
-        const i64[::1] moved,
-    )
-
-    @cython.locals(place=i64)
-    cdef Py_ssize_t place(self, i64 node, i64 target) except -1 nogil
-    @cython.locals(table=i64, first=i64, node=i64)
-    cdef int begin(self, i64 place) except -1 nogil
-    @cython.locals(first=i64, is_whole=bint, number=i64, at=i64, place=i64)
-    cdef int find(self, i64 target, i64 node) except -1 nogil
-    cdef double distance(self, i64 node, i64 target) except? -1.0 nogil
 
 
 @cython.final
@@ -69,10 +40,11 @@ cdef class StrategySteps:
 cdef class Strategies:
     cdef GameColumns games
     cdef StrategySteps steps
-    cdef PathTables ways
+    cdef routes.PathTables ways
     cdef SensorTable looks
     cdef travel.GoalPaths long_ways
     cdef const u64[::1] keys
+    cdef const u8[::1] anywhere
     cdef i64[::1] memory, legal, legal_ids
     cdef double[::1] safety
     cdef i64 count, ahead, drawn
@@ -86,10 +58,8 @@ cdef int take_legal(Strategies p, const i64[::1] nodes, i64 count) except -1 nog
 @cython.locals(node=i64, step=i64, kind=u8, target=i64)
 cdef i64 act(Strategies p, i64 game, i64 agent) except? -2 nogil
 cdef double _distance(Strategies p, i64 game, i64 agent, i64 node, i64 target) except? -1.0 nogil
-@cython.locals(has_path=bint, found=i64, following=i64)
+@cython.locals(has_path=bint)
 cdef i64 _towards(Strategies p, i64 game, i64 agent, i64 node, i64 target) except? -2 nogil
-@cython.locals(found=bint, number=i64)
-cdef bint _is_legal(Strategies p, i64 node) except -1 nogil
 cdef i64 _drawn(Strategies p, i64 game, i64 agent, i64 bound) except? -2 nogil
 @cython.locals(key=u64)
 cdef double _chance(Strategies p, i64 game, i64 agent) except? -1.0 nogil

@@ -10,7 +10,7 @@ from array import array
 from typing import Any
 
 from gamms.core import draws, routes, travel
-from gamms.core.rules import GameColumns, extended
+from gamms.core.rules import GameColumns
 
 STAYS = 0  # kinds of steps: stay;
 WALKS = 1  # move to a uniform random legal node;
@@ -23,7 +23,6 @@ MIXES = 7  # continue with a probability, else skip a number of steps;
 SKIPS = 8  # skip a number of steps
 KINDS = ("stay", "walk", "go", "follow", "wander", "chase", "flee", "mix", "skip")  # names of steps by number
 NOTHING = -1  # no node was chosen: try the next step
-NOT_KNOWN = -1.0  # a distance not computed yet
 INFINITE = float("inf")
 
 
@@ -70,119 +69,6 @@ def farthest(distances: memoryview[float], ids: memoryview[int], count: int) -> 
 
 
 # -- the strategies of batches -----------------------------------------------------------------------------------------
-
-
-class PathTables:
-    """Shortest paths from all nodes to target nodes, computed on first use.
-
-    Ties are broken as in `travel.GoalPaths`; the cost is the length.
-
-    Attributes:
-        ids: (nodes,) the id of each row.
-        arcs: the reversed edges of all maps; `arcs.first` is the place of the first node of the current map, see
-            `moves.LegalMoves`.
-        paths: working memory.
-        tables: (places,) the table number of the target at each place; -1: none.
-        targets: (room,) the place of the target of each table; -1: the map is no longer used.
-        far: (room * nodes,) the distance from each node to the target; infinity: no path.
-        following: (room * nodes,) the next node on the path.
-        count: the number of tables.
-    """
-
-    def __init__(
-        self,
-        ids: memoryview[int],
-        offsets: memoryview[int],
-        tails: memoryview[int],
-        costs: memoryview[float],
-        paths: routes.Paths,
-        far: memoryview[float],
-        following: memoryview[int],
-    ) -> None:
-        self.ids = ids
-        self.paths = paths
-        self.root = memoryview(array("q", [0]))
-        self.goal = memoryview(array("q", [0]))
-        self.tables = memoryview(array("q"))
-        self.targets = memoryview(array("q"))
-        self.count = 0
-        self.take(offsets, tails, costs, far, following, self.targets)
-
-    def take(
-        self,
-        offsets: memoryview[int],
-        tails: memoryview[int],
-        costs: memoryview[float],
-        far: memoryview[float],
-        following: memoryview[int],
-        moved: memoryview[int],
-    ) -> None:
-        """Switch to other maps, and keep the tables of maps that remain.
-
-        `moved` has the new first place of each old map, or -1 if it is gone. The edges into the node at each place
-        begin at `offsets`; `tails` are their source nodes, `costs` their lengths. `far` and `following` begin with the
-        old entries.
-        """
-        nodes = max(len(self.ids), 1)
-        self.arcs = routes.Arcs(offsets, tails, costs, self.ids)
-        self.far = far
-        self.following = following
-        self.tables = memoryview(array("q", [-1] * (len(offsets) - 1)))
-        self.targets = extended("q", self.targets, len(far) // nodes)
-        for table in range(self.count):
-            place = self.targets[table]
-            if place >= 0:
-                self.targets[table] = moved[place // nodes]
-            if self.targets[table] >= 0:
-                self.targets[table] += place % nodes
-                self.tables[self.targets[table]] = table
-
-    def place(self, node: int, target: int) -> int:
-        """Return the index in `far` and `following` for a path from a node to a target."""
-        if self.tables[self.arcs.first + target] < 0:
-            self.begin(self.arcs.first + target)
-            self.find(target, node)
-        place = self.tables[self.arcs.first + target] * len(self.ids) + node
-        if self.far[place] == NOT_KNOWN:
-            self.find(target, -1)
-        return place
-
-    def begin(self, place: int) -> int:
-        """Add a table for the target at a place; if there is no room, delete all older tables."""
-        if self.count == len(self.targets):
-            for table in range(self.count):
-                if self.targets[table] >= 0:
-                    self.tables[self.targets[table]] = -1
-            self.count = 0
-        self.tables[place] = self.count
-        self.targets[self.count] = place
-        first = self.count * len(self.ids)
-        self.count += 1
-        for node in range(len(self.ids)):
-            self.far[first + node] = NOT_KNOWN
-        return 0
-
-    def find(self, target: int, node: int) -> int:
-        """Search paths to a target from all nodes up to the distance of a node; -1: from all nodes."""
-        first = self.tables[self.arcs.first + target] * len(self.ids)
-        self.root[0] = target
-        self.goal[0] = node
-        routes.find(self.arcs, self.paths, self.root, self.goal, len(self.ids), INFINITE, False)
-        is_whole = self.paths.reach.size == 0
-        for number in range(self.paths.count):
-            at = self.paths.reach.seen[number]
-            if is_whole or at == node or self.paths.reach.when[at] < self.paths.reach.when[node]:
-                self.far[first + at] = self.paths.reach.when[at]
-                self.following[first + at] = self.paths.before[at]
-        if is_whole:
-            for place in range(first, first + len(self.ids)):
-                if self.far[place] == NOT_KNOWN:
-                    self.far[place] = INFINITE
-        return 0
-
-    def distance(self, node: int, target: int) -> float:
-        """Return the distance from a node to a target; infinity if there is no path."""
-        return self.far[self.place(node, target)]
 
 
 class SensorTable:
@@ -266,6 +152,7 @@ class Strategies:
         ahead: the node at the end of the current agent's edge; -1: it is on a node.
         goes_far: whether the current agent may choose a target beyond the legal nodes,
         long_ways: and the paths that it then follows.
+        anywhere: empty; all nodes are allowed, see `routes.node_towards`.
         drawn: the number of draws of the current agent in this turn; set by the caller.
     """
 
@@ -273,7 +160,7 @@ class Strategies:
         self,
         games: GameColumns,
         steps: StrategySteps,
-        ways: PathTables,
+        ways: routes.PathTables,
         looks: SensorTable,
         keys: memoryview[int],
         memory: memoryview[int],
@@ -293,6 +180,7 @@ class Strategies:
         self.ahead = -1
         self.goes_far = False
         self.long_ways: travel.GoalPaths | None = None
+        self.anywhere = memoryview(b"")
         self.drawn = 0
 
     def go_far(self, ways: travel.GoalPaths) -> None:
@@ -348,26 +236,14 @@ def _distance(p: Strategies, game: int, agent: int, node: int, target: int) -> f
 
 def _towards(p: Strategies, game: int, agent: int, node: int, target: int) -> int:
     """Return the node that an agent moves to on its path to a target; NOTHING: no target, or no path."""
-    if target < 0 or _is_legal(p, target):
-        return target
+    if target < 0:
+        return NOTHING
+    if not p.goes_far or routes.number_of(p.legal, 0, p.count, target) >= 0:
+        return routes.node_towards(p.ways, p.legal, 0, p.count, node, target, p.anywhere)
     has_path = _distance(p, game, agent, node, target) < INFINITE
-    if p.goes_far and p.ahead >= 0 and not has_path:
+    if p.ahead >= 0 and not has_path:
         has_path = _distance(p, game, agent, p.ahead, target) < INFINITE
-    if p.goes_far or not has_path:
-        return target if has_path else NOTHING
-    found = node
-    following = p.ways.following[p.ways.place(node, target)]
-    while _is_legal(p, following):
-        found = following
-        following = p.ways.following[p.ways.place(found, target)]
-    return found
-
-
-def _is_legal(p: Strategies, node: int) -> bool:
-    found = False
-    for number in range(p.count):
-        found = found or p.legal[number] == node
-    return found
+    return target if has_path else NOTHING
 
 
 def _drawn(p: Strategies, game: int, agent: int, bound: int) -> int:

@@ -6,9 +6,10 @@ See `routes.py` for distances and actions toward targets, and `gamms.belief.Game
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_array, as_count, as_float, as_int, as_key, as_one_shape, as_range
+from gamms.arguments import as_array, as_count, as_float, as_int, as_key, as_range
 from gamms.core.belief import IncomingArcs, predict
 from gamms.errors import BadValue, TooLarge
+from gamms.game.batch.routes import RouteTable
 from gamms.game.streets import StreetGraph
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -17,9 +18,7 @@ from gamms.text import shown
 
 _MOST_DENSE = 1 << 28  # nodes in masks
 _AT_ONCE = 1 << 22  # nodes that one call searches, summed over its sources
-_MOST_BYTES = 1 << 28  # of cached distances to all nodes, for each weight
 _BYTES_PER_ROW = 8  # of walks
-_BY_SEARCH = 1 << 20  # nodes that one call of `_DistanceCache` finds, summed over its sources
 
 
 class Flows:
@@ -34,7 +33,7 @@ class Flows:
     def __init__(self, streets: StreetGraph) -> None:
         self._streets = streets
         self._walks: dict[float | None, IncomingArcs] = {}
-        self._searches: dict[str | None, _DistanceCache] = {}
+        self._searches: dict[str | None, RouteTable] = {}
 
     def walks(self, nodes: IntArray, turns: int, seed: int = 0) -> IntArray:
         """Return random walks from nodes; each step goes to a uniformly drawn legal node, or stays.
@@ -159,7 +158,7 @@ class Flows:
     def edges(self, sources: IntArray, targets: IntArray) -> FloatArray:
         """Return the numbers of edges on the shortest paths from sources to targets; infinite without a path.
 
-        The first query of a source searches the whole map; up to 256 MB of results are cached.
+        The first query of a source searches the whole map; up to 512 MB of results are cached.
 
         Args:
             sources: rows of nodes.
@@ -177,13 +176,8 @@ class Flows:
         sums of lengths may differ in the last bits.
         """
         if as_key(weight, "weight") not in self._searches:
-            self._searches[weight] = _DistanceCache(self._streets, weight)
-        rows = self._streets.checked(sources, "sources")
-        starts, which = np.unique(rows, return_inverse=True)
-        number, ends = as_one_shape(
-            {"sources": which.reshape(rows.shape), "targets": self._streets.checked(targets, "targets")}
-        )
-        return self._searches[weight].far(starts, number, ends)
+            self._searches[weight] = RouteTable(self._streets, weight, from_sources=True)
+        return self._searches[weight].distances(targets, sources)
 
     def _in_reach(self, starts: IntArray, limit: float, weight: str | None) -> list[tuple[IntArray, IntArray]]:
         """Return the nodes within `limit` of each start, in chunks: indices into `starts`, and rows of nodes."""
@@ -193,44 +187,3 @@ class Flows:
             tree = kernels.route_trees(arcs, starts[first : first + size], np.arange(nodes), limit)
             found.append((tree.lines + first, tree.rows))
         return found
-
-
-class _DistanceCache:
-    """A cache of the distances from searched nodes to all nodes.
-
-    Args:
-        streets: the graph.
-        weight: the edge weight; see `Flows.within`.
-    """
-
-    def __init__(self, streets: StreetGraph, weight: str | None) -> None:
-        self._arcs, nodes = streets.ways(weight), max(1, len(streets.counts))
-        kind = np.dtype(np.float32 if weight is None else np.float64)  # float32 holds counts of edges exactly
-        self._line_of, self._lines = np.full(nodes, -1), 0
-        self._far = np.empty((min(nodes, max(1, _MOST_BYTES // (kind.itemsize * nodes))), nodes), kind)
-
-    def far(self, starts: IntArray, number: IntArray, ends: IntArray) -> FloatArray:
-        """Return the distances from `starts[number]` to `ends`; `starts` are distinct rows of nodes."""
-        found, most = np.empty(ends.shape), len(self._far)
-        for first in range(0, len(starts), most):
-            lines = self._searched(starts[first : first + most])
-            some = (number >= first) & (number < first + most) if len(starts) > most else np.s_[...]
-            found[some] = self._far[lines[number[some] - first], ends[some]]
-        return found
-
-    def _searched(self, starts: IntArray) -> IntArray:
-        """Return the line of `_far` for each start, searching the missing ones; starts are distinct."""
-        new = starts[self._line_of[starts] < 0]
-        if self._lines + len(new) > len(self._far):
-            self._line_of[:], self._lines, new = -1, 0, starts
-        nodes = self._far.shape[1]
-        at_once = max(1, _BY_SEARCH // nodes)
-        for first in range(0, len(new), at_once):
-            some = new[first : first + at_once]
-            lines = slice(self._lines, self._lines + len(some))
-            tree = kernels.route_trees(self._arcs, some, np.arange(nodes))
-            self._far[lines] = np.inf
-            self._far[tree.lines + self._lines, tree.rows] = tree.far
-            self._line_of[some] = np.arange(lines.start, lines.stop)
-            self._lines = lines.stop
-        return self._line_of[starts]

@@ -3,20 +3,20 @@
 from collections.abc import Hashable, Sequence
 from functools import partial
 from itertools import accumulate, chain
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from gamms.arguments import as_int
-from gamms.core import routes, rules, strategies
+from gamms.core import rules, strategies
 from gamms.errors import BadValue
 from gamms.game.batch.columns import AgentTable
 from gamms.game.batch.forms import CoreStep
 from gamms.game.batch.roads import RoadMap, RoadTables
+from gamms.game.batch.routes import PathTables
 from gamms.game.batch.state import Arrays, GameArrays, NotInCore
 from gamms.game.conflicts import flat
-from gamms.game.travel import ReachableNodes
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import IntArray
 from gamms.ir.sensor_results import AgentLook
 from gamms.text import shown
 from gamms.typing import IAgent
@@ -24,7 +24,6 @@ from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor
 
 _MOST_BYTES = 128 * 2**20  # of the tables of ways of one thread
-_BYTES = 16  # of a node in a table
 MOST_LOOKING = 1024  # agents that are compared with each other; among more, sensors find those that are near by cells
 _LEAST, _MOST = 1e-150, 1e150  # radii whose squares are neither zero nor infinite
 LOOKING = ("chase", "flee")
@@ -122,28 +121,6 @@ def _numbers_of(step: CoreStep, known: Any, state: GameArrays) -> tuple[int, ...
     return int(state.streets.rows(target)), as_int(left, "left")
 
 
-class _ThreadWays(NamedTuple):
-    """The shortest paths that one thread has found, and their columns, one row per table; see `PathTables`."""
-
-    core: strategies.PathTables
-    far: FloatArray
-    following: IntArray
-
-
-def _room(nodes: int, places: int) -> int:
-    """Return for how many tables of ways there is room, of targets at so many places."""
-    return min(places, max(1, _MOST_BYTES // (_BYTES * max(nodes, 1))))
-
-
-def _longer(tables: np.ndarray[Any, Any], room: int) -> np.ndarray[Any, Any]:
-    """Return tables with room for more, if they have less."""
-    if room <= len(tables):
-        return tables
-    found = np.zeros((room, tables.shape[1]), tables.dtype)
-    found[: len(tables)] = tables
-    return found
-
-
 class StrategySteps:
     """What all threads share that play the strategies of a batch by steps.
 
@@ -161,7 +138,7 @@ class StrategySteps:
         for key in self._remembered:
             self._kept(key)
         self._memory = np.zeros((len(self._columns), *state.node.shape), np.int64)
-        self._ways: list[_ThreadWays] = []  # of each thread
+        self._ways: list[PathTables] = []  # of each thread
         self._maps: list[RoadMap | None] = [None]  # on which they lead; see `RoadTables`
 
     def _made_steps(self, steps: Sequence[Sequence[CoreStep]]) -> strategies.StrategySteps:
@@ -195,21 +172,11 @@ class StrategySteps:
     def of_thread(self, games: rules.GameColumns, thread: int) -> strategies.Strategies:
         """Return the strategies as a thread of a number plays them."""
         if thread == len(self._ways):
-            self._ways.append(self._new_ways())
+            arcs = self._state.roads.arcs_of(self._maps, "length", reverse=True)
+            self._ways.append(PathTables(self._state.streets.columns.node_ids, arcs, _MOST_BYTES))
         keys = flat(self._state.draw_keys(), np.uint64)
         memory = self._memory.reshape(-1).data
         return strategies.Strategies(games, self._steps, self._ways[thread].core, self._looks, keys, memory)
-
-    def _new_ways(self) -> _ThreadWays:
-        streets = self._state.streets
-        nodes = streets.num_nodes
-        arcs = self._state.roads.arcs_of(self._maps, "length", reverse=True)
-        room = _room(nodes, len(arcs[0]) - 1)
-        far, following = np.zeros((room, nodes)), np.zeros((room, nodes), np.int64)
-        ids = _column(streets.columns.node_ids, np.int64)
-        tables: Any = far.reshape(-1).data, following.reshape(-1).data
-        paths = routes.Paths(ReachableNodes(nodes).core, *(_column(np.zeros(nodes), np.int64) for _ in range(3)))
-        return _ThreadWays(strategies.PathTables(ids, *arcs, paths, *tables), far, following)
 
     def take_memories(self, games: IntArray) -> None:
         """Take what agents remember in some games from the state of the batch."""
@@ -234,15 +201,11 @@ class StrategySteps:
         """Let agents find ways on the roads that are open in each game."""
         nodes, roads = self._state.streets.num_nodes, self._state.roads
         first = {id(one): nodes * slot for slot, one in enumerate(tables.maps)}
-        moved = _column([first.get(id(one), -1) for one in self._maps], np.int64)
+        moved = np.array([first.get(id(one), -1) for one in self._maps], np.int64)
         self._maps = tables.maps
         arcs = roads.arcs_of(self._maps, "length", reverse=True)
-        room = _room(nodes, len(arcs[0]) - 1)
-        for number, known in enumerate(self._ways):
-            far, following = _longer(known.far, room), _longer(known.following, room)
-            columns: list[Any] = [*arcs, far.reshape(-1).data, following.reshape(-1).data, moved]
-            known.core.take(*columns)
-            self._ways[number] = _ThreadWays(known.core, far, following)
+        for known in self._ways:
+            known.take(arcs, moved)
 
 
 def _column(values: object, dtype: type[np.generic]) -> Any:  # memoryviews are not subscriptable
