@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain, scene, shadow
+from batch_scenes import plain, scene
 
 from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.rules import last_team
-from gamms.scenario import Scenario
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 NEAR = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
@@ -108,22 +107,6 @@ def test_rows_that_are_not_taken_are_not_there_and_those_that_are_act():
             assert games.observe("blue").mask.tolist()[2] == [True] * 3 + [False] * 3
 
 
-def test_recordings_of_games_in_which_agents_come_are_those_of_games_alone(tmp_path):
-    (tmp_path / "coming.py").write_text(
-        "def come(ctx):\n"
-        "    if ctx.game.turn == 2 + ctx.seed % 2:\n"
-        "        strategy = ctx.agent.get_agent('red_0').strategy\n"
-        "        ctx.agent.create_agent('red_3', start_node_id=7, team='red', strategy=strategy)\n"
-    )
-    plain_scene = scene([TAG, {"rule": "coming.py:come"}], max_turns=8).to_dict()
-    scenario = Scenario(**plain_scene, folder=tmp_path)
-    with scenario.batch(2, most_agents=4) as games:
-        games.run()
-        games.record(1, tmp_path / "batch.ggr")
-        assert games.result(1) == scenario.play(seed=1, record=tmp_path / "alone.ggr")
-    assert (tmp_path / "batch.ggr").read_bytes() == (tmp_path / "alone.ggr").read_bytes()
-
-
 def test_sensors_of_agents_that_come_are_those_that_rules_have_made():
     def scout(ctx):
         if ctx.game.turn == 2 + ctx.seed % 2:
@@ -136,43 +119,6 @@ def test_sensors_of_agents_that_come_are_those_that_rules_have_made():
         with ctx.game.batch(6, most_agents={"blue": ["blue_3"]}) as games, ctx.game.fork(0).ctx as alone:
             games.run()
             assert not games.detached
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
-
-
-def take_off(ctx):
-    """Let drones come anywhere, in an order that is not that of their names, put them back, and note where they are."""
-    turn, known = ctx.game.turn, ctx.agent.agents
-    name = ("air_3", "air_2", "air_4")[min(turn // 3, 2)]
-    if (turn + ctx.seed) % 3 == 0 and name not in known:
-        like, place = known["air_0"], (3.0 * turn, 40.0 - ctx.seed, 9.0)
-        given = {"strategy": like.strategy, "sensors": dict(like.sensors), "quat": (1.0, 0.0, 0.0, 0.1 * turn)}
-        ctx.agent.create_agent(
-            name, start_node_id=0, team="air", type=like.type, position=place, speed=like.speed, **given
-        )
-    for agent in [agent for agent in known.values() if agent.team == "air"]:
-        if turn % 4 == 3:
-            ctx.game.respawn(agent)
-        places = [*agent.position], [*agent.prev_position], [*agent.quat]
-        ctx.game.emit("flies", agent=agent.name, at=agent.current_node_id, places=places)
-
-
-@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
-def test_agents_that_fly_come_too(phase):
-    air = {"count": 2, "type": "aerial", "speed": 12.0, "altitude": 5.0, "strategy": WALK, "sensors": ["eye"]}
-    teams = {"air": air, "blue": {"count": 2, "strategy": WALK}}
-    tags = [{"rule": "tag", "with": {"taggers": "blue", "tagged": "air", "hops": 1, "air": True}}]
-    sensors = {"eye": {"type": "AERIAL_AGENT", "sensor_range": 25.0, "fov": 2.0}}
-    with scene(tags, teams=teams, sensors=sensors).build(seed=1, strategies={"air": shadow}) as ctx:
-        ctx.game.add(take_off, phase=phase)
-        with ctx.game.batch(seeds=[3, 1, 2], most_agents={"air": 5}) as games, ctx.game.fork(0).ctx as alone:
-            for _ in range(5):
-                games.step()
-            games.reset([1])
-            games.run()
-            assert not games.detached
-            assert games.observe("air").mask.sum() > 13
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())

@@ -84,18 +84,6 @@ def test_an_array_rule_remembers_what_it_kept_before_a_batch():
     same_in_both(scene([TAG], side=4, max_turns=20), tolls(most=99), turns_before=8)
 
 
-def test_it_knows_how_agents_with_speeds_pass_nodes():
-    with scene([TAG], side=4, max_turns=10).build(seed=1) as ctx:
-        for number, agent in enumerate(ctx.agent.create_iter()):
-            agent.speed = (2.0, 0.5, None)[number % 3]
-        ctx.game.add(tolls())
-        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            for number, seed in enumerate(SEEDS):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
-
-
 @gamms.array_strategy
 def mark(view):
     """Walk at random, and mark others."""
@@ -227,13 +215,6 @@ def test_what_it_cannot_do_alone_is_refused():
             pytest.raises(BadValue, match=r"turn\.publish of 'storm' is not for array rules"),
         ):
             games.step()
-
-
-@pytest.mark.parametrize("decide", ["turn", "arrival"])
-def test_it_knows_how_agents_pass_nodes_by_metres(decide):
-    scenario = scene([TAG], side=4, max_turns=10, settings={"speed_unit": "metres", "decide": decide})
-    results = same_in_both(scenario.replace(**{"teams.red.speed": 17.0, "teams.blue.speed": 4.0}), tolls())
-    assert any(event["kind"] == "toll" for result in results for event in result.events)
 
 
 WRITES = {

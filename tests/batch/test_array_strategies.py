@@ -94,28 +94,6 @@ def test_it_may_look_at_what_some_of_its_sensors_show(same_as_one_by_one):
     same_as_one_by_one(scene(sensors=sensors, teams=teams), [1, 2], {"red": wary})
 
 
-@pytest.mark.parametrize("speed", [0.5, 2.0, 17.0])
-@pytest.mark.parametrize(
-    "settings",
-    [{}, {"legal": "any"}, {"speed_unit": "metres"}, {"speed_unit": "metres", "decide": "arrival"}],
-    ids=["edges", "anywhere", "metres", "arrivals"],
-)
-def test_agents_with_speeds_play_it_alone_as_in_batches(same_as_one_by_one, settings, speed):
-    @gamms.array_strategy
-    def wander(view):
-        """Go on to a node that is far away, or to a legal one, or not beyond some nodes."""
-        far = view.draw.below(25)
-        goes = view.draw.random()
-        legal, allowed = view.draw.below(view.counts), np.arange(25) < 20
-        ahead = view.towards(np.where(goes < 0.3, far % 20, far))
-        within = view.towards(np.minimum(far, 19), allowed=allowed)
-        actions = np.where(goes < 0.3, within, ahead)
-        return np.where((goes > 0.7) | (actions < 0), legal, actions)
-
-    scenario = scene([], settings=settings).replace(**{"teams.red.speed": speed, "teams.blue.speed": 3.0})
-    same_as_one_by_one(scenario, [1, 2], {"red": wander, "blue": wander})
-
-
 def test_it_plays_in_games_that_have_no_array_form():
     scenario = beyond_core(scene(**SEEING))
     with scenario.batch(2, seed=3, strategies={"red": hunt}) as games:

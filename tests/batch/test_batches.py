@@ -6,7 +6,6 @@ import signal
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from math import inf
 
 import numpy as np
 import pytest
@@ -25,20 +24,6 @@ TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 @pytest.mark.parametrize("rules", [[TAG], [TAG, {"rule": "last_team"}], []])
 def test_a_game_of_a_batch_is_the_game_that_is_played_alone(rules, same_as_one_by_one):
     same_as_one_by_one(scene(rules), [3, 4, 5, 6, 3])
-
-
-@pytest.mark.parametrize("settings", [{}, {"speed_unit": "metres"}, {"speed_unit": "metres", "decide": "arrival"}])
-def test_agents_whose_speed_is_infinite_go_any_way_in_a_turn(settings, same_as_one_by_one):
-    speeds = {"teams.blue.speed": inf, "teams.red.speed": 2.0}
-    same_as_one_by_one(scene([TAG], settings=settings).replace(**speeds), range(3))
-
-
-@gamms.array_strategy
-def stumble(view):
-    """Stay for three turns."""
-    if (view.turn == 3).any():
-        raise RuntimeError("no further")
-    return view.node * 0
 
 
 def test_batches_that_threads_play_at_once_are_those_that_are_played_one_after_the_other():
@@ -216,14 +201,6 @@ def test_run_warns_once_of_a_rule_beyond_the_core_in_many_games(number, is_warne
                 games.reset()
     said = f"A batch is played one game after the other, because of {BEYOND}."
     assert [one.message for one in caplog.records if one.levelname == "WARNING"] == [said] * is_warned
-
-
-def test_a_batch_of_one_is_the_same_as_that_game_in_a_large_batch():
-    scenario = scene([TAG])
-    with scenario.batch(30, seed=7) as many, scenario.batch(1, seed=20) as one:
-        many.run()
-        one.run()
-        assert plain(many.result(13)) == plain(one.result(0))
 
 
 def test_games_beyond_the_core_are_played_one_by_one_with_the_same_results():
@@ -530,22 +507,6 @@ def test_games_that_were_begun_again_are_recorded_with_their_own_actions(tmp_pat
                 assert nodes == {name: agent["node"] for name, agent in expected.agents.items()}
 
 
-def test_plans_of_other_teams_decide_beside_actions_that_are_given(tmp_path):
-    (tmp_path / "plans.py").write_text(
-        "def corner(states):\n    for state in states.values():\n        state['action'] = state['legal'][-1]\n"
-    )
-    raw = {**scene([TAG]).to_dict()}
-    raw["teams"]["blue"] = {"count": 3, "plan": "plans:corner"}
-    with Scenario(folder=tmp_path, **raw).batch(2, seed=1, record=True) as games:
-        for _ in range(4):
-            games.step({"red": games.observe("red").counts * 0})
-        games.record(1, tmp_path / "game.ggr")
-        with gamms.recorder.open(tmp_path / "game.ggr") as recording:
-            state = recording.state(4)
-            nodes = dict(zip(state.agents["name"].tolist(), state.agents["node"].tolist(), strict=True))
-        assert nodes == {name: agent["node"] for name, agent in games.result(1).agents.items()}
-
-
 def test_a_rule_that_raises_leaves_a_turn_that_was_played():
     @gamms.array_rule
     def rule(turn):
@@ -749,18 +710,6 @@ def test_attributes_of_batches_and_scenarios_cannot_be_set(name):
 def test_a_batch_says_that_its_scenario_is_to_be_pickled(copied, way):
     with way(scene()).batch(2) as games, pytest.raises(BadType, match="Pickle its scenario"):
         copied(games)
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_scores_are_the_same_however_games_are_played(way):
-    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
-    with way(scene([tag], side=3)).batch(3, seed=1) as games:
-        assert games.scores["red"].tolist() == [0.0, 0.0, 0.0], "before one has scored"
-        games.run()
-        scores, column = games.scores, games.table()["score.red"]
-    assert scores["red"].dtype == column.dtype == scores["nothing"].dtype == np.float64
-    assert scores["red"].any()
-    assert "nothing" not in scores
 
 
 @pytest.mark.parametrize("way", WAYS)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import assert_as_shown, plain, scene
+from batch_scenes import plain, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_laws import LAWS
@@ -103,18 +103,6 @@ def test_messages_are_those_of_games_that_are_played_alone(
 TOLD = gamms.array_strategy(talk_in_arrays)
 
 
-@pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
-@pytest.mark.parametrize("strategies", [{"red": TOLD, "blue": TOLD}, {"red": talk, "blue": talk}, {"red": TOLD}, {}])
-def test_games_with_channels_are_played_in_the_core(strategies, order):
-    scenario = scene([OUT], max_turns=6, channels=channels(loss=0.3, delay_turns=2), settings={"order": order})
-    with scenario.batch(3, seed=3, strategies=strategies) as games:
-        games.run()
-        assert "played in the core" in repr(games)
-        assert not games.detached
-        for number in range(3):
-            assert plain(games.result(number)) == plain(scenario.play(seed=3 + number, strategies=strategies))
-
-
 MAPS = [{"grid": {"width": 4, "height": 4}}, {"grid": {"width": 7, "height": 3}}]
 
 
@@ -143,30 +131,6 @@ def test_a_game_goes_on_in_a_batch_with_the_messages_that_are_under_way():
             assert games.is_in_arrays
             games.reset([1])
             games.run()
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
-
-
-def count_messages(ctx):
-    """Score by the messages that were heard in the last turn."""
-    heard = [one for one in ctx.game.messages if one["turn"] == ctx.game.turn and one["heard"]]
-    ctx.game.scores["red"] += len(heard)
-
-
-def drop_messages(ctx):
-    """Forget all messages, which only a game that is played alone can do."""
-    del ctx.game.messages[:]
-
-
-@pytest.mark.parametrize(("rule", "stays"), [(count_messages, True), (drop_messages, False)])
-def test_plain_rules_read_the_messages_of_each_game(rule, stays):
-    scenario = scene([OUT], max_turns=6, channels=channels())
-    with scenario.build(seed=1, strategies={"red": talk, "blue": talk}) as ctx:
-        ctx.game.add(rule)
-        with ctx.game.batch(seeds=[3, 4]) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            assert games.is_in_arrays == stays
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
@@ -259,13 +223,6 @@ def test_an_array_strategy_that_sends_too_much_is_refused_if_the_game_says_so():
         games.run()
     assert str(in_arrays.value) == str(alone.value)
     assert in_arrays.value.__notes__[0] == "In game 0 of a batch, with the seed 0."
-
-
-def test_messages_that_are_given_count_for_what_a_channel_takes():
-    with scene([], channels=BOUNDED).batch(1, record=True) as games:
-        games.step({"red": {"messages": {"radio": (True, "abcdef"), "wire": (True, 1, "red_0")}}})
-        assert_as_shown(games)
-        assert len(games.result(0).errors) == 4
 
 
 def summon(state):

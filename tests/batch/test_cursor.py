@@ -13,7 +13,7 @@ from random_players import look
 
 import gamms
 from gamms.errors import BadValue
-from gamms.rules import Conflicts, contacts
+from gamms.rules import Conflicts
 from gamms.sensor import SensorType
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
@@ -120,29 +120,6 @@ def test_rules_see_what_those_before_them_have_done():
         check(ctx)
 
 
-def test_contacts_that_rules_ask_for_are_those_of_the_seeds_of_their_games():
-    def meet(ctx):
-        for contact in contacts(ctx, "red", "blue"):
-            ctx.game.emit("met", a=contact.a, b=contact.b, node=contact.a_node)
-
-    strategy = {"count": 6, "strategy": "gamms.strategies:random_walk"}
-    crowded = scene(side=3, teams={"red": strategy, "blue": strategy}, max_turns=10)
-    with crowded.build(seed=1) as ctx:
-        ctx.game.add(meet)
-        check(ctx, seeds=range(8))
-
-
-def test_events_of_plain_rules_count_for_the_flags_that_are_carried():
-    def drop(ctx):
-        for agent in ctx.game.agents:
-            if (agent.current_node_id + ctx.game.turn) % 6 == 0:
-                ctx.game.respawn(agent, agent.current_node_id)
-
-    with build([FLAGS], max_turns=40) as ctx:
-        ctx.game.add(drop)
-        check(ctx, seeds=range(12))
-
-
 @pytest.mark.parametrize("publishes", [True, False])
 def test_plain_functions_read_who_carries_the_flags(publishes):
     def carry(state):
@@ -206,14 +183,6 @@ def test_plans_of_teams_decide_in_each_game(shares):
         ctx.game.command("blue", plan)
         if not shares:
             ctx.game.command("red", arrays, arrays=True)
-        check(ctx)
-
-
-def test_strategies_that_are_awaited_decide_in_each_game():
-    async def wait(state):
-        state["action"] = state["legal"][state["draw"].below(len(state["legal"]))]
-
-    with build([TAG], {"red": wait}) as ctx:
         check(ctx)
 
 
@@ -423,31 +392,6 @@ def test_facts_of_agents_and_teams_are_those_of_their_games(to, phase):
         check(ctx, seeds=range(40))
 
 
-def test_facts_of_agents_are_as_before_a_turn_in_which_a_rule_raises():
-    def whisper_or_trip(ctx):
-        whisper(ctx)
-        if switch["is_on"] and ctx.seed == 2:
-            raise ZeroDivisionError("tripped")
-
-    with build([TAG], {"red": decide}) as ctx:
-        ctx.game.on_illegal = "stay"
-        ctx.game.publish(alarm=0)
-        ctx.game.add(whisper_or_trip, phase="before")
-        with ctx.game.batch(seeds=[1, 2, 3]) as games, ctx.game.fork(0).ctx as alone:
-            games.step()
-            switch["is_on"] = True
-            try:
-                with pytest.raises(ZeroDivisionError):
-                    games.step()
-            finally:
-                switch["is_on"] = False
-            games.run()
-            assert games.detached == {}
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
-
-
 class Load:
     """What an agent carries, in an object of a class of the program."""
 
@@ -478,87 +422,6 @@ def test_attributes_that_are_objects_are_those_of_their_games(turns):
         weights = [agent.load.weight for agent in agents]
         check(ctx, seeds=range(40))
         assert [agent.load.weight for agent in agents] == weights
-
-
-@pytest.mark.parametrize("turns", [0, 3])
-def test_what_teams_remember_is_that_of_their_games_beside_strategies_in_arrays(turns):
-    @gamms.array_strategy
-    def wait(view):
-        asked = view.keep("asked", lambda games: {"asked": np.zeros((games, len(view.roster.names)), np.int64)})[
-            "asked"
-        ]
-        at, agents = np.nonzero(view.mask)
-        asked[view.games[at], view.agents[agents]] += 1
-        return np.where(asked[np.ix_(view.games, view.agents)] % 3 == 0, view.counts - 1, 0)
-
-    def recall(state):
-        shared = state["team_memory"]
-        shared["asked"] = shared.get("asked", 0) + 1
-        state["action"] = state["legal"][(shared["asked"] + len(shared)) % len(state["legal"])]
-
-    with build([OUT, BACK], {"red": recall, "blue": recall}) as ctx:
-        for name in ("red_0", "blue_0"):
-            ctx.agent.get_agent(name).register_strategy(wait(ctx))
-        for _ in range(turns):
-            ctx.game.step()
-        check(ctx)
-
-
-def test_games_begin_with_the_moves_that_agents_made_before_them():
-    def trace(ctx):
-        ctx.game.emit("trace", back=[agent.prev_node_id for agent in ctx.game.agents])
-
-    with build([TAG]) as ctx:
-        for agent in ctx.agent.create_iter():
-            agent.get_state()
-            agent.state["action"] = agent.state["sensor"]["next"][1][-1]
-            agent.set_state()
-        ctx.game.add(trace, phase="before")
-        check(ctx)
-
-
-def test_agents_that_were_deleted_before_the_batch_are_in_no_game():
-    with build([OUT, BACK], {"red": decide}) as ctx:
-        ctx.game.on_illegal = "stay"
-        ctx.game.publish(alarm=0)
-        ctx.game.add(look, phase="before", name="first")
-        ctx.game.add(change)
-        for turn in range(3):
-            ctx.agent.delete_agent(("red_1", "blue_0", "blue_2")[turn])
-            check(ctx)
-            ctx.game.step()
-
-
-def test_functions_are_called_for_teams_that_were_created_in_one_call():
-    def go_on(state):
-        state["memory"]["asked"] = state["memory"].get("asked", 0) + 1
-        state["action"] = state["legal"][state["memory"]["asked"] % len(state["legal"])]
-
-    with gamms.create_context(seed=1, game={"max_turns": 9}) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(6, 6))
-        ctx.agent.create_team("red", [0, 1, 2, 3], strategy=go_on, columns={"fuel": [1, 2, 3, 4]})
-        ctx.agent.create_team("blue", [20, 21, 22, 30], strategy=gamms.strategies.random_walk)
-        ctx.game.add(gamms.rules.tag("red", "blue"))
-        ctx.game.add(look, phase="before", name="first")
-        ctx.game.add(tire)
-        ctx.game.add(change)
-        ctx.game.conflicts = Conflicts(1)
-        for _ in range(3):
-            check(ctx)
-            ctx.game.step()
-
-
-def push(ctx):
-    """Put agents elsewhere, out of the game, or on the nodes where they are."""
-    draw = ctx.stream("push", ctx.game.turn)
-    for agent in ctx.game.agents:
-        lot = draw.random()
-        if lot < 0.04:
-            ctx.game.eliminate(agent)
-        elif lot < 0.2:
-            ctx.game.respawn(agent)
-        elif lot < 0.35:
-            agent.current_node_id = 12 if lot < 0.3 else agent.current_node_id
 
 
 def wander(state):
@@ -592,44 +455,6 @@ def open_on_way(way, rules, strategies=None):
     ctx.game.conflicts = Conflicts(capacity=1, allow_swaps=False)
     ctx.game.on_illegal = "stay"
     return ctx
-
-
-@pytest.mark.parametrize("strategies", [None, {"red": wander}, {"red": wander, "blue": wander}])
-@pytest.mark.parametrize("rules", [[TAG, PAID], [OUT, BACK, FLAGS]])
-@pytest.mark.parametrize("way", WAYS)
-def test_functions_are_called_in_games_whose_agents_have_speeds(way, rules, strategies):
-    with open_on_way(way, rules, strategies) as ctx:
-        ctx.game.add(look, phase="before", name="first")
-        ctx.game.add(look)
-        ctx.game.add(push)
-        ctx.game.add(look, name="last")
-        check(ctx, seeds=[1, 2, 5])
-
-
-@gamms.array_rule
-def count_visits(turn):
-    """Note which nodes agents pass, and where they are."""
-    every = np.ones(turn.streets.num_nodes, np.bool_)
-    visits = turn.visits(every)
-    nodes, ids = turn.streets.ids(visits.nodes), turn.streets.ids
-    when = {"since": visits.begin.tolist(), "until": visits.end.tolist(), "at": nodes.tolist()}
-    turn.emit("visit", visits.at, agents={"who": visits.agents}, values=when)
-    for agent in range(len(turn.roster.names)):
-        values = {"from": ids(turn.starts[:, agent]).tolist(), "is_there": turn.is_there_by_move[:, agent].tolist()}
-        turn.emit("place", np.arange(len(turn.games)), values=values)
-    turn.add_scores(visits.at, visits.agents, 1)
-    turn.respawn(*np.nonzero((turn.node == 12) & turn.alive))
-
-
-@pytest.mark.parametrize("calls", [False, True])
-@pytest.mark.parametrize("phase", ["before", "after"])
-@pytest.mark.parametrize("way", WAYS)
-def test_array_rules_are_called_in_games_whose_agents_have_speeds(way, phase, calls):
-    with open_on_way(way, [TAG]) as ctx:
-        ctx.game.add(count_visits, phase=phase)
-        if calls:
-            ctx.game.add(push)
-        check(ctx, seeds=[1, 2, 5])
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -692,31 +517,6 @@ def test_attributes_of_agents_are_those_of_their_games(phase, attributes):
         assert [vars(agent) for agent in ctx.agent.create_iter()] == before
 
 
-def test_attributes_are_as_before_a_turn_in_which_a_rule_raises():
-    def tire_or_trip(ctx):
-        tire(ctx)
-        if switch["is_on"] and ctx.seed == 2:
-            raise ZeroDivisionError("tripped")
-
-    with build([TAG]) as ctx:
-        ctx.game.add(tire_or_trip, phase="before")
-        with ctx.game.batch(seeds=[1, 2, 3]) as games, ctx.game.fork(0).ctx as alone:
-            for _ in range(5):
-                games.step()
-            switch["is_on"] = True
-            try:
-                with pytest.raises(ZeroDivisionError):
-                    games.step()
-            finally:
-                switch["is_on"] = False
-            games.reset([0], seeds=[7])
-            games.run()
-            assert games.detached == {}
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
-
-
 def attend(state):
     """Decide by all that sensors show."""
     memory = state["memory"]
@@ -743,14 +543,6 @@ def open_with_sensors(sensors, way):
     for number, agent in enumerate(ctx.agent.create_iter()):
         agent.speed = speeds[number % len(speeds)]
     return ctx
-
-
-@pytest.mark.parametrize("way", [None, "several edges", "metres"])
-@pytest.mark.parametrize("number", range(len(KINDS)))
-def test_strategies_get_what_any_sensor_shows_in_their_game(number, way):
-    with open_with_sensors({"eye": on_streets(KINDS[number]), "near": {"type": "NEIGHBOR"}}, way) as ctx:
-        ctx.game.conflicts = Conflicts(capacity=1)
-        check(ctx, seeds=[1, 2, 3])
 
 
 @pytest.mark.parametrize("numbers", [[0, 2, 3], [4, 5], [8], [12, 13], [15], [18, 14]])
@@ -804,64 +596,6 @@ def test_sensors_of_programs_are_asked_in_the_game_of_their_agent(way):
         check(ctx, seeds=[1, 2, 3])
 
 
-@gamms.array_strategy
-def heed(view):
-    """Go by all that sensors show of agents and nodes."""
-    votes = np.zeros(view.node.shape, np.int64)
-    for shown in view["sensor"].values():
-        np.add.at(votes, (shown.at, shown.viewers), shown.nodes)
-    return (votes + view.covered().sum(axis=-1)) % view.counts
-
-
-@pytest.mark.parametrize("way", [None, "several edges", "metres"])
-@pytest.mark.parametrize("strategy", [None, gamms.strategies.random_walk, heed, attend])
-def test_sensors_look_in_each_turn_whoever_decides_for_their_agents(strategy, way):
-    sensors = {f"eye {number}": on_streets(KINDS[number]) for number in (3, 4, 8, 12, 15)}
-    sensors["sky"] = {"type": "AERIAL_AGENT", "sensor_range": 50.0, "at": (20.0, 20.0, 9.0), "delay_turns": 1}
-
-    with open_with_sensors(sensors, way) as ctx:
-
-        def log(node_id, agent):
-            ctx.game.data.setdefault("log", []).append([agent.name, node_id])
-            ctx.game.scores["log"] += len(ctx.game.data["log"])
-            return len(ctx.game.data["log"])
-
-        for agent in ctx.agent.create_iter():
-            agent.register_sensor("log", ctx.sensor.from_function(f"log of {agent.name}", log))
-            if agent.team == "red":
-                agent.strategy = heed(ctx) if strategy is heed else strategy
-        check(ctx, seeds=[1, 2, 3])
-
-
-def swing(state):
-    """Look somewhere else, and go by what is seen there."""
-    legal, lot = state["legal"], state["draw"].below(3)
-    node = legal[len(state["sensor"]["eye"][1]) % len(legal)]
-    state["action"] = [
-        node,
-        {"node_id": node, "orientation": (0.3, lot - 1.0)},
-        {"node_id": node, "orientation": None},
-    ][lot]
-
-
-def spin(ctx):
-    """Turn some agents, and note how all are turned."""
-    for agent in ctx.game.agents:
-        ctx.game.emit("heading", agent=agent.name, at=[*agent.orientation])
-        if (ctx.game.turn + ctx.seed + len(agent.name)) % 4 == 0:
-            agent.orientation = (1.0, ctx.game.turn)
-
-
-@pytest.mark.parametrize("way", [None, "several edges", "metres"])
-@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
-def test_agents_are_turned_in_each_game_as_in_the_game_alone(phase, way):
-    with open_with_sensors({"eye": {"type": "AGENT_ARC", "sensor_range": 30.0, "fov": 2.0}}, way) as ctx:
-        ctx.game.add(spin, phase=phase)
-        for agent in ctx.agent.create_iter():
-            agent.strategy = swing if agent.team == "red" else heed(ctx)
-        check(ctx, seeds=[1, 2, 3])
-
-
 def test_a_sensor_that_changes_agents_is_asked_in_games_that_are_played_alone():
     def jolt(node_id, agent):
         if node_id == 7:
@@ -872,23 +606,3 @@ def test_a_sensor_that_changes_agents_is_asked_in_games_that_are_played_alone():
         for agent in ctx.agent.create_iter():
             agent.register_sensor("jolt", ctx.sensor.from_function(f"jolt of {agent.name}", jolt))
         check(ctx, seeds=[1, 2, 3], stays=False)
-
-
-SHIPPED = {
-    "search": gamms.strategies.follow_belief,
-    "exit": lambda ctx: gamms.strategies.safest_exit(ctx, [3, 20]),
-    "sweep": lambda ctx: gamms.strategies.sweep(ctx, by_sight=True, repeat=True),
-    "guard": lambda ctx: gamms.strategies.guard(ctx, 12, 19.0),
-    "intercept": gamms.strategies.intercept,
-    "assign": gamms.strategies.assign,
-}
-
-
-@pytest.mark.parametrize("way", [None, "several edges", "metres"])
-@pytest.mark.parametrize("strategy", SHIPPED)
-def test_strategies_with_beliefs_and_plans_are_called_in_the_core(strategy, way):
-    with open_with_sensors({"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}, way) as ctx:
-        ctx.game.on_illegal = "stay"
-        for agent in ctx.agent.create_iter():
-            agent.strategy = SHIPPED[strategy](ctx) if agent.team == "red" else gamms.strategies.random_walk
-        check(ctx, seeds=[1, 2, 3])

@@ -29,25 +29,6 @@ def busy(view):
     return actions
 
 
-PRICES = {
-    "rule": "resource",
-    "with": {"name": "fuel", "start": 6, "per_deed": {"scan": 1, "mark": 0.7}, "per_edge": 0.1},
-}
-READY = {"rule": "cooldown", "with": {"deed": "scan", "turns": 2}}
-
-
-@pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
-def test_deeds_in_arrays_are_those_of_games_that_are_played_alone(order, same_as_one_by_one):
-    scenario = deed_scene([PRICES, READY]).replace(**{"settings.order": order})
-    same_as_one_by_one(scenario, [1, 2], {"red": busy, "blue": busy})
-    with scenario.batch(1, seed=1, strategies={"red": busy}) as games:
-        games.run()
-        result = games.result(0)
-        assert {deed["deed"] for deed in result.deeds} == set(DEEDS)
-        assert any("it is ready in turn" in error["message"] for error in result.errors)
-        assert any("is left" in error["message"] for error in result.errors)
-
-
 def work(state):
     """Do what `busy` does, by lots of the agent."""
     legal, draw, do = state["legal"], state["draw"], {}
@@ -111,16 +92,6 @@ def test_games_with_deeds_on_several_maps_are_those_of_their_maps():
                 seed=seed, strategies={"red": busy, "blue": busy}
             )
             assert plain(games.result(number)) == plain(alone)
-
-
-def test_games_with_deeds_that_are_reset_begin_again():
-    with deed_scene([PRICES, READY]).batch(2, strategies={"red": busy}) as games:
-        games.run()
-        first = [plain(games.result(number)) for number in range(2)]
-        games.reset([1])
-        assert games.result(1).deeds == games.result(1).errors == []
-        games.run()
-        assert [plain(games.result(number)) for number in range(2)] == first
 
 
 @pytest.mark.parametrize(

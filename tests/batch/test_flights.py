@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, beyond_core, plain, scene, shadow
+from batch_scenes import WALK, beyond_core, plain, scene
 
 import gamms
 from gamms.errors import BadValue
 from gamms.rules import Conflicts, tag
-from gamms.strategies import first, mix, random_walk, stay
 
 DRONE = {"count": 2, "type": "aerial", "speed": 12.0, "altitude": 5.0, "strategy": WALK}
 
@@ -31,39 +30,10 @@ def climb(view):
     return np.stack([20.0 - x, 20.0 - y, view.draw.random() - view["z"] / 40.0], axis=-1)
 
 
-def follow(state):
-    """Fly to the first agent that is seen from the air, turned."""
-    x, y, _ = state["curr_pos"]
-    seen = {name: place for _, data in state["sensor"].values() for name, (_, place) in data.items()}
-    a, b, _ = next(iter(seen.values()), (20.0, 20.0, 0.0))
-    state["memory"]["seen"] = repr(seen)
-    state["action"] = {"direction": (a - x, b - y, 0.1 * len(seen)), "quat": (1.0, 0.1, 0.2, a)}
-
-
 CAPTURE = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
-HOLD = {"rule": "hold", "with": {"nodes": [6, 7, 8, 12], "turns": 1, "ends": False, "score": 1}}
 FUEL = {"rule": "resource", "with": {"name": "fuel", "start": 40, "per_metre": 1, "recharge": {12: 30}}}
 TAG = {"rule": "tag", "with": {"taggers": "air", "tagged": "blue", "hops": 1, "air": True}}
 BACK = {"rule": "tag", "with": {"taggers": "red", "tagged": "air", "hops": 2, "air": True}}
-
-
-def test_agents_that_fly_by_a_mix_of_strategies_are_played_in_arrays(same_as_one_by_one):
-    same_as_one_by_one(flying(), [1, 2], {"air": lambda ctx: mix(0.6, climb(ctx), first(random_walk, stay))})
-
-
-@pytest.mark.parametrize("rules", [(), (CAPTURE, HOLD), (FUEL, TAG, BACK)])
-def test_agents_that_fly_at_random_are_played_in_arrays(rules, same_as_one_by_one):
-    same_as_one_by_one(flying(*rules), range(4))
-
-
-@pytest.mark.parametrize("settings", [{}, {"speed_unit": "metres"}])
-def test_agents_in_the_air_are_tagged_in_a_straight_line_as_in_games_alone(settings, same_as_one_by_one):
-    near = {"euclid": 9, "air": True}
-    tags = [
-        {"rule": "tag", "with": {"taggers": "air", "tagged": "blue", "mutual": True, **near}},
-        {"rule": "tag", "with": {"taggers": "red", "tagged": "air", "passing": False, **near}},
-    ]
-    same_as_one_by_one(flying(*tags, drone={"altitude": 8.0, "speed": 6.0}, settings=settings), range(2))
 
 
 @pytest.mark.parametrize("settings", [{}, {"speed_unit": "metres"}, {"legal": "any"}])
@@ -76,17 +46,6 @@ def test_games_in_which_agents_fly_are_played_in_the_core(near, settings):
         assert games.is_in_arrays, games.slow
         for number, seed in enumerate(games.seeds):
             assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies={"air": swerve}))
-
-
-@pytest.mark.parametrize("strategy", [climb, swerve])
-def test_strategies_of_agents_that_fly_decide_as_in_games_alone(strategy):
-    scenario = flying(FUEL, TAG, BACK, conflicts={"capacity": 1})
-    with scenario.batch(3, strategies={"air": strategy}) as games:
-        games.step()
-        games.reset([1], seeds=[7])
-        games.run()
-        for number, seed in enumerate(games.seeds):
-            assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies={"air": strategy}))
 
 
 @gamms.array_rule
@@ -116,34 +75,6 @@ def test_rules_in_arrays_alone_have_agents_that_fly_on_the_nodes_below_them(spee
             for number, seed in enumerate(games.seeds):
                 alone.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.run())
-
-
-EYES = {
-    "wide": {"type": "AERIAL_AGENT", "sensor_range": 25.0},
-    "ahead": {"type": "AERIAL_AGENT", "sensor_range": 60.0, "fov": 2.0, "quat": [1.0, 0.0, 0.7, 0.0]},
-    "of red": {"type": "AERIAL_AGENT", "sensor_range": 90.0, "team": "red", "at": [10.0, 10.0, 30.0]},
-}
-
-
-@pytest.mark.parametrize("strategy", [follow, shadow])
-@pytest.mark.parametrize("eyes", [["wide"], ["ahead", "of red"]])
-def test_agents_see_others_from_the_air_as_in_games_alone(strategy, eyes):
-    scenario = flying(FUEL, BACK, drone={"sensors": eyes}, sensors=EYES)
-    with (
-        scenario.batch(3, seed=2, strategies={"air": strategy}) as games,
-        beyond_core(scenario).batch(3, seed=2, strategies={"air": strategy}) as others,
-    ):
-        for _ in range(4):
-            games.step()
-            others.step()
-            one, other = games.observe("air"), others.observe("air")
-            assert np.array_equal(one.vector().values, other.vector().values)
-            for name in ((), *eyes):
-                pairs = [np.stack(view.seen(*([name] if name else []))[1:]).tolist() for view in (one, other)]
-                assert pairs[0] == pairs[1], name
-        games.run()
-        for number, seed in enumerate(games.seeds):
-            assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies={"air": strategy}))
 
 
 @pytest.mark.parametrize("legal", ["edges", "any"])
@@ -277,24 +208,3 @@ def test_strategies_do_not_look_at_what_is_seen_from_the_air(strategy, same_as_o
     same_as_one_by_one(
         scene([], teams={"red": hunters, "blue": {"count": 3, "strategy": WALK}}, sensors=eyes), range(2)
     )
-
-
-WALLS = np.array([[(4, y, 9), (36, y, 9), (4, y, 0), (36, y, 0)] for y in (5.0, 25.0)])
-
-
-@pytest.mark.parametrize("eye", [{"fov": 4.0}, ERRORS])
-def test_obstacles_and_errors_are_the_same_in_the_air_as_in_games_alone(eye):
-    eyes = {"eye": {"type": "OCCLUDED_AERIAL_AGENT", "sensor_range": 30.0, **eye}}
-    with flying(BACK, drone={"sensors": ["eye"], "altitude": 2.0}, sensors=eyes, max_turns=6).build(seed=1) as ctx:
-        ctx.graph.add_obstacles(WALLS)
-        for agent in ctx.agent.create_iter():
-            agent.strategy = follow if agent.team == "air" else agent.strategy
-        alone = ctx.game.fork(0)
-        ctx.game.step()  # so that there is something to report late
-        goes_on = ctx.game.fork(0)
-        for game, begun in ((alone, False), (goes_on, True)):
-            with game.batch(seeds=[5, 6]) as games:
-                games.run()
-                for number, seed in enumerate(games.seeds):
-                    game.reset(seed=seed)
-                    assert plain(games.result(number)) == plain(game.run()), begun

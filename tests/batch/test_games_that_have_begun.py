@@ -1,11 +1,9 @@
 """Batches that begin in the middle of a game, in arrays: what agents remember there, and how they moved last."""
 
-import numpy as np
 import pytest
 from batch_scenes import beyond_core, plain, scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from random_players import DEEDS, busy, look
 
 import gamms
 from gamms.errors import UnknownName
@@ -161,71 +159,12 @@ def test_a_memory_that_the_strategy_has_not_written_is_left_to_the_turn_engine()
             games.run()
 
 
-def patient_in_arrays(view):
-    asked = view.keep("patience", lambda games: {"asked": np.zeros((games, len(view.roster.names)), np.int64)})["asked"]
-    at, agents = np.nonzero(view.mask)
-    asked[view.games[at], view.agents[agents]] += 1
-    return np.where(asked[np.ix_(view.games, view.agents)] % 3 == 0, view.counts - 1, 0)
-
-
-@pytest.mark.parametrize("is_shared", [False, True])
-def test_strategies_in_arrays_alone_go_on_with_what_they_keep(is_shared):
-    @gamms.array_strategy
-    def waits(view):
-        if is_shared:
-            view.keep("calls", lambda games: {"number": np.zeros(games)})["number"][:] += view.agents[0]
-        return patient_in_arrays(view)
-
-    with scene(side=4, max_turns=9).build(seed=1) as ctx:
-        ctx.game.step()
-        for name in ("red_0", "red_1", "red_2"):
-            ctx.agent.get_agent(name).register_strategy(waits(ctx))
-        assert check(ctx, rounds=1) is None  # nothing was kept yet
-        for _ in range(3):
-            ctx.game.step()
-        assert check(ctx, rounds=1) is None
-
-
 @gamms.array_rule
 def gates(turn):
     """Note which agents were at some nodes in the turn, and when."""
     found = turn.visits(turn.streets.columns.node_ids % 2 == 0)
     times = {"begin": found.begin.tolist(), "end": found.end.tolist()}
     turn.emit("gate", found.at, agents={"agent": found.agents}, nodes={"node": found.nodes}, values=times)
-
-
-WAYS = {
-    "one edge": {},
-    "in parts": {"order": [["blue"], ["red"]]},
-    "anywhere": {"legal": "any"},
-    "speeds": {"speed": 2.5},
-    "speeds, in parts": {"speed": 1.5, "order": [["red"], ["blue"]]},
-    "metres": {"speed": 17.0, "speed_unit": "metres"},
-    "metres, in parts": {"speed": 7.0, "speed_unit": "metres", "order": [["red"], ["blue"]]},
-    "metres, at arrivals": {"speed": 23.0, "speed_unit": "metres", "decide": "arrival"},
-}
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_rules_before_turns_know_how_agents_have_moved_before_the_batch(way):
-    given = dict(WAYS[way])
-    speed = given.pop("speed", None)
-    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}, "phase": "before"}
-    scenario = scene(
-        [tag, {"rule": "respawn", "with": {"after": 2}}], side=4, settings=given | {"deeds": DEEDS}, max_turns=6
-    )
-    if speed is not None:
-        scenario = scenario.replace(**{f"teams.{team}.speed": speed for team in ("red", "blue")})
-    with scenario.build(seed=3, strategies={"red": busy}) as ctx:
-        drone = {"type": "AERIAL", "speed": 6.0, "start_node_id": 5, "team": "blue"}
-        ctx.agent.create_agent("drone", **drone, strategy=random_walk)
-        ctx.game.add(look, phase="before")
-        if "speed_unit" not in given:
-            ctx.game.add(gates, phase="before")
-        for turn in range(4):
-            ctx.game.step()
-            if turn % 2:
-                assert check(ctx, rounds=turn // 2 + 1)
 
 
 def test_games_that_are_reset_have_the_last_moves_of_their_beginning_beside_others_that_went_on():
@@ -266,51 +205,3 @@ def test_games_that_are_observed_before_their_next_turn_keep_what_has_happened()
             games.step()
             assert not games.is_in_arrays
             assert [[event["turn"] for event in games.result(number).events] for number in range(3)] == [[1, 2, 3]] * 3
-
-
-def heedful(state):
-    """Go on if the way was free, and remember why not; scan where it goes, sometimes."""
-    visits = state["memory"].setdefault("visits", [])
-    visits.append((state["curr_pos"], state["blocked"]))
-    node = state["legal"][(len(visits) * 7 + state["curr_pos"]) % len(state["legal"])]
-    state["action"] = {"node_id": node, "do": {"scan": {"node": node}}} if node % 3 else node
-
-
-@gamms.array_rule
-def count_scans(turn):
-    """Note what agents have scanned."""
-    done = turn.performed("scan")
-    turn.emit("counted", done.at, agents={"agent": done.agents}, nodes={"node": done.nodes, "at": done.values["node"]})
-
-
-def trace(ctx):
-    """Note how agents have moved, and where they were before."""
-    moves = {} if ctx.game.moves is None else {name: one.path for name, one in ctx.game.moves.items()}
-    back = {one.name: one.prev_node_id for one in ctx.game.agents}
-    ctx.game.data["trace"] = [*ctx.game.data.get("trace", []), (ctx.game.turn, moves, back)]
-    ctx.game.emit("trace", moves=repr(moves), back=repr(back))
-
-
-@pytest.mark.parametrize("way", [way for way in WAYS if not way.startswith(("speeds, ", "metres, in"))])
-@pytest.mark.parametrize("phase", ["before", "after"])
-def test_games_that_have_begun_go_on_in_the_core_with_plain_functions(way, phase):
-    given = dict(WAYS[way])
-    speed = given.pop("speed", None)
-    rules = [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}]
-    at_arrivals = "decide" in given
-    conflicts = None if at_arrivals else {"capacity": 1, "allow_swaps": False}
-    scenario = scene(rules, side=4, settings=given | {"deeds": DEEDS}, conflicts=conflicts, max_turns=9)
-    if speed is not None:
-        scenario = scenario.replace(**{f"teams.{team}.speed": speed for team in ("red", "blue")})
-    with scenario.build(seed=3, strategies=None if at_arrivals else {"red": heedful}) as ctx:
-        ctx.game.add(trace, phase=phase)
-        ctx.game.add(look, phase=phase)
-        if "order" not in given:
-            ctx.game.add(gates, phase=phase)
-            ctx.game.add(count_scans, phase=phase)
-        ctx.game.collect("nodes", lambda agent: agent.current_node_id, per="agent")
-        for _ in range(3):
-            ctx.game.step()
-            with ctx.game.batch(2) as games:
-                assert games.is_in_arrays, games.slow
-            assert check(ctx) == "the rule 'trace'"

@@ -15,7 +15,6 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch import games as batch_games
 from gamms.game.batch import strategy_steps
 from gamms.game.batch.forms import strategy_spec_of
-from gamms.rules import Conflicts, tag, time_limit
 from gamms.rules.in_core import FORMS
 from gamms.scenario import Scenario
 
@@ -315,23 +314,6 @@ def test_games_of_all_rules_in_the_docs_are_in_the_core(scenario):
         assert games.detached == {}
 
 
-def test_agents_of_no_team_score_for_nobody_and_are_no_mates():
-    rules = [tag("red", "blue", then="respawn", score=1), time_limit(9)]
-    with GRID.replace(rules=[]).build(seed=1) as ctx:
-        for number in range(4):
-            ctx.agent.create_agent(f"loner_{number}", start_node_id=number, strategy=strategies.random_walk)
-        for rule in rules:
-            ctx.game.add(rule)
-        ctx.game.conflicts = Conflicts(1, among="team")
-        ctx.game.time_budget = 60.0  # the core needs none
-        with ctx.game.batch(4, seed=2) as games, ctx.game.fork(0).ctx as alone:
-            assert is_in_core(games)
-            games.run()
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
-
-
 @pytest.mark.parametrize("threads", [1, 2, 3, 5, 64])
 @pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
 def test_any_number_of_threads_plays_the_same_games(scenario, threads):
@@ -352,16 +334,6 @@ def test_games_that_are_elsewhere_are_played_with_threads_too():
         games.run(threads=2)
         others.run()
         assert plain(games.result(1)) == plain(others.result(1))
-
-
-def test_an_action_that_is_not_legal_is_refused_before_a_game_is_played():
-    with GRID.batch(2) as games:
-        counts = games.observe("red").counts
-        with pytest.raises(BadValue, match=r"team 'red': action 5 of agent 'red_\d' in game 0, turn 0, is not the"):
-            games.step({"red": np.full_like(counts, 5)})
-        assert games.turn.tolist() == [0, 0]
-        games.step({"red": np.full_like(counts, 5)}, on_illegal="stay")
-        assert games.turn.tolist() == [1, 1]
 
 
 def test_a_deed_that_is_not_declared_is_refused():
@@ -389,22 +361,6 @@ def test_loaded_games_go_on_from_there(scenario):
         assert text_of(games) == text_of(others)
 
 
-@pytest.mark.parametrize("turns", [0, 3])
-@pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
-def test_games_go_along_no_road_that_is_closed_at_their_start(scenario, turns):
-    rules = [*EVERY_RULE[:3], {"rule": "time_limit", "with": {"turns": 9}}]
-    with scenario.replace(rules=rules).build(seed=4) as ctx:
-        ctx.graph.close_roads(range(2, 40, 3))
-        for _ in range(turns):
-            ctx.game.step()
-        with ctx.game.batch(4, seed=2) as games, ctx.game.fork(0).ctx as alone:
-            assert is_in_core(games)
-            games.run()
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
-
-
 def test_agents_on_an_edge_that_was_closed_are_played_one_by_one():
     with BY_METRES.build(seed=4) as ctx:
         ctx.game.step()
@@ -415,20 +371,6 @@ def test_agents_on_an_edge_that_was_closed_are_played_one_by_one():
             games.run()
             alone.game.reset(seed=3)
             assert plain(games.result(1)) == plain(alone.game.run())
-
-
-@pytest.mark.parametrize("turns", [0, 3])
-@pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
-def test_rollouts_go_on_from_a_running_game(scenario, turns):
-    with scenario.replace(rules=EVERY_RULE).build(seed=4) as ctx:
-        for _ in range(turns):
-            ctx.game.step()
-        with ctx.game.batch(4, seed=2) as games, ctx.game.fork(0).ctx as alone:
-            assert is_in_core(games)
-            games.run()
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
 
 
 def test_an_error_in_a_later_part_of_a_turn_takes_back_the_moves_before_it():
@@ -457,28 +399,6 @@ def test_an_error_in_a_later_part_of_a_turn_takes_back_the_moves_before_it():
         raises[0] = False
         games.step()
         assert games.turn.tolist() == [2, 2, 2]
-
-
-@pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
-def test_a_recording_is_that_of_the_game_that_is_played_alone(tmp_path, scenario):
-    alone, in_batch = tmp_path / "alone.ggr", tmp_path / "batch.ggr"
-    scenario.play(seed=6, record=alone)
-    with scenario.batch(3, seed=5) as games:
-        games.run()
-        games.record(1, in_batch)
-    assert in_batch.read_bytes() == alone.read_bytes()
-
-
-def test_actions_that_were_given_are_recorded(tmp_path):
-    with GRID.batch(2, record=True) as games:
-        games.step({"red": games.observe("red").counts - 1})
-        games.run()
-        games.record(1, tmp_path / "game.ggr")
-        with gamms.recorder.open(tmp_path / "game.ggr") as recording:
-            assert recording.turns == 12
-            state = recording.state(12)
-            nodes = dict(zip(state.agents["name"].tolist(), state.agents["node"].tolist(), strict=True))
-        assert nodes == {name: agent["node"] for name, agent in games.result(1).agents.items()}
 
 
 def test_games_go_on_where_ctrl_c_has_stopped_them(monkeypatch):

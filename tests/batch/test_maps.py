@@ -63,13 +63,6 @@ def drawn(view):
     return view.draw.below(view.counts)
 
 
-@gamms.array_strategy
-def to_the_last_node(view):
-    """Go to the last node of the map, which agents with speeds cannot in arrays."""
-    ends = np.full(view.node.shape, view.streets.num_nodes - 1)
-    return view.towards(ends)
-
-
 @pytest.fixture
 def with_code(tmp_path):
     """Make scenarios with rules of a user."""
@@ -146,17 +139,6 @@ def test_games_one_by_one_equal_those_alone_on_their_maps(with_code):
         while stepped.step().any():
             pass
         assert_as_alone(scenario, stepped)
-
-
-def test_array_rules_are_called_for_the_games_of_each_map(with_code):
-    scenario = with_code({"rule": "mine:crowd"})
-    with scenario.batch(12, maps=MAPS) as games:
-        assert games.is_in_arrays
-        games.run()
-        assert_as_alone(scenario, games)
-        games.reset([0, 3, 4], seeds=[30, 33, 34])
-        games.run()
-        assert_as_alone(scenario, games)
 
 
 def visit_the_least(state):
@@ -259,26 +241,6 @@ def test_no_game_is_played_where_a_rule_raises_on_one_map(with_code):
             assert games.turn.tolist() == [turn] * 12
             games.step()
     assert len({*games.turn.tolist()}) == 1
-
-
-def test_games_that_leave_the_core_go_on_on_their_maps():
-    speeds = {team: {"count": 2, "strategy": WALK, "speed": 2.0} for team in ("red", "blue")}
-    scenario = scene([TAG], teams=speeds)
-    with scenario.batch(8, maps=MAPS, strategies={"red": to_the_last_node}) as games:
-        games.run()
-        assert games.detached
-        assert_as_alone(scenario, games, {"red": to_the_last_node})
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_a_context_is_pointed_at_games_on_their_maps(way):
-    with way(scene([TAG])).batch(6, maps=MAPS) as games:
-        games.step()
-        for number in range(6):
-            ctx = games.context(number)
-            grid = MAPS[games.maps[number]]["grid"]
-            assert len(ctx.graph.graph) == grid["width"] * grid["height"]
-            assert ctx.game.turn == 1
 
 
 def test_what_one_map_alone_can_say_is_refused():

@@ -206,23 +206,6 @@ def test_plain_rules_find_deeds_and_messages(phase):
         check(ctx, [1, 2, 3])
 
 
-def flood(ctx):
-    """Close roads in some games, and open one of them later."""
-    if ctx.game.turn == 3 and ctx.seed % 2:
-        ctx.graph.close_roads([4, 5, 30, 31, 32])
-    if ctx.game.turn == 6 and ctx.graph.closed_roads:
-        ctx.graph.open_roads([30])
-
-
-@pytest.mark.parametrize("phase", ["before", "after"])
-@pytest.mark.parametrize("more", [[], [bonus]])
-def test_forms_of_rules_close_roads_in_many_games_at_once(phase, more):
-    with scene(max_turns=10).build(seed=1) as ctx:
-        for rule in (flood, *more, tag("red", "blue", metres=11)):
-            ctx.game.add(rule, phase=phase)
-        check(ctx, [1, 2, 3, 5, 7, 9, 11, 13])
-
-
 def test_what_is_observed_where_roads_are_closed_is_what_is_there():
     red = {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": [*SEEING]}
     seeds = [1] * 4 + [2] * 5 + [4] * 2
@@ -246,12 +229,6 @@ def test_what_is_observed_where_roads_are_closed_is_what_is_there():
             assert (view.action_to(last) == view.counts - 1).all()
             games.step({"red": view.counts - 1})
             assert (games.observe("red")["curr_pos"] == last).all()
-
-
-def test_games_that_all_have_other_roads_closed_are_those_that_are_played_alone():
-    with scene([TAG], max_turns=12).build(seed=1) as ctx:
-        ctx.game.add(storm)
-        check(ctx, [1, 2, 3, 4])
 
 
 def wall_in(ctx):
@@ -592,37 +569,6 @@ def test_values_are_collected_in_the_turns_in_which_they_are_due():
                 assert found["alive"]["turn"] == [3, 6]
 
 
-@pytest.mark.parametrize("played", [0, 2])
-def test_values_are_those_of_the_game_alone_after_each_turn(played):
-    def count(ctx):
-        ctx.game.data["seen"] = ctx.game.data.get("seen", 0) + len(ctx.game.events)
-
-    def fall(ctx):
-        if ctx.game.turn == 4 and ctx.seed == 2 and not fallen:
-            raise ZeroDivisionError("fell")
-        return ctx.game.data["seen"]
-
-    fallen = ()
-    with scene([TAG], max_turns=6).build(seed=1) as ctx:
-        ctx.game.add(count)
-        ctx.game.collect("seen", fall)
-        for _ in range(played):
-            ctx.game.step()
-        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
-            for turn in range(played + 1, 4):
-                games.step()
-                for number, seed in enumerate(games.seeds):
-                    alone.game.reset(seed=seed)
-                    while alone.game.turn < turn:
-                        alone.game.step()
-                    assert games.result(number).collected == alone.game.result().collected
-            with pytest.raises(ZeroDivisionError) as caught:
-                games.step()
-            assert "In game 1 of a batch, with the seed 2." in caught.value.__notes__
-            assert games.turn.tolist() == [3, 3]
-            assert [len(games.result(number).collected["seen"]["turn"]) for number in range(2)] == [3, 3]
-
-
 def test_a_collector_that_moves_an_agent_moves_it_in_batches_too():
     def collect(ctx):
         ctx.game.agents[0].current_node_id = 0
@@ -636,32 +582,6 @@ def test_a_collector_that_moves_an_agent_moves_it_in_batches_too():
             for number in range(2):
                 alone.game.reset(seed=games.seeds[number])
                 assert plain(games.result(number)) == plain(alone.game.run())
-
-
-def tell_legs(ctx):
-    """Emit what agents have covered of which edges."""
-    for name, move in ctx.game.moves.items():
-        ctx.game.emit(
-            "went", agent=name, legs=[[leg.edge, leg.begin, leg.end, leg.since, leg.until] for leg in move.legs]
-        )
-
-
-@pytest.mark.parametrize("weight", ["length", "travel_time"])
-def test_what_agents_cover_of_edges_is_what_they_cover_in_games_alone(weight):
-    with gamms.create_context(seed=1) as ctx:
-        ctx.graph.add_nodes(range(3), [0.0, 10.0, 20.0], [0.0] * 3)
-        for number, ends in enumerate([(0, 1), (1, 2), (2, 1), (1, 0)]):
-            edge = dict(zip(("source", "target"), ends, strict=True))
-            ctx.graph.graph.add_edge({"id": number, **edge, "length": 10.0 * (number < 3), "travel_time": 4.0})
-        for node, (name, speed) in enumerate([("anna", 6.0), ("ben", 6.0), ("carl", None)]):
-            ctx.agent.create_agent(name, start_node_id=node, speed=speed, strategy=random_walk)
-        ctx.game.conflicts = Conflicts(capacity=1)
-        ctx.game.speed_unit, ctx.game.turn_seconds, ctx.game.weight = "metres_per_second", 1.5, weight
-        ctx.game.max_turns = 8
-        ctx.game.add(tell_legs)
-        check(ctx, [1, 2])
-        edges = [leg[0] for event in ctx.game.fork(1).run().events for leg in event["legs"]]
-        assert 0 in edges
 
 
 @pytest.mark.parametrize("sides", [[("red", "blue"), ("blue", "red")], [("blue", "red"), ("red", "blue")]])

@@ -43,25 +43,6 @@ def check(scenario, strategies=None, rules=(dig,), phase="after", closed=(), tur
             return [games.result(number) for number in range(len(seeds))]
 
 
-@pytest.mark.parametrize(
-    ("speed", "settings"),
-    [
-        ({}, {}),
-        ({}, {"order": [["blue"], ["red"]]}),
-        ({}, {"legal": "any"}),
-        ({"speed": 2.5}, {}),
-        ({"speed": 0.7}, {"order": [["red"], ["blue"]]}),
-        ({"speed": 7.0}, {"speed_unit": "metres"}),
-    ],
-)
-@pytest.mark.parametrize("strategy", ["chase", "flee"])
-def test_games_in_which_other_roads_are_closed_stay_in_arrays(speed, settings, strategy):
-    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
-    team = {"count": 3, "strategy": f"gamms.strategies:{strategy}", "sensors": ["near"], **speed}
-    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "metres": 11}}
-    check(scene([tag], teams={"red": team, "blue": team}, sensors=near, settings=settings), stays=not speed)
-
-
 @pytest.mark.parametrize("phase", ["before", "deeds", "after"])
 @pytest.mark.parametrize("limit", [{"hops": 2}, {"metres": 21.0}, {"hops": 1, "passing": False}])
 @pytest.mark.parametrize("settings", [{}, {"order": [["blue"], ["red"]]}, {"legal": "any"}])
@@ -261,29 +242,6 @@ def test_a_form_names_an_edge_that_is_open_in_its_game():
             play()
             with pytest.raises(UnknownName, match="Unknown edge as 'road' of the deed 'mark': 0"):
                 play()
-
-
-@gamms.array_rule
-def barrier(turn):
-    """Close a road in every other game, and open it two turns later."""
-    last = turn.keep("barrier", lambda games: {"edge": np.full(games, -1)})["edge"]
-    for at in np.flatnonzero((turn.seeds + turn.turn) % 2 == 0).tolist():
-        game = turn.games[at]
-        if last[game] >= 0:
-            turn.open_roads([at], [int(last[game])])
-            last[game] = -1
-        else:
-            last[game] = (turn.seeds[at] * 7 + turn.turn[at]) % 79
-            turn.close_roads([at], [int(last[game])])
-
-
-@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
-@pytest.mark.parametrize("settings", [{}, {"order": [["blue"], ["red"]]}, {"legal": "any"}])
-@pytest.mark.parametrize("strategies", [{}, {"red": gamms.array_strategy(count_legal)}])
-def test_games_in_which_an_array_rule_closes_roads_stay_in_the_core(phase, settings, strategies):
-    team = {"count": 3, "sensors": ["next"], "strategy": "gamms.strategies:random_walk"}
-    scenario = scene(teams={"red": team, "blue": team}, sensors={"next": {"type": "NEIGHBOR"}}, settings=settings)
-    check(scenario, strategies, rules=(barrier, audit), phase=phase, closed=[79], turns=3, stays=True)
 
 
 def test_an_array_rule_that_closes_a_road_that_is_not_there_is_refused():

@@ -132,28 +132,6 @@ def test_dead_agents_see_none_and_are_not_seen():
             assert (view.seen().mask == expected).all()
 
 
-@pytest.mark.parametrize(
-    "keywords",
-    [
-        {"at": 12, "detection": 0.5},
-        {"detection": 0.5},
-        {"position_noise_m": 9.0},
-        {"at": 7, "false_alarm_rate": 0.9, "delay_turns": 1},
-    ],
-)
-def test_agents_that_share_a_sensor_draw_as_alone(keywords):
-    with scene(max_turns=8).build(seed=1) as ctx:
-        eye = ctx.sensor.create_sensor("eye", "AGENT_RANGE", sensor_range=35.0, **keywords)
-        for agent in ctx.agent.agents.values():
-            agent.register_sensor("eye", eye)
-            agent.register_strategy(chase(ctx))
-        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
-
-
 def test_what_is_seen_does_not_depend_on_how_many_pairs_are_compared_at_once(monkeypatch):
     with scene(red=4).build(seed=1) as ctx:
         for name in ctx.agent.agents:
@@ -264,19 +242,3 @@ def test_agents_on_edges_see_whom_their_sensors_show(kind, keywords):
                 for batch in (games, slow):
                     batch.step()
                 ctx.game.step()
-
-
-@by_metres
-def test_agents_on_edges_act_on_what_they_see_as_alone(kind, keywords):
-    with (
-        on_edges(kind, keywords, "arrival", {"red": flee, "blue": chase}) as ctx,
-        ctx.game.batch(seeds=[1, 2]) as games,
-        ctx.game.fork(0).ctx as alone,
-    ):
-        for _ in range(5):
-            games.step()
-        for number, seed in enumerate(games.seeds):
-            alone.game.reset(seed=seed)
-            for _ in range(5):
-                alone.game.step()
-            assert plain(games.result(number)) == plain(alone.game.result())

@@ -101,18 +101,6 @@ def test_agents_by_metres_act_on_others_along_edges_in_arrays_as_alone(decide, s
     same_as_one_by_one(scenario, [1], {"red": assign, "blue": sweep})
 
 
-def test_what_is_left_of_a_speed_is_covered_of_the_next_edge_in_arrays_as_alone(same_as_one_by_one):
-    scenario = hunted({"grid": {"width": 14, "height": 1}}, {"sensor_range": 999.0})
-    scenario = scenario.replace(**{"teams.red.count": 1, "teams.blue.count": 1, "teams.red.speed": 1.9})
-    same_as_one_by_one(scenario, [1, 2, 3, 4], {"red": lambda ctx: guard(ctx, 0, 999.0), "blue": stay})
-
-
-def test_mates_of_another_speed_confine_one_in_arrays_as_alone(same_as_one_by_one):
-    more = {"teams.red.speed": 3, "teams.red.count": 6, "teams.blue.count": 1, "max_turns": 8}
-    scenario = hunted(sight={"sensor_range": 99.0}).replace(**more)
-    same_as_one_by_one(scenario, [1, 2], {"red": MADE["intercept"], "blue": MADE["flee"]})
-
-
 @pytest.mark.parametrize("settings", [{}, {"team_memory": False}, {"order": [["red"], ["blue"]]}])
 def test_teams_share_in_arrays_what_they_share_alone(settings):
     sight = {"position_noise_m": 8.0, "detection": 0.7}
@@ -131,28 +119,6 @@ def test_teams_share_in_arrays_what_they_share_alone(settings):
                 assert plain(games.result(number)) == plain(alone.game.run())
 
 
-def test_a_node_where_agents_are_never_noticed_is_not_swept_by_sight(same_as_one_by_one):
-    scenario = hunted(sight={"detection": [[0.0, 1.0], [15.0, 0.0]]}).replace(max_turns=8)
-    same_as_one_by_one(scenario, [1], {"red": lambda ctx: sweep(ctx, by_sight=True), "blue": random_walk})
-
-
-@pytest.mark.parametrize("unit", ["edges", "metres"])
-def test_what_is_swept_by_sight_turns_with_its_agent_in_arrays_as_alone(unit, same_as_one_by_one):
-    ahead = {"type": "AGENT_ARC", "fov": 1.6, "detection": [[0.0, 1.0], [18.0, 0.0]], "orientation": [0.6, 0.8]}
-    scenario = hunted(sight=ahead, settings={"speed_unit": unit}).replace(**{"teams.red.speed": 2.5, "max_turns": 10})
-    same_as_one_by_one(scenario, [1], {"red": lambda ctx: sweep(ctx, by_sight=True), "blue": random_walk})
-
-
-def test_agents_turn_round_on_the_only_street_in_arrays_as_alone(same_as_one_by_one):
-    to_and_fro = {
-        team: lambda ctx, nodes=nodes: mix(0.5, *(goto(ctx, node) for node in nodes))
-        for team, nodes in (("red", (0, 1)), ("blue", (1, 0)))
-    }
-    scenario = hunted({"grid": {"width": 2, "height": 1}}, settings={"speed_unit": "metres"}).replace(rules=[])
-    more = {f"teams.{team}.{name}": value for team in to_and_fro for name, value in (("speed", 3.0), ("count", 1))}
-    same_as_one_by_one(scenario.replace(**more), [1, 2], to_and_fro)
-
-
 def test_actions_of_agents_with_speeds_are_numbers_of_all_nodes_in_reach():
     scenario = hunted().replace(**{"teams.red.speed": 2.5})
     with scenario.batch(2, seed=4) as games, scenario.build(seed=5) as ctx:
@@ -164,13 +130,6 @@ def test_actions_of_agents_with_speeds_are_numbers_of_all_nodes_in_reach():
         games.reset()
         legal = games.observe("red")["legal"][1]
         assert [row[row >= 0].tolist() for row in legal] == [list(seen[f"red_{i}"]["legal"]) for i in range(3)]
-
-
-def test_agents_that_may_go_anywhere_do_so_in_arrays(same_as_one_by_one):
-    scenario = hunted(settings={"legal": "any"})
-    fuel = {"rule": "resource", "with": {"name": "fuel", "start": 99, "per_metre": 1}}
-    scenario = scenario.replace(rules=[TAG, fuel])
-    same_as_one_by_one(scenario, [1, 2], {"red": MADE["chase"]})
 
 
 def test_agents_that_set_no_action_stay_in_arrays_as_alone(same_as_one_by_one):
@@ -191,15 +150,6 @@ def test_agents_on_a_map_without_edges_stay_by_metres():
         games.run()
         assert games.observe("red").counts.tolist() == [[1]]
         assert games.result(0) == scenario.play(seed=0, strategies={"red": unblock(stay)})
-
-
-def test_agents_that_block_each_other_give_way_in_arrays_as_alone(same_as_one_by_one):
-    scenario = hunted(conflicts={"capacity": 1})
-    strategies = {"red": lambda ctx: unblock(goto(ctx, 20), after=1)}
-    strategies["blue"] = lambda ctx: unblock(unblock(goto(ctx, 20), after=2), after=1)  # which share what they remember
-    same_as_one_by_one(scenario, [1, 2, 3, 4], strategies)
-    agents = scenario.play(seed=1, strategies=strategies).agents.values()
-    assert sum(agent["blocked"] for agent in agents) > 10
 
 
 def test_what_strategies_remember_is_forgotten_when_their_game_is_reset():
@@ -240,22 +190,6 @@ def test_any_strategies_play_the_same_with_any_sight(red, blue, seed, sight, sam
     same_as_one_by_one(hunted(sight=sight), [seed], {"red": MADE[red], "blue": MADE[blue]})
 
 
-@pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
-def test_false_alarms_are_late_in_arrays_as_alone(order, same_as_one_by_one):
-    sight = {"delay_turns": 2, "false_alarm_rate": 0.9, "detection": 0.7, "position_noise_m": 5.0}
-    scenario = hunted(sight=sight, settings={} if order is None else {"order": order})
-    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
-    back = {"rule": "respawn", "with": {"after": 3}}
-    same_as_one_by_one(scenario.replace(rules=[tag, back]), [1, 2], {"red": MADE["chase"], "blue": MADE["flee"]})
-
-
-def test_a_camera_that_covers_no_node_gives_no_false_alarm_in_arrays_either(same_as_one_by_one):
-    camera = {"type": "AGENT_RANGE", "at": [5.0, 5.0], "sensor_range": 1.0, "false_alarm_rate": 2.0}
-    red = {"count": 1, "sensors": ["camera"]}
-    scenario = hunted().replace(**{"sensors.camera": camera, "teams.red": red})
-    same_as_one_by_one(scenario, [1], {"red": chase, "blue": random_walk})
-
-
 def test_an_agent_on_the_first_edge_of_a_map_is_there_in_arrays_too():
     anna = {
         "name": "anna",
@@ -275,11 +209,6 @@ def test_an_agent_on_the_first_edge_of_a_map_is_there_in_arrays_too():
         assert view["xy"][:, 0].tolist() == [[*alone.xy]] * 2
 
 
-def test_teams_that_play_one_after_another_see_what_has_moved(same_as_one_by_one):
-    scenario = hunted(settings={"order": [["blue"], ["red"]]})
-    same_as_one_by_one(scenario, [1, 2, 3], {"red": chase, "blue": flee})
-
-
 def test_what_was_observed_before_a_turn_does_not_last():
     seeds, both = [1, 2, 3], {"red": chase, "blue": flee}
     scenario = hunted(settings={"order": [["red"], ["blue"]]})
@@ -290,12 +219,6 @@ def test_what_was_observed_before_a_turn_does_not_last():
             games.step()
         for number, seed in enumerate(seeds):
             assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies=both))
-
-
-def test_agents_that_conflicts_stop_on_edges_go_on_in_arrays_as_alone(same_as_one_by_one):
-    settings, conflicts = {"speed_unit": "metres", "decide": "arrival"}, {"capacity": 1}
-    scenario = hunted(settings=settings, conflicts=conflicts).replace(**{"teams.blue.speed": 27.0, "max_turns": 12})
-    same_as_one_by_one(scenario, [1, 2, 3], {"red": MADE["goto"], "blue": random_walk})
 
 
 def test_what_is_legal_for_an_agent_on_an_edge_is_what_it_reaches_from_there():
@@ -348,40 +271,3 @@ def test_a_pursuer_takes_the_edge_of_its_target_though_another_way_to_its_end_is
                 alone.game.step()
                 assert games.observe_agent("anna")["xy"][0, 0].tolist() == pytest.approx([x, 0.0])
                 assert alone.agent.get_agent("anna").xy == pytest.approx((x, 0.0))
-
-
-def test_a_fixed_field_of_view_is_played_in_arrays_by_metres(same_as_one_by_one):
-    sight = {"type": "AGENT_ARC", "fov": 2.0, "at": [30.0, 20.0], "orientation": [1.0, 0.0]}
-    scenario = hunted(sight=sight, settings={"speed_unit": "metres"}).replace(max_turns=6)
-    same_as_one_by_one(scenario, [1], {"red": chase, "blue": random_walk})
-
-
-@pytest.mark.parametrize("speed", [None, 14.0])
-def test_a_part_of_a_mix_leaves_what_is_legal_for_others_as_it_is(speed, same_as_one_by_one):
-    scenario = hunted(settings={"speed_unit": "metres", "decide": "arrival"}).replace(max_turns=8)
-    if speed is not None:
-        scenario = scenario.replace(**{"teams.red.speed": speed})
-    same_as_one_by_one(
-        scenario, [1, 2, 3], {"red": lambda ctx: mix(0.5, goto(ctx, 17), random_walk), "blue": random_walk}
-    )
-
-
-def test_beliefs_forget_looks_in_arrays_when_they_do_alone(same_as_one_by_one):
-    eye = {"sensor_range": 10.0, "detection": 0.3}
-    few = {"max_turns": 112, "rules": [], "teams.red.count": 1, "teams.blue.count": 2}
-    scenario = hunted({"grid": {"width": 6, "height": 6}}, eye).replace(**few)
-    same_as_one_by_one(scenario, [0], {"red": lambda ctx: follow_belief(ctx, motion=belief.random_walk(0.95))})
-
-
-def test_beliefs_know_where_agents_were_put_back_that_have_moved_since(same_as_one_by_one):
-    tag = {"rule": "tag", "with": TAG["with"] | {"then": "respawn", "euclid": 11}}
-    scenario = hunted(sight={"sensor_range": 10.0}, settings={"order": [["blue"], ["red"]]}).replace(rules=[tag])
-    hunt = {"red": lambda ctx: first(chase(ctx, None), follow_belief(ctx))}
-    same_as_one_by_one(scenario.replace(**{"teams.red.count": 1}), [1, 2, 3, 4], hunt)
-
-
-@gamms.array_rule
-def closing(turn):
-    """Close two roads in turn 6."""
-    if len(at := np.flatnonzero(turn.turn == 6)):
-        turn.close_roads(at, [0, 1])
