@@ -53,19 +53,22 @@ class GalleryStatistics(NamedTuple):
         games: the number of games, with the seeds from 0 on.
         wins: team ("" for none) -> its number of wins, and the ends of the 95 % interval of their share.
         turns: the median length of a game.
+        scores: of a game without winners: score -> its mean, and the ends of the 95 % interval of the mean.
     """
 
     games: int
     wins: dict[str, tuple[int, float, float]]
     turns: int
+    scores: dict[str, tuple[float, float, float]]
 
     def __str__(self) -> str:
-        """Name the shares of the teams, with their intervals."""
-        shares = (
+        """Name the shares of the teams, or the mean scores, with their intervals."""
+        shares = [
             f"{team or 'no team'} {won / self.games:.0%} ({low:.0%} to {high:.0%})"
             for team, (won, low, high) in self.wins.items()
-        )
-        return f"{', '.join(shares)} of {self.games} games, median length {self.turns} turns"
+        ]
+        means = [f"{key} {mean:.0f} ({low:.0f} to {high:.0f})" for key, (mean, low, high) in self.scores.items()]
+        return f"{', '.join(shares + means)} of {self.games} games, median length {self.turns} turns"
 
 
 def gallery(
@@ -102,7 +105,8 @@ def records() -> dict[str, GalleryStatistics]:
     from gamms import scenario
 
     file = next(iter(scenario.gallery().values())).with_name("results.json")
-    return {name: GalleryStatistics(**found) for name, found in json.loads(file.read_text(encoding="utf-8")).items()}
+    results = json.loads(file.read_text(encoding="utf-8"))
+    return {name: GalleryStatistics(**({"scores": {}} | found)) for name, found in results.items()}
 
 
 def about(game: "Scenario") -> list[str]:
