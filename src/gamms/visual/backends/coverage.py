@@ -3,21 +3,19 @@
 Pixel (column, row) is the square from (column, row) to (column + 1, row + 1); y is down. Coverage is 0 to 255.
 """
 
-from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from gamms import kernels
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.visual.camera import extent
 
 ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
-SingleArray = np.ndarray[Any, np.dtype[np.float32]]
 PixelArray = np.ndarray[Any, np.dtype[np.uint32]]  # (rows, columns)  blue, green, red and an unused byte
 
-_FINER = 4  # sample lines per row of pixels for polygons
-_AT_ONCE = 2_000_000  # pixels processed together, to limit memory
+_FINER = 4  # sample lines per row of pixels
+_AT_ONCE = 20_000  # lines filled together, to limit memory
+_CORNER_PX = 4.0  # maximum distance between the corners of round ends
 
 
 class PaintedFrame(Protocol):
@@ -66,43 +64,34 @@ def strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, h
         height: height of the picture.
     """
     half = max(width_px, 1.0) / 2
-    low, high = extent(starts, ends)
-    low, high = np.floor(low - half - 1), np.ceil(high + half + 1)
-    left, top = np.maximum(low, 0).astype(np.int64).tolist()
-    right, bottom = np.minimum(high, (width, height)).astype(np.int64).tolist()
-    if left >= right or top >= bottom:
+    low = np.minimum(starts, ends).min(axis=0) - half
+    high = np.maximum(starts, ends).max(axis=0) + half
+    patch = _empty_patch(low, high, width, height)
+    if patch is None:
         return None
-    shift = np.array([left, top])
-    patch = np.zeros((bottom - top, right - left), np.uint8)
-    for part in _parts(np.abs(ends - starts).max(axis=1), half):
-        _stroke(patch, (starts[part] - shift).astype(np.float32), (ends[part] - shift).astype(np.float32), half)
+    for begin in range(0, len(starts), _AT_ONCE):
+        part = slice(begin, begin + _AT_ONCE)
+        corners = _outlines(starts[part], ends[part], half)
+        offsets = np.arange(len(corners) + 1) * corners.shape[1]
+        _fill(patch, corners.reshape(-1, 2), offsets)
     if width_px < 1.0:
-        patch = np.rint(patch * width_px).astype(np.uint8)
-    return Patch(patch, left, top)
+        return patch._replace(coverage=np.rint(patch.coverage * width_px).astype(np.uint8))
+    return patch
 
 
-def broad_strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, height: int) -> Patch:
-    """Return the result of `strokes` for few lines of any width, at a cost independent of the width."""
-    half = width_px / 2
-    covered = np.zeros((height, width), np.uint8)
-    for start, end in zip(starts, ends, strict=True):
-        ahead = (end - start) / (float(np.hypot(*(end - start))) or 1.0) * half
-        beside = ahead[::-1] * (-1, 1)
-        body = np.array([start + beside, end + beside, end - beside, start - beside])
-        pieces = (polygon(body, width, height), *(disc(x, y, half, 0.0, width, height) for x, y in (start, end)))
-        for patch, left, top in filter(None, pieces):
-            place = covered[top : top + patch.shape[0], left : left + patch.shape[1]]
-            np.maximum(place, patch, out=place)
-    return Patch(covered, 0, 0)
-
-
-def polygon(points: FloatArray, width: int, height: int) -> Patch | None:
-    """Return a filled polygon (corners, 2), clipped to a picture; by nonzero winding number."""
-    return polygons(points, np.array([0, len(points)]), width, height)
+def _outlines(starts: FloatArray, ends: FloatArray, half: float) -> FloatArray:
+    """Return the outlines (lines, corners, 2) of lines with round ends and half a width, all in one direction."""
+    ways = ends - starts
+    headings = np.arctan2(ways[:, 1], ways[:, 0])
+    corners = 2 + int(np.pi * half / _CORNER_PX) + 2 * (half > 1.0)
+    turns = np.linspace(np.pi / 2, 3 * np.pi / 2, corners)
+    angles = headings[:, None] + np.concatenate([turns, turns + np.pi])
+    middles = np.repeat(np.stack([starts, ends], axis=1), corners, axis=1)
+    return middles + half * np.stack([np.cos(angles), np.sin(angles)], axis=2)
 
 
 def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> Patch | None:
-    """Return the coverage of filled polygons, clipped to a picture; overlaps count once.
+    """Return the coverage of filled polygons, by nonzero winding number, clipped to a picture; overlaps count once.
 
     Args:
         points: (points, 2), pixels.
@@ -110,98 +99,62 @@ def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> 
         width: width of the picture.
         height: height of the picture.
     """
-    left, top = np.maximum(np.floor(points.min(axis=0)), 0).astype(np.int64).tolist()
-    right, bottom = np.minimum(np.ceil(points.max(axis=0)), (width, height)).astype(np.int64).tolist()
+    patch = _empty_patch(points.min(axis=0), points.max(axis=0), width, height)
+    if patch is not None:
+        _fill(patch, points, offsets)
+    return patch
+
+
+def _empty_patch(low: FloatArray, high: FloatArray, width: int, height: int) -> Patch | None:
+    """Return a patch from corner to corner, clipped to a picture; None if it is outside."""
+    left, top = np.maximum(np.floor(low), 0).astype(np.int64).tolist()
+    right, bottom = np.minimum(np.ceil(high), (width, height)).astype(np.int64).tolist()
     if left >= right or top >= bottom:
         return None
-    lines = (bottom - top) * _FINER
-    line, x, turn = _crossings(points - (left, top), offsets, lines)
-    order = np.lexsort((x, line))
-    line = line[order] % lines
-    x = np.clip(x[order], 0, right - left)
+    return Patch(np.zeros((bottom - top, right - left), np.uint8), left, top)
+
+
+def _fill(patch: Patch, points: FloatArray, offsets: IntArray) -> None:
+    """Add the coverage of polygons to a patch."""
+    rows, columns = patch.coverage.shape
+    place, turn = _crossings(points - (patch.left, patch.top), offsets, rows * _FINER, columns + 1)
+    order = np.argsort(place)
+    place = place[order]
     turn = turn[order]
     after = np.cumsum(turn)  # winding number to the right of each crossing; 0 after each line
-    step = ((after != 0).astype(np.float64) - (after - turn != 0)) / _FINER
-    column = np.minimum(x.astype(np.int64), right - left - 1)
+    is_side = (after == 0) | (after == turn)
+    step = np.where(after[is_side] == 0, -1.0, 1.0) / _FINER
+    line, x = np.divmod(place[is_side], columns + 1)
+    column = np.minimum(x.astype(np.int64), columns - 1)
     beyond = x - column
-    steps = np.zeros((bottom - top, right - left + 1))
-    np.add.at(steps, (line // _FINER, column), step * (1 - beyond))
-    np.add.at(steps, (line // _FINER, column + 1), step * beyond)
-    covered = np.cumsum(steps[:, :-1], axis=1) * 255
-    return Patch(np.rint(np.clip(covered, 0, 255)).astype(np.uint8), left, top)
+    pixel = line.astype(np.int64) % (rows * _FINER) // _FINER * (columns + 1) + column
+    steps = np.zeros(rows * (columns + 1))
+    steps += np.bincount(pixel, step * (1 - beyond), len(steps))
+    steps += np.bincount(pixel + 1, step * beyond, len(steps))
+    covered = np.cumsum(steps.reshape(rows, -1)[:, :-1], axis=1) * 255
+    np.maximum(patch.coverage, np.rint(np.clip(covered, 0, 255)).astype(np.uint8), out=patch.coverage)
 
 
-def _crossings(points: FloatArray, offsets: IntArray, lines: int) -> tuple[IntArray, FloatArray, IntArray]:
-    """Return the crossings of polygon sides and sample lines: line, x, and direction, downward (1) or upward (-1).
+def _crossings(points: FloatArray, offsets: IntArray, lines: int, length: int) -> tuple[FloatArray, IntArray]:
+    """Return the crossings of polygon sides and sample lines: place, and direction, downward (1) or upward (-1).
 
-    The sample lines of each polygon have separate numbers, after those of the previous polygon.
+    The place is x plus the length of all earlier lines. Opposite polygons must not cancel each other, so the lines of
+    clockwise polygons come after those of the others.
     """
     following = np.arange(1, len(points) + 1)
     following[offsets[1:] - 1] = offsets[:-1]
-    begin, end = points, points[following]
+    begin = points
+    end = points[following]
+    area = np.add.reduceat(begin[:, 0] * end[:, 1] - begin[:, 1] * end[:, 0], offsets[:-1])
+    first = np.repeat(np.where(area < 0.0, lines, 0), np.diff(offsets))
     turn = np.sign(end[:, 1] - begin[:, 1]).astype(np.int64)
-    high = np.where((turn > 0)[:, None], begin, end)
-    low = np.where((turn > 0)[:, None], end, begin)
-    first = np.clip(np.ceil(high[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
-    last = np.clip(np.ceil(low[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
-    side, line = kernels.expand_ranges(first, last)
-    share = ((line + 0.5) / _FINER - high[side, 1]) / (low[side, 1] - high[side, 1])
-    polygon = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))[side]
-    return line + lines * polygon, high[side, 0] + share * (low[side, 0] - high[side, 0]), turn[side]
-
-
-def _parts(lengths: FloatArray, half: float) -> list[slice]:
-    """Return slices of lines with a limited number of pixels each."""
-    pixels = np.cumsum((lengths + 2 * half + 3) * (3 * half + 5))
-    cuts = np.searchsorted(pixels, np.arange(_AT_ONCE, float(pixels[-1]), _AT_ONCE)).tolist()
-    borders = sorted({0, *cuts, len(lengths)})
-    return [slice(begin, end) for begin, end in pairwise(borders)]
-
-
-def _stroke(patch: ByteArray, starts: SingleArray, ends: SingleArray, half: float) -> None:
-    """Write the maximum of a patch and of the coverage by lines (float32, in its pixels)."""
-    is_steep = np.abs(ends - starts)[:, 1] > np.abs(ends - starts)[:, 0]
-    for steep in (False, True):
-        rows = is_steep == steep
-        if rows.any():
-            turned = slice(None, None, -1 if steep else 1)
-            _flat_strokes(patch.T if steep else patch, starts[rows][:, turned], ends[rows][:, turned], half)
-
-
-def _flat_strokes(patch: ByteArray, starts: SingleArray, ends: SingleArray, half: float) -> None:
-    """Paint lines that are more horizontal than vertical, by columns of pixels around their middle."""
-    back = starts[:, 0] > ends[:, 0]
-    starts, ends = np.where(back[:, None], ends, starts), np.where(back[:, None], starts, ends)
-    ways = ends - starts
-    slopes = np.divide(ways[:, 1], ways[:, 0], out=np.zeros_like(ways[:, 0]), where=ways[:, 0] > 0)
-    # The centers of covered pixels lie less than half a pixel beyond the line.
-    first = np.maximum(np.ceil(starts[:, 0] - half - 1), 0).astype(np.int32)
-    last = np.minimum(np.floor(ends[:, 0] + half) + 1, patch.shape[1]).astype(np.int32)
-    counts = np.maximum(last - first, 0)
-    line = np.repeat(np.arange(len(starts), dtype=np.int32), counts)
-    column = np.arange(len(line), dtype=np.int32) - np.repeat(np.cumsum(counts) - counts - first, counts)
-    across = column + np.float32(0.5) - starts[line, 0]
-    middle = starts[line, 1] + slopes[line] * np.clip(across, 0, ways[line, 0])
-    reach = (half + 0.5) * np.sqrt(1 + float((slopes * slopes).max(initial=0.0)))
-    row = np.ceil(middle - reach - 0.5).astype(np.int32)[:, None] + np.arange(int(2 * reach) + 1, dtype=np.int32)
-    down = row + np.float32(0.5) - starts[line, 1][:, None]
-    covered = _nearness(across[:, None], down, ways[line], half)
-    _keep_largest(patch, row, column, covered)
-
-
-def _nearness(across: SingleArray, down: SingleArray, ways: SingleArray, half: float) -> Any:
-    """Return the coverage, 0 to 1, by lines from the origin along `ways` (columns, 2), at (columns, rows) places."""
-    squares = np.maximum((ways * ways).sum(axis=1), np.float32(1e-12))[:, None]
-    along = np.clip((across * ways[:, :1] + down * ways[:, 1:]) / squares, 0, 1)
-    beside = across - along * ways[:, :1]
-    above = down - along * ways[:, 1:]
-    return np.clip(np.float32(half + 0.5) - np.sqrt(beside * beside + above * above), 0, 1)
-
-
-def _keep_largest(patch: ByteArray, row: IntArray, column: IntArray, covered: SingleArray) -> None:
-    rows = patch.shape[0]
-    places = np.nonzero((covered > 0) & (row >= 0) & (row < rows))
-    value = np.rint(covered[places] * 255).astype(np.uint8)
-    order = np.argsort(value, kind="stable")  # the last value written stays, so the largest comes last
-    at = (row[places][order], column[places[0]][order])
-    patch[at] = np.maximum(patch[at], value[order])
+    is_down = (turn > 0)[:, None]
+    high = np.where(is_down, begin, end)
+    low = np.where(is_down, end, begin)
+    top = np.clip(np.ceil(high[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
+    bottom = np.clip(np.ceil(low[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
+    side, line = kernels.expand_ranges(top, bottom)
+    with np.errstate(divide="ignore", invalid="ignore"):  # level sides cross no line
+        slope = (low[:, 0] - high[:, 0]) / (low[:, 1] - high[:, 1])
+    x = high[side, 0] + ((line + 0.5) / _FINER - high[side, 1]) * slope[side]
+    return (line + first[side]) * length + np.clip(x, 0.0, length - 1.0), turn[side]

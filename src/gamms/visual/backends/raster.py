@@ -22,7 +22,6 @@ from gamms.visual.camera import CSS_DPI, FAINTEST_PX, Camera, clipped, extent, t
 
 _SMALLEST_RADIUS_PX = 0.5
 _THINNEST_PX = 1.0  # minimum width of lines in world units
-_BROAD_PX = 200.0  # width from which lines are painted one by one
 _BEYOND_PX = 8.0  # lines are clipped this far outside the picture
 _LARGEST_STAMP_PX = 96.0
 _OPAQUE = 255
@@ -131,8 +130,7 @@ def draw_lines(canvas: Canvas, starts: FloatArray, ends: FloatArray, width_px: f
     if width_px == _THINNEST_PX:
         canvas.hairlines(starts, ends, color)
         return
-    paint = coverage.broad_strokes if width_px > _BROAD_PX else coverage.strokes
-    patch = paint(starts, ends, width_px, canvas.width, canvas.height)
+    patch = coverage.strokes(starts, ends, width_px, canvas.width, canvas.height)
     if patch is not None:
         canvas.cover(patch, color)
 
@@ -399,7 +397,7 @@ def _polygon(canvas: Canvas, points: FloatArray, width_px: float, color: Rgba) -
     if width_px > 0.0:
         draw_lines(canvas, points, np.roll(points, -1, axis=0), width_px, color)
         return
-    patch = coverage.polygon(points, canvas.width, canvas.height)
+    patch = coverage.polygons(points, np.array([0, len(points)]), canvas.width, canvas.height)
     if patch is not None:
         canvas.cover(patch, color)
 
