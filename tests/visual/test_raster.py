@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawSpace
 from gamms.visual.backends.pillow_backend import pixels_of, png_file
-from gamms.visual.backends.pygame_backend import Canvas, stamp
 from gamms.visual.backends.raster import painted
 from gamms.visual.backends.svg import svg
 from gamms.visual.camera import FAINTEST_PX, Camera
@@ -256,18 +255,6 @@ def test_a_disc_is_painted_in_the_larger_of_its_sizes(scale, shift):
         larger.add_circles(at, radius, disc.edge, disc.edge_px)
         larger.add_circles(at, radius, disc.color)
     assert np.array_equal(pixels(both, camera), pixels(larger, camera))
-
-
-def test_stamps_look_the_same_when_they_are_painted_again():
-    spots = [stamp(np.full((5, 5), opacity, np.uint8), (*RED, 255)) for opacity in (90, 200)]
-    places = [(-2, 3), (0, 4), (50, 20), (52, 22), (98, 48), (200, 10)]
-    canvas, again = Canvas(100, 50), Canvas(100, 50)
-    for one in (canvas, again):
-        one.fill(WHITE)
-    noted = canvas.noted(lambda: canvas.stamps(zip(spots * 3, places, strict=True), 6))
-    again.stamps(noted, 6)
-    assert (canvas.pixels() == again.pixels()).all()
-    assert (canvas.pixels() != 255).any()
 
 
 def test_painting_needs_no_display_and_leaves_no_trace():

@@ -13,7 +13,7 @@ import gamms
 from gamms.errors import BadType
 from gamms.visual.camera import Camera
 from gamms.visual.font import words_width
-from gamms.visual.labels import STREET_PX, StreetNames
+from gamms.visual.street_names import STREET_PX, street_names
 
 X, Y = 500_000.0, 6_000_000.0
 
@@ -153,10 +153,10 @@ def box(words, x, y, angle):
 
 def test_names_stay_where_they_are_while_the_picture_moves():
     ctx = grid()
-    memory, places = StreetNames(), []
+    places = []
     for shift in range(0, 12, 3):
         camera = Camera(800, 600, X - 20.0 + shift, Y + 180.0, 3.0)
-        found = memory.placed(camera, 1.0, ctx, {}, (0.0, 0.0, 800.0, 600.0), [])
+        found = street_names(camera, 1.0, ctx, (0.0, 0.0, 800.0, 600.0), np.empty((0, 4)))
         places.append({one.words: (one.x / 3.0 + camera.left, camera.top - one.y / 3.0) for one in found})
     stays = set.intersection(*map(set, places))
     assert len(stays) > 3

@@ -15,7 +15,6 @@ from gamms.folders import naming
 from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
 from gamms.typing import IArtist, IContext, PictureOptions
-from gamms.visual.appearance import inks
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.artists import Artists
 from gamms.visual.backends import FILMS, FORMATS, Backend, FilmWriter
@@ -24,7 +23,7 @@ from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import CSS_DPI, NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, framed, spill
 from gamms.visual.captions import CAPTION_SECONDS, CaptionBar, Captions, ResultCard, end_card
 from gamms.visual.drawing import Commands, Drawing, joined, magnified
-from gamms.visual.labels import LABEL_PX, STREET_PX, Labels, StreetNames, name_ink, write_labels, write_street_names
+from gamms.visual.labels import Labels
 from gamms.visual.legend import Block, blocks_of, grown
 from gamms.visual.page import Page, PageStyle, page_size, style_of
 from gamms.visual.scene import Scene, whole_frame
@@ -118,13 +117,8 @@ def painted(source: "FrameSource", sheet: PictureTarget, style: PageStyle) -> by
 
     commands = group.commands()
     page, camera, corner = fitted(commands)
-    pen = page.pen(camera)
     labels = page.labels(Labels(), camera, source.ctx, artists, corner)
-    for name in page.street_names(StreetNames(), camera, source.ctx, artists, corner, labels):
-        pen.turned_text(name.words, name.corner, STREET_PX, name_ink(style.background), name.angle)
-    for words, left, middle in labels:
-        pen.text(words, left, middle, LABEL_PX)
-    commands = joined(joined(commands, pen.commands.freeze()), page.commands(camera, corner))
+    commands = joined(joined(commands, labels), page.commands(camera, corner))
     if page.has_captions:
         bar = Captions(source.ctx, source.drawing).now(source.hidden)
         commands = joined(commands, page.captions(camera, bar, corner))
@@ -270,13 +264,13 @@ class Frames:
             width, height = _sides(asked, box, blocks, self._viewpoint, self._style, reach=reach)
         self.width, self.height = (side + side % 2 * is_even for side in size(width, height, FILM_BYTES))
         self.canvas = Canvas(self.width, self.height, paper=self._style.background[:3])
-        self._street_names = StreetNames()
         self._fitted: tuple[Camera, Point] | None = None
         self._artists: dict[str, IArtist] | None = None
         self._is_new_turn = True
         self._blocks: tuple[Block, ...] = ()
         self._page = Page(self.width, self.height, (), self._style)
-        self._around, self._below = _CachedPainting(), _CachedPainting()  # the map
+        self._around = _CachedPainting()  # the map
+        self._below = _CachedPainting()
         self.captions = Captions(self.ctx, source.drawing)
         self._caption_bar = CaptionBar(0, "", ())
         self._card: ResultCard | None = None
@@ -312,9 +306,7 @@ class Frames:
         bar = self._caption_bar
         with self._themed():
             labels = page.labels(self._labels, camera, self.ctx, self._artists or {}, corner)
-            names = page.street_names(self._street_names, camera, self.ctx, self._artists or {}, corner, labels)
-        write_street_names(self.canvas, names, name_ink(self._style.background))
-        write_labels(self.canvas, labels, inks(self._style.background)[0])
+        Painting(labels).paint(self.canvas, camera)
         self._around.paint(self.canvas, camera, (page, camera), lambda: page.commands(camera, corner))
         if page.has_captions:
             self._below.paint(self.canvas, camera, (page, camera, bar), lambda: page.captions(camera, bar, corner))

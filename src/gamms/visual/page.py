@@ -4,7 +4,7 @@ From top to bottom: the title; the map, with the legend to its right; the turn a
 bar, the north arrow and the note.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import ceil, floor, log10
 from typing import Unpack
@@ -18,13 +18,15 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import IArtist, IContext
 from gamms.typing.visualization_engine import PictureOptions
 from gamms.visual.appearance import PAPER, Rgb, Rgba, inks, rgba
+from gamms.visual.artist import drawn_looks
 from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, Point, fit_box
 from gamms.visual.captions import LINE_PX, CaptionBar, ResultCard, draw_caption_bar, draw_card
 from gamms.visual.drawers.streets import in_metres
 from gamms.visual.font import shortened, words_width
-from gamms.visual.labels import AUTO, Choice, Label, Labels, Rectangle, StreetName, StreetNames, as_choice, box_of
+from gamms.visual.labels import AUTO, Choice, Labels, Rectangle, as_choice, dots_in
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.shown_turn import as_turns
+from gamms.visual.street_names import name_ink, street_names
 from gamms.visual.themes import THEMES, Theme, theme_called
 
 _FITS = "page", "tight"
@@ -207,25 +209,20 @@ class Page:
 
     def labels(
         self, labels: Labels, camera: Camera, ctx: IContext, artists: Mapping[str, IArtist], corner: Point | None
-    ) -> list[Label]:
-        """Return the labels beside agents, for the position of the map on this page."""
+    ) -> DrawCommands:
+        """Return the names of streets, and the labels beside agents, for the position of the map on this page."""
+        style = self._style
         page, taken = self._free(corner)
-        return labels.placed(camera, self._fine, ctx, artists, self._style.labels, page, taken)
-
-    def street_names(
-        self,
-        names: StreetNames,
-        camera: Camera,
-        ctx: IContext,
-        artists: Mapping[str, IArtist],
-        corner: Point | None,
-        labels: Sequence[Label],
-    ) -> list[StreetName]:
-        """Return the names of streets, where they are clear of agents, these labels and the legend."""
-        if not self._style.street_names:
-            return []
-        page, taken = self._free(corner)
-        return names.placed(camera, self._fine, ctx, artists, page, [*taken, *map(box_of, labels)])
+        pen = self.pen(camera)
+        found = labels.placed(camera, self._fine, ctx, artists, style.labels, page, taken)
+        if style.street_names:
+            dots = dots_in(drawn_looks(artists)[1], camera, self._fine)
+            boxes = np.array([*taken, *(label.box for label in found)]).reshape(-1, 4)
+            for name in street_names(camera, self._fine, ctx, page, np.vstack([dots.boxes(), boxes])):
+                name.draw(pen, name_ink(style.background))
+        for label in found:
+            label.draw(pen)
+        return pen.commands.freeze()
 
     def _free(self, corner: Point | None) -> tuple[Rectangle, list[Rectangle]]:
         """Return where words may be, and where the legend is."""

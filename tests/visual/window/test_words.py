@@ -277,8 +277,8 @@ def test_captions_have_the_colours_of_the_theme(ctx):
 
 @pytest.mark.parametrize(("options", "scale", "names"), [({}, 3.0, 1), ({}, 0.3, 0), ({"street_names": False}, 3.0, 0)])
 def test_streets_have_their_names_close_by(open_window, monkeypatch, options, scale, names):
-    turned = []
-    monkeypatch.setattr(overlay.Canvas, "turned_text", lambda self, words, *rest: turned.append(words))
+    written = []
+    monkeypatch.setattr(overlay.Canvas, "text", lambda self, words, *_, **__: written.append(words))
     ctx = open_window(is_empty=True, **options)
     graph = nx.MultiDiGraph(crs="EPSG:32635")
     for number in range(6):
@@ -290,6 +290,6 @@ def test_streets_have_their_names_close_by(open_window, monkeypatch, options, sc
     ctx.visual.look_at(500_075.0, 6_000_000.0, 640 / scale)
     ctx.visual.camera.camera_x, ctx.visual.camera.camera_y = 500_075.0, 6_000_000.0
     ctx.visual.camera.camera_size = 320 / scale
-    turned.clear()
+    written.clear()
     ctx.visual.update()
-    assert turned == ["Long street"] * names
+    assert written.count("Long street") == names

@@ -39,7 +39,6 @@ _IMAGE_BYTES = 12  # bytes per pixel: decoded, copied with transparency and scal
 _SVG_PX = 1024
 _MOST_FONT_PX = 2048
 _MOST_LETTERS = 10_000
-_MOST_NOTED = 256  # surfaces that are painted together
 _LETTERS = 8  # maximum width of a letter, as a multiple of its height
 # letters up to this height are painted this many times larger, then reduced
 _FINER = 8
@@ -91,24 +90,10 @@ class Canvas:
         self.height = height
         self._paper = paper
         self.surface: Surface = self._pygame.Surface((width, height), 0, 32) if surface is None else surface
-        self._noted: list[Placed] | None = None  # the painted surfaces, while they are recorded
 
     def fill(self, color: Rgba) -> None:
         """Fill everything with an opaque color."""
         self.surface.fill(color[:3])
-
-    def noted(self, paint: "Callable[[], None]") -> "list[Placed] | None":
-        """Paint, and return the surfaces for `stamps` to repeat it; None if they are unknown or too many."""
-        self._noted = []
-        paint()
-        noted = self._noted
-        self._noted = None
-        return noted
-
-    def _lay(self, surface: "Surface", place: tuple[int, int]) -> None:
-        self.surface.blit(surface, place)
-        if self._noted is not None:
-            self._noted.append((surface, place))
 
     def pixels(self) -> ByteArray:
         """Return red, green and blue as a read-only copy (height, width, 3)."""
@@ -146,17 +131,14 @@ class Canvas:
             return
         box = box.clip((left, top, right - left, bottom - top))
         if box.w and box.h:
-            self._lay(_paint(box.w, box.h, color), box.topleft)
+            self.surface.blit(_paint(box.w, box.h, color), box.topleft)
 
     def cover(self, patch: Patch, color: Rgba) -> None:
         """Blend a color with the coverage of a patch."""
-        self._lay(stamp(patch.coverage, color), (patch.left, patch.top))
+        self.surface.blit(stamp(patch.coverage, color), (patch.left, patch.top))
 
-    def stamps(self, placed: Iterable[Placed], count: int) -> None:
-        """Paint this many surfaces, in order."""
-        if self._noted is not None:
-            placed = list(placed) if count <= _MOST_NOTED else placed
-            self._noted = [*self._noted, *placed] if isinstance(placed, list) else None
+    def stamps(self, placed: Iterable[Placed]) -> None:
+        """Paint surfaces, in order."""
         fast = getattr(self.surface, "fblits", None)  # only in pygame-ce
         if fast is None:
             self.surface.blits(placed, doreturn=False)
@@ -169,7 +151,6 @@ class Canvas:
         left, top = np.maximum(low, 0).astype(int).tolist()
         right, bottom = np.minimum(high, (self.width, self.height)).astype(int).tolist()
         area = self._pygame.Rect(left, top, max(right - left, 0), max(bottom - top, 0))
-        self._noted = None
         if alpha == 255:
             yield self.surface, 0, 0
             return
@@ -200,7 +181,7 @@ class Canvas:
         written = _text(words, font_px, color, edge)
         left = x - 1 - (words_width(words, font_px) if align_right else 0)
         if -written.get_width() < left < self.width and -written.get_height() < y - 1 < self.height:
-            self._lay(written, (round(left), round(y - 1)))
+            self.surface.blit(written, (round(left), round(y - 1)))
 
     def turned_text(self, words: str, corner: tuple[float, float], font_px: float, color: Rgba, angle: float) -> None:
         """Write text with the upper left corner at a point, rotated counter-clockwise around it by degrees."""
@@ -214,12 +195,12 @@ class Canvas:
         down = _height(font_px) / 2
         x += across * cos(turn) + down * sin(turn) - turned.get_width() / 2
         y += down * cos(turn) - across * sin(turn) - turned.get_height() / 2
-        self._lay(turned, (round(x), round(y)))
+        self.surface.blit(turned, (round(x), round(y)))
 
     def image(self, path: str, x: float, y: float, side: float, angle: float) -> None:
         """Draw an image file in a square of `side` px around (x, y), rotated counter-clockwise by degrees."""
         drawn = _image(path, round(min(side, _MOST_IMAGE_PX)), round(angle % 360.0, 1))
-        self._lay(drawn, (round(x - drawn.get_width() / 2), round(y - drawn.get_height() / 2)))
+        self.surface.blit(drawn, (round(x - drawn.get_width() / 2), round(y - drawn.get_height() / 2)))
 
 
 def stamp(coverage: ByteArray, color: Rgba) -> "Surface":
@@ -228,23 +209,6 @@ def stamp(coverage: ByteArray, color: Rgba) -> "Surface":
     surface = _paint(columns, rows, (*color[:3], 255))
     opacity = coverage if color[3] == 255 else (coverage.astype(np.uint16) * color[3] // 255).astype(np.uint8)
     load().surfarray.pixels_alpha(surface)[:] = opacity.T
-    return surface
-
-
-def ringed_stamp(ring: ByteArray, color: Rgb, disc: ByteArray, ink: Rgb) -> "Surface":
-    """Return a disc on a ring as one surface, equal to painting one after the other."""
-    pygame = load()
-    rows, columns = ring.shape
-    both: Surface = pygame.Surface((columns, rows), 0, 32)
-    both.fill(color)
-    both.blit(stamp(disc, (*ink, 255)), (0, 0))
-    alpha = ring + (255.0 - ring) * disc / 255.0
-    share = np.divide(disc, alpha, out=np.zeros(ring.shape), where=alpha > 0.0)[:, :, None]
-    mixed = np.rint((1.0 - share) * color + share * ink).astype(np.uint8).swapaxes(0, 1)
-    surface: Surface = pygame.Surface((columns, rows), pygame.SRCALPHA, 32)
-    is_covered = (ring == 255).T[:, :, None]  # where the colors behind do not matter
-    pygame.surfarray.pixels3d(surface)[:] = np.where(is_covered, pygame.surfarray.array3d(both), mixed)
-    pygame.surfarray.pixels_alpha(surface)[:] = np.rint(alpha).T
     return surface
 
 

@@ -13,11 +13,10 @@ import numpy as np
 from gamms import kernels
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.obstacles import BoolArray
-from gamms.visual.appearance import Rgb, Rgba
+from gamms.visual.appearance import Rgba
 from gamms.visual.backends import coverage
 from gamms.visual.backends.coverage import ByteArray
-from gamms.visual.backends.pygame_backend import Canvas, Placed, ringed_stamp, stamp
+from gamms.visual.backends.pygame_backend import Canvas, stamp
 from gamms.visual.camera import CSS_DPI, FAINTEST_PX, Camera, clipped, extent, touching
 
 _SMALLEST_RADIUS_PX = 0.5
@@ -27,9 +26,7 @@ _LARGEST_STAMP_PX = 96.0
 _OPAQUE = 255
 _STEPS = 4  # positions of a stamp within a pixel
 _BITS = (10, 10, 11, 2, 2, 8, 8, 8)  # bits of a stamp's radius, width, reach, two steps, red, green and blue
-_NEXT = 4  # circles make a disc
 _SAME = 1e-3  # share of the radius: largest difference between the two sizes of a disc
-_EDGES_PX = 1.2  # smooth edges of two circles, plus rounding of their radii
 
 
 class Painting:
@@ -39,17 +36,9 @@ class Painting:
         self.commands = commands
         rows = commands.in_painting_order()
         self._runs = [_RUNS[kind](commands, rows[begin:end]) for kind, begin, end in _runs(commands, rows)]
-        self._laid: tuple[Camera | None, list[Placed]] = None, []  # as that camera saw it
 
     def paint(self, canvas: Canvas, camera: Camera) -> None:
         """Paint the part visible to a camera, from back to front."""
-        if self._laid[0] == camera:
-            canvas.stamps(self._laid[1], len(self._laid[1]))
-            return
-        laid = canvas.noted(lambda: self._paint_fresh(canvas, camera))
-        self._laid = (None, []) if laid is None else (camera, laid)
-
-    def _paint_fresh(self, canvas: Canvas, camera: Camera) -> None:
         for run in self._runs:
             run(canvas, camera)
 
@@ -211,24 +200,7 @@ def _stretches(values: "np.ndarray[Any, Any]") -> Iterator[tuple[int, int, int]]
             yield int(values[begin]), begin, end
 
 
-def _are_hidden(centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray) -> BoolArray:
-    """Return which circles are hidden by one of the next circles with the same center."""
-    hidden = np.zeros(len(centers), bool)
-    outer = radius + width / 2
-    covers = (width == 0.0) & (color[:, 3] == _OPAQUE)
-    for ahead in range(1, _NEXT):
-        is_same = (centers[ahead:, 0] == centers[:-ahead, 0]) & (centers[ahead:, 1] == centers[:-ahead, 1])
-        if not is_same.any():
-            break
-        hidden[:-ahead] |= is_same & covers[ahead:] & (outer[:-ahead] + _EDGES_PX <= radius[ahead:])
-    return hidden
-
-
 def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray) -> None:
-    is_hidden = _are_hidden(centers, radius, width, color)
-    if is_hidden.any():
-        centers, radius, width = (column[~is_hidden] for column in (centers, radius, width))
-        color = color[~is_hidden]
     reach = np.ceil(radius + width / 2) + 1
     corner = centers - reach[:, None]
     whole = np.floor(corner)
@@ -237,41 +209,18 @@ def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: Flo
     sizes = np.rint(np.column_stack([radius, width, reach]) * 10).astype(np.int64)
     for column, bits in zip((*sizes.T, *step.T, *color.T[:3].astype(np.int64)), _BITS, strict=True):
         look = look << bits | column
-    # NOTE: a ring and its disc are one stamp, in half the time (films of 10,000 agents).
-    is_ringed = (centers[1:] == centers[:-1]).all(axis=1) & (radius[1:] == radius[:-1])
-    is_ringed &= (width[1:] == 0.0) & (width[:-1] > 0.0) & (color[1:, 3] == _OPAQUE) & (color[:-1, 3] == _OPAQUE)
-    above = np.zeros(len(look), np.int64)
-    above[:-1][is_ringed] = look[1:][is_ringed]
-    first = np.flatnonzero(np.concatenate([[True], ~is_ringed]))
-    look = look[first]
-    above = above[first]
-    alphas = color[first, 3]
-    x, y = whole[first].astype(np.int64).T.tolist()
-    for alpha, begin, end in _stretches(alphas):
+    x, y = whole.astype(np.int64).T.tolist()
+    for alpha, begin, end in _stretches(color[:, 3]):
         looks = look[begin:end].tolist()
-        discs = above[begin:end].tolist()
-        stamps = {one: _stamp(*one, alpha) for one in set(zip(looks, discs, strict=True))}
+        stamps = {one: _stamp(one, alpha) for one in set(looks)}
         places = zip(x[begin:end], y[begin:end], strict=True)
         # NOTE: never a list of pairs, which triggers the garbage collector (first frame of 100,000 edges).
-        surfaces = map(stamps.__getitem__, zip(looks, discs, strict=True))
-        canvas.stamps(zip(surfaces, places, strict=True), end - begin)
+        canvas.stamps(zip(map(stamps.__getitem__, looks), places, strict=True))
 
 
 @lru_cache(maxsize=8192)
-def _stamp(look: int, above: int, alpha: int) -> Any:
-    """Return a circle as a surface, or a ring with a concentric disc above it; `above` 0: no disc."""
-    coverage, color = _circle(look)
-    if above == 0:
-        return stamp(coverage, (*color, alpha))
-    disc, ink = _circle(above)
-    return ringed_stamp(coverage, color, np.pad(disc, (len(coverage) - len(disc)) // 2), ink)
-
-
-def _circle(look: int) -> tuple[ByteArray, Rgb]:
-    """Return the coverage of a circle, and its color.
-
-    `look` contains tenths of pixels, the position within the pixel and the color, see `_BITS`.
-    """
+def _stamp(look: int, alpha: int) -> Any:
+    """Return a circle as a surface; `look` has the position within the pixel and the color, see `_BITS`."""
     parts = []
     for bits in _BITS[::-1]:
         parts.append(look & ((1 << bits) - 1))
@@ -279,13 +228,12 @@ def _circle(look: int) -> tuple[ByteArray, Rgb]:
     blue, green, red, down, right, reach, width, radius = parts
     side = 2 * reach // 10 + 1
     x, y = (reach / 10 + (step + 0.5) / _STEPS for step in (right, down))
-    outer, inner = _ring(radius / 10, width / 10)
-    patch = coverage.disc(x, y, outer, inner, side, side)
+    patch = coverage.disc(x, y, *_ring(radius / 10, width / 10), side, side)
     full = np.zeros((side, side), np.uint8)
     if patch is not None:
         rows, columns = patch.coverage.shape
         full[patch.top : patch.top + rows, patch.left : patch.left + columns] = patch.coverage
-    return full, (red, green, blue)
+    return stamp(full, (red, green, blue, alpha))
 
 
 def _ring(radius: float, width: float) -> tuple[float, float]:

@@ -15,6 +15,7 @@ from gamms.visual.appearance import AgentData, color_group, rgba
 from gamms.visual.artist import drawn_looks, looks_of
 from gamms.visual.artists import Artists
 from gamms.visual.backends.pygame_backend import Canvas
+from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Point, WindowCamera, nearest_point
 from gamms.visual.captions import (
     ALL_PLAYED,
@@ -28,18 +29,10 @@ from gamms.visual.captions import (
 )
 from gamms.visual.default_scene import DefaultScene, artists_of_sights
 from gamms.visual.drawing import Drawing
-from gamms.visual.labels import (
-    AUTO,
-    Choice,
-    Labels,
-    StreetNames,
-    box_of,
-    dots_in,
-    name_ink,
-    write_labels,
-    write_street_names,
-)
+from gamms.visual.labels import AUTO, Choice, Labels, dots_in
+from gamms.visual.legend import Pen
 from gamms.visual.page import noted
+from gamms.visual.street_names import name_ink, street_names
 from gamms.visual.themes import Theme
 from gamms.visual.window.display import FrameTiming
 from gamms.visual.window.input import NodeChoice, Question
@@ -101,9 +94,9 @@ class Overlay(Guarded):
         self.labels: Choice = AUTO
         self._names = Labels()
         self.turns = 0
-        self._street_names = StreetNames()
         self.has_street_names = True
-        self.is_over = self.is_replay = False
+        self.is_over = False
+        self.is_replay = False
         self.has_captions = True
         self._captions = Captions(ctx, drawing)
         self.captions: tuple[CaptionLine, ...] = ()
@@ -345,12 +338,16 @@ class Overlay(Guarded):
         theme = self.hud.theme
         page = (0.0, 0.0, canvas.width, canvas.height)
         labels = self._names.placed(view, 1.0, self._ctx, self.shown, self.labels, page, self.hud.taken)
-        paper = Canvas(canvas.width, canvas.height, canvas.surface, paper=theme.background[:3])
+        pen = Pen(view, 1.0, theme.ink[:3])
         if self.has_street_names:
-            taken = [*self.hud.taken, *map(box_of, labels)]
-            names = self._street_names.placed(view, 1.0, self._ctx, self.shown, page, taken)
-            write_street_names(paper, names, name_ink(theme.background))
-        write_labels(paper, labels, theme.ink[:3])
+            dots = dots_in(drawn_looks(self.shown)[1], view)
+            boxes = np.array([*self.hud.taken, *(label.box for label in labels)]).reshape(-1, 4)
+            for name in street_names(view, 1.0, self._ctx, page, np.vstack([dots.boxes(), boxes])):
+                name.draw(pen, name_ink(theme.background))
+        for label in labels:
+            label.draw(pen)
+        paper = Canvas(canvas.width, canvas.height, canvas.surface, paper=theme.background[:3])
+        Painting(pen.commands.freeze()).paint(paper, view)
 
     # -- keys ----------------------------------------------------------------------------------------------
 
