@@ -29,14 +29,14 @@ from gamms.visual.drawers import (
     render_rectangle,
     render_sensor,
 )
-from gamms.visual.drawers.agents import render_looks
+from gamms.visual.drawers.agents import render_looks, render_past_trails, render_trails
 from gamms.visual.drawers.graph import render_base_map
 from gamms.visual.drawers.marks import render_eliminated, render_tags, rows_of_eliminated
 from gamms.visual.drawers.messages import render_messages
 from gamms.visual.drawers.rules import FlagsDrawer, TerritoryDrawer, render_goals, teams_of_rules
 from gamms.visual.drawers.standings import render_amounts, render_cooldowns, render_discovered, render_held
 from gamms.visual.drawers.streets import render_tunnels
-from gamms.visual.drawing import Drawing
+from gamms.visual.drawing import Drawing, drawing_of
 from gamms.visual.legend import legend_only
 from gamms.visual.recorded_drawings import RecordedDrawer, RecordedDrawings
 from gamms.visual.themes import Theme
@@ -233,9 +233,7 @@ class Artists(Guarded):
                 name: one for name, one in artists.items() if name not in ("rings", "sights") and name[:7] != "sensor_"
             }
         if trails:
-            from gamms.visual.drawers.trails import artists_of_trails
-
-            artists |= artists_of_trails(self._ctx, artists, trails)
+            artists |= _artists_of_trails(self._ctx, artists, trails)
         return self._eliminated(artists) | artists
 
     def signs(self) -> dict[str, IArtist]:
@@ -581,3 +579,15 @@ def _is_drawn(artist: IArtist, with_custom: bool) -> bool:
         return True
     kind = _kind_of(artist)
     return with_custom and artist.get_drawer() is not render_input_overlay and (kind is None or _KINDS[kind].is_shape)
+
+
+def _artists_of_trails(ctx: IContext, artists: Mapping[str, IArtist], turns: int) -> dict[str, IArtist]:
+    """Return artists of the trails of the agents that artists show."""
+    hidden = drawing_of(ctx).hidden_agents()
+    colors = {look.name: look.color for look in looks_of(artists) if look.name not in hidden}
+    trails: dict[str, IArtist] = {}
+    for name, drawer in (("past trails", render_past_trails), ("trails", render_trails)):
+        artist = Artist(ctx, drawer, Layer.TRAILS)
+        artist.data = {"colors": colors, "turns": turns}
+        trails[name] = artist
+    return trails

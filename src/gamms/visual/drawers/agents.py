@@ -1,8 +1,9 @@
-"""Drawers of agents and of plain shapes."""
+"""Drawers of agents, of their trails, and of plain shapes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import lru_cache
+from itertools import chain
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
@@ -13,6 +14,7 @@ from gamms.typing import ColorType, IAerialAgent, IAgent, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData, AgentLooks, AnyColor, Circle, Rectangle, Rgb, rgba
 from gamms.visual.drawing import EDGE_PX, Disc, DiscOffsets, Points, drawing_of
+from gamms.visual.shown_turn import MovedAgents
 
 _Shape = TypeVar("_Shape", Circle, Rectangle)
 
@@ -260,3 +262,40 @@ def outline_of(color: AnyColor) -> Rgb:
     red, green, blue, _ = rgba(color)
     luminance = 0.299 * red + 0.587 * green + 0.114 * blue
     return _DARK if luminance > _BRIGHT else _WHITE
+
+
+# -- trails -----------------------------------------------------------------------------------------------------
+
+_TRAIL_ALPHA = 150
+_TRAIL_PX = 3.0
+
+
+def render_past_trails(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the paths of `data["turns"]` turns except the last, in `data["colors"]` by agent; older ones are fainter."""
+    ages = list(enumerate(drawing_of(ctx).motion.past(data["turns"])))[1:]
+    for age, moves in reversed(ages):
+        _draw_trails(ctx, moves, 1.0, data["colors"], round(_TRAIL_ALPHA * (1.0 - age / (data["turns"] + 1))))
+
+
+render_past_trails.once_a_turn = True  # type: ignore[attr-defined] # then it is over
+
+
+def render_trails(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the ways of the last turn as far as it is shown."""
+    motion = drawing_of(ctx).motion
+    share = float(data.get("_alpha", 1.0))
+    for moves in [motion.moves] if share < 1.0 else motion.past(1):
+        _draw_trails(ctx, moves, share, data["colors"], _TRAIL_ALPHA)
+
+
+def _draw_trails(ctx: IContext, moves: MovedAgents, share: float, colors: Mapping[str, Any], alpha: int) -> None:
+    by_color: dict[Any, list[list[tuple[float, float]]]] = {}
+    paths = moves.paths
+    ends = [(x, y) for x, y in moves.paths.at(share).tolist()]
+    for name, row in moves.rows.items():
+        if name in colors:
+            by_color.setdefault(rgba(colors[name]), []).append(paths.until(row, share, ends[row]))
+    for color, lines in by_color.items():
+        points = list(chain.from_iterable(lines))
+        offsets = np.cumsum([0, *map(len, lines)])
+        drawing_of(ctx).render_lines(points, offsets, (*color[:3], alpha), _TRAIL_PX)
