@@ -312,8 +312,8 @@ def give_way(games: GameColumns, w: EdgeMovers, game: int) -> int:
 
 def stay(games: GameColumns, w: EdgeMovers, row: int, i: int) -> int:
     """Undo the move of an agent: it stays at its node for the whole turn."""
-    w.movers.ends[row] = games.start[row]
-    begin(w.walks, i, games.start[row], -1, 0.0)
+    w.movers.ends[row] = games.node[row]
+    begin(w.walks, i, games.node[row], -1, 0.0)
     w.ahead[row] = -1
     w.covered[row] = 0.0
     return 0
@@ -337,10 +337,10 @@ def settle(games: GameColumns, w: EdgeMovers, game: int) -> int:
     """Undo the moves of agents that are held, and of those that rules have placed elsewhere since they decided."""
     for i in range(games.agents):
         row = game * games.agents + i
-        if moves.is_put(games, w.movers, row, i):
+        is_put = moves.is_put(games, w.movers, row, i)
+        if is_put:
             moves.put(games, w.movers, row)
-            stay(games, w, row, i)
-        if w.movers.held[row] or not games.alive[row]:
+        if is_put or moves.is_stopped(games, w.movers, row, i):
             stay(games, w, row, i)
         moves.leave_or_join(games, w.movers, row)
     return 0
@@ -355,6 +355,8 @@ def move(games: GameColumns, w: EdgeMovers, game: int) -> int:
         if w.movers.part_of[i] == part:
             games.edge[row] = w.ahead[row]
             games.share[row] = w.covered[row]
+            if w.movers.went[row] != games.node[row]:  # a rule has put it there
+                w.walks.times[i * w.walks.most] = 1.0
             if w.movers.parts > 1 and w.walks.lengths[i] > 1:
                 go_in_part(w.walks, i, part, w.movers.parts)
             if w.walks.keeps:

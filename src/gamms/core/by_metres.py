@@ -101,8 +101,9 @@ def is_there(games: GameColumns, t: MetreMovers, game: int, i: int) -> bool:
 
 
 def set_out(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
-    """Start the turn of an agent at its position."""
-    moves.set_out(games, t.movers, row)
+    """Start the turn of an agent at its position, or a later part of it."""
+    if t.movers.part[row // games.agents] == 0:
+        moves.set_out(games, t.movers, row)
     t.drawn[row] = 0
     begin(games, t, row, i)
     t.starts[row] = place_of(t, i)
@@ -249,10 +250,11 @@ def settle(games: GameColumns, t: MetreMovers, game: int) -> int:
         row = game * games.agents + i
         share = t.trips.begins[i * t.trips.most]
         has_left_edge = t.trips.legs[i] > 0 and 0.0 < share < 1.0 and games.edge[row] < 0
+        has_left_edge = has_left_edge and t.movers.part_of[i] >= t.movers.part[game]
         is_put = moves.is_put(games, t.movers, row, i) or has_left_edge
         if is_put:
             moves.put(games, t.movers, row)
-        if is_put or t.movers.held[row] or not games.alive[row]:
+        if is_put or moves.is_stopped(games, t.movers, row, i):
             stay(games, t, row, i)
             t.starts[row] = place_of(t, i)
             t.ends[row] = place_of(t, i)
@@ -268,6 +270,8 @@ def move(games: GameColumns, t: MetreMovers, game: int) -> int:
         row = game * games.agents + i
         if t.movers.part_of[i] == part:
             go(games, t, row, i)
+            if t.movers.went[row] != games.node[row]:  # a rule has put it there
+                t.trips.times[i * (t.trips.most + 1)] = 1.0
             if t.movers.parts > 1 and t.trips.legs[i] > 0:
                 travel.go_in_part(t.trips, i, part, t.movers.parts)
             if t.keeps:

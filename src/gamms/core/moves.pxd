@@ -60,6 +60,8 @@ cdef int block(OneEdgeMovers m, i64 row, i64 wanted) except -1 nogil
 @cython.locals(i=i64, row=i64)
 cpdef int settle(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
 cdef bint is_put(GameColumns games, OneEdgeMovers m, i64 row, i64 i) except -1 nogil
+cdef bint is_stopped(GameColumns games, OneEdgeMovers m, i64 row, i64 i) except -1 nogil
+@cython.locals(part=i64)
 cdef int put(GameColumns games, OneEdgeMovers m, i64 row) except -1 nogil
 cdef int leave_or_join(GameColumns games, OneEdgeMovers m, i64 row) except -1 nogil
 @cython.locals(i=i64, row=i64)
@@ -71,5 +73,5 @@ cdef int end_part(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
 cdef class PartPaths(AgentPaths):
     cdef OneEdgeMovers movers
 
-    @cython.locals(agent=i64, row=i64, place=i64, part=i64)
+    @cython.locals(agent=i64, row=i64, place=i64, part=i64, is_put=bint)
     cdef int fill(self, GameColumns games, i64 game) except -1 nogil

@@ -245,11 +245,18 @@ def is_put(games: GameColumns, m: OneEdgeMovers, row: int, i: int) -> bool:
     return m.part_of[i] >= m.part[row // games.agents] and games.node[row] != games.start[row]
 
 
+def is_stopped(games: GameColumns, m: OneEdgeMovers, row: int, i: int) -> bool:
+    """Return whether an agent that has not moved yet in this turn is held, or was eliminated."""
+    return m.part_of[i] >= m.part[row // games.agents] and (m.held[row] > 0 or not games.alive[row])
+
+
 def put(games: GameColumns, m: OneEdgeMovers, row: int) -> int:
-    """Set the start and the end of an agent's move to its current node."""
-    games.start[row] = games.node[row]
-    m.went[row] = games.node[row]
+    """Keep an agent on its current node, to which rules have put it; see `go` for its own part of a turn."""
+    part = m.part[row // games.agents]
     m.ends[row] = games.node[row]
+    if part == 0 or m.part_of[row % games.agents] > part or not m.takes_part[row]:
+        games.start[row] = games.node[row]
+        m.went[row] = games.node[row]
     return 0
 
 
@@ -272,8 +279,10 @@ def move(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
 
 
 def go(games: GameColumns, m: OneEdgeMovers, row: int) -> int:
-    """Move an agent to the end of its move."""
+    """Move an agent to the end of its move, unless a rule has put it elsewhere in a later part of the turn, its own."""
     games.placed[row] = 0
+    if games.node[row] != games.start[row]:
+        return 0
     m.went[row] = m.ends[row]
     if m.ends[row] != games.start[row]:
         games.previous[row] = games.start[row]
@@ -314,9 +323,10 @@ class PartPaths(AgentPaths):
             row = game * games.agents + agent
             place = 3 * agent
             part = self.movers.part_of[agent]
+            is_put = games.placed[row] > 0 or self.movers.went[row] != games.node[row]
             self.nodes[place] = games.node[row]
-            self.times[place] = 1.0 if games.placed[row] else 0.0
-            if not games.placed[row] and games.start[row] != games.node[row]:
+            self.times[place] = 1.0 if is_put else 0.0
+            if not is_put and games.start[row] != games.node[row]:
                 self.nodes[place] = games.start[row]
                 if part > 0:
                     place += 1

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableSequence, Sequence
 from copy import copy
 from functools import lru_cache
-from itertools import compress, count, repeat
+from itertools import chain, compress, count, repeat
 from operator import ne
 from typing import Any, TypeVar
 
@@ -363,26 +363,27 @@ class TurnMoves:
                 actions[i] = action._replace(path=path, times=scaled, legs=legs)
         return TurnMoves(self.order, self.starts, self.ends, actions)
 
-    def then(self, later: "TurnMoves", members: Sequence[int]) -> "TurnMoves":
-        """Return these moves combined with later moves of the slots `members`; both have the same order."""
+    def then(self, later: "TurnMoves", part: int) -> "TurnMoves":
+        """Return these moves combined with those of a later part of the turn; both have the same order."""
+        parts = later.order.parts
         starts = list(self.starts)
         ends = list(self.ends)
-        where = zip(later.starts, self.ends, strict=True)
-        was_put = [start != end for start, end in where]
-        theirs = [(i, later.actions[i]) for i in members if i in later.actions]
-        acting = {i: action for i, action in theirs if not (was_put[i] and _just_stays(action))}
-        actions = {**self.actions, **acting}
-        for i, (start, end) in enumerate(zip(later.starts, later.ends, strict=True)):
-            if start != end or i in acting:
-                if was_put[i]:  # before it moved
-                    action, starts[i] = later.actions[i], start
-                    actions[i] = action._replace(path=action.path[1:] or action.path, times=action.times[1:])
-                ends[i] = end
+        actions = dict(self.actions)
+        for i in parts[part].members:
+            action = later.actions.get(i)
+            if later.starts[i] != ends[i]:  # a rule has put it there in its part of the turn, and it gave up its move
+                actions.pop(i, None)
+                action = action and action._replace(end=ends[i], path=(ends[i],), times=())
+            else:
+                ends[i] = later.ends[i]
+            if action is not None:
+                actions[i] = action
+        for i in chain.from_iterable(one.members for one in parts[part + 1 :]):
+            action = later.actions.get(i)
+            if action is None or not action.legs:  # it does not stand on an edge any more, if it did
+                actions.pop(i, None)
+            starts[i] = ends[i] = later.starts[i]
         return TurnMoves(self.order, starts, ends, actions)
-
-
-def _just_stays(action: ResolvedAction) -> bool:
-    return action == ResolvedAction(action.end, (action.end,), times=action.times)
 
 
 def _moves(leg: Leg) -> bool:

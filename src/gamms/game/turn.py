@@ -317,7 +317,7 @@ class TurnEngine:
             if self._state.over is None:
                 self._state.moves = turn  # for those that decide now
                 later = self._play_part(self.order(), number, observers, rules).between(number, parts)
-                turn = turn.on(later.order).then(later, later.order.parts[number].members)
+                turn = turn.on(later.order).then(later, number)
         return turn
 
     def _play_part(self, order: TurnOrder, number: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:

@@ -480,7 +480,8 @@ class GamesOnOneMap:
             if part is None:
                 turn.paths = self.core.paths(games)
             elif self.core.courses is not None:
-                turn.paths = self.core.courses.paths(games, turn.starts, turn.took_part)
+                acting = turn.took_part & (self.core.part_of == part)
+                turn.paths = self.core.courses.paths(games, turn.starts, acting, turn.took_part & ~acting)
         turn._lock()
         try:
             form(turn)

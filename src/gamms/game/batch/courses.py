@@ -127,15 +127,23 @@ class EdgeCourses:
         most = int(self._lengths.max(initial=1))
         return [self._lengths, self._nodes[..., :most], self._times[..., :most]]
 
+    def note_places(self) -> None:
+        """Do nothing: agents stand on nodes; see `MetreCourses`."""
+
+    def standing(self, game: int, agents: IntArray) -> dict[int, Progress]:  # noqa: ARG002 - as by metres
+        """Return nothing: agents stand on nodes."""
+        return {}
+
     def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
-        """Return what agents did that did more than to go along one edge, by their places among these."""
+        """Return what agents did that did more than to go along one edge, by their places among these; -1: nobody."""
         nodes, lengths = self._nodes[game, agents], self._lengths[game, agents]
         ahead, covered, ids = self._ahead[game, agents], self._covered[game, agents], self._by.streets.ids
         has_gone_far = (lengths > 2) | ((lengths == 2) & (nodes[:, 0] == nodes[:, 1]))  # or along a loop
         if not self._are_at_once:
             has_gone_far = lengths > 1
+        is_acting = agents >= 0
         found = {}
-        for place in np.flatnonzero(has_gone_far | (ahead >= 0)).tolist():
+        for place in np.flatnonzero(is_acting & (has_gone_far | (ahead >= 0))).tolist():
             path = ids(nodes[place, : lengths[place]]).tolist()
             times = () if self._are_at_once else tuple(self._times[game, agents[place], : lengths[place]].tolist())
             progress = None
@@ -144,7 +152,13 @@ class EdgeCourses:
             found[place] = ResolvedAction(path[-1], tuple(path), times=times, progress=progress)
         return found
 
-    def paths(self, games: IntArray, starts: IntArray, took_part: BoolArray) -> Paths:
+    def paths(
+        self,
+        games: IntArray,
+        starts: IntArray,
+        took_part: BoolArray,
+        standing: BoolArray | None = None,  # noqa: ARG002 - as by metres
+    ) -> Paths:
         """Return the paths of agents; those that did not take part are where they start."""
         lengths = np.where(took_part, self._lengths[games], 1)
         most = int(lengths.max(initial=1))
@@ -169,6 +183,7 @@ class MetreCourses:
         self._by = by
         self._part_of = part_of
         self._shape = shape
+        self.note_places()
         self._trips = TurnPaths(shape[0] * shape[1], most, 0)
         self._trips.passed[:] = 1
         self._trips.edge[:] = -1
@@ -192,11 +207,20 @@ class MetreCourses:
         each = [trips.node, trips.edge, trips.share, trips.motion, trips.legs, trips.passed]
         return [*each, *of_legs, trips.nodes[:, :passed], trips.times[:, :passed]]
 
+    def note_places(self) -> None:
+        """Note the positions of agents that are about to move."""
+        self._here = self._by.edge.copy(), self._by.share.copy(), self._by.motion.copy()
+
+    def standing(self, game: int, agents: IntArray) -> dict[int, Progress]:
+        """Return the noted positions on edges of agents of a game, by their places among these; -1: nobody."""
+        edge, share, motion = (column[game, agents] for column in self._here)
+        return self._by.progress(np.where(agents < 0, -1, edge), share, motion)
+
     def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
-        """Return what agents did that went along edges, or stood there, by their places among these."""
+        """Return what agents did that went along edges, or stood there, by their places among these; -1: nobody."""
         trips, rows = self._trips, game * self._shape[1] + agents
         found = {}
-        for place in np.flatnonzero(trips.legs[rows]).tolist():
+        for place in np.flatnonzero((agents >= 0) & (trips.legs[rows] > 0)).tolist():
             row, begun = int(rows[place]), None
             share = float(trips.begins[row, 0])
             if 0.0 < share < 1.0:
@@ -205,22 +229,37 @@ class MetreCourses:
             found[place] = trips.ended(row, self._ids, self._edge_ids, begun)
         return found
 
-    def paths(self, games: IntArray, starts: IntArray, took_part: BoolArray) -> Paths:
-        """Return the paths of agents, with nodes to which they came back; those that did not take part stay."""
+    def paths(
+        self, games: IntArray, starts: IntArray, took_part: BoolArray, standing: BoolArray | None = None
+    ) -> Paths:
+        """Return the paths of agents, with nodes to which they came back; those that did not take part stay.
+
+        Args:
+            games: the numbers of the games.
+            starts: (games, agents) where agents were before.
+            took_part: (games, agents) whose paths were kept.
+            standing: (games, agents) where agents are about to move, those that stand in this part of the turn; None:
+                agents have moved.
+        """
         trips = self._trips
         rows = games[:, None] * self._shape[1] + np.arange(self._shape[1])
-        counts = np.where(took_part, trips.legs[rows], 0)
+        stands = np.zeros_like(took_part) if standing is None else standing & (self._here[0][games] >= 0)
+        place, share, _ = (column[games][stands] for column in self._here)
+        counts = np.where(stands, 1, np.where(took_part, trips.legs[rows], 0))
         most = int(counts.max(initial=0))
         is_leg = np.arange(most) < counts[..., None]
         edge = np.where(is_leg, trips.edges[rows, :most], -1)
+        edge[stands, :1] = place[:, None]
         back = self._by.backs(edge)
         parts = [
             np.where(is_leg, one[rows, :most], 0.0) for one in (trips.begins, trips.ends, trips.since, trips.until)
         ]
+        for part, values in zip(parts, (share, share, 0.0, 1.0), strict=True):
+            part[stands, 0:1] = np.reshape(values, (-1, 1))
         legs = Legs(edge, back, *parts)
         arrives = is_leg & ((legs.end == 0.0) | (legs.end == 1.0))
         stays = np.asarray((edge < 0).all(axis=-1))
-        waits = (self._part_of > 0) & ~stays
+        waits = (self._part_of > 0) & ~stays & (standing is None)
         if most:
             waits &= (legs.begin[..., 0] == 0.0) | (legs.begin[..., 0] == 1.0)
         lengths = 1 + waits + arrives.sum(axis=-1)
@@ -234,7 +273,8 @@ class MetreCourses:
         if waits.any():
             times[..., 1] = np.where(waits, legs.since[..., 0], times[..., 1])
         end = np.where(took_part, trips.edge[rows], -1)
-        motion = np.where(end >= 0, trips.motion[rows], int(Motion.STOPPED))
+        end[stands] = place
+        motion = np.where(took_part & (end >= 0), trips.motion[rows], int(Motion.STOPPED))
         found = _paths(nodes, times, lengths, starts)
         return found._replace(legs=legs, edge=end, motion=motion, stays=stays, waits=waits, rests=end < 0)
 

@@ -241,9 +241,6 @@ class Cursor:
 
     Attributes:
         functions: the plain functions that are called.
-
-    Raises:
-        NotInCore: functions are called while agents move, when the context cannot be pointed at a game.
     """
 
     _has_begun = False
@@ -262,7 +259,6 @@ class Cursor:
         *,
         has_array_functions: bool,
     ) -> None:
-        _refuse_calls_while_moving(game, state)
         parts = game.internals.parts
         self._game = game
         self._observing_names = {state.roster.names[number] for number in (*asked, *observing)}
@@ -634,11 +630,16 @@ class Cursor:
         order = self._order_of(np.ascontiguousarray(took_part[self._pointed.numbers]).tobytes())
         ids, courses = self._state.streets.ids, self._core.courses
         numbers = np.flatnonzero(took_part)
-        actions = {} if courses is None else courses.actions(self._number, numbers)
+        acting = numbers
+        if self._part is not None:  # the others stay where they are
+            acting = np.where(self._core.part_of[numbers] == self._part, numbers, -1)
+        actions = {} if courses is None else courses.actions(self._number, acting)
         first = ids(starts[took_part]).tolist()
+        if courses is not None and self._part is not None:
+            for place, progress in courses.standing(self._number, np.where(acting < 0, numbers, -1)).items():
+                actions[place] = self._turns.travel.stay(progress, first[place])
         if self._state.flights is not None:
-            moving = np.where((self._part is None) | (self._core.part_of[numbers] == self._part), numbers, -1)
-            actions |= self._state.flights.actions(self._number, moving, first)
+            actions |= self._state.flights.actions(self._number, acting, first)
         moves = TurnMoves(order, first, ids(ends[took_part]).tolist(), actions)
         if self._state.deed_log is not None:
             for number, deeds in self._state.deed_log.plain_of(self._number).items():
@@ -1194,11 +1195,3 @@ def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
         for name in called_each_turn(agent)
     )
     return next(chain(rules, deciders, collectors, sensors), None)
-
-
-def _refuse_calls_while_moving(game: PlayedGame, state: GameArrays) -> None:
-    """Refuse functions that are called when some agents have moved in a turn, and others have not."""
-    is_in_parts = game.settings()["order"] is not None and len(state.movement.remembers) > 0
-    if is_in_parts and acts_before_moves(game):
-        first = first_called(game, state.roster) or "an array rule of the phase 'deeds'"
-        raise NotInCore(f"{first}, before agents with speeds move in an order of play")

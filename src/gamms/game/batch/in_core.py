@@ -457,6 +457,8 @@ class CoreGames:
     def note_places(self) -> None:
         """Note where agents are that are about to move."""
         self._here = self._state.node.copy()
+        if self.courses is not None:
+            self.courses.note_places()
 
     def next_moves(self, games: IntArray, part: int) -> tuple[IntArray, IntArray, BoolArray]:
         """Return the same of agents that are about to move in a part of the turn."""

@@ -92,12 +92,16 @@ class MetricMovement(Movement):
 
     def on_edges(self, game: int, node: IntArray) -> dict[int, Progress]:  # noqa: ARG002 - as `Movement`
         """Return where on edges agents of a game are, by their numbers."""
-        agents = np.flatnonzero(self.edge[game] >= 0)
-        columns, edges = self.columns, self.edge[game, agents]
+        return self.progress(self.edge[game], self.share[game], self.motion[game])
+
+    def progress(self, edge: IntArray, share: FloatArray, motion: IntArray) -> dict[int, Progress]:
+        """Return the positions of agents on edges, by their places; edges of -1 are nodes."""
+        places = np.flatnonzero(edge >= 0)
+        columns, edges = self.columns, edge[places]
         ends = columns.node_ids[columns.sources[edges]], columns.node_ids[columns.targets[edges]]
-        each = (*ends, self.share[game, agents], columns.edge_ids[edges], self.motion[game, agents])
+        each = (*ends, share[places], columns.edge_ids[edges], motion[places])
         found = zip(*(one.tolist() for one in each), strict=True)
-        return {agent: Progress(*one) for agent, one in zip(agents.tolist(), found, strict=True)}
+        return {place: Progress(*one) for place, one in zip(places.tolist(), found, strict=True)}
 
     def take_out(self, games: IntArray, agents: IntArray) -> None:
         """Let agents that are out of the game be where they are."""
