@@ -41,6 +41,8 @@ cpdef int begin(EdgePaths walks, i64 i, i64 node, i64 ahead, double covered) exc
 cdef bint is_next(LegalMoves streets, i64 node, i64 other) except -1 nogil
 @cython.locals(node=i64, place=i64)
 cpdef Py_ssize_t list_legal(EdgePaths walks, i64 i) except -1 nogil
+@cython.locals(used=i64, i=i64, count=i64, place=i64)
+cpdef Py_ssize_t list_each(EdgePaths walks, i64 first, i64[::1] found, i64[::1] counts) except -1 nogil
 cdef double whole_edges(double budget) except? -1.0 nogil
 @cython.locals(number=i64, at=i64, place=i64, other=i64)
 cdef int list_within(EdgePaths walks, i64 node, double hops) except -1 nogil

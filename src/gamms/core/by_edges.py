@@ -130,6 +130,24 @@ def list_legal(walks: EdgePaths, i: int) -> int:
     return walks.reach.found
 
 
+def list_each(walks: EdgePaths, first: int, found: memoryview[int], counts: memoryview[int]) -> int:
+    """List the legal nodes of each agent from number `first` on; return the first agent whose nodes did not fit.
+
+    The nodes are written one after the other to `found`, the number of nodes of each agent to `counts`.
+    """
+    used = 0
+    for i in range(first, len(counts)):
+        begin(walks, i, walks.nodes[i * walks.most], walks.ahead[i], walks.covered[i])
+        count = list_legal(walks, i)
+        if used + count > len(found):
+            return i
+        for place in range(count):
+            found[used + place] = walks.reach.nodes[place]
+        counts[i] = count
+        used += count
+    return len(counts)
+
+
 def whole_edges(budget: float) -> float:
     """Return the number of whole edges within a budget, up to rounding errors."""
     return floor(budget * (1.0 + travel.SLACK))

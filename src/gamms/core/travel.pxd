@@ -151,5 +151,5 @@ cpdef int backs(RoadEdges roads, const i64[::1] edges, i64[::1] found) except -1
 cpdef Py_ssize_t reach_each(
     RoadEdges roads, ReachSearch reach, i64 first, const i64[::1] node, const i64[::1] edge, const double[::1] share,
     const i64[::1] motion, const double[::1] speed, const double[::1] now, bint goes_on,
-    i64[::1] found, double[::1] times, i64[::1] counts
+    i64[::1] found, i64[::1] counts
 ) except -1 nogil

@@ -987,13 +987,11 @@ def reach_each(
     now: memoryview[float],
     goes_on: bool,
     found: memoryview[int],
-    times: memoryview[float],
     counts: memoryview[int],
 ) -> int:
-    """Find the legal nodes of each agent from number `first` on; return the first agent that did not fit.
+    """List the legal nodes of each agent from number `first` on; return the first agent whose nodes did not fit.
 
-    The agents' columns are as in `reachable`. The nodes and times of all agents are written one after the other to
-    `found` and `times`, the number of nodes of each agent to `counts`.
+    The agents' columns are as in `reachable`; `found` and `counts` are as in `by_edges.list_each`.
     """
     used = 0
     for number in range(first, len(node)):
@@ -1004,7 +1002,6 @@ def reach_each(
             return number
         for place in range(count):
             found[used + place] = reach.nodes[place]
-            times[used + place] = reach.times[place]
         counts[number] = count
         used += count
     return len(node)

@@ -7,8 +7,8 @@ and `one_by_one.py` plays one game after the other. Both ways give the same game
 
 `state.py` holds the state of a batch, `columns.py` its agents and logs, `scores.py` the scores, `initial_state.py` the
 state of the first turn, and `own_functions.py` strategies that differ between games. Array rules get a turn
-(`turn.py`), array strategies and observers a view (`view.py`). `movement.py`, `by_edges.py` and `travel.py` (with
-`reach.py`) find legal moves, `sensing.py` the agents and nodes that sensors show, `vectors.py` observations as numbers,
+(`turn.py`), array strategies and observers a view (`view.py`). `movement.py`, `by_edges.py` and `travel.py` find
+legal moves, `sensing.py` the agents and nodes that sensors show, `vectors.py` observations as numbers,
 `routes.py` distances, `roads.py` closed roads, `flows.py` diffusion; `deeds.py` and `channels.py` check deeds and
 messages, `given.py` actions from outside. `forms.py` has the declarations of strategies; `array_functions.py` declares
 array functions, and calls them in games that are played alone.

@@ -15,10 +15,9 @@ from gamms.game.batch.flights import poses_in, starts_above
 from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.in_core import CoreColumns
 from gamms.game.batch.movement import AnyNodeMovement, Legs, Movement, Paths
-from gamms.game.batch.reach import TravelTerms, seconds_of_turn
 from gamms.game.batch.scores import fits_float
 from gamms.game.batch.state import STOPPED, Arrays, GameArrays, NotInCore
-from gamms.game.batch.travel import MetricMovement
+from gamms.game.batch.travel import MetricMovement, TravelTerms, seconds_of_turn
 from gamms.game.moves import TurnMoves
 from gamms.game.settings import as_called
 from gamms.game.slots import COUNTED

@@ -1,7 +1,7 @@
 """Where actions lead in many games at once: to nodes one edge away, or anywhere; see also `by_edges` and `travel`."""
 # ruff: noqa: ARG002 - a movement reads no arguments that only others need
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from functools import cached_property
 from typing import Any, NamedTuple, Self
@@ -22,6 +22,7 @@ STOP = (1 << 32) - 1  # the action of stopping where one is, in games by metres
 AIMS = 1 << 32  # actions from here on are no numbers of legal nodes, but lead towards nodes; see `towards`
 LIMITED = 2  # how many `AIMS` an action has from where on the rest says how many nodes of the way are gone to
 _MOST_ACTIONS = 4096  # that masks and vectors have
+_ROOM = 1 << 12  # nodes that the core lists at once, besides those of one agent
 
 
 class Places(NamedTuple):
@@ -78,9 +79,6 @@ class Paths(NamedTuple):
 
 class Movement:
     """Agents that go along one edge in a turn, or stay.
-
-    Where agents may go is a *choice* of legal nodes, which has a number: here that of the node where they are. A batch
-    asks for the numbers of the choices of agents, and what is in them.
 
     Args:
         streets: of the map.
@@ -184,15 +182,6 @@ class Movement:
         """Let agents that are out of the game be where they count as being."""
         self.clear(games, agents)
 
-    def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
-        """Return the numbers of the choices of agents that are on these nodes.
-
-        Args:
-            node: rows.
-            which: the games and the agents, by their numbers in the batch and in the roster, that broadcast with them.
-        """
-        return node if self.roads is None else self.roads.tables.first[which[0]] + node
-
     def are_plain(self, agents: IntArray) -> bool:
         """Whether to some agents, by their numbers in the roster, what `streets` has is legal, whatever the game."""
         return self.is_plain and self.roads is None
@@ -201,31 +190,38 @@ class Movement:
         """Return where agents are whose last nodes these are."""
         return Places(np.full((*node.shape, 3), -1), np.zeros(node.shape), self.streets.columns.xy[node])
 
-    def counts(self, choices: IntArray) -> IntArray:
-        """Return how many nodes are legal."""
-        if self.roads is None:
-            return self.streets.counts_of(choices).astype(np.int64)
-        offsets = self.roads.tables.offsets
-        found: IntArray = offsets[choices + 1] - offsets[choices]
-        return found
+    def counts(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the number of legal nodes of agents.
 
-    def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
-        """Return the rows of legal nodes by their numbers."""
+        Args:
+            node: the rows of their nodes.
+            which: the numbers of their games and their numbers in the roster, which broadcast with `node`.
+        """
         if self.roads is None:
-            return self.streets.ends_of(choices, actions)
+            return self.streets.counts_of(node).astype(np.int64)
         tables = self.roads.tables
-        found: IntArray = tables.targets[tables.offsets[choices] + actions]
+        places = tables.first[which[0]] + node
+        found: IntArray = tables.offsets[places + 1] - tables.offsets[places]
         return found
 
-    def legal(self, choices: IntArray) -> tuple[IntArray, BoolArray]:
-        """Return the rows of all legal nodes, with one axis more, and which of them count."""
-        counts = self.counts(choices)[..., None]
-        columns = np.arange(int(counts.max(initial=1)))
-        return self.nodes(choices[..., None], np.minimum(columns, counts - 1)), columns < counts
+    def legal(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, BoolArray]:
+        """Return the rows of the legal nodes of agents, with one axis more, and a mask of valid entries; see `counts`.
 
-    def action_to(self, choices: IntArray, targets: IntArray) -> IntArray:
-        """Return the numbers of legal nodes, by rows; -1 where one is not legal."""
-        nodes, is_legal = self.legal(choices)
+        Other entries are the nodes of the agents.
+        """
+        counts = self.counts(node, which)[..., None]
+        columns = np.arange(int(counts.max(initial=1)))
+        is_legal = columns < counts
+        actions = np.where(is_legal, columns, 0)
+        if self.roads is None:
+            return self.streets.ends_of(node[..., None], actions), is_legal
+        tables = self.roads.tables
+        first = tables.offsets[tables.first[which[0]] + node]
+        return tables.targets[first[..., None] + actions], is_legal
+
+    def action_to(self, node: IntArray, which: tuple[IntArray, IntArray], targets: IntArray) -> IntArray:
+        """Return the numbers of the legal nodes with the rows `targets`; -1 if one is not legal."""
+        nodes, is_legal = self.legal(node, which)
         matches = (nodes == targets[..., None]) & is_legal
         return np.where(matches.any(axis=-1), matches.argmax(axis=-1), -1)
 
@@ -269,14 +265,10 @@ class MovementOnMaps(Movement):
         self._counts = np.concatenate([one.streets.counts for one in movements])
         self._first = np.cumsum([0, *(one.streets.num_nodes for one in movements)])
 
-    def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
-        """Return the numbers of the choices of agents."""
-        found: IntArray = self._first[self._map_of[which[0]]] + node
+    def counts(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the number of legal nodes of agents."""
+        found: IntArray = self._counts[self._first[self._map_of[which[0]]] + node]
         return found
-
-    def counts(self, choices: IntArray) -> IntArray:
-        """Return how many nodes are legal."""
-        return self._counts[choices]
 
 
 class AnyNodeMovement(Movement):
@@ -284,28 +276,96 @@ class AnyNodeMovement(Movement):
 
     is_plain = False
 
-    def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
-        """Return the numbers of the choices of agents: those of their nodes, whatever roads are open."""
-        return node
-
     def most_legal(self, limit: int) -> int:
         """Return how many nodes there are."""
         return len(self.streets.counts)
 
-    def counts(self, choices: IntArray) -> IntArray:
-        """Return how many nodes are legal."""
-        return np.full(choices.shape, len(self.streets.counts))
+    def counts(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the number of legal nodes of agents: of all nodes."""
+        return np.full(node.shape, len(self.streets.counts))
 
-    def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
-        """Return the rows of legal nodes: the own one, then the others."""
-        return np.where(actions == 0, choices, actions - (actions <= choices))
+    def legal(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, BoolArray]:
+        """Return the rows of the legal nodes of agents: their own node, then the others."""
+        actions = np.arange(len(self.streets.counts))
+        here = node[..., None]
+        found = np.where(actions == 0, here, actions - (actions <= here))
+        return found, np.ones(found.shape, np.bool_)
 
-    def action_to(self, choices: IntArray, targets: IntArray) -> IntArray:
-        """Return the numbers of legal nodes, by rows."""
-        return np.where(targets == choices, 0, targets + (targets < choices))
+    def action_to(self, node: IntArray, which: tuple[IntArray, IntArray], targets: IntArray) -> IntArray:
+        """Return the numbers of the legal nodes with the rows `targets`."""
+        return np.where(targets == node, 0, targets + (targets < node))
 
     def towards(
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None = None
     ) -> IntArray:
         """Return the actions that lead to nodes, which are all legal."""
-        return self.action_to(node, targets)
+        return self.action_to(node, which, targets)
+
+
+ListLegal = Callable[[int, memoryview, memoryview], int]
+"""Lists legal nodes in the core; see `PacedMovement._listed`."""
+
+
+class PacedMovement(Movement):
+    """Agents whose legal nodes depend on their speeds and their positions on edges; the core lists these nodes.
+
+    Args:
+        streets, whole, closed: see `Movement`.
+        paces: (agents,) the speeds of the agents of the roster; NaN: along one edge.
+
+    Attributes:
+        paces: see the argument.
+    """
+
+    is_plain, has_aims = False, True
+
+    def __init__(
+        self, streets: StreetGraph, paces: FloatArray, whole: StreetGraph | None, closed: ClosedEdges | None
+    ) -> None:
+        super().__init__(streets, whole, closed)
+        self.paces = paces
+        self._is_paced = ~np.isnan(paces)
+        self._room = np.empty(streets.num_nodes + _ROOM, np.int64)
+        self.begin((0, len(paces)))
+
+    def _listed(
+        self, number: int, list_from: Callable[[int, memoryview, memoryview], int]
+    ) -> tuple[IntArray, IntArray]:
+        """Return legal nodes of `number` agents, as their number for each agent, and rows in sequence.
+
+        `list_from(first, rows, counts)` writes both from an agent on, and returns the first one whose nodes did not
+        fit.
+        """
+        counts = np.zeros(number, np.int64)
+        parts = [np.zeros(0, np.int64)]
+        first = 0
+        while first < number:
+            last = list_from(first, self._room.data, counts.data)
+            parts.append(self._room[: counts[first:last].sum()].copy())
+            first = last
+        return counts, np.concatenate(parts)
+
+    def _of(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
+        """Return the legal nodes of agents as `_listed` does; the arguments are as in `counts`, and flat."""
+        raise NotImplementedError
+
+    def _flat(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
+        games, agents = (np.broadcast_to(one, node.shape).ravel() for one in which)
+        return self._of(node.ravel(), (games, agents))
+
+    def counts(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the number of legal nodes of agents."""
+        return self._flat(node, which)[0].reshape(node.shape)
+
+    def legal(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, BoolArray]:
+        """Return the rows of the legal nodes of agents, and a mask of valid entries."""
+        counts, listed = self._flat(node, which)
+        columns = np.arange(int(counts.max(initial=1)))
+        is_legal = columns < counts.reshape(*node.shape, 1)
+        found = np.repeat(node[..., None], len(columns), axis=-1)
+        found[is_legal] = listed
+        return found, is_legal
+
+    def are_plain(self, agents: IntArray) -> bool:
+        """Return whether agents have no speed, and are always on nodes."""
+        return not (self.leaves_nodes or self._is_paced[agents].any())

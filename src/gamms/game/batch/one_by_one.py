@@ -459,15 +459,13 @@ class TurnEngineMovement(Movement):
         if more > 0:
             self._nodes = np.pad(self._nodes, ((0, 0), (0, more)))
 
-    def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
-        """Return the numbers of the choices of agents."""
-        games, agents = which
-        return np.broadcast_to(games * self._agents + agents, node.shape)
-
-    def counts(self, choices: IntArray) -> IntArray:
+    def counts(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return how many nodes are legal."""
-        return self._count[choices]
+        return self._count[np.broadcast_to(which[0] * self._agents + which[1], node.shape)]
 
-    def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
-        """Return the rows of legal nodes by their numbers."""
-        return self._nodes[choices, actions]
+    def legal(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, BoolArray]:
+        """Return the rows of legal nodes, and which of them count."""
+        counts = self.counts(node, which)[..., None]
+        columns = np.arange(int(counts.max(initial=1)))
+        numbers = np.broadcast_to(which[0] * self._agents + which[1], node.shape)
+        return self._nodes[numbers[..., None], np.minimum(columns, counts - 1)], columns < counts

@@ -3,30 +3,59 @@
 `gamms.core.travel` says how each agent goes; here is what strategies of arrays decide, and the columns of games.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.core import travel as core
-from gamms.game.batch import reach
-from gamms.game.batch.movement import (
-    AIMS,
-    LIMITED,
-    STOP,
-    Movement,
-    Places,
-)
-from gamms.game.batch.reach import Choices, TravelTerms
+from gamms.game.batch.columns import PlayedGame
+from gamms.game.batch.movement import AIMS, LIMITED, STOP, PacedMovement, Places
 from gamms.game.streets import StreetGraph
-from gamms.game.travel import map_of
+from gamms.game.travel import ReachableNodes, map_of
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
+from gamms.kernels import buffer
+
+_AT_ONCE = 1 << 12  # nodes at which the most legal ones are looked for
 
 
-class MetricMovement(Movement):
+class TravelTerms(NamedTuple):
+    """By what agents travel.
+
+    Attributes:
+        weight: of the edges, by which they choose paths.
+        costs: (edges,) by that weight.
+        seconds: (edges,) that each takes at least; None: edges have no speed of their own.
+        turn_seconds: how long a turn lasts, in the time of speeds.
+        decides_at_arrivals: whether agents go on until they arrive, and decide there; see `arrivals`.
+    """
+
+    weight: str
+    costs: FloatArray
+    seconds: FloatArray | None
+    turn_seconds: float
+    decides_at_arrivals: bool = False
+
+    @classmethod
+    def of(cls, game: PlayedGame, streets: StreetGraph) -> "TravelTerms":
+        """Return those of a game by metres, on such streets."""
+        settings = game.settings()
+        weight, is_by_seconds = settings["weight"], settings["speed_unit"] == "metres_per_second"
+        costs = np.asarray(streets.weights(weight), np.float64)
+        seconds = costs if weight == "travel_time" and is_by_seconds else None
+        return cls(weight, costs, seconds, seconds_of_turn(settings) or 1.0, settings["decide"] == "arrival")
+
+
+def seconds_of_turn(settings: Mapping[str, Any]) -> float | None:
+    """Return how long a turn of a game lasts, in the time of speeds by metres; None: speeds count edges."""
+    lasts: dict[str, float | None] = {"edges": None, "metres": 1.0, "metres_per_second": settings["turn_seconds"]}
+    return lasts[settings["speed_unit"]]
+
+
+class MetricMovement(PacedMovement):
     """Agents that are anywhere on edges, and go as far in a turn as their speeds in metres say.
 
     Args:
@@ -43,7 +72,7 @@ class MetricMovement(Movement):
         now: (games,) of the turn, from 0 to 1: when the agents that are asked decide.
     """
 
-    is_plain, leaves_nodes, has_aims = False, True, True
+    leaves_nodes = True
     remembers = ("edge", "share", "motion")
     idle = STOP
 
@@ -55,14 +84,9 @@ class MetricMovement(Movement):
         whole: StreetGraph | None = None,
         closed: ClosedEdges | None = None,
     ) -> None:
-        super().__init__(streets, whole, closed)
+        paces = [np.nan if speed is None else speed for speed in speeds]
+        super().__init__(streets, np.array(paces, np.float64), whole, closed)
         self.terms, self.turn_seconds = terms, terms.turn_seconds
-        self._is_paced = np.array([speed is not None for speed in speeds], np.bool_)
-        self._speeds = np.array([1.0 if speed is None else speed for speed in speeds])
-        self.paces = np.where(self._is_paced, self._speeds, np.nan)
-        self._kinds, self._kind_of = np.unique(self.paces, return_inverse=True)
-        self._is_endless = np.isinf(self._kinds) & (terms.seconds is None)  # by which they go any distance in a turn
-        self.begin((0, len(speeds)))
 
     @cached_property
     def map(self) -> core.RoadEdges:
@@ -72,8 +96,8 @@ class MetricMovement(Movement):
         return map_of(columns, terms.costs, terms.seconds, terms.turn_seconds, leaving)
 
     @cached_property
-    def _choices(self) -> Choices:
-        return Choices(self.map, self.streets, self._kinds, goes_on=self.terms.decides_at_arrivals)
+    def _reach(self) -> ReachableNodes:
+        return ReachableNodes(self.streets.num_nodes)
 
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents, all of which are on nodes."""
@@ -115,36 +139,44 @@ class MetricMovement(Movement):
     @property
     def is_endless(self) -> bool:
         """Whether an agent goes any distance in a turn."""
-        return bool(self._is_endless.any())
+        return self.terms.seconds is None and bool(np.isinf(self.paces).any())
 
     # -- legal nodes ----------------------------------------------------------------------------------------------
 
-    def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
-        """Return the numbers of the choices of agents."""
-        edge, games = np.broadcast_to(self.on_edge(which), node.shape), np.broadcast_to(which[0], node.shape)
-        kind = np.broadcast_to(self._kind_of[which[1]], node.shape)
-        left = np.broadcast_to(1.0 - self.now[which[0]], node.shape)
-        found, on_node = np.zeros(node.shape, np.int64), np.nonzero(edge < 0)
-        found[on_node] = self._choices.on_nodes(node[on_node], kind[on_node], left[on_node])
-        on = np.nonzero(edge >= 0)
-        if len(on[0]):
-            which = games[on], np.broadcast_to(which[1], node.shape)[on]
-            speed, now = self._kinds[kind[on]], self.now[which[0]]
-            places = reach.Places(node[on], edge[on], self.share[which], self.motion[which], speed, now)
-            found[on] = self._choices.on_edges(places)
-        return found
+    def _of(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
+        games, agents = which
+        columns = self.on_edge(which), self.share[which], self.motion[which], self.paces[agents], self.now[games]
+        return self._legal_at(node, *columns)
 
-    def counts(self, choices: IntArray) -> IntArray:
-        """Return how many nodes are legal."""
-        return self._choices.counts(choices)
+    def _legal_at(
+        self, node: IntArray, edge: IntArray, share: FloatArray, motion: IntArray, speed: FloatArray, now: FloatArray
+    ) -> tuple[IntArray, IntArray]:
+        """Return the legal nodes of agents by their positions and speeds, as `_listed` does; see `core.reachable`."""
+        columns = [buffer(column) for column in (node, edge, share, motion, speed, now)]
+        roads, reach, goes_on = self.map, self._reach.core, self.terms.decides_at_arrivals
 
-    def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
-        """Return the rows of legal nodes by their numbers."""
-        return self._choices.nodes(choices, actions)
+        def list_from(first: int, rows: memoryview, counts: memoryview) -> int:
+            return core.reach_each(*[roads, reach, first, *columns, goes_on, rows, counts])
+
+        return self._listed(len(node), list_from)
 
     def most_legal(self, limit: int) -> int:
-        """Return how many nodes are legal at most."""
-        return self._choices.most(limit)
+        """Return how many nodes are legal at most: on an edge, fewer than from both its ends together."""
+        columns, most, nodes = self.streets.columns, 1, self.streets.num_nodes
+        for speed in np.unique(self.paces).tolist():
+            reached = list[set[int]]()
+            for first in range(0, nodes, _AT_ONCE):
+                here = np.arange(first, min(first + _AT_ONCE, nodes))
+                nothing = np.zeros(len(here))
+                edge, speeds = np.full(len(here), -1), np.full(len(here), speed)
+                counts, listed = self._legal_at(here, edge, nothing, nothing.astype(np.int64), speeds, nothing)
+                reached += [{*rows.tolist()} for rows in np.split(listed, np.cumsum(counts)[:-1])]
+                most = max(most, int(counts.max()))
+                if most > limit:
+                    return most
+            for source, target in zip(columns.sources.tolist(), columns.targets.tolist(), strict=True):
+                most = max(most, len(reached[source] | reached[target]))
+        return most
 
     # -- what strategies decide -----------------------------------------------------------------------------------
 
@@ -172,11 +204,11 @@ class MetricMovement(Movement):
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None
     ) -> IntArray:
         """Return targets that are legal, and of the others as far as the nodes of the shortest path are legal."""
-        choices, table, goes_on = self.choices(node, which), self.routes("length"), np.ones(len(node), np.bool_)
-        found = np.where(self.action_to(choices, targets) >= 0, targets, node)
+        table, goes_on = self.routes("length"), np.ones(len(node), np.bool_)
+        found = np.where(self.action_to(node, which, targets) >= 0, targets, node)
         while goes_on.any():
             ahead = table.following(found, targets)
-            goes_on &= (found != targets) & (self.action_to(choices, ahead) >= 0)
+            goes_on &= (found != targets) & (self.action_to(node, which, ahead) >= 0)
             goes_on &= True if allowed is None else allowed[ahead]
             found = np.where(goes_on, ahead, found)
         return found
@@ -186,7 +218,7 @@ class MetricMovement(Movement):
     ) -> IntArray:
         """Return the actions that lead to targets that are legal, and to others along nodes of the shortest path."""
         table, limit, at = self.routes("length"), np.zeros(len(node), np.int64), node
-        is_legal = self.action_to(self.choices(node, which), targets) >= 0
+        is_legal = self.action_to(node, which, targets) >= 0
         goes_on = ~is_legal & (node != targets)
         while goes_on.any():
             at = np.where(goes_on, table.following(at, targets), at)

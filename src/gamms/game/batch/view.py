@@ -103,17 +103,10 @@ class ArrayView(Mapping[str, Any]):
         return len(_VALUES)
 
     @property
-    def _choices(self) -> IntArray:
-        """The set of legal nodes of each agent, as an index that `movement` defines."""
-        if "all" not in self._known:
-            self._known["all"] = self._movement.choices(self.node, numbers_in(self, np.s_[:, :]))
-        return self._known["all"]
-
-    @property
     def counts(self) -> IntArray:
         """The number of legal nodes of each agent, including its own."""
         if "counts" not in self._known:
-            counts = self._movement.counts(self._choices)
+            counts = self._movement.counts(self.node, numbers_in(self, np.s_[:, :]))
             self._known["counts"] = counts if self._state.flights is None else np.where(self._in_air, 1, counts)
             if self._deeds is not None:  # a strategy must not write to it
                 self._known["counts"] = locked(self._known["counts"])
@@ -142,7 +135,7 @@ class ArrayView(Mapping[str, Any]):
         Args:
             which: an index of some agents of the view.
         """
-        rows, is_legal = self._movement.legal(self._choices[which])
+        rows, is_legal = self._movement.legal(self.node[which], numbers_in(self, which))
         if self._state.flights is None:
             return rows, is_legal
         is_legal[..., 1:] &= ~self._in_air[which][..., None]
@@ -182,7 +175,7 @@ class ArrayView(Mapping[str, Any]):
             UnknownName (KeyError): a node is not on the map.
         """
         wanted = self.streets.rows(as_array(nodes, "nodes", "integers", self.node.shape))
-        actions = self._movement.action_to(self._choices, wanted)
+        actions = self._movement.action_to(self.node, numbers_in(self, np.s_[:, :]), wanted)
         return actions if self._state.flights is None else np.where(self._in_air & (actions > 0), -1, actions)
 
     def towards(self, targets: IntArray, which: Any = np.s_[:, :], allowed: BoolArray | None = None) -> IntArray:
@@ -530,7 +523,7 @@ class ArrayView(Mapping[str, Any]):
             return self.counts
         which = np.nonzero(~leads_on)
         found = np.full(self.node.shape, np.iinfo(np.int64).max)
-        found[which] = self._movement.counts(self._movement.choices(self.node[which], numbers_in(self, which)))
+        found[which] = self._movement.counts(self.node[which], numbers_in(self, which))
         return found
 
 
