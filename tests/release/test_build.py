@@ -29,11 +29,11 @@ print(gamms.__file__, gamms.core.is_compiled, draws.first_key(1, 2), result.scor
 """
 
 
-def copy_to(folder):
+def copy_to(folder, root=ROOT):
     """Copy what GAMMS is built from, without what is built."""
     built = shutil.ignore_patterns("*.so", "*.pyd", "*.pyc", "__pycache__", "*.egg-info")
     for name in BUILT_FROM:
-        source = ROOT / name
+        source = root / name
         if source.is_dir():
             shutil.copytree(source, folder / name, ignore=built, copy_function=shutil.copy)
         else:
@@ -47,6 +47,16 @@ def checkout(tmp_path):
     folder = tmp_path / "checkout"
     folder.mkdir()
     return copy_to(folder)
+
+
+@pytest.fixture
+def small_core(checkout):
+    """A checkout whose core is two small modules, which are soon compiled."""
+    for path in (checkout / "src/gamms/core").glob("*.pxd"):
+        if path.stem not in {"__init__", "block", "copies"}:
+            path.unlink()
+            path.with_suffix(".py").unlink()
+    return checkout
 
 
 def run(*command, folder, **environment):
@@ -155,27 +165,26 @@ def test_ziglang_is_asked_for_where_no_compiler_works_and_it_can_be_had(checkout
 
 
 @needs_compiler
-def test_all_modules_are_compiled_or_none(checkout, tmp_path):
-    wheel, said = wheel_of(checkout, tmp_path / "out", CC=quick_compiler(tmp_path, but_for="draws"))
+def test_all_modules_are_compiled_or_none(small_core, tmp_path):
+    wheel, said = wheel_of(small_core, tmp_path / "out", CC=quick_compiler(tmp_path, but_for="copies"))
     assert "gamms: the core could not be compiled; it runs interpreted: the same games, slower" in said
     assert wheel.name.endswith("-py3-none-any.whl")
-    assert files_of(wheel) == sources_of(checkout)
+    assert files_of(wheel) == sources_of(small_core)
 
 
 @needs_compiler
-@pytest.mark.slow
-def test_two_builds_in_two_folders_are_the_same_bytes(checkout, tmp_path):
+def test_two_builds_in_two_folders_are_the_same_bytes(small_core, tmp_path):
     compiler = quick_compiler(tmp_path)
-    first, _ = wheel_of(checkout, tmp_path / "out", CC=compiler)
+    first, _ = wheel_of(small_core, tmp_path / "out", CC=compiler)
     assert first.name.endswith(".whl")
     assert "-cp311-abi3-" in first.name
-    built = {name.partition(".abi3")[0] for name in files_of(first) - sources_of(checkout)}
-    assert built == modules_of(checkout)
+    built = {name.partition(".abi3")[0] for name in files_of(first) - sources_of(small_core)}
+    assert built == modules_of(small_core)
     before = os.umask(0o077)
     try:
         other = tmp_path / "another folder"
         other.mkdir()
-        copy_to(other)
+        copy_to(other, small_core)
     finally:
         os.umask(before)
     for leftover in ("build/lib.of_another_machine", "src/gamms/core"):
@@ -186,12 +195,12 @@ def test_two_builds_in_two_folders_are_the_same_bytes(checkout, tmp_path):
 
 
 @needs_compiler
-def test_a_build_in_place_that_fails_leaves_no_module_of_an_earlier_one(checkout):
-    for name in modules_of(checkout):
-        for folder in (checkout / "src/gamms", checkout / "out/gamms"):
+def test_a_build_in_place_that_fails_leaves_no_module_of_an_earlier_one(small_core):
+    for name in modules_of(small_core):
+        for folder in (small_core / "src/gamms", small_core / "out/gamms"):
             (folder / "core").mkdir(parents=True, exist_ok=True)
             (folder / f"{name}.abi3.so").write_text("of an earlier build")
     options = ["--inplace", "--build-lib=out", "--compiler=none"]
-    said = run(sys.executable, "setup.py", "build_ext", *options, folder=checkout)
+    said = run(sys.executable, "setup.py", "build_ext", *options, folder=small_core)
     assert "gamms: the core could not be compiled" in said
-    assert not list(checkout.rglob("*.so"))
+    assert not list(small_core.rglob("*.so"))
