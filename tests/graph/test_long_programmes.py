@@ -176,20 +176,9 @@ def test_a_table_too_large_for_eager_values_gives_the_same(graph, model, monkeyp
     programme.look_at_all()
 
 
-@pytest.mark.parametrize("share", [2, 1000])
-def test_neighbours_read_from_arrays_are_those_looked_up_one_by_one(graph, model, monkeypatch, share):
-    monkeypatch.setattr(store, "_FEW", 3)
-    monkeypatch.setattr(store, "_SHARE", share)
-    programme = LongProgramme(graph, model(), seed=share)
-    for _ in range(200):
-        programme.step(PROGRAMMES["everything"] | {"look": 10})
-    programme.look_at_all()
-
-
 @pytest.mark.parametrize("most", [1, 10])
 def test_neighbours_in_a_graph_too_large_to_keep_them_all_are_the_same(graph, model, monkeypatch, most):
     monkeypatch.setattr(store, "_MOST_NEIGHBORHOODS", most)
-    monkeypatch.setattr(store, "_MANY", 5)
     programme = LongProgramme(graph, model(), seed=most)
     for _ in range(300):
         programme.step(PROGRAMMES["everything"] | {"look": 10})

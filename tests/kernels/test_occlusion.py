@@ -24,7 +24,6 @@ def is_blocked(origin, target, face):
     one = [np.array([value], np.float64) for value in (origin, target, face)]
     blocked = bool(kernels.blocks(*one)[0])
     assert kernels.visible(one[2], one[0][0], one[1]).tolist() == [not blocked]
-    assert kernels.visible_pairs(one[2], one[0], one[1]).tolist() == [not blocked]
     return blocked
 
 
@@ -243,7 +242,6 @@ def test_the_fast_form_answers_as_the_exact_test_over_all_pairs(scene, shift):
     corners, origin, targets = (np.nan_to_num(array + there, posinf=1.0, neginf=1.0) for array in scene)
     expected = by_brute_force(corners, origin, targets).tolist()
     assert kernels.visible(corners, origin, targets).tolist() == expected
-    assert kernels.visible_pairs(corners, np.broadcast_to(origin, targets.shape), targets).tolist() == expected
     is_asked = np.arange(2 * len(targets)).reshape(2, -1) % 3 > 0
     both = kernels.visible_from_each(corners, np.array([origin, [*origin[:2], 1.6]]), targets, is_asked)
     lower = by_brute_force(corners, np.array([*origin[:2], 1.6]), targets)
@@ -268,7 +266,6 @@ def test_the_fast_form_agrees_on_whole_towns(seed):
     for origin in (targets[0], *targets[1:6], corners[50, 0], (0.0, 0.0, 80.0)):
         fast = kernels.visible(corners, np.array(origin), targets)
         assert np.array_equal(fast, by_brute_force(corners, origin, targets))
-        assert np.array_equal(fast, kernels.visible_pairs(corners, np.broadcast_to(origin, targets.shape), targets))
         assert not fast.all()
 
 

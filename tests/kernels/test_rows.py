@@ -24,13 +24,6 @@ def test_no_rows_are_grouped_into_empty_groups():
     assert (offsets.tolist(), rows.tolist()) == ([0, 0, 0, 0], [])
 
 
-@given(keys=st.lists(st.integers(0, 4), max_size=30), wanted=st.lists(st.integers(0, 4), max_size=8))
-def test_ragged_rows_come_in_the_order_of_their_groups(keys, wanted):
-    offsets, rows = kernels.group_rows(np.array(keys, np.int64), 5)
-    found = kernels.ragged_rows(offsets, rows, np.array(wanted, np.int64))
-    assert found.tolist() == [row for group in wanted for row, key in enumerate(keys) if key == group]
-
-
 @given(ids=st.lists(st.integers(0, 9), max_size=12), wanted=st.lists(st.integers(-1, 10), max_size=8))
 def test_a_row_is_the_first_that_has_the_id(ids, wanted):
     known, asked = np.array(ids, np.int64), np.array(wanted, np.int64)

@@ -5,7 +5,6 @@ Each index is built on first use; a change is noted in it, or discards the affec
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from itertools import chain
 from math import inf, isqrt
 from typing import Any, NamedTuple
 
@@ -256,16 +255,8 @@ class Adjacency:
 
     def at(self, nodes: IntArray) -> IntArray:
         """Return the living edge rows whose end is one of `nodes` (unique rows), ascending."""
-        rows = kernels.ragged_rows(self._offsets, self._rows, nodes[nodes < self._nodes])
-        if self._late:
-            late = list(chain.from_iterable(self._late.get(node, ()) for node in nodes.tolist()))
-            rows = np.concatenate([rows, np.array(late, np.int64)])
-        if not (self._is_exact and not self._late):
-            rows = rows[self._edges.array("alive")[rows] != 0]
-            rows = rows[np.isin(self._edges.array(self._end)[rows], nodes)]
-            return np.unique(rows)
-        rows.sort()
-        return rows
+        _, rows = self.at_each(nodes)
+        return np.sort(rows) if self._is_exact and not self._late else np.unique(rows)
 
 
 def is_within(x: FloatArray, y: FloatArray, at_x: FloatArray | float, at_y: FloatArray | float, d: float) -> BoolArray:
@@ -489,28 +480,6 @@ class Indexes:
         ids = self._nodes.ids
         targets = self._edges.targets
         return list(dict.fromkeys(ids[targets[edge]] for edge in edges))
-
-    def all_neighborhoods(self, most: int) -> Iterator[tuple[int, tuple[int, ...]]]:
-        """Yield (id, neighborhood) of every node, for a graph of at most `most` nodes; nothing for a larger graph."""
-        nodes = self._nodes.living()
-        edges = self._edges.living()
-        if len(nodes) > most:
-            return
-        # NOTE: one int object per id, so that dict look-ups compare by identity (benchmarks: the loop).
-        ids = self._nodes.array("ids").astype(object)
-        offsets, order = kernels.group_rows(self._edges.array("sources")[edges], self._nodes.count)
-        targets = ids[self._edges.array("targets")[edges][order]].tolist()
-        starts = offsets[nodes].tolist()
-        ends = offsets[nodes + 1].tolist()
-        for id, start, end in zip(ids[nodes].tolist(), starts, ends, strict=True):
-            yield id, tuple(dict.fromkeys((id, *targets[start:end])))
-
-    def targets_by_row(self) -> tuple[memoryview, memoryview]:
-        """Return the start, by node row, of the targets of its edges in a list of ids, and this list."""
-        edges = self._edges.living()
-        offsets, order = kernels.group_rows(self._edges.array("sources")[edges], self._nodes.count)
-        ids = self._nodes.array("ids")[self._edges.array("targets")[edges][order]]
-        return offsets.data, ids.data
 
     # -- changes ------------------------------------------------------------------------------------------------
 

@@ -23,10 +23,7 @@ from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, edge_as_given,
 from gamms.ir.scenery import Scenery
 
 _MOST_NEIGHBORHOODS = 1 << 18
-_FEW = 32  # neighborhoods computed one by one before arrays are used
-_MANY = 4096  # cached neighborhoods of a large graph
 _ENTRY_BYTES = 512  # bytes per cache entry in addition to the arrays, estimated
-_SHARE = 8  # once one node in this many was requested, all neighborhoods are computed
 _GROUND = ("z", "underground")  # node attributes: height of the ground, and number of a tunnel
 
 Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
@@ -35,69 +32,37 @@ Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any] | memoryview", ...]
 class Neighborhoods(dict[int, tuple[int, ...]]):
     """A mapping from node id to the node itself, then its neighbors; computed on demand.
 
-    The first neighborhoods are computed one by one, the next are read from arrays of all edges, and once a share of the
-    nodes was requested, all are computed at once. For a large graph only the latest are cached.
+    For a large graph only the latest are cached.
     """
 
     # NOTE: a dict with __missing__ looks up a known node without a Python call (benchmarks: the loop).
 
     def __init__(self, store: "GraphStore") -> None:
         self._store = store
-        self._misses = 0
-        self._runs: tuple[memoryview, memoryview] | None = None  # see `targets_by_row`
-        self._changed: set[int] = set()  # ids of nodes whose neighbors changed since the arrays were made
         self.source: Neighborhoods | None = None  # of a store with the same graph, used instead of its own
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Neighborhoods":
         return deepcopy(self._store, memo).neighborhoods
 
-    def clear(self) -> None:
-        """Drop all neighborhoods."""
-        super().clear()
-        self._misses = 0
-        self._runs = None
-        self._changed.clear()
-
     def forget(self, id: int) -> None:
         """Drop the neighborhood of a node whose neighbors have changed."""
         self.pop(id, None)
-        if self._runs is not None:
-            self._changed.add(id)
 
     def __missing__(self, id: int) -> tuple[int, ...]:
         source = self.source
         if source is not None:
             made = source[id]
-            if len(self) >= _MOST_NEIGHBORHOODS:
-                return self._keep(id, made)
-            self[id] = made  # NOTE: inline, without a call (benchmarks: 5 against 5 by play)
-            return made
-        self._misses += 1
-        nodes = len(self._store.nodes)
-        is_large = nodes > _MOST_NEIGHBORHOODS
-        if self._misses == max(_FEW, nodes // _SHARE) and not is_large:
-            self.update(self._store.indexes.all_neighborhoods(_MOST_NEIGHBORHOODS))
-            self._runs = None
-        elif self._runs is None and self._misses == (_MANY if is_large else _FEW):
-            self._runs = self._store.indexes.targets_by_row()
-            self._changed.clear()
-        runs = self._runs  # read once, because other threads may change it
-        if runs is not None and id not in self._changed and type(id) is int:
-            offsets, ids = runs
-            row = self._store.nodes.index.row(id)
-            if 0 <= row < len(offsets) - 1:
-                return self._keep(id, tuple(dict.fromkeys((id, *ids[offsets[row] : offsets[row + 1]]))))
-        id = records.as_id(id, "a node")
-        made = (id, *(other for other in self._store.indexes.neighbors(id) if other != id))
-        return self._keep(id, made)
-
-    def _keep(self, id: int, made: tuple[int, ...]) -> tuple[int, ...]:
-        """Cache a neighborhood; when the cache is full, drop the oldest eighth."""
+        else:
+            id = records.as_id(id, "a node")
+            made = (id, *(other for other in self._store.indexes.neighbors(id) if other != id))
         if len(self) >= _MOST_NEIGHBORHOODS:
-            for first in list(islice(self, max(_MOST_NEIGHBORHOODS // 8, 1))):
-                del self[first]
+            self._drop_oldest()
         self[id] = made
         return made
+
+    def _drop_oldest(self) -> None:
+        for first in list(islice(self, max(_MOST_NEIGHBORHOODS // 8, 1))):
+            del self[first]
 
 
 class GraphStore:

@@ -21,7 +21,6 @@ from gamms.kernels.csr import (
     first_seen,
     group_rows,
     neighborhoods,
-    ragged_rows,
     rows_of,
     ways_to,
 )
@@ -58,7 +57,7 @@ from gamms.kernels.fields_of_view import (
     yaw,
 )
 from gamms.kernels.matrix_games import saddle_points, solve_matrix_games
-from gamms.kernels.occlusion import MARGIN, blocks, visible, visible_from_each, visible_pairs
+from gamms.kernels.occlusion import MARGIN, blocks, visible, visible_from_each
 from gamms.kernels.paths import (
     Arcs,
     ReachableNodes,

@@ -45,17 +45,6 @@ def buffer(values: "np.ndarray[Any, Any]") -> Any:  # NumPy types all its buffer
     return np.ascontiguousarray(values).reshape(-1).data
 
 
-def ragged_rows(offsets: IntArray, rows: IntArray, groups: IntArray) -> IntArray:
-    """Return the rows of several groups, concatenated in the order of `groups`."""
-    first = offsets[groups]
-    counts = offsets[groups + 1] - first
-    ends = np.cumsum(counts)
-    total = int(ends[-1]) if len(ends) else 0
-    shift = np.repeat(first - ends + counts, counts)
-    found: IntArray = rows[np.arange(total) + shift]
-    return found
-
-
 def chosen_runs(offsets: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray]:
     """Return the positions in the chosen runs, one run after the other, and the offsets between them.
 

@@ -24,7 +24,6 @@ _MOST_SLACK = 1e-5  # largest uncertainty from rounding, as a share of the face 
 _BLUR = 1e-3
 _TURN = 2.0 * np.pi
 MARGIN = 0.01  # how far beyond its box a face may block a line, as a share of the sizes of both boxes
-_COMPARED = 1 << 18  # pairs of line and face
 # NOTE: few pairs at a time, because the nearest faces hide most targets (decision 0009).
 _SHARE = 8  # one in this many pairs of face and target is tested at a time,
 _FEW = 512  # but at least this many for each observer
@@ -108,41 +107,10 @@ def visible_from_each(corners: FloatArray, origins: FloatArray, targets: FloatAr
     if not is_asked.any() or not len(corners):
         return is_asked
     if not max(np.abs(numbers).max() for numbers in (corners, origins, targets)) < _MOST:
-        rows, ends = is_asked.nonzero()
-        found = np.zeros(is_asked.shape, np.bool_)
-        found[rows, ends] = visible_pairs(corners, origins[rows], targets[ends])
-        return found
+        found = [visible(corners, origin, targets) for origin in origins]
+        return np.asarray(is_asked & found)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
         return _visible_from_each(_axes(corners), _axes(origins), _axes(targets), is_asked)
-
-
-def visible_pairs(corners: FloatArray, origins: FloatArray, targets: FloatArray) -> BoolArray:
-    """Return whether no quadrangle blocks each of several lines, with any origins: `blocks` for all pairs.
-
-    Args:
-        corners: (faces, 4, 3)
-        origins: (lines, 3)
-        targets: (lines, 3)
-    """
-    seen = np.ones(len(targets), np.bool_)
-    size = max(1, _COMPARED // max(1, len(corners)))
-    with np.errstate(over="ignore"):
-        low, high = _widened(corners.min(axis=1), corners.max(axis=1))
-        first, last = _widened(np.minimum(origins, targets), np.maximum(origins, targets))
-    for begin in range(0, len(targets) if len(corners) else 0, size):
-        some = slice(begin, begin + size)
-        is_out = (first[0, some, None] > high[0]) | (last[0, some, None] < low[0])
-        is_out |= (first[1, some, None] > high[1]) | (last[1, some, None] < low[1])
-        lines, faces = np.nonzero(~is_out)
-        lines += begin
-        seen[lines[blocks(origins[lines], targets[lines], corners[faces])]] = False
-    return seen
-
-
-def _widened(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return boxes (boxes, 3) as (2, boxes) in the plane, so wide that a face only blocks lines that meet its box."""
-    margin = MARGIN * (high - low).sum(axis=1)
-    return low[:, :2].T - margin, high[:, :2].T + margin
 
 
 def _axes(vectors: FloatArray) -> FloatArray:

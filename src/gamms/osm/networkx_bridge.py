@@ -6,7 +6,7 @@ of a road without a sign depends only on its class, not on other roads of the ma
 
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from copy import deepcopy
 from dataclasses import replace
 from functools import cache
@@ -122,19 +122,6 @@ def walking_factor(grade: FloatArray) -> FloatArray:
     return np.exp(3.5 * (np.abs(steep + 0.05) - 0.05))
 
 
-def _slopes(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> tuple[FloatArray, FloatArray] | None:
-    """Return the grade of each of these roads, forward or back, and its factor for the travel time.
-
-    None if the nodes have no heights.
-    """
-    if network.z is None:
-        return None
-    grade = grades(network.z, np.column_stack((network.sources, network.targets)), network.lengths)[roads]
-    grade = np.where(is_back, -grade, grade)
-    is_upright = np.array([of_way.get("highway") in UPRIGHT for of_way in network.tags], np.bool_)[network.ways][roads]
-    return grade, np.where(is_upright | (not network.is_walked), 1.0, walking_factor(grade))
-
-
 def _texts(value: object) -> list[str]:
     if isinstance(value, (list, tuple)):
         return list(chain.from_iterable(_texts(part) for part in value))
@@ -247,11 +234,7 @@ def to_columns(network: RoadNetwork) -> GraphColumns:
     Requires: lengths are finite, and no tag has a name reserved by the format.
     """
     firsts, numbers = _numbered(network)
-    roads = np.repeat(np.arange(len(network.sources)), 1 + network.two_way)
-    is_back = np.zeros(len(roads), np.bool_)
-    is_back[1:] = roads[1:] == roads[:-1]
-    ends = numbers[np.stack((network.sources, network.targets))[:, roads]]
-    ends[:, is_back] = ends[::-1, is_back]
+    roads, is_back, ends = _directed(network, numbers)
     # As in networkx: sorted by source, then by when the pair of nodes was first joined; the last road of a pair counts.
     keys = ends[0] * len(firsts) + ends[1]
     pairs, first, group = np.unique(keys, return_index=True, return_inverse=True)
@@ -320,18 +303,24 @@ def _attribute_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray
         rows = np.flatnonzero(codes >= 0)
         if len(rows):
             columns[name] = CodedValues(rows, codes[rows], [*by_way.values()])
-    times = travel_times(network, np.array(speeds, np.float64))
-    slopes = _slopes(network, roads, is_back)
     if not len(roads):
         return columns
     every = np.arange(len(roads))
-    if slopes is None:
-        return {**columns, "travel_time": CodedValues(every, roads, times.tolist())}
-    return {
-        **columns,
-        "travel_time": _one_each(every, times[roads] * slopes[1]),
-        "grade": _one_each(every, slopes[0]),
-    }
+    paces = _paces(network, speeds, roads, is_back)
+    return {**columns, **{name: _one_each(every, values) for name, values in paces.items()}}
+
+
+def _paces(network: RoadNetwork, speeds: list[float], roads: IntArray, is_back: BoolArray) -> dict[str, FloatArray]:
+    """Return the `travel_time` of each of these roads, forward or back, and its `grade` if nodes have heights."""
+    times = travel_times(network, np.array(speeds, np.float64))[roads]
+    if network.z is None:
+        return {"travel_time": times}
+    ends = np.column_stack((network.sources, network.targets))
+    grade = grades(network.z, ends, network.lengths)[roads]
+    grade = np.where(is_back, -grade, grade)
+    is_upright = np.array([of_way.get("highway") in UPRIGHT for of_way in network.tags], np.bool_)[network.ways][roads]
+    factor = np.where(is_upright | (not network.is_walked), 1.0, walking_factor(grade))
+    return {"travel_time": times * factor, "grade": grade}
 
 
 def _speeds(network: RoadNetwork) -> list[float]:
@@ -411,42 +400,33 @@ def _filled(graph: G, network: RoadNetwork, more: Mapping[str, Any]) -> G:
     for name, values in _node_columns(network, firsts).items():
         for node, value in values.items():
             graph.nodes[node][name] = value
-    graph.add_edges_from(_edges(network, numbers))
-    return graph
-
-
-def _edges(network: RoadNetwork, numbers: IntArray) -> Iterator[tuple[int, int, dict[str, Any]]]:
-    """Yield every road forward and, where traffic is two-way, back, in networkx's form."""
-    ids = (np.cumsum(1 + network.two_way) - (1 + network.two_way)).tolist()
+    roads, is_back, ends = _directed(network, numbers)
     line = np.repeat(np.arange(len(network.sources)), np.diff(network.offsets))
     there = line_strings(network.points, line)
     back = line_strings(network.points[reversed_points(network.offsets)], line)
-    tags = [{**deepcopy(dict(of_way)), "speed_kph": speed_kph(of_way)} for of_way in network.tags]
-    times = travel_times(network, np.array([of_way["speed_kph"] for of_way in tags], np.float64))
-    climbs = [_climbs(network, times, is_back=is_back) for is_back in (False, True)]
-    sources = numbers[network.sources].tolist()
-    targets = numbers[network.targets].tolist()
     lengths = network.lengths.tolist()
-    two_way = network.two_way.tolist()
     ways = network.ways.tolist()
-    for road, id in enumerate(ids):
-        u = sources[road]
-        v = targets[road]
-        length = lengths[road]
-        of_way = tags[ways[road]]
-        yield u, v, {"id": id, "linestring": there[road], "length": length, **of_way, **climbs[0][road]}
-        if two_way[road]:
-            yield v, u, {"id": id + 1, "linestring": back[road], "length": length, **of_way, **climbs[1][road]}
+    speeds = _speeds(network)
+    tags = [{**deepcopy(dict(of_way)), "speed_kph": kph} for of_way, kph in zip(network.tags, speeds, strict=True)]
+    edges: list[dict[str, Any]] = [
+        {"id": id, "linestring": (back if leads_back else there)[road], "length": lengths[road], **tags[ways[road]]}
+        for id, (road, leads_back) in enumerate(zip(roads.tolist(), is_back.tolist(), strict=True))
+    ]
+    for name, of_edges in _paces(network, speeds, roads, is_back).items():
+        for edge, value in zip(edges, of_edges.tolist(), strict=True):
+            edge[name] = value
+    graph.add_edges_from(zip(*ends.tolist(), edges, strict=True))
+    return graph
 
 
-def _climbs(network: RoadNetwork, times: FloatArray, *, is_back: bool) -> list[dict[str, float]]:
-    """Return the travel time of each road, and its grade if known."""
-    roads = np.arange(len(times))
-    slopes = _slopes(network, roads, np.full(len(times), is_back))
-    if slopes is None:
-        return [{"travel_time": time} for time in times.tolist()]
-    pairs = zip((times * slopes[1]).tolist(), slopes[0].tolist(), strict=True)
-    return [{"travel_time": time, "grade": grade} for time, grade in pairs]
+def _directed(network: RoadNetwork, numbers: IntArray) -> tuple[IntArray, BoolArray, IntArray]:
+    """Return every road forward and, where traffic is two-way, back: its row, whether back, and its ends (2, edges)."""
+    roads = np.repeat(np.arange(len(network.sources)), 1 + network.two_way)
+    is_back = np.zeros(len(roads), np.bool_)
+    is_back[1:] = roads[1:] == roads[:-1]
+    ends = numbers[np.stack((network.sources, network.targets))[:, roads]]
+    ends[:, is_back] = ends[::-1, is_back]
+    return roads, is_back, ends
 
 
 def network_of_graph(graph: "nx.Graph[Any]", names: Collection[str] | None = None) -> RoadNetwork:

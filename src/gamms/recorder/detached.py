@@ -1,11 +1,10 @@
 """The state of a recording at a turn, as columns, without a context."""
 
-from collections.abc import Iterable, Mapping, Sequence, Sized
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from gamms import kernels
 from gamms.ir import events as kinds
 from gamms.ir.event_targets import AgentsState, State
 from gamms.ir.events import EVENTS, LOGGED, Log, events_of
@@ -18,9 +17,6 @@ from gamms.recorder.errors import DAMAGES, Damaged, reporting_damage
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe, checked_name
 from gamms.text import shown
-
-_FEW = 24  # number of agents below which single look-ups are faster
-_SHARE = 64  # share of all agents below which single look-ups are faster
 
 # Kinds whose data this state does not store; they are not decoded.
 _NOT_HELD = {
@@ -195,7 +191,7 @@ class DetachedAgents(AgentsState):
         self._size = len(names)  # rows in use
         self._new: list[dict[str, Any]] = []  # rows that are not
         self._gone: list[int] = []
-        self._order: IntArray | None = None  # rows sorted by the numbers of their agents
+        self._is_counted = numbers == list(range(len(numbers)))  # whether the numbers of agents are their rows
 
     # -- adding and removing
     # --------------------------------------------------------------------------------------
@@ -212,7 +208,7 @@ class DetachedAgents(AgentsState):
         if name in self._row_of_name or number in self._row_of:
             raise Damaged("two agents have the same name or number")
         self._row_of[number] = self._row_of_name[name] = place
-        self._order = None
+        self._is_counted = self._is_counted and number == place
         self._new.append(row)
         self.following += 1
         self.version += 1
@@ -222,7 +218,6 @@ class DetachedAgents(AgentsState):
         row = self.row(name)
         del self._row_of_name[name], self._row_of[int(self.columns["numbers"][row])]
         self._gone.append(row)
-        self._order = None
         self.version += 1
         if len(self._gone) > len(self):  # so that the cost per removal is constant
             self.settle()
@@ -251,29 +246,17 @@ class DetachedAgents(AgentsState):
         """Return the names of the agents by their numbers."""
         return dict(zip(self.columns["numbers"].tolist(), self.columns["names"], strict=True))
 
-    def are_few(self, numbers: Sized) -> bool:
-        """Return whether this number of agents is faster to find one by one."""
-        return len(numbers) < max(_FEW, len(self) // _SHARE)
-
     def rows(self, numbers: IntArray) -> IntArray:
         """Return the rows of agents by number.
 
         Raises:
             Damaged: an agent does not exist.
         """
-        if self.are_few(numbers):
-            return np.array([self.row_of(number) for number in numbers.tolist()], np.int64)
-        self.settle()
-        own = self.columns["numbers"]
-        if self._order is None:
-            self._order = own.argsort(kind="stable")
-            self._is_counted = bool((own == np.arange(len(own))).all())
-        if self._is_counted and int(numbers.min()) >= 0 and int(numbers.max()) < len(own):
-            return numbers  # numbers are equal to rows
-        rows = kernels.rows_of(own, numbers, self._order)
-        if (rows < 0).any():
-            raise _unknown(int(numbers[rows < 0][0]))
-        return rows
+        self._add_new()
+        are_rows = self._is_counted and not self._gone and len(numbers) > 0
+        if are_rows and int(numbers.min()) >= 0 and int(numbers.max()) < self._size:
+            return numbers
+        return np.array([self.row_of(number) for number in numbers.tolist()], np.int64)
 
     def settle(self) -> None:
         """Add waiting rows, and drop the rows of removed agents."""
@@ -328,29 +311,20 @@ class DetachedAgents(AgentsState):
                 self.columns[name][row] = 0
 
     def move(self, numbers: Sequence[int] | IntArray, nodes: Sequence[int] | IntArray) -> None:
-        """Move agents, given by numbers and nodes, (moves,) each, in order."""
-        if not self.are_few(numbers):
-            self._move_many(np.asarray(numbers, np.int64), np.asarray(nodes, np.int64))
-            return
-        for number, end in zip(map(int, numbers), map(int, nodes), strict=True):
-            row = self.row_of(number)
-            node = self.columns["node"]
-            self.columns["previous"][row] = node[row]
-            node[row] = end
+        """Move agents, given by numbers and nodes, (moves,) each, in order.
 
-    def _move_many(self, numbers: IntArray, nodes: IntArray) -> None:
-        """Set the node of each agent to its last node, and its previous node to the one before."""
-        rows = self.rows(numbers)
+        The node of each agent becomes its last node, and its previous node the one before.
+        """
+        nodes = np.asarray(nodes, np.int64)
+        rows = self.rows(np.asarray(numbers, np.int64))
         node = self.columns["node"]
-        places = np.arange(len(rows))
-        last, last_but_one = np.full((2, len(node)), -1)
-        last[rows] = places  # of several moves of one agent, the last one counts
-        is_earlier = last[rows] != places
-        last_but_one[rows[is_earlier]] = places[is_earlier]
-        moved = np.flatnonzero(last >= 0)
-        came = last_but_one[moved]
-        self.columns["previous"][moved] = np.where(came >= 0, nodes[came], node[moved])
-        node[moved] = nodes[last[moved]]
+        order = rows.argsort(kind="stable")
+        ordered = rows[order]
+        last = np.flatnonzero(np.append(ordered[1:] != ordered[:-1], [True] * min(len(rows), 1)))  # of each agent
+        moved = ordered[last]
+        has_come = (last > 0) & (ordered[last - 1] == moved)
+        self.columns["previous"][moved] = np.where(has_come, nodes[order[last - 1]], node[moved])
+        node[moved] = nodes[order[last]]
 
     def fly(self, row: int, node: int | None, position: tuple[float, ...]) -> None:
         """Move a flying agent."""

@@ -83,28 +83,6 @@ ENCODERS: dict[int, type[Version2Encoder | Version3Encoder]] = {2: Version2Encod
 """Format version -> encoder class."""
 
 
-class NoEncoder:
-    """An encoder that writes nothing, if there are followers but no recording."""
-
-    is_current = True
-    values = blocks = 0
-
-    def begin(self, session: RecordingSession, *, is_final: bool) -> None:
-        """Write nothing."""
-
-    def add(self, logs: list[Log]) -> None:
-        """Write nothing."""
-
-    def keyframe(self, keyframe: Keyframe) -> None:
-        """Write nothing."""
-
-    def flush(self) -> None:
-        """Write nothing."""
-
-    def close(self) -> None:
-        """Write nothing."""
-
-
 def header_of(ctx: HostContext, session: RecordingSession, options: dict[str, Any]) -> dict[str, Any]:
     """Return the header of a recording: without host, user or path, and without time unless given."""
     created = options.get("created")

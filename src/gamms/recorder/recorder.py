@@ -16,7 +16,7 @@ from gamms.ir.events import EVENTS
 from gamms.plain import Plain, to_plain, why_not_plain
 from gamms.recorder.compat import ComponentNames
 from gamms.recorder.components import Components
-from gamms.recorder.encoders import ENCODERS, NoEncoder, header_of
+from gamms.recorder.encoders import ENCODERS, header_of
 from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.recorder.following import Follower
 from gamms.recorder.formats import version2
@@ -236,7 +236,6 @@ class Recorder(Surface, ComponentNames, Guarded, IRecorder):
         session = self._recording()
         if session is None and self._followers and not self.ctx.is_terminated():
             session = self._watch = RecordingSession(self.ctx, with_sensed=True, with_drawings=True)
-            session.write_to(NoEncoder(), in_background=False)
         if session is not None:
             session.follow(self._followers, lambda session: header_of(self.ctx, session, {}))
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from gamms.errors import GammsError, nearest
 from gamms.plain import Plain
@@ -306,20 +306,6 @@ def from_yaml(text: str) -> Plain:
     except yaml.YAMLError as error:
         raise ScenarioError("", f"this is not YAML: {_flaw(error, text)}") from None
     return value
-
-
-def nodes_of(text: str) -> Any:  # a yaml.Node; its stubs lack the attributes of its subclasses
-    """Return the values of a text as YAML nodes, which know their positions.
-
-    Raises:
-        ScenarioError: the text is JSON with features that YAML lacks, such as surrogate escapes.
-    """
-    import yaml
-
-    try:
-        return yaml.compose(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
-    except yaml.YAMLError as error:
-        raise ScenarioError("", f"this cannot be changed by a program: {_flaw(error, text)} Make it by hand.") from None
 
 
 def _flaw(error: "yaml.YAMLError", text: str) -> str:
