@@ -2,7 +2,7 @@
 
 import pytest
 
-from gamms import scenario
+from gamms import belief, scenario
 
 
 def test_mr_x_shows_himself_after_five_turns_and_is_always_where_the_detectives_think_possible():
@@ -25,3 +25,27 @@ def test_an_intruder_wins_if_no_guard_is_as_near_to_the_target(place, winner):
         for name, (x, y) in {"intruder_0": place, "guards_0": (60, 60), "guards_1": (180, 95)}.items():
             ctx.agent.get_agent(name).current_node_id = ctx.graph.nearest_node(x, y)
         assert ctx.game.run().winner == winner
+
+
+def test_the_cops_catch_a_robber_beside_them_before_it_moves():
+    with scenario.from_gallery("cops_and_robber").build() as ctx:
+        node = ctx.agent.get_agent("robber").current_node_id
+        ctx.agent.get_agent("cops_0").current_node_id = max(ctx.graph.distances(source=node, weight=None, cutoff=1))
+        result = ctx.game.run()
+    assert result.winner == "cops"
+    assert [(event["turn"], event["node"]) for event in result.events if event["kind"] == "tag"] == [(1, node)]
+
+
+def test_every_runner_leaves_or_is_caught_as_none_is_patient_for_ever():
+    result = scenario.from_gallery("interception").play()
+    assert sum(result.scores.values()) == 5
+    assert result.turns > 60, "these runners have waited"
+
+
+def test_hunters_in_fog_never_exclude_the_node_of_a_deer():
+    with scenario.from_gallery("hunt_in_fog").replace(max_turns=30).build() as ctx:
+        while not ctx.game.is_over:
+            ctx.game.step()
+            known = belief.belief_of(ctx, "hunters_0")
+            for deer in ctx.agent.teams["deer"]:
+                assert deer.current_node_id in known.reachable(deer.name) or not deer.alive
