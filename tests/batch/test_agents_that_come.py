@@ -144,7 +144,7 @@ def test_games_that_are_played_one_by_one_have_the_same_rows():
     with scenario.build(seed=1) as ctx:
         ctx.game.add(reinforce)
         with ctx.game.batch(seeds=[3], most_agents={"blue": 6}) as games:
-            assert games.slow == "agents that may come"
+            assert games.slow == "the rule 'reinforce'"
             for _ in range(4):
                 view = games.observe("blue")
                 games.step({"blue": np.zeros(view.mask.shape, np.int64)})

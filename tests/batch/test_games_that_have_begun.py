@@ -119,13 +119,13 @@ def delete_team(ctx):
 @pytest.mark.parametrize(
     ("delete", "delay_turns", "why"),
     [
-        (delete_carrier, 0, "deleted agents that are still named in ctx.game.data"),
+        (delete_carrier, 0, None),
         (lambda ctx: ctx.agent.delete_agent("red_1"), 2, "the strategy chase(ctx)"),
-        (delete_team, 0, "a team whose agents were deleted"),
+        (delete_team, 0, None),
         (lambda ctx: ctx.agent.delete_agent("red_1"), 0, None),
     ],
 )
-def test_games_are_played_one_by_one_where_rules_still_know_of_agents_that_were_deleted(delete, delay_turns, why):
+def test_games_go_on_where_rules_still_know_of_agents_that_were_deleted(delete, delay_turns, why):
     sensors = {"near": {"type": "AGENT_RANGE", "sensor_range": 90.0, "delay_turns": delay_turns}}
     team = {"count": 3, "strategy": "gamms.strategies:chase", "sensors": ["near"]}
     flags = {"rule": "capture_flag", "with": {"flags": {"red": 5, "blue": 6}}}

@@ -14,6 +14,7 @@ import numpy as np
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
 from gamms.agent.carried_sensors import found_sensors, listed
 from gamms.agent.snapshots import (
+    AgentSet,
     AgentsSnapshot,
     Roster,
     attributes_of,
@@ -70,6 +71,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         self._phase = phase_of(ctx)
         self._ctx = ctx
         self._agents: dict[str, BaseAgent] = Agents()
+        self._is_shared = False  # whether the set of agents is copied before it changes; see `AgentStorage.share`
         self._new_block()
         self._storage = AgentStorage(self)
         self._last_departure = DeletedAgent()
@@ -186,6 +188,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         for hint in hints:
             self._ctx.logger.warning(f"Agent {shown(name)}: {hint} It is stored as an attribute.")
         self._phase.known_names.update(kwargs)
+        self._part()
         block = self._block
         journal = self._block.journal
         if not journal.is_silent:
@@ -241,6 +244,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
             raise Duplicate("an agent", taken)
         values = values_in(columns, len(nodes), _others)
         found_sensors(self._ctx, team, carried, skips_unknown=False)
+        self._part()
         shared = {"sensors": carried, "strategy": strategy, "team": team}
         rows = zip(nodes, zip(*values.values(), strict=True) if values else repeat(()), strict=False)
         given = ({"start_node_id": node, **shared, **dict(zip(values, row, strict=True))} for node, row in rows)
@@ -306,6 +310,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         if agent is None:
             self._ctx.logger.warning(f"{UnknownName('agent', name, self._agents)} Nothing is deleted.")
             return
+        self._part()
         departure = DeletedAgent(agent)
         self._delete(agent)
         self._last_departure.next = self._last_departure = departure
@@ -333,6 +338,18 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
     def _stored(self) -> dict[str, Any]:
         """Return name -> the agent, or the `UncreatedMembers` that it belongs to."""
         return self._agents.stored() if isinstance(self._agents, AgentsByName) else dict(self._agents)
+
+    def _part(self) -> None:
+        """Copy the set of agents, which is about to change, if `AgentStorage.share` has returned it."""
+        if not self._is_shared:
+            return
+        self._is_shared = False
+        block = self.block
+        self._new_block()
+        self._block.take_all(block)
+        self._block.succeed(block)
+        for agent in self._agents.values():
+            agent._block = self._block
 
     def _new_block(self) -> None:
         self._block = AgentBlock()
@@ -458,6 +475,27 @@ class AgentStorage(Guarded):
         """Replace the strategies of teams, for agents whose objects are created later."""
         for members in teams_in(self._engine._stored()).values():
             members.strategy = own(members.strategy)
+
+    def share(self) -> AgentSet:
+        """Return the present set of agents, for `show`; when agents are created or deleted, it stays as it is."""
+        engine = self._engine
+        block, agents = engine.block, engine._agents
+        if isinstance(agents, AgentsByName):
+            engine._agents = Agents({name: agents[name] for name in agents})
+        engine._is_shared = True
+        return AgentSet(block, {**engine._agents}, engine._positions)
+
+    def show(self, agents: AgentSet) -> None:
+        """Let the context have a set of agents that `share` has returned."""
+        engine = self._engine
+        engine._is_shared = True
+        engine._block = agents.block
+        engine._positions = agents.positions
+        engine._agents.clear()  # the same dict, which a function may hold
+        engine._agents |= agents.by_name
+        for row, agent in enumerate(agents.members):
+            agent._block = agents.block
+            agent._row = row
 
     def snapshot(self) -> AgentsSnapshot:
         """Return the present state of all agents, for `restore`."""

@@ -9,6 +9,7 @@ from gamms.agent.agent import BaseAgent
 from gamms.agent.teams import AgentsByName, UncreatedMembers
 from gamms.core.copies import copied_values
 from gamms.ir.agents import AgentBlock
+from gamms.ir.positions import Positions
 from gamms.ir.schema import PLACES
 from gamms.typing.graph_engine import Node
 
@@ -41,6 +42,26 @@ class Roster:
     def is_of(self, block: AgentBlock) -> bool:
         """Return whether this roster is valid now, except for members whose objects were created since."""
         return self.version == (block.structure, block.structure.version)
+
+
+class AgentSet:
+    """A set of agents that a context has in some games: see `AgentStorage.share`.
+
+    Args:
+        block: their block.
+        by_name: name -> the agent, in the order of the rows.
+        positions: of the block.
+
+    Attributes:
+        block, by_name, positions: as given.
+        members: the agents, in the order of the rows.
+    """
+
+    def __init__(self, block: AgentBlock, by_name: dict[str, BaseAgent], positions: Positions) -> None:
+        self.block = block
+        self.by_name = by_name
+        self.positions = positions
+        self.members = [*by_name.values()]
 
 
 @dataclass(eq=False)

@@ -115,7 +115,7 @@ class TurnEngine:
             slots, change = self._slots.of_living((), (), None)
         else:
             slots, change = self._slots.of_living(before.slots, before.names, before.structure_version)
-        self._note_departed()
+        self.note_departed()
         if change is None:
             self.update_counts()
         groups = self._groups if self.is_moving else settings.order
@@ -142,7 +142,8 @@ class TurnEngine:
     def living(self) -> list[IAgent]:
         """Return the living agents in the order of names."""
         agents, order = self._ctx.agent, self._order
-        if order is not None and order.structure_version == agents.structure_version and not order.is_lazy:
+        is_current = order is not None and order.structure_version == agents.structure_version
+        if order is not None and is_current and order.block is agents.block and not order.is_lazy:
             return [*order.living]
         is_deciding = order is not None and self._phase.agent is not None
         if is_deciding or agents.block.has_teams:
@@ -186,11 +187,11 @@ class TurnEngine:
 
     def update_counts(self) -> None:
         """Add the moves of the last turns to the counts of the agents, and note deleted agents."""
-        self._note_departed()
+        self.note_departed()
         if self._order is not None:
             self._order.update_counts()
 
-    def _note_departed(self) -> None:
+    def note_departed(self) -> None:
         """Record the agents that were deleted since the last call, if the game had begun."""
         if self._phase.agent is not None:
             return  # nothing changes while agents decide

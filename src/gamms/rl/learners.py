@@ -182,11 +182,9 @@ class Learners:
         self.deeds = self._deeds_in(views[0])
         if self._scripted is not None:
             self._scripted.begin(self.games, self.deeds)
-        self._members = np.concatenate([view.agents for view in views])  # numbers of the agents in the roster
-        agents = np.arange(len(views[0].roster.names))
-        self._numbers = LearnerActions(
-            np.zeros((len(self.games), len(agents)), np.int64), np.isin(agents, self._members)
-        )
+        self._members = _places_among_public(views)
+        are_learners = np.isin(np.arange(_num_public(views[0])), self._members)
+        self._numbers = LearnerActions(np.zeros((len(self.games), len(are_learners)), np.int64), are_learners)
         self.has_begun = False
         self._seed: int | None = None  # of the game that `begin_next` began last
         ends = np.cumsum([0, *(len(view.agents) for view in views)]).tolist()
@@ -199,11 +197,11 @@ class Learners:
         self._remember()
         self.names: tuple[str, ...] = tuple(chain.from_iterable(view["name"] for view in views))
         game = self.games.game
-        members = [views[0].roster.agents[number] for number in chain.from_iterable(view.agents for view in views)]
-        self.flies: BoolArray = np.array([one.type is AgentType.AERIAL for one in members], np.bool_)
+        learners = [views[0].roster.agents[number] for number in chain.from_iterable(view.agents for view in views)]
+        self.flies: BoolArray = np.array([one.type is AgentType.AERIAL for one in learners], np.bool_)
         num_heads = 1 if self.deeds is None else 2
         self._prefix = ActionHistory(self._shape, num_heads, flies=bool(self.flies.any()))
-        reach = [one.speed or 0.0 if flies else 0.0 for one, flies in zip(members, self.flies, strict=True)]
+        reach = [one.speed or 0.0 if flies else 0.0 for one, flies in zip(learners, self.flies, strict=True)]
         self.reach_m: FloatArray = np.array(reach, np.float64)
         self.may_return = any(_brings_back(one.rule) for one in game.rules)
         if self._reward is None and not any(_gives_scores(one.rule) for one in game.rules):
@@ -464,10 +462,12 @@ class Learners:
     def _begin_writing(self) -> None:
         """Choose whether the core writes the observations."""
         self._writers: VectorWriter | None = None
+        self._roster = self.games.roster
         if self.observation is default_observation and self.games.is_in_arrays:
             views = [self._views(number)[0] for number in range(self.games.num_maps)]
-            others = min(len(views[0].roster.names) - 1, _MOST_OTHERS)
-            self._writers = writers_of(views, self.games.maps, self._members, others, 1, self._threads)
+            others = min(_num_public(views[0]) - 1, _MOST_OTHERS)
+            members = np.concatenate([view.agents for view in self._views(0)])
+            self._writers = writers_of(views, self.games.maps, members, others, 1, self._threads)
 
     def _seen_now(self) -> list[tuple[ArrayView, ...]]:
         """Return for each team a view for each map that has games."""
@@ -484,6 +484,8 @@ class Learners:
     def _remember(self, which: IntArray | None = None) -> None:
         """Update the stored state from the games; `which`: the games that were reset, None: a turn was played."""
         self._known_views = None
+        if self.games.roster is not self._roster:
+            self._begin_writing()
         self._scores = self.games.scores
         self.is_over = self.games.is_over
         if self._writers is not None and self.games.is_in_arrays and self._writers.hold():
@@ -621,6 +623,17 @@ def are_in(masks: BoolArray, chosen: ActionArray) -> BoolArray:
     return found
 
 
+def _places_among_public(views: Sequence[ArrayView]) -> IntArray:
+    """Return the places of the agents of several views among all agents that callers may know of."""
+    public = np.flatnonzero(views[0].roster.is_public)
+    return np.searchsorted(public, np.concatenate([view.agents for view in views]))
+
+
+def _num_public(view: ArrayView) -> int:
+    """Return how many agents of a game callers may know of."""
+    return int(np.count_nonzero(view.roster.is_public))
+
+
 def default_observation(view: ArrayView, threads: int = 1) -> Float32Array:
     """Return the default observation: (games, agents, entries).
 
@@ -632,7 +645,7 @@ def default_observation(view: ArrayView, threads: int = 1) -> Float32Array:
         threads: the number of threads; the result does not depend on it.
     """
     has_z = any(agent.type is AgentType.AERIAL for agent in view.roster.agents)
-    values = vectors_in(view, min(len(view.roster.names) - 1, _MOST_OTHERS), 1 + has_z, threads).values
+    values = vectors_in(view, min(_num_public(view) - 1, _MOST_OTHERS), 1 + has_z, threads).values
     if has_z:
         values[..., -2] = np.where(view.mask, view["z"] * (2.0 / _longer_side(view.streets.columns.xy)), 0.0)
         values.clip(-2.0, 2.0, out=values)

@@ -294,7 +294,8 @@ class SensorStorage(Guarded):
         """Restore the sensors; with `forget`, clear all sensed data, also of custom classes."""
         if self._settings() is not before.settings:
             self.restore_keywords(before)
-            self._set_all(before.settings)
+            self._phase.sensor_changes += 1
+            self.show(before.settings)
             for sensor in before.settings.simple:
                 if not _is_simple(sensor):
                     sensor.reset()
@@ -359,14 +360,17 @@ class SensorStorage(Guarded):
             self._changes = changes
         return known
 
-    def _set_all(self, settings: SensorSettings) -> None:
-        """Restore the set of sensors and their owners."""
+    def share(self) -> SensorSettings:
+        """Return the present set of sensors and their owners, for `show`."""
+        return self._settings()
+
+    def show(self, settings: SensorSettings) -> None:
+        """Let the context have a set of sensors that `share` has returned, with their owners."""
         self._engine._sensors.clear()
         for sensor, owner in zip(settings.sensors, settings.owners, strict=True):
             self._engine._sensors[sensor.sensor_id] = sensor
             if owner_of(sensor) != owner:
                 sensor.set_owner(owner)
-        self._phase.sensor_changes += 1
         self._settings_now = settings
         self._changes = self._counts()
 

@@ -15,12 +15,14 @@ from gamms.game.batch.channels import MessageTraffic, radio_of
 from gamms.game.batch.columns import (
     AgentTable,
     Failure,
+    NewAgents,
     PlayedGame,
     decider_of,
     in_threads,
     in_turns,
     kept_in,
     preparing,
+    sensors_of,
     some_rows,
 )
 from gamms.game.batch.cursor import (
@@ -39,7 +41,7 @@ from gamms.game.batch.initial_state import InitialState, goes_along_one_edge, mo
 from gamms.game.batch.movement import Movement, MovementOnMaps
 from gamms.game.batch.own_functions import function_in
 from gamms.game.batch.pointed import PointedContext
-from gamms.game.batch.sensing import called_each_turn, carried_by, look, note_sensors, turns_with_agent
+from gamms.game.batch.sensing import called_each_turn, look, note_sensors, turns_with_agent
 from gamms.game.batch.state import GameArrays, NotInCore
 from gamms.game.batch.travel import MetricMovement
 from gamms.game.batch.turn import ArrayTurn
@@ -125,12 +127,12 @@ class GamesOnOneMap:
         self.acts = acts_before_moves(game)
         self._groups = _groups(roster, settings, state.movement)
         collects = len(game.internals.parts.collectors.by_name) > 0
-        observing = [number for number, agent in enumerate(roster.agents) if called_each_turn(agent)]
-        self._observing = np.isin(np.arange(len(roster.names)), observing)
+        self._observing = _observing(game, roster)
+        observing = np.flatnonzero(self._observing).tolist()
         self._is_asked = np.isin(np.arange(len(roster.names)), asked)
         calls_each = self.acts or collects or len(asked + observing) > 0 or any(map(is_plain_rule, rules))
         self._initial = InitialState(game, state, block, games)
-        carried = [sensor for agent in roster.agents for sensor in carried_by(agent).values()]
+        carried = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
         note_sensors(state, range(len(roster.names)), with_nodes=any(map(turns_with_agent, carried)))
         pointed = PointedContext(game, state)
         state.look = partial(look, game, state, pointed)
@@ -639,7 +641,11 @@ class ArrayEngine:
         return int((self._state.turn - before).max())
 
     def step(
-        self, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None = None, threads: int = 1
+        self,
+        given: Mapping[Hashable, OutsideActions],
+        numbers: LearnerActions | None = None,
+        threads: int = 1,
+        only: BoolArray | None = None,
     ) -> None:
         """Play one turn of all games that are not over.
 
@@ -647,18 +653,20 @@ class ArrayEngine:
             given: team -> what its agents do, in place of what their strategies decide.
             numbers: what agents do that follow neither these nor their strategies.
             threads: how many play.
+            only: (games,) which games are played; None: all.
 
         Raises:
             NotInCore: a function asks for what the core does not have.
+            NewAgents: rules have created agents that have no rows; the games have to begin again.
         """
-        playing = ~self.is_over
+        playing = ~self.is_over if only is None else only & ~self.is_over
         is_given = len(given) > 0 or numbers is not None
         undoing = []
         if np.count_nonzero(playing) > 1:
             undoing = [*chain(*(one.checkpoints(is_given=is_given) for one in self._maps))]
         try:
             self._play_turn(playing, given, numbers, threads)
-        except NotInCore:
+        except (NotInCore, NewAgents):
             raise
         except BaseException:
             for undo in undoing:
@@ -936,7 +944,7 @@ class ArrayEngine:
             one.check_given(games, given)
         for one, games in self._each(playing):
             one.call_before(games)
-        return ~self.is_over
+        return playing & ~self.is_over
 
     def _play(
         self,
@@ -997,27 +1005,29 @@ class ArrayEngine:
         """Return the result of a game so far."""
         on_map = self._maps[int(self._map_of[game])]
         state, template = on_map.state, on_map.game.result()
-        nodes, roster = state.streets.ids(state.node[game]).tolist(), state.roster
-        agents = {
-            name: {
-                "team": roster.teams[team],
-                "alive": bool(state.alive[game, number]),
-                "node": nodes[number],
-                **{kind: int(counts[game, number]) for kind, counts in state.counts.items()},
-            }
-            for number, (name, team) in enumerate(zip(roster.names, roster.team_of.tolist(), strict=True))
-            if state.is_there[game, number]
-        }
-        plans, known = on_map.game.settings()["plans"], template.provenance["strategies"]
-        come = [(name, one) for name, one in zip(roster.names, roster.agents, strict=True) if name in agents]
-        strategies = known | {name: strategy_name(function_in(decider_of(one, plans), game)) for name, one in come}
-        departed = {name: one for name, one in template.agents.items() if name not in on_map.game.ctx.agent.agents}
+        nodes, roster, cursor = state.streets.ids(state.node[game]).tolist(), state.roster, on_map.cursor
+        own = None if cursor is None else cursor.agents(game)
+        if own is None:
+            own = [agent for agent, is_first in zip(roster.agents, roster.is_first, strict=True) if is_first]
+        ends = {agent.name: agent.team for agent in own}
+        gone = on_map.game.internals.state.departed if cursor is None else cursor.departed(game)
+        agents = {}
+        for number, name in enumerate(roster.names):
+            if name in ends or name in gone:
+                agents[name] = {
+                    "team": ends[name] if name in ends else gone[name][0],
+                    "alive": bool(state.alive[game, number]),
+                    "node": nodes[number] if name in ends else gone[name][1],
+                    **{kind: int(counts[game, number]) for kind, counts in state.counts.items()},
+                }
+        plans = on_map.game.settings()["plans"]
+        strategies = {agent.name: strategy_name(function_in(decider_of(agent, plans), game)) for agent in own}
         over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
         return Result(
             turns=int(state.turn[game]),
             scores=state.scores.of(np.array([game]))[0],
             events=[dict(event) for event in state.events.of(game)],
-            agents=dict(sorted((departed | agents).items())),
+            agents=agents,
             errors=[dict(error) for error in state.errors[game]],
             deeds=[] if self._deed_log is None else [dict(deed) for deed in self._deed_log.of(game)],
             collected=template.collected if on_map.cursor is None else on_map.cursor.collected(game),
@@ -1029,14 +1039,16 @@ class ArrayEngine:
         )
 
 
-def movement_in_core(game: PlayedGame, roster: AgentTable) -> Movement:
-    """Return how the agents of a game move in the core, where rules may close and open roads.
+def _observing(game: PlayedGame, roster: AgentTable) -> BoolArray:
+    """Return whose sensors are called in each turn, (agents,): maybe those of agents that differ between games."""
+    are_created = first_called(game, roster) is not None
+    are_called = [len(called_each_turn(agent)) > 0 for agent in roster.agents]
+    found: BoolArray = np.array(are_called, np.bool_) | (roster.varies & are_created)
+    return found
 
-    Raises:
-        NotInCore: agents may come.
-    """
-    if not roster.is_first.all():
-        raise NotInCore("agents that may come")
+
+def movement_in_core(game: PlayedGame, roster: AgentTable) -> Movement:
+    """Return how the agents of a game move in the core, where rules may close and open roads."""
     are_functions = first_called(game, roster) is not None or any(map(is_function, called_rules(game, roster)))
     may_change = goes_along_one_edge(game, roster) and are_functions
     return movement_of(game, roster, may_reopen=may_change, is_detached=may_change)
@@ -1049,7 +1061,7 @@ def decides_at_arrivals(movement: Movement) -> bool:
 
 def errs_at_arrivals(agent: IAgent) -> str | None:
     """Return the name of a sensor of an agent that counts its looks in a turn; None: there is none."""
-    for name, sensor in carried_by(agent).items():
+    for name, sensor in sensors_of(agent).items():
         look = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
         if look is not None and not look.is_plain:
             return name

@@ -10,7 +10,8 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_count, as_ids, as_int, as_items, as_key, as_mapping, as_name
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadValue, GammsError, UnknownName
+from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan
 from gamms.game.snapshots import GameInternals, Snapshot
@@ -199,6 +200,78 @@ class PlayedGame(Protocol):
     def restore(self, snapshot: Snapshot) -> None: ...
 
 
+def sensors_of(agent: "IAgent | ComingAgent") -> Mapping[str, Any]:
+    """Return the sensors of an agent by their names."""
+    found: Mapping[str, Any] = getattr(agent, "sensors", {})
+    return found
+
+
+class ComingAgent(NamedTuple):
+    """An agent that is in no game of a batch at the start, but has a row.
+
+    Attributes:
+        name, team, type, speed: of the agent.
+        strategy: its strategy, of which only the array form counts.
+        sensors: those that agents of this name carry in some game, by name.
+        is_reserved: whether the caller has reserved the row; else a rule has created the agent.
+        is_known: whether a rule has created the agent in some game; else it is like another agent of its team.
+    """
+
+    name: str
+    team: Hashable
+    type: AgentType
+    speed: float | None
+    strategy: Any
+    sensors: Mapping[str, Any]
+    is_reserved: bool = False
+    is_known: bool = True
+
+    @classmethod
+    def like(cls, agent: IAgent, name: str) -> "ComingAgent":
+        """Return a reserved agent of this name that is probably like another one."""
+        own = agent.team, agent.type, agent.speed, agent.strategy, sensors_of(agent)
+        return cls(name, *own, is_reserved=True, is_known=False)
+
+    @classmethod
+    def departed(cls, name: str, team: Hashable) -> "ComingAgent":
+        """Return an agent that was deleted before the batch."""
+        return cls(name, team, AgentType.BASIC, None, None, {}, is_known=False)
+
+    def fits(self, agent: "IAgent | ComingAgent") -> bool:
+        """Return whether an agent that was created can take this row."""
+        is_same = self.team == agent.team and self.type is agent.type and self.speed == agent.speed
+        forms = [key_of(strategy_spec_of(one.strategy).array_form) for one in (self, agent)]
+        return is_same and forms[0] == forms[1] and sensors_of(agent).keys() <= self.sensors.keys()
+
+    def joined(self, agent: IAgent) -> "ComingAgent":
+        """Return this agent such that an agent that was created, maybe in another game, can take its row.
+
+        Raises:
+            BadValue: they differ in a way that one row cannot hold.
+        """
+        known = agent.team, agent.type, agent.speed, agent.strategy
+        found = ComingAgent(self.name, *known, {**self.sensors, **sensors_of(agent)}, self.is_reserved)
+        if self.is_known and not found._replace(sensors=self.sensors).fits(self):
+            raise BadValue(
+                f"Agent {shown(self.name)} differs between the games of a batch: it has team {shown(self.team)}, "
+                f"{self.type.name}, speed {self.speed} in one, and team {shown(agent.team)}, {agent.type.name}, speed "
+                f"{agent.speed} in another. Give them different names, or play the games alone: scenario.play(seed=…)."
+            )
+        return found
+
+
+class NewAgents(GammsError):
+    """Rules have created agents that have no rows in a batch.
+
+    Attributes:
+        agents: these agents.
+    """
+
+    def __init__(self, agents: Sequence[IAgent]) -> None:
+        super().__init__(f"Rules have created {shown([agent.name for agent in agents])}.")
+        self.agents = agents
+
+
 class AgentTable(NamedTuple):
     """The agents of every game of a batch, in the order of their names.
 
@@ -207,9 +280,11 @@ class AgentTable(NamedTuple):
         teams: the teams that agents play for, in the order of their first agents.
         team_of: (agents,) the number of each agent's team.
         keys: (agents,) the hashes of the names, for keyed draws.
-        agents: the agents of the context that the batch was made from, for constant data such as sensors. A reserved
-            name has the first agent of its team.
-        is_first: (agents,) whether each agent is in the game at the start; the other names are reserved.
+        agents: the agents of the context that the batch was made from, for constant data such as sensors, and those
+            that may come.
+        is_first: (agents,) whether each agent is in the game at the start; the other rows are for agents that may come.
+        is_public: (agents,) whether callers observe the agent and give it actions.
+        varies: (agents,) whether the strategy and the sensors of an agent of this name may differ between games.
         flies: (agents,) whether each agent flies; the others move on the ground.
     """
 
@@ -217,45 +292,99 @@ class AgentTable(NamedTuple):
     teams: tuple[Hashable, ...]
     team_of: IntArray
     keys: BitArray
-    agents: list[IAgent]
+    agents: list[Any]  # `IAgent`, or `ComingAgent`
     is_first: BoolArray
+    is_public: BoolArray
+    varies: BoolArray
     flies: BoolArray
 
     @classmethod
-    def of(cls, agents: Iterable[IAgent], reserved: Mapping[Hashable, Sequence[str]] | None = None) -> "AgentTable":
-        """Return the roster of agents, with names reserved for further agents, by team."""
-        first = sorted(agents, key=lambda agent: agent.name)
-        named = {agent.name: agent for agent in first}
-        for team, names in (reserved or {}).items():
-            named |= dict.fromkeys(names, next(agent for agent in first if agent.team == team))
-        ordered = [named[name] for name in sorted(named)]
+    def of(
+        cls, agents: Iterable[IAgent], coming: Iterable[ComingAgent] = (), varying: Collection[str] = ()
+    ) -> "AgentTable":
+        """Return the roster of agents, and of others that may come.
+
+        Args:
+            agents: the agents of the start.
+            coming: the others.
+            varying: the names of agents that are deleted in some game, and created again.
+        """
+        named: dict[str, Any] = {agent.name: agent for agent in sorted(agents, key=lambda agent: agent.name)}
+        named |= {agent.name: agent for agent in coming}
+        names = tuple(sorted(named))
+        ordered = [named[name] for name in names]
         teams = tuple(dict.fromkeys(agent.team for agent in ordered))
         number = {team: i for i, team in enumerate(teams)}
         team_of = np.array([number[agent.team] for agent in ordered], np.int64)
-        is_first = np.array([one.name == name for one, name in zip(ordered, sorted(named), strict=True)], np.bool_)
+        is_first = np.array([not isinstance(agent, ComingAgent) for agent in ordered], np.bool_)
+        is_public = np.array([getattr(agent, "is_reserved", True) for agent in ordered], np.bool_)
+        varies = ~is_first | np.array([name in varying for name in names], np.bool_)
         flies = np.array([agent.type is AgentType.AERIAL for agent in ordered], np.bool_)
-        keys = locked(kernels.name_keys(sorted(named)))
-        return cls(tuple(sorted(named)), teams, locked(team_of), keys, ordered, locked(is_first), locked(flies))
+        masks = [locked(one) for one in (is_first, is_public, varies, flies)]
+        return cls(names, teams, locked(team_of), locked(kernels.name_keys(names)), ordered, *masks)
 
     @property
-    def reserved(self) -> dict[Hashable, list[str]]:
-        """The names reserved for agents that may enter later, by team."""
-        found: dict[Hashable, list[str]] = {}
-        for number in np.flatnonzero(~self.is_first).tolist():
-            found.setdefault(self.teams[self.team_of[number]], []).append(self.names[number])
-        return found
+    def coming(self) -> dict[str, ComingAgent]:
+        """The agents that may come, by name."""
+        return {agent.name: agent for agent in self.agents if isinstance(agent, ComingAgent)}
+
+    def can_hold(self, agent: IAgent) -> bool:
+        """Whether an agent that was created in a game can take the row of its name."""
+        if agent.name not in self.names:
+            return False
+        number = self.names.index(agent.name)
+        known = self.agents[number]
+        if isinstance(known, ComingAgent):
+            return known.fits(agent)
+        own = sensors_of(agent)
+        is_same = known.strategy is agent.strategy and sensors_of(known) == own
+        may_vary = is_same or bool(self.varies[number])
+        return may_vary and ComingAgent.like(known, agent.name)._replace(sensors=own).fits(agent)
+
+    def with_more(self, agents: Iterable[IAgent]) -> "AgentTable":
+        """Return the roster with rows for agents that were created.
+
+        Raises:
+            BadValue: an agent differs from another one of its name in a way that one row cannot hold.
+        """
+        coming = self.coming
+        first = {agent.name: agent for agent in self.agents if not isinstance(agent, ComingAgent)}
+        varying = {name for name, varies in zip(self.names, self.varies.tolist(), strict=True) if varies}
+        for agent in agents:
+            name = agent.name
+            if name in first:
+                ComingAgent.like(first[name], name)._replace(is_known=True).joined(agent)
+                varying.add(name)
+                continue
+            known = coming.get(name) or ComingAgent.like(agent, name)._replace(is_reserved=False)
+            coming[name] = known.joined(agent)
+        return AgentTable.of(first.values(), coming.values(), varying)
 
     def first_nodes(self, game: PlayedGame) -> list[int]:
-        """Return the ids of the start nodes of a game's agents; for flying agents, the nodes nearest to the starts."""
+        """Return the ids of the start nodes of a game's agents; for flying agents, the nodes nearest to the starts.
+
+        Those that may come have any node.
+        """
         nearest = game.ctx.graph.graph.nearest_node
-        starts = [game.internals.start_of(agent) for agent in self.agents]
-        return [place if isinstance(place, int) else nearest(*place[:2]) for place in starts]
+        found = list[int]()
+        for agent in self.agents:
+            if isinstance(agent, ComingAgent):
+                found.append(next(iter(game.ctx.graph.graph.get_nodes())))
+                continue
+            place = game.internals.start_of(agent)
+            found.append(place if isinstance(place, int) else nearest(*place[:2]))
+        return found
 
     def members(self, team: Hashable) -> IntArray:
-        """Return the numbers of the agents of a team, ascending."""
-        if as_key(team, "A team") not in self.teams:
-            raise UnknownName("team", team, self.teams)
-        return np.flatnonzero(self.team_of == self.teams.index(team))
+        """Return the numbers of the public agents of a team, ascending."""
+        if as_key(team, "A team") not in self.public_teams:
+            raise UnknownName("team", team, self.public_teams)
+        return np.flatnonzero((self.team_of == self.teams.index(team)) & self.is_public)
+
+    @property
+    def public_teams(self) -> tuple[Hashable, ...]:
+        """The teams of public agents, in the order of their first agents."""
+        return tuple(dict.fromkeys(self.teams[number] for number in self.team_of[self.is_public].tolist()))
 
     def column(self, values: Mapping[str, Any], default: float) -> Column:
         """Return values by agent name as an array of one game, (1, agents), with a default for missing names."""
@@ -307,10 +436,10 @@ def preparing(agent: IAgent, plans: Mapping[Hashable, Plan]) -> list[object]:
     return [one for one in found if hasattr(one, "prepare") and not isinstance(one, type)]
 
 
-def reserved(roster: AgentTable, most_agents: object) -> dict[Hashable, list[str]]:
-    """Return the names reserved for agents that may enter later, by team."""
+def reserved(roster: AgentTable, most_agents: object) -> list[ComingAgent]:
+    """Return the agents that may come for which the caller reserves rows."""
     found: dict[Hashable, list[str]] = {}
-    given = most_agents if isinstance(most_agents, Mapping) else dict.fromkeys(roster.teams, most_agents)
+    given = most_agents if isinstance(most_agents, Mapping) else dict.fromkeys(roster.public_teams, most_agents)
     for team, most in given.items():
         there = len(roster.members(team))
         if isinstance(most, Iterable):
@@ -328,7 +457,8 @@ def reserved(roster: AgentTable, most_agents: object) -> dict[Hashable, list[str
         if len({*names}) < len(names):
             raise BadValue(f"most_agents[{team!r}] has a name twice: {shown(names)}.")
         found[team] = names
-    return found
+    first = {team: roster.agents[roster.members(team)[0]] for team in found}
+    return [ComingAgent.like(first[team], name) for team, names in found.items() for name in names]
 
 
 class ZeroDefaultScores(dict[Any, Any]):

@@ -3,22 +3,24 @@
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import chain
 from typing import Any, NamedTuple, NoReturn
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from gamms.core.copies import copied, copied_values
 from gamms.deciding import phase_of
 from gamms.game.batch.channels import MessageTraffic
-from gamms.game.batch.columns import AgentTable, Failure, PlayedGame, decider_of, kept_in
+from gamms.game.batch.columns import AgentTable, ComingAgent, Failure, NewAgents, PlayedGame, decider_of, kept_in
 from gamms.game.batch.courses import Routes
 from gamms.game.batch.flights import Flights
 from gamms.game.batch.forms import decides_in_arrays
 from gamms.game.batch.in_core import CoreGames, called_rules, core_form_of
 from gamms.game.batch.own_functions import FunctionPerGame, some_function
-from gamms.game.batch.pointed import PointedContext
+from gamms.game.batch.pointed import PointedContext, Population
 from gamms.game.batch.scores import fits_float
 from gamms.game.batch.sensing import called_each_turn
 from gamms.game.batch.state import KEPT, STOPPED, GameArrays, NotInCore
@@ -33,24 +35,26 @@ from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule
 from gamms.game.slots import COUNTED
 from gamms.game.turn import CLOSED
-from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE
+from gamms.ir.agents import AgentBlock
+from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE, AGENT_CREATE, AGENT_DELETE
 from gamms.ir.game_state import BlockedAgents, GameState, Scores, in_conflict
 from gamms.ir.graph import IntArray
-from gamms.ir.journal import PLAIN, Journal
+from gamms.ir.journal import Journal
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
 from gamms.plain import is_plain, is_same
 from gamms.text import as_code, shown
+from gamms.typing.agent_engine import IAgent
 from gamms.typing.sensor_engine import owner_of
 
 # made when they are read
 _READ = ("began", "counts", "data", "deeds", "errors", "events", "memories", "messages", "moves", "scores")
-_OWN = ("agent_facts", "over", "start", "team_facts", "team_memories")
+_OWN = ("agent_facts", "departed", "over", "start", "team_facts", "team_memories")
 _PrivateFacts = tuple[dict[Any, dict[str, Any]], dict[Any, dict[str, Any]]]  # of agents, of teams
 _NUMBERS = [column.name for column in NUMBERS]
 _CHANGING = {CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS)}
 _TURNED = CHANGE_EVENTS["heading"].code
-_CHANGING |= {AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, _TURNED}
+_CHANGING |= {AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE, _TURNED}
 _OF_ONE = ("__contains__", "__delitem__", "__getitem__", "__setitem__", "get", "pop", "setdefault")
 _OF_ALL = (
     *("__bool__", "__deepcopy__", "__eq__", "__format__", "__ior__", "__iter__", "__len__", "__ne__", "__or__"),
@@ -123,6 +127,10 @@ class _StartOfGame:
     def places_of(self, _: object) -> dict[str, Any]:
         """Return where agents began."""
         return self._began()
+
+    def place_of(self, agent: IAgent) -> Any:
+        """Return where an agent is that has come later."""
+        return getattr(agent, "position", agent.current_node_id)
 
     def __getattr__(self, name: str) -> NoReturn:
         """Refuse everything else."""
@@ -223,6 +231,23 @@ class _LivingOrder(NamedTuple):
     asked: dict[tuple[bytes, bytes], _AskedAgents]
 
 
+@dataclass
+class _PopulationCaches:
+    """What follows from a set of agents of the context.
+
+    Attributes:
+        lasts: the last states of agents, and the last data of sensors, each a list of one item.
+        notices: of the sensors that count their looks.
+        sees_world_only: whether all sensors that are called look only at the graph and the agents.
+        living_of: returns the order of the agents that live, by row, and know the same facts or not.
+    """
+
+    lasts: list[list[Any]]
+    notices: list[Any]
+    sees_world_only: bool
+    living_of: Callable[[bytes, bool], _LivingOrder]
+
+
 class Cursor:
     """Calls plain functions in a context that is pointed at each game of a batch in turn.
 
@@ -245,6 +270,8 @@ class Cursor:
 
     _has_begun = False
     _living: _LivingOrder
+    _cached: _PopulationCaches
+    _attributes_shown: list[dict[str, Any]]
     _marks: dict[int, _StreamPositions]  # of games, while agents arrive
     _part: int | None = None  # of the turn in which agents are about to move
 
@@ -272,7 +299,6 @@ class Cursor:
         self._turns = parts.turns
         self._values = parts.state
         self._phase = phase_of(game.ctx)
-        self._own_of_ctx = vars(game.ctx)
         self._why = ""  # why games leave the core
         self._core_keys = frozenset(_keys_in_core(game))
         specs = [one.spec for one in game.rules if one.spec.core_form is not None]
@@ -301,6 +327,7 @@ class Cursor:
         self._deeds: list[tuple[int, int, int, str, Mapping[str, Any]]] = []  # see `DeclaredDeeds.from_plain`
         self._undone: dict[int, dict[str, str]] = {}  # agent -> why it did not do what it wanted, but for conflicts
         self._first = _StartValues.of(parts.state)
+        self._new_agents: list[IAgent] = []  # that have no rows
         self._data_before: dict[int, dict[Any, Any] | None] = {}  # of games whose data were read since the checkpoint
         self.forget(np.arange(len(state)))
 
@@ -323,33 +350,26 @@ class Cursor:
         values = self._values
         self._pointed.hold()
         self._has_begun = True
-        self._block = block = self._ctx.agent.block
         self._kept = {name: getattr(values, name) for name in _OWN}
         self._number_of = {name: i for i, name in enumerate(self._state.roster.names)}
-        self._agents = [self._ctx.agent.agents[name] for name in block.names]
-        self._journal = Journal(block.names)
+        self._looks = self._no("what agents have sensed")
+        self._known_caches: WeakKeyDictionary[Population, _PopulationCaches] = WeakKeyDictionary()
+        self._take_shown()
+        self._turns.note_departed()
         self._take_first_values()
         self._phase.before_reading = self._own_attributes
-        self._living_of = lru_cache(1024)(self._new_living)
+        self._own_of_ctx = vars(self._ctx)
         self._own_of_ctx["_rng"] = None  # `release` restores it
         values.__class__ = _PointedState
         values.start = _StartOfGame(self._read_field, self._replace_data, self._began, self._leave)
         values.has_begun = True
         values.last_turn = self._game.settings()["max_turns"]
         values.blocked = BlockedAgents()
-        self._block.journal = self._journal
         self._facts_own: dict[str, Any] | None = None  # of the game, if they are not the first ones
         self._show_facts(None)
-        access = self._ctx.agent.storage.turn_access
-        each = [access(one) for one in self._agents]
-        of_sensors = [last for one in each for _, last, *_ in one.carried]
-        self._lasts = [one.last for one in each] + [last for last in of_sensors if type(last) is list]
-        self._take_sensors()
-        self._looks = self._no("what agents have sensed")
         self._alive: bytes | None = None  # the agents whose order is taken; None: unknown
         self._is_public = True  # whether that is the order of agents that know the same facts
         self._private_shown: _PrivateFacts | None = None
-        self._forget_looks()
         self._read = dict[str, Any]()
         self._number = -1
         self._fixed = self._what_is_fixed()
@@ -378,12 +398,13 @@ class Cursor:
         values.began = {}
         values.last_turn = None
         values.stream_version += 1  # slots have memories and draws of games of the batch
-        self._block.journal = PLAIN
         turns.is_playing = turns.is_moving = False
         self._phase.before_reading = None
+        self._pointed.show_first()
+        self._take_shown()
         for agent, own in zip(self._agents, self._first_attributes, strict=True):
             agent.__dict__ = own
-        for last in self._lasts:
+        for last in self._cached.lasts:
             last[0] = {}
         self._pointed.release()
 
@@ -400,26 +421,47 @@ class Cursor:
         phase, graph = self._phase, self._ctx.graph
         return (
             *(phase.setting_changes, phase.sensor_changes, phase.strategy_changes),
-            *map(owner_of, self._sensors),
             *(graph.obstacle_revision, graph.storage.has_placed),
-            *(id(self._parts.rules.rules), self._ctx.is_terminated(), id(self._ctx.agent.block)),
+            *(id(self._parts.rules.rules), self._ctx.is_terminated()),
         )
 
-    def _take_sensors(self) -> None:
-        """Find the sensors that are called, and which of them count their looks."""
-        self._sensors = [sensor for agent in self._agents for sensor in agent.sensors.values()]
-        observing = (agent for agent in self._agents if agent.name in self._observing_names)
+    def _take_shown(self) -> None:
+        """Take the agents that the context shows from now on."""
+        self._population = population = self._pointed.population
+        self._block = population.block
+        self._agents = population.agents.members
+        self._journal = population.journal
+        self._cached = self._caches_of(population)
+        self._alive = None
+        self._attributes_shown = []  # unknown
+        self._forget_looks()
+
+    def _caches_of(self, population: Population) -> _PopulationCaches:
+        """Return what follows from the agents of the context, which are these."""
+        if population not in self._known_caches:
+            self._known_caches[population] = self._new_caches(population.agents.members)
+        return self._known_caches[population]
+
+    def _new_caches(self, agents: Sequence[Any]) -> _PopulationCaches:
+        access = self._ctx.agent.storage.turn_access
+        each = [access(one) for one in agents]
+        of_sensors = [last for one in each for _, last, *_ in one.carried]
+        lasts = [one.last for one in each] + [last for last in of_sensors if type(last) is list]
+        sensors = [sensor for agent in agents for sensor in agent.sensors.values()]
+        observing = (agent for agent in agents if agent.name in self._observing_names)
         carried = [sensor for agent in observing for sensor in agent.sensors.values()]
-        looks = [(one, one.in_arrays()) for one in self._sensors if hasattr(one, "in_arrays")]
+        looks = [(one, one.in_arrays()) for one in sensors if hasattr(one, "in_arrays")]
         counting = {id(one): one.notice for one, look in looks if look is not None and not look.is_plain}
-        self._notices = [counting[id(one)] for one in carried if id(one) in counting]
-        self._sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
+        notices = [counting[id(one)] for one in carried if id(one) in counting]
+        sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
+        return _PopulationCaches(lasts, notices, sees_world_only, lru_cache(1024)(self._new_living))
 
     def _refuse_changes(self) -> None:
         """Leave the core if a function has changed a value that all games share."""
         if self._why:
             raise NotInCore(self._why)
-        if self._what_is_fixed() != self._fixed:
+        owners = [*map(owner_of, self._population.sensors.sensors)]
+        if self._what_is_fixed() != self._fixed or owners != [*self._population.sensors.owners]:
             self._leave("changes the map, settings, rules, sensors or strategies")
         if self._are_shared and not is_same(self._shared_attributes, self._first_attributes):
             self._leave("changes the __dict__ of agents")
@@ -427,7 +469,7 @@ class Cursor:
             self._leave("draws from ctx.rng")
 
     def _forget_looks(self) -> None:
-        for last in self._lasts:
+        for last in self._cached.lasts:
             last[0] = self._looks
 
     # -- pointing -----------------------------------------------------------------------------------------------
@@ -437,6 +479,8 @@ class Cursor:
         values, state, pointed = self._values, self._state, self._pointed
         for number in pointed.each(games):
             self._number = number
+            if pointed.population is not self._population:
+                self._take_shown()
             for own in self._own_functions:
                 own.number = number
             self._read.clear()
@@ -455,12 +499,7 @@ class Cursor:
                 self._show_facts(facts)
             for name, fact_of_game in self._facts_in_core.items():
                 self._facts[name] = self._facts_shown[name] = fact_of_game(state, number)
-            attributes = self._attributes[number]
-            if attributes is None and not self._are_shared:
-                attributes = self._attributes[number] = [copied_values(own) for own in self._first_attributes]
-            attributes = attributes or self._shared_attributes
-            if attributes is not self._attributes_shown:
-                self._show_attributes(attributes)
+            self._show_attributes_of(number)
             yield number
 
     def _show_facts(self, own: dict[str, Any] | None) -> None:
@@ -469,6 +508,15 @@ class Cursor:
         self._facts_shown = self._first_facts if own is None else own
         self._facts.clear()
         self._facts.update(self._facts_shown)
+
+    def _show_attributes_of(self, number: int) -> None:
+        """Let the agents have the attributes that they have in a game."""
+        attributes = self._attributes[number]
+        if attributes is None and not self._are_shared:
+            attributes = self._attributes[number] = [copied_values(own) for own in self._first_attributes]
+        attributes = attributes or self._shared_attributes
+        if attributes is not self._attributes_shown:
+            self._show_attributes(attributes)
 
     def _show_attributes(self, attributes: list[dict[str, Any]]) -> None:
         """Let the agents have these attributes of the caller's."""
@@ -517,23 +565,23 @@ class Cursor:
         """Let the agents that live now take turns."""
         self._alive = alive
         self._is_public = not any(self._private_shown or self._nothing_private)
-        self._living = self._living_of(alive, self._is_public)
+        self._living = self._cached.living_of(alive, self._is_public)
         self._turns.take_order(self._living.order)
 
     def _new_living(self, _: bytes, is_public: bool) -> _LivingOrder:  # noqa: ARG002 - on which the order depends
         """Return the order of the agents that live now, which know the same facts or not."""
         return _LivingOrder(self._turns.order(), self._turns.draw_table, {})
 
-    def _order_of(self, alive: bytes) -> TurnOrder:
-        """Return the order of the agents that lived."""
-        lives = bytes(self._block.alive)
+    def _order_of(self, population: Population, took_part: BoolArray) -> TurnOrder:
+        """Return the order of the agents that took part in a turn, some of which may have been deleted."""
+        alive = np.ascontiguousarray(took_part[population.numbers]).tobytes()
         with self._phase.suspended():  # a strategy may ask how agents have moved
-            self._pointed.show_lives(alive)
-            self._take_living(alive)
-            order = self._living.order
-            self._pointed.show_lives(lives)
-            self._take_living(lives)
-        return order
+            with self._pointed.showing(population):
+                self._pointed.show_lives(alive)
+                living = self._caches_of(population).living_of(alive, self._is_public)
+            if not self._pointed.has_other_agents():
+                self._take_living(bytes(self._block.alive))
+        return living.order
 
     # -- fields that are made when they are read ------------------------------------------------------------------
 
@@ -568,12 +616,13 @@ class Cursor:
 
     def _began(self) -> dict[str, Any]:
         state = self._state
-        starts: dict[str, Any] = dict(
-            zip(state.roster.names, state.streets.ids(state.start[self._number]).tolist(), strict=True)
-        )
+        begun = np.flatnonzero(state.start[self._number] >= 0)
+        nodes = state.streets.ids(state.start[self._number, begun]).tolist()
+        starts: dict[str, Any] = dict(zip((state.roster.names[i] for i in begun), nodes, strict=True))
         if state.flights is not None:
             places = map(tuple, state.flights.start[self._number].tolist())
-            starts.update(zip((state.roster.names[i] for i in state.flights.agents), places, strict=True))
+            flying = zip((state.roster.names[i] for i in state.flights.agents), places, strict=True)
+            starts |= {name: place for name, place in flying if name in starts}
         return starts
 
     _make_began = _began
@@ -625,9 +674,17 @@ class Cursor:
         parts = self._parts.settings.order
         return moves if parts is None or self._core.courses is not None else moves.in_parts(parts)
 
+    @property
+    def _moment(self) -> tuple[int, int | None]:
+        """How many turns were played, and the part in which agents are about to move; None: none."""
+        return int(self._state.turn[self._number]), self._part
+
     def _moves_between(self, starts: IntArray, ends: IntArray, took_part: BoolArray) -> TurnMoves:
         """Return the moves of the agents that took part."""
-        order = self._order_of(np.ascontiguousarray(took_part[self._pointed.numbers]).tobytes())
+        moment, population = self._pointed.moved.get(self._number, (None, self._population))
+        if moment != self._moment:
+            population = self._population
+        order = self._order_of(population, took_part)
         ids, courses = self._state.streets.ids, self._core.courses
         numbers = np.flatnonzero(took_part)
         acting = numbers
@@ -764,13 +821,15 @@ class Cursor:
         turns.is_moving = part is not None or self._core.arrival is not None
         try:
             for _ in self._each(games):
-                begun = self._living.table.begun
+                table, begun = self._living.table, self._living.table.begun
                 try:
                     function()
                 finally:
                     self._take()
-                if self._living.table.begun != begun:
+                if table.begun != begun:
                     self._leave("draws by the streams of agents")
+                if any(last[0] is not self._looks for last in self._cached.lasts):
+                    self._leave("asks sensors")
         except Exception as error:
             if not isinstance(error, NotInCore):
                 self._refuse_changes()
@@ -782,8 +841,8 @@ class Cursor:
             turns.is_playing = turns.is_moving = False
             self._part = None
         self._refuse_changes()
-        if any(last[0] is not self._looks for last in self._lasts):
-            self._leave("asks sensors")
+        if self._new_agents:
+            raise NewAgents(self._new_agents)
         self._state.now.clear()
 
     def _named(self) -> str:
@@ -791,23 +850,63 @@ class Cursor:
 
     def _take(self) -> None:
         """Write the changes of a game into the columns."""
-        number, over = self._number, self._values.over
+        number, over, journal = self._number, self._values.over, self._journal
+        block = None
+        if self._pointed.has_other_agents():
+            block = self._take_population()
+            if block is None:
+                return
         if self._read:
             self._take_logs(self._read)
         if over is not self._over:
             self._state.over[number] = over
             self._state.is_going[number] = over is None
-        if self._journal.log or self._journal.progressed:
-            self._take_agents()
+        if block is not None or journal.log or journal.progressed:
+            self._take_agents(journal, block)
         if self._pointed.has_changed_map():
             self._take_roads()
         for name in _NUMBERS:
-            self._state.numbers[name][number, self._pointed.numbers] = getattr(self._block, name)
+            self._state.numbers[name][number, self._population.numbers] = getattr(block or self._block, name)
         if self._facts != self._facts_shown:
             self._take_facts()
         if self._private_shown is self._nothing_private and any(self._nothing_private):
             self._private_facts[number] = self._nothing_private
             self._nothing_private = {}, {}
+
+    def _take_population(self) -> AgentBlock | None:
+        """Let a game have the agents that a function has created or deleted.
+
+        Returns:
+            The block with what the function has done; None: some agents have no rows, and games have to begin again.
+        """
+        number, before = self._number, self._population
+        agents = self._ctx.agent.agents
+        known = {agent.name: agent for agent in before.agents.members}
+        new = [agent for name, agent in agents.items() if known.get(name) is not agent]
+        self._turns.note_departed()
+        unfit = [agent for agent in new if not self._state.roster.can_hold(agent)]
+        if unfit:
+            self._new_agents += unfit
+            before.renew_journal()
+            self._pointed.show(before)
+            self._take_shown()
+            self._fixed = self._what_is_fixed()
+            return None
+        self._take_attributes()
+        if self._pointed.moved.get(number, (None,))[0] != self._moment:
+            self._pointed.moved[number] = self._moment, before
+        for name in [name for name, agent in known.items() if agents.get(name) is not agent]:
+            self._core.leave(number, self._number_of[name], self._pointed.departed[number][name][1])
+        for agent in new:
+            self._core.enter(number, self._number_of[agent.name], agent.current_node_id)
+        attributes = {agent.name: agent.__dict__ for agent in agents.values()}
+        found = self._pointed.take_population(number)
+        if not found.is_equipped_as(before):
+            self._leave("changes the sensors or strategies of agents")
+        self._take_shown()
+        self._attributes[number] = [attributes[agent.name] for agent in self._agents]
+        self._fixed = self._what_is_fixed()
+        return found.block
 
     def _take_logs(self, read: dict[str, Any]) -> None:
         """Write the changes of the scores and the events of a game that were read."""
@@ -842,35 +941,41 @@ class Cursor:
             self._leave("sets scores that are no numbers")
         self._state.scores.put(self._number, scores)
 
-    def _take_agents(self) -> None:
-        """Write where agents are that were put elsewhere, and who lives."""
-        journal, block, state, number = self._journal, self._block, self._state, self._number
+    def _take_agents(self, journal: Journal, changed: AgentBlock | None) -> None:
+        """Write where agents are that were put elsewhere, and who lives.
+
+        Args:
+            journal: what a function has done.
+            changed: the agents, if it has created or deleted some; else None.
+        """
+        state, number, block = self._state, self._number, changed or self._block
         kinds = {one[0] for one in journal.log if type(one) is tuple}
-        progressed = [*journal.progressed]
+        progressed = [name for name in map(journal.names.__getitem__, journal.progressed) if name in block.rows]
         journal.log.clear()
         journal.progressed.clear()
         if AGENT_ATTRIBUTE in kinds:
             self._take_attributes()
-        if not kinds <= _CHANGING | {AGENT_ATTRIBUTE}:
+        if not kinds <= _CHANGING | ({AGENT_CREATE, AGENT_DELETE} if changed else set()):
             self._leave("changes agents otherwise than by putting them elsewhere or out of the game")
-        numbers = self._pointed.numbers
-        for row in progressed:
-            if block.progress[row] is not None:
+        numbers = self._population.numbers
+        for name in progressed:
+            if block.progress[block.row_of(name)] is not None:
                 self._leave("puts agents on edges")
-            state.movement.clear(number, int(numbers[row]))
-        if _TURNED in kinds:
-            headings = zip(numbers.tolist(), block.heading, self._pointed.first_headings, strict=True)
+            state.movement.clear(number, self._number_of[name])
+        if changed or _TURNED in kinds:
+            headings = zip(numbers.tolist(), block.heading, self._population.first_headings, strict=True)
             state.headings[number] = {agent: now for agent, now, first in headings if now != first}
-            self._pointed.headings = state.headings[number]
         block.locate()
         state.node[number, numbers] = state.streets.rows(np.array(block.node))
         state.previous[number, numbers] = state.streets.rows(np.array(block.previous))
         alive = bytes(block.alive)
         state.alive[number, numbers] = np.frombuffer(alive, np.bool_)
-        self._pointed.alive = alive
+        if not changed:
+            self._pointed.headings, self._pointed.alive = state.headings[number], alive
         state.placed[number, numbers] = [row in block.placed for row in range(len(numbers))]
         if state.flights is not None:
-            state.placed[number, state.flights.agents] |= state.flights.take(number, block, self._pointed.rows_in_air)
+            fly = self._population.flying, self._population.rows_in_air
+            state.placed[number, state.flights.agents] |= state.flights.take(number, block, *fly)
 
     def _take_facts(self) -> None:
         """Keep what a rule has published in a game."""
@@ -952,12 +1057,12 @@ class Cursor:
         for name, template in asked.templates:
             template["memory"] = memories[name]
         if self._core.arrival is None:
-            for notice in self._notices:
+            for notice in self._cached.notices:
                 notice.reset()
             decisions = self._turns.decide(self._living.order, asked.part)
         else:
             decisions = self._decide_at_arrival(asked)
-        if not self._sees_world_only:
+        if not self._cached.sees_world_only:
             self._take_what_sensors_change()
         if self._state.flights is not None:
             self._choose_flights(self._state.flights, decisions, asked)
@@ -975,15 +1080,17 @@ class Cursor:
     def _decide_at_arrival(self, asked: _AskedAgents) -> Decisions:
         """Return what agents decide that may have decided in the same turn before."""
         number, turns, slots = self._number, self._turns, self._living.order.slots
-        known = self._marks.get(number, _StreamPositions({}, [{} for _ in self._notices]))
-        for notice, looks in zip(self._notices, known.looks, strict=True):
+        known = self._marks.get(number, _StreamPositions({}, [{} for _ in self._cached.notices]))
+        for notice, looks in zip(self._cached.notices, known.looks, strict=True):
             notice.go_to(looks)
         for i, name in asked.members:
             slots[i].go_to(known.streams.get(name, (None, None)))
         turns.travel.now = self._state.movement.now[number].item()
         decisions = turns.decide(self._living.order, asked.part)
         streams = {name: slots[i].marks() for i, name in asked.members}
-        self._marks[number] = _StreamPositions(known.streams | streams, [notice.mark() for notice in self._notices])
+        self._marks[number] = _StreamPositions(
+            known.streams | streams, [notice.mark() for notice in self._cached.notices]
+        )
         return decisions
 
     def _take_what_sensors_change(self) -> None:
@@ -1099,13 +1206,22 @@ class Cursor:
 
     # -- turns --------------------------------------------------------------------------------------------------
 
+    def agents(self, game: int) -> list[Any] | None:
+        """Return the agents of a game; None: those of the start."""
+        population = self._pointed.population_of[game]
+        return None if population is None else population.agents.members
+
+    def departed(self, game: int) -> dict[str, tuple[Any, int]]:
+        """Return the agents that were deleted in a game, with their teams and nodes."""
+        return self._pointed.departed[game]
+
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that takes back all that happens from now on."""
         undo = self._state.checkpoint(self._core.moves)
         facts = [*self._facts_of]
         private_facts = [one and copied(one) for one in self._private_facts]
         attributes = copied(self._attributes)
-        delayed_looks = [{**looks} for looks in self._pointed.delayed_looks]
+        undo_pointed = self._pointed.checkpoint()
         memories = [{name: copied(one) for name, one in each.items() if one} for each in self._memories]
         team_memories = [{team: copied(one) for team, one in each.items()} for each in self._team_memories]
         undone = copied(self._undone)
@@ -1119,7 +1235,7 @@ class Cursor:
             self._facts_of[:] = facts
             self._private_facts[:] = private_facts
             self._attributes[:] = attributes
-            self._pointed.delayed_looks[:] = delayed_looks
+            undo_pointed()
             self._memories[:] = [defaultdict(dict, each) for each in memories]
             self._team_memories[:] = team_memories
             self._undone = undone
@@ -1171,12 +1287,20 @@ def _keys_in_core(game: PlayedGame) -> Iterator[str]:
 def asked_of(game: PlayedGame, roster: AgentTable) -> list[int]:
     """Return the numbers of the agents whose strategies, or the plans of whose teams, are called game by game."""
     settings = game.settings()
+    are_created = first_called(game, roster) is not None  # by a function
     found = []
     for number, agent in enumerate(roster.agents):
-        decider = decider_of(agent, settings["plans"])
-        if core_form_of(settings, roster, number) is None and not decides_in_arrays(decider, settings):
+        if isinstance(agent, ComingAgent) and not are_created:
+            continue
+        if is_asked(settings, roster, number):
             found.append(number)
     return found
+
+
+def is_asked(settings: Mapping[str, Any], roster: AgentTable, number: int) -> bool:
+    """Whether the strategy of an agent, or the plan of its team, is called game by game."""
+    decider = decider_of(roster.agents[number], settings["plans"])
+    return core_form_of(settings, roster, number) is None and not decides_in_arrays(decider, settings)
 
 
 def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
@@ -1186,8 +1310,13 @@ def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
     rules += [f"the check of the rule {one.name!r}" for one in called if one.spec.check is not None]
     if has_function_of_conflicts(game):
         rules.append(f"the conflicts {as_code(game.settings()['conflicts'])}")
-    plans = game.settings()["plans"]
-    deciders = (f"the strategy {as_code(decider_of(roster.agents[i], plans))}" for i in asked_of(game, roster))
+    settings = game.settings()
+    plans = settings["plans"]
+    deciders = (
+        f"the strategy {as_code(decider_of(agent, plans))}"
+        for number, agent in enumerate(roster.agents)
+        if not isinstance(agent, ComingAgent) and is_asked(settings, roster, number)
+    )
     collectors = (f"the collector {name!r}" for name in game.internals.parts.collectors.by_name)
     sensors = (
         f"the sensor {shown(name)} of agent {shown(agent.name)}"

@@ -7,7 +7,7 @@ import numpy as np
 
 from gamms.game.batch.columns import AgentTable
 from gamms.game.travel import ResolvedAction
-from gamms.ir.agents import AgentBlock, Pose, Position, Quat
+from gamms.ir.agents import UNTURNED, AgentBlock, Pose, Position, Quat
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.typing.actions import one_step
@@ -67,6 +67,13 @@ class Flights:
             self.position[games, number] = starts[:, number] if position is None else position
             self.previous_position[games, number] = starts[:, number] if previous is None else previous
 
+    def enter(self, game: int, agent: int) -> None:
+        """Let an agent be in a game that was not there at the start, and has not flown."""
+        k = self.agents == agent
+        self.start[game, k] = self.wanted[game, k] = np.nan
+        self.turned[game, k] = np.nan
+        self.has_flown[game, k] = False
+
     # -- the context of one game --------------------------------------------------------------------------------
 
     def poses(self, game: int) -> list[Pose]:
@@ -76,13 +83,13 @@ class Flights:
         )
         return [(tuple(now), tuple(before), tuple(quat)) for now, before, quat in each]
 
-    def take(self, game: int, block: AgentBlock, rows: Sequence[int]) -> BoolArray:
-        """Take the poses of agents from the rows of a block that shows a game; return the agents that flew."""
-        self.position[game] = [block.position[row] for row in rows]
-        self.previous_position[game] = [block.previous_position[row] for row in rows]
-        self.quat[game] = [block.quat[row] for row in rows]
+    def take(self, game: int, block: AgentBlock, places: Sequence[int], rows: Sequence[int]) -> BoolArray:
+        """Take the poses of some of the agents from the rows of a block that shows a game; return who has flown."""
+        self.position[game, places] = np.array([block.position[row] for row in rows]).reshape(-1, 3)
+        self.previous_position[game, places] = np.array([block.previous_position[row] for row in rows]).reshape(-1, 3)
+        self.quat[game, places] = np.array([block.quat[row] for row in rows]).reshape(-1, 4)
         has_flown: BoolArray = self.has_flown[game]  # in place
-        has_flown &= [row not in block.placed for row in rows]
+        has_flown[places] &= np.array([row not in block.placed for row in rows], np.bool_)
         return has_flown
 
     def actions(self, game: int, numbers: IntArray, nodes: Sequence[int]) -> dict[int, ResolvedAction]:
@@ -167,12 +174,13 @@ class Flights:
         return games[at], self.agents[k]
 
     def put_back(self, games: IntArray, agents: IntArray) -> None:
-        """Place agents where they began; those on the ground are no matter."""
+        """Place agents where they began, or leave them where they are if they came later; those on the ground stay."""
         for game, agent in zip(games.tolist(), agents.tolist(), strict=True):
             k = int(np.searchsorted(self.agents, agent))
             if k < len(self.agents) and self.agents[k] == agent:
                 self.previous_position[game, k] = self.position[game, k]
-                self.position[game, k] = self.start[game, k]
+                if not np.isnan(self.start[game, k, 2]):
+                    self.position[game, k] = self.start[game, k]
                 self.has_flown[game, k] = False
 
     def at(self, game: int, agent: int) -> tuple[float, float]:
@@ -188,10 +196,16 @@ class Flights:
         return flies, self.position[np.ix_(games, np.searchsorted(self.agents, agents[flies]))]
 
 
-def poses_in(block: AgentBlock, rows: Sequence[int], starts: Sequence[Position]) -> list[Pose]:
-    """Return the poses of agents by their rows in a block; a position is None if it is where the agent began."""
+def poses_in(block: AgentBlock, rows: Sequence[int | None], starts: Sequence[Position]) -> list[Pose]:
+    """Return the poses of agents by their rows in a block, None for agents that come later.
+
+    A position is None if it is where the agent began.
+    """
     found: list[Pose] = []
     for row, start in zip(rows, starts, strict=True):
+        if row is None:
+            found.append((None, None, UNTURNED))
+            continue
         places = (block.position[row], block.previous_position[row])
         now, before = (None if place == start else place for place in places)
         found.append((now, before, block.quat[row]))

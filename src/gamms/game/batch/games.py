@@ -11,7 +11,16 @@ import numpy as np
 from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.game.batch.arrays import ArrayEngine, LearnerActions, movement_in_core
-from gamms.game.batch.columns import BYTES_PER_AGENT, AgentTable, PlayedGame, ZeroDefaultScores, agents_of, reserved
+from gamms.game.batch.columns import (
+    BYTES_PER_AGENT,
+    AgentTable,
+    ComingAgent,
+    NewAgents,
+    PlayedGame,
+    ZeroDefaultScores,
+    agents_of,
+    reserved,
+)
 from gamms.game.batch.cursor import first_called
 from gamms.game.batch.given import OutsideActions, OutsideActor, as_given, as_kept
 from gamms.game.batch.maps import SequentialMapsEngine, drawn_maps
@@ -29,6 +38,7 @@ from gamms.progress import progress as progress_line
 from gamms.progress import uninterrupted
 from gamms.readonly import Immutable, locked
 from gamms.text import shown
+from gamms.typing.agent_engine import IAgent
 
 MostAgents = int | Mapping[Any, int | Sequence[str]]
 """The largest number of agents of a team, for every team or by team; or by team, the names of agents to reserve."""
@@ -261,8 +271,9 @@ class Batch(Immutable):
             return False
         given = dict[Hashable, OutsideActions]()
         if self._log is not None:  # the turn engine may have to play these games again
-            for team in self._roster.teams:
-                members = self._roster.members(team)
+            public = np.cumsum(self._roster.is_public) - 1  # numbers among public agents
+            for team in self.teams:
+                members = public[self._roster.members(team)]
                 if numbers.is_given[members].all():
                     given[team] = OutsideActions(as_kept(numbers.actions[:, members]), {}, {}, may_stay=True)
         self._step(given, numbers, threads)
@@ -277,11 +288,36 @@ class Batch(Immutable):
             engine.step(given)
             return
         try:
-            engine.step({} if numbers is not None else given, numbers, threads)
+            engine.step({} if numbers is not None else given, numbers and self._with_all_rows(numbers), threads)
+        except NewAgents as error:
+            self._begin_with(error.agents)
+            self._play_turn(given, numbers, threads)
         except NotInCore as error:
             left = self._leave_arrays(engine, " ".join((f"{error}.", *getattr(error, "__notes__", ()))))
             if self._ran_from is None:
                 left.step(given)
+
+    def _begin_with(self, agents: Sequence[IAgent]) -> None:
+        """Play all games again up to the last turn, with rows for agents that rules have created."""
+        self._engine.release()
+        self._rosters = [roster.with_more(agents) for roster in self._rosters]
+        self._roster = self._rosters[0]
+        self._first_nodes = [
+            roster.first_nodes(source.game) for source, roster in zip(self._sources, self._rosters, strict=True)
+        ]
+        self._engine = engine = self._made_in_core()
+        for place, given in enumerate(self._log or ()):
+            turns = engine.turns()
+            try:
+                engine.step(given, only=self._begun <= place)
+            except NewAgents as error:
+                self._begin_with(error.agents)
+                return
+            except GammsError:
+                raise
+            except Exception:
+                if (engine.turns() == turns).all():  # otherwise a rule has raised when all had moved, as before
+                    raise
 
     def _leave_arrays(self, left: ArrayEngine, why: str) -> SequentialMapsEngine:
         """Replace the core by the turn engine, which plays all games again up to the last turn.
@@ -302,6 +338,17 @@ class Batch(Immutable):
         self._left = why
         self._put_public(slow=why)
         return engine
+
+    def _with_all_rows(self, numbers: LearnerActions) -> LearnerActions:
+        """Return the actions of public agents as those of all agents."""
+        is_public = self._roster.is_public
+        if is_public.all():
+            return numbers
+        actions = np.zeros((len(self), len(is_public)), np.int64)
+        actions[:, is_public] = numbers.actions
+        is_given = is_public.copy()
+        is_given[is_public] = numbers.is_given
+        return LearnerActions(actions, is_given, numbers.deeds)
 
     @contextmanager
     def _playing(self) -> Iterator[None]:
@@ -379,7 +426,7 @@ class Batch(Immutable):
         turns = max(1, _AT_ONCE_IN_CORE // (len(self) * len(self._roster.names)))
         plays_by_phases = engine.plays_by_phases
         before = global_state() if engine.calls_each else None
-        while self._engine is engine and not engine.is_over.all():
+        while isinstance(self._engine, ArrayEngine) and not self._engine.is_over.all():
             if plays_by_phases:
                 self.step()
             else:
@@ -390,8 +437,8 @@ class Batch(Immutable):
                     self._steps += played
             if show is not None:
                 self._show_progress(show)
-        if self._engine is engine and before is not None and global_state() != before:
-            self._leave_arrays(engine, "a plain function draws from the global generators of random numbers")
+        if isinstance(self._engine, ArrayEngine) and before is not None and global_state() != before:
+            self._leave_arrays(self._engine, "a plain function draws from the global generators of random numbers")
 
     def _show_progress(self, show: Callable[[str], object]) -> None:
         over = int(self._engine.is_over.sum())
@@ -559,7 +606,12 @@ class Batch(Immutable):
     @property
     def teams(self) -> tuple[Hashable, ...]:
         """The teams that agents play for."""
-        return self._roster.teams
+        return self._roster.public_teams
+
+    @property
+    def roster(self) -> AgentTable:
+        """The agents of all games; rules may add some."""
+        return self._roster
 
     @property
     def turn(self) -> IntArray:
@@ -789,7 +841,10 @@ def _roster_of(game: PlayedGame, most_agents: MostAgents | None) -> AgentTable:
     """Return the roster of a game's agents, with names reserved for agents that may enter later."""
     agents = agents_of(game)
     roster = AgentTable.of(agents)
-    return roster if most_agents is None else AgentTable.of(agents, reserved(roster, most_agents))
+    coming = {name: ComingAgent.departed(name, team) for name, (team, _) in game.internals.state.departed.items()}
+    if most_agents is not None:
+        coming |= {agent.name: agent for agent in reserved(roster, most_agents)}
+    return AgentTable.of(agents, [agent for name, agent in coming.items() if name not in roster.names])
 
 
 def _refuse_other_agents(roster: AgentTable, first: AgentTable, number: int) -> None:
@@ -803,7 +858,7 @@ def _refuse_other_agents(roster: AgentTable, first: AgentTable, number: int) -> 
     are_alike = [
         roster.teams == first.teams,
         np.array_equal(roster.team_of, first.team_of),
-        np.array_equal(roster.is_first, first.is_first),
+        np.array_equal(roster.varies, first.varies),
         np.array_equal(roster.flies, first.flies),
     ]
     if not all(are_alike):

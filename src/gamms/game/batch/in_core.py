@@ -83,13 +83,14 @@ class RuleBuilder:
         travel: ThreadTravel | None,
         known: list[CompiledRule],
         thread: int,
+        home: IntArray,
     ) -> None:
         agents, streets = len(state.roster.names), state.streets
         self.state = state
         self.thread = thread
         self.games = games
         self.events = events
-        self.home: IntArray = state.start
+        self.home = home
         self.by_metres = travel is not None and travel.most_legs > 0
         self.legs = NO_LEGS
         if travel is None:
@@ -351,6 +352,8 @@ def core_form_of(settings: Mapping[str, Any], roster: AgentTable, number: int) -
     """
     agent = roster.agents[number]
     decider = decider_of(agent, settings["plans"])
+    if roster.varies[number]:
+        return None
     if decider is None:
         return moves.STAY
     if roster.flies[number]:
@@ -446,6 +449,8 @@ class CoreGames:
         self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions
         self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
         self._counts = ints(state.node.size)  # that threads share
+        self._has_own_homes = is_apart or not state.roster.is_first.all()
+        self._home = state.start.copy() if self._has_own_homes else state.start  # see `RuleBuilder.home`
         self._made.append(self._player())
 
     def last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
@@ -465,6 +470,33 @@ class CoreGames:
         block, here = self._block, self._here[games]
         goes = (self.part_of == part) & (block.held[games] == 0)
         return here, np.where(goes, block.ends[games], here), block.takes_part[games] > 0
+
+    def enter(self, game: int, agent: int, node: int) -> None:
+        """Let an agent be in a game from now on, on a node."""
+        state, block = self._state, self._block
+        row = int(state.streets.rows(node))
+        state.is_there[game, agent] = True
+        state.start[game, agent] = -1
+        if not block.takes_part[game, agent]:
+            for column in (block.start, block.went, block.ends, self._here):
+                column[game, agent] = row
+        if state.flights is not None:
+            state.flights.enter(game, agent)
+
+    def leave(self, game: int, agent: int, node: int) -> None:
+        """Let an agent that is deleted be no more in a game; its last node was this one."""
+        state = self._state
+        state.is_there[game, agent] = state.alive[game, agent] = False
+        state.start[game, agent] = -1
+        state.node[game, agent] = state.streets.rows(node)
+        state.movement.clear(game, agent)
+
+    def _find_homes(self) -> None:
+        """Let agents come back where they began, or stay where they are if they came later."""
+        state = self._state
+        if self._has_own_homes:
+            here = np.where(state.is_there, state.node, -1)
+            self._home[:] = np.where(state.start >= 0, state.start, here)
 
     def hold(self, game: int, agent: int) -> None:
         """Keep an agent from what it has decided."""
@@ -581,6 +613,7 @@ class CoreGames:
         while len(self._made) < threads:
             self._made.append(self._player())
         self._take_roads()
+        self._find_homes()
         self._deciding[:] = self._decides_by
         if is_given is not None:
             self._deciding[is_given] = moves.GIVEN
@@ -631,6 +664,7 @@ class CoreGames:
                 before = self._state.node.copy(), self._state.stops.copy()
                 self._block.give()
                 self._take_roads()
+                self._find_homes()
                 rules.play_games(part, numbers)
                 self._block.take_in()
                 if self._state.flights is not None:
@@ -659,7 +693,7 @@ class CoreGames:
             alive=memory_of(state.alive),
             placed=memory_of(state.placed),
             stops=memory_of(state.stops),
-            home=memory_of(state.start),
+            home=memory_of(self._home),
             turn=memory_of(state.turn),
             over=block.over.data,
             score=memory_of(block.score),
@@ -700,7 +734,7 @@ class CoreGames:
         travel = None if self.num_parts == 1 else in_parts(movers, len(roster.names))
         if columns is not None:
             travel = columns.thread(len(self._made), movers, by_steps, events)
-        making = RuleBuilder(state, games, events, travel, block.rules, len(self._made))
+        making = RuleBuilder(state, games, events, travel, block.rules, len(self._made), self._home)
         parts = self._made_rules(making)
         first = None
         if self.has_functions:

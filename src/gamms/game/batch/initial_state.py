@@ -1,8 +1,8 @@
 """The initial state of a batch, copied from its game, which may have been played for some turns."""
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from itertools import chain
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from math import nan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +30,7 @@ from gamms.text import as_code, shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import Track
 
+_NOWHERE = (nan, nan, nan)  # where agents in the air begin that come later
 Begins = Callable[[Any, GameArrays], Mapping[Hashable, Arrays]]
 """Returns the memory of an array form in the game of a context: key -> name -> an array of one game."""
 
@@ -121,6 +122,7 @@ class InitialState:
             deeds = [(0, names.index(one.agent), i, one.kind, one.values) for i, one in done if one.agent in names]
             self._last_deeds = state.deeds.from_plain(deeds, self.last_turn.starts)
         self._progress = [(number, block.progress[row]) for number, row in zip(self._agents, own, strict=True)]
+        self._take_departed(game, state)
         self._numbers = {name: [getattr(block, name)[row] for row in own] for name in state.numbers}
         self._placed = [name in known and block.row_of(name) in block.placed for name in names]
         if state.flights is not None:
@@ -177,6 +179,7 @@ class InitialState:
         if self.turn:
             state.node[games[:, None], self._agents] = self._places[0]
         state.previous[games[:, None], self._agents[self._has_left]] = self._places[1][self._has_left]
+        state.node[games[:, None], self._gone] = self._gone_at
         self._put_flights(state, games)
         for number, place in self._progress:
             if place is not None:
@@ -195,15 +198,26 @@ class InitialState:
             columns.part[games] = self._parts_played
             columns.takes_part[games] = state.alive[games]
 
+    def _take_departed(self, game: PlayedGame, state: GameArrays) -> None:
+        """Store where agents were deleted."""
+        has_node, departed = game.ctx.graph.graph.has_node, game.internals.state.departed
+        gone = {name: node for name, (_, node) in departed.items() if name not in game.ctx.agent.agents}
+        gone = {name: node for name, node in gone.items() if has_node(node)}
+        self._gone = np.array([state.roster.names.index(name) for name in gone], np.int64)
+        self._gone_at = state.streets.rows([*gone.values()])
+
     def _take_flights(self, game: PlayedGame, state: GameArrays) -> None:
         """Store the poses and start positions of the flying agents."""
         block, numbers, moves = game.ctx.agent.block, np.flatnonzero(state.roster.flies), game.internals.state.moves
         names = [state.roster.names[number] for number in numbers.tolist()]
-        starts: list[Any] = [game.internals.start_of(game.ctx.agent.agents[name]) for name in names]
-        below = state.streets.rows([game.ctx.graph.graph.nearest_node(*start[:2]) for start in starts])
+        known = game.ctx.agent.agents
+        starts: list[Any] = [game.internals.start_of(known[name]) if name in known else _NOWHERE for name in names]
+        nearest = game.ctx.graph.graph.nearest_node
+        below = state.streets.rows([nearest(*(0.0, 0.0) if one is _NOWHERE else one[:2]) for one in starts])
         self._starts_in_air = np.array(starts)
         self._below = state.streets.columns.xy[below]
-        self._poses = poses_in(block, [block.row_of(name) for name in names], starts)
+        rows = [block.row_of(name) if name in known else None for name in names]
+        self._poses = poses_in(block, rows, starts)
         places = [-1 if moves is None else moves.order.index_of.get(name, -1) for name in names]
         put = [place >= 0 and moves is not None and moves.was_put(place) for place in places]
         self._have_flown = [is_put and not self._placed[i] for is_put, i in zip(put, numbers.tolist(), strict=True)]
@@ -241,27 +255,8 @@ def _refuse_unknown(game: PlayedGame, movement: Movement) -> None:
     """Refuse a state that the columns of the core cannot represent."""
     if not all(map(fits_float, game.scores.values())):
         raise NotInCore("scores that are not numbers, or too large")
-    _refuse_departed(game)
     if game.turn:
         _refuse_unknown_places(game, movement)
-
-
-def _refuse_departed(game: PlayedGame) -> None:
-    """Refuse deleted agents that are still needed, because columns have no rows for them."""
-    values, known = game.internals.state, game.ctx.agent.agents
-    gone = {name: team for name, (team, _) in values.departed.items() if name not in known}
-    if not {*gone.values()} <= {agent.team for agent in known.values()}:
-        raise NotInCore("a team whose agents were deleted")
-    if gone and not gone.keys().isdisjoint(_texts_in(values.data)):
-        raise NotInCore("deleted agents that are still named in ctx.game.data")
-
-
-def _texts_in(value: object) -> Iterator[str]:
-    """Yield the strings in a nested value, except the keys of mappings."""
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict | list | tuple | set | frozenset):
-        yield from chain.from_iterable(map(_texts_in, value.values() if isinstance(value, dict) else value))
 
 
 def _refuse_unknown_places(game: PlayedGame, movement: Movement) -> None:

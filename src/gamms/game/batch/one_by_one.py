@@ -40,6 +40,12 @@ class SequentialEngine:
     """
 
     def __init__(self, game: PlayedGame, roster: AgentTable, seeds: Sequence[int]) -> None:
+        agents = game.ctx.agent.agents
+        likely = [
+            agents.get(one.name) or next((a for a in agents.values() if a.team == one.team), None)
+            for one in roster.agents
+        ]
+        roster = roster._replace(agents=[one or next(iter(agents.values())) for one in likely])
         self._game, self._roster, self.seeds = game, roster, list(seeds)
         self._snapshots: list[Snapshot | None] = [None] * len(seeds)  # None: at the start, over, or in the context
         self.loaded: int | None = None

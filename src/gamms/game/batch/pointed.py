@@ -1,7 +1,10 @@
 """Points the context of one game at each game of a batch in turn."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import groupby
+from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -13,9 +16,68 @@ from gamms.game.batch.movement import AnyNodeMovement, Movement
 from gamms.game.batch.roads import RoadMap
 from gamms.game.batch.state import GameArrays, Heading, NotInCore
 from gamms.game.snapshots import Snapshot
-from gamms.ir.agents import show_flights, show_game, show_lives, show_progress
+from gamms.ir.agents import AgentBlock, show_flights, show_game, show_lives, show_progress
 from gamms.ir.graph import IntArray
+from gamms.ir.journal import PLAIN, Journal
 from gamms.ir.obstacles import BoolArray
+
+
+class Population:
+    """A set of agents, with their sensors, that the context has in some games.
+
+    Args:
+        game: in whose context they are now.
+        state: of all games of the batch.
+        before: the set before; None: this is that of the start.
+
+    Attributes:
+        agents, sensors: the agents and the sensors.
+        block: of the agents.
+        numbers: the number in the roster of each agent, by row.
+        flying: the places, among the flying agents of the batch, of those that fly.
+        rows_in_air: their rows.
+        first_headings: the headings that agents have if none is known of them, by row.
+        equipment: the strategy and the sensors of each agent.
+        journal: what functions change.
+    """
+
+    def __init__(self, game: PlayedGame, state: GameArrays, before: "Population | None" = None) -> None:
+        storage = game.ctx.agent.storage
+        self.agents = storage.share()
+        self.sensors = game.ctx.sensor.storage.share()
+        self.block: AgentBlock = self.agents.block
+        self.equipment = [(one.strategy, {**one.sensors}) for one in self.agents.members]
+        number_of = {name: number for number, name in enumerate(state.roster.names)}
+        self.numbers: IntArray = np.array([number_of[name] for name in self.block.names], np.int64)
+        row_of = {number: row for row, number in enumerate(self.numbers.tolist())}
+        fly = [] if state.flights is None else state.flights.agents.tolist()
+        self.flying = [place for place, number in enumerate(fly) if number in row_of]
+        self.rows_in_air = [row_of[fly[place]] for place in self.flying]
+        known = {} if before is None else dict(zip(before.agents.members, before.first_headings, strict=True))
+        now = zip(self.agents.members, self.block.heading, strict=True)
+        self.first_headings: list[Heading] = [known.get(agent, heading) for agent, heading in now]
+        self.journal = self.renew_journal()
+
+    def renew_journal(self) -> Journal:
+        """Return a new journal, which the block has from now on."""
+        self.journal = self.block.journal = Journal(self.block.names)
+        return self.journal
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What makes two sets the same: names, kinds, teams, speeds, strategies and sensors."""
+        each = zip(self.agents.members, self.equipment, strict=True)
+        agents = [
+            (one.name, one.type, one.team, one.speed, id(strategy), *own, *map(id, own.values()))
+            for one, (strategy, own) in each
+        ]
+        return (*agents, *map(id, self.sensors.sensors), *self.sensors.owners)
+
+    def is_equipped_as(self, before: "Population") -> bool:
+        """Whether agents that were in another set have the strategies and sensors that they had there."""
+        known = dict(zip(before.agents.members, before.equipment, strict=True))
+        now = zip(self.agents.members, self.equipment, strict=True)
+        return all(known.get(agent, own) == own for agent, own in now)
 
 
 class PointedContext:
@@ -26,12 +88,17 @@ class PointedContext:
         state: of all games.
 
     Attributes:
-        numbers: the number in the roster of each agent of the context, by row.
-        headings: those that agents have, by their numbers, where they are not those of the start.
-        rows_in_air: the rows of the agents that fly, in the order of the roster.
+        population: the agents of the context.
+        population_of: those of each game; None: those of the start.
+        headings: those that agents have, by their numbers, where they are not those of the start; None: unknown.
         alive: which agents of the context live, by row, as bytes; empty: unknown.
         delayed_looks: what sensors are still to report in each game.
+        departed: the agents that were deleted in each game; see `GameState`.
+        moved: game -> a moment, and the agents whose moves functions see then; others were created or deleted since.
     """
+
+    population: Population
+    headings: Mapping[int, Heading] | None
 
     def __init__(self, game: PlayedGame, state: GameArrays) -> None:
         self._game = game
@@ -39,30 +106,43 @@ class PointedContext:
         self._before: Snapshot | None = None
         self._looks_at_start = copied(game.internals.state.delayed_looks)
         self.delayed_looks = [copied(self._looks_at_start) for _ in range(len(state))]
+        self._departed_at_start = {**game.internals.state.departed}
+        self.departed = [{**self._departed_at_start} for _ in range(len(state))]
+        self.population_of: list[Population | None] = [None] * len(state)
+        self.moved: dict[int, tuple[tuple[int, int | None], Population]] = {}
+        self._known: WeakValueDictionary[tuple[Any, ...], Population] = WeakValueDictionary()
         self._own = vars(game.ctx)
-        self.numbers: IntArray = np.zeros(0, np.int64)
-        self.rows_in_air: list[int] = []
         self.alive = b""
 
     def forget(self, games: IntArray) -> None:
-        """Let some games begin again: sensors are to report in them what they were to report at first."""
+        """Let some games begin again, with the agents of the start, and what sensors were to report at first."""
         for number in games.tolist():
             self.delayed_looks[number] = copied(self._looks_at_start)
+            self.departed[number] = {**self._departed_at_start}
+            self.population_of[number] = None
+            self.moved.pop(number, None)
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that takes back all that happens from now on."""
+        delayed_looks = [{**looks} for looks in self.delayed_looks]
+        departed = [{**one} for one in self.departed]
+        populations = [*self.population_of]
+        moved = {**self.moved}
+
+        def take_back() -> None:
+            self.delayed_looks[:] = delayed_looks
+            self.departed[:] = departed
+            self.population_of[:] = populations
+            self.moved = moved
+
+        return take_back
 
     def hold(self) -> None:
         """Remember the context as it is, for `release`."""
-        block = self._game.ctx.agent.block
-        number = {name: i for i, name in enumerate(self._state.roster.names)}
         self._before = self._game.snapshot()
         self._first_looks = self._game.internals.state.delayed_looks
-        self._block = block
-        self.numbers = np.array([number[name] for name in block.names], np.int64)
-        self.rows_in_air = (
-            [] if self._state.flights is None else np.argsort(self.numbers)[self._state.flights.agents].tolist()
-        )
-        self.alive = b""
-        self.first_headings = [*block.heading]
-        self.headings: dict[int, Heading] = {}  # that are shown
+        self._first = Population(self._game, self._state)
+        self._note_shown(self._first)
         self._graph = self._game.ctx.graph.graph
         self._first_map = self._game.ctx.graph.storage.snapshot()
         self._note_map(None)
@@ -70,10 +150,62 @@ class PointedContext:
     def release(self) -> None:
         """Restore the context as it was before it was pointed at games."""
         assert self._before is not None  # noqa: S101 - it is held
-        self._block.placed.clear()
+        self.show(self._first)
+        self._first.block.placed.clear()
+        self._first.block.journal = PLAIN
         self._game.internals.state.delayed_looks = self._first_looks
         self._game.restore(self._before)
         self._before = None
+
+    # -- agents -------------------------------------------------------------------------------------------------
+
+    def show(self, population: Population) -> None:
+        """Let the context have a set of agents."""
+        self._game.ctx.agent.storage.show(population.agents)
+        self._game.ctx.sensor.storage.show(population.sensors)
+        self._note_shown(population)
+
+    def show_first(self) -> None:
+        """Let the context have the agents of the start."""
+        self.show(self._first)
+
+    @contextmanager
+    def showing(self, population: Population) -> Iterator[None]:
+        """Let the context have another set of agents, and then again what it has now, which may be changed."""
+        agent, sensor = self._game.ctx.agent.storage, self._game.ctx.sensor.storage
+        agents, sensors = agent.share(), sensor.share()
+        shown, lives, headings = self.population, bytes(agents.block.alive), self.headings
+        self.show(population)
+        try:
+            yield
+        finally:
+            agent.show(agents)
+            sensor.show(sensors)
+            show_lives(agents.block, lives)
+            self._note_shown(shown)
+            self.alive, self.headings = lives, headings
+
+    def _note_shown(self, population: Population) -> None:
+        self.population = population
+        self.alive = b""
+        self.headings = None
+
+    def has_other_agents(self) -> bool:
+        """Whether agents were created or deleted since a set of agents was shown."""
+        changed: bool = self._game.ctx.agent.block is not self.population.block
+        return changed
+
+    def take_population(self, number: int) -> Population:
+        """Let a game have the agents that the context has now, and return them."""
+        before = self.population
+        found = Population(self._game, self._state, before)
+        before.renew_journal()
+        known = self._known.setdefault(found.key, found)
+        if known is not found:
+            self.show(known)
+        self._note_shown(known)
+        self.population_of[number] = known
+        return found
 
     @contextmanager
     def held(self) -> Iterator[None]:
@@ -89,59 +221,69 @@ class PointedContext:
 
     def each(self, games: IntArray) -> Iterator[int]:
         """Point the context at each of some games in turn, and yield the number of the game."""
+        for population, some in groupby(games.tolist(), lambda number: self.population_of[number] or self._first):
+            yield from self._each_with(population, np.array([*some], np.int64))
+
+    def _each_with(self, population: Population, games: IntArray) -> Iterator[int]:
+        """Do the same for games with the same agents."""
         state = self._state
-        block = self._block
+        block = population.block
+        numbers = population.numbers
         values = self._game.internals.state
         turns = self._game.internals.parts.turns
-        node, previous = (
-            np.ascontiguousarray(state.streets.ids_of(column[games][:, self.numbers]), np.int64).reshape(-1).data
-            for column in (state.node, state.previous)
-        )
-        columns = PointedColumns(block, node, previous)
-        size = len(self.numbers)
-        row_of = {number: row for row, number in enumerate(self.numbers.tolist())}
-        lives = np.ascontiguousarray(state.alive[games][:, self.numbers]).tobytes()
+        columns = self._nodes_of(population, games)
+        size = len(numbers)
+        row_of = {number: row for row, number in enumerate(numbers.tolist())}
+        lives = np.ascontiguousarray(state.alive[games][:, numbers]).tobytes()
         placed = self._placed(games)
         are_placed = np.any(placed, axis=1).tolist()
-        may_be_on_edges = len(state.movement.remembers) > 0
         roads = state.roads
         if self.has_changed_map():  # by a function that has raised
             self._show_roads(None)
         played = state.turn[games].tolist()
         for at, number in enumerate(games.tolist()):
+            if self.population is not population or self.has_other_agents():
+                self.show(population)
             values.turn = played[at]
             values.delayed_looks = self.delayed_looks[number]
+            values.departed = self.departed[number]
             self._own["_seed"] = state.seeds[number]
             turns.seed_changes += 1
             show_game(block, columns, at)
-            if self.rows_in_air or state.headings[number] != self.headings:
+            if population.rows_in_air or state.headings[number] != self.headings:
                 self._show_poses(number)
             alive = lives[at * size : (at + 1) * size]
             if alive != self.alive:
                 self.show_lives(alive)
             for name, column in state.numbers.items():
-                np.asarray(getattr(block, name))[:] = column[number, self.numbers]
-            if are_placed[at]:
-                block.placed = set(np.flatnonzero(placed[at][self.numbers]).tolist())
-            elif block.placed:
-                block.placed = set()
-            if may_be_on_edges:
+                np.asarray(getattr(block, name))[:] = column[number, numbers]
+            block.placed = set(np.flatnonzero(placed[at][numbers]).tolist()) if are_placed[at] else set()
+            if state.movement.remembers:
                 on_edges = state.movement.on_edges(number, state.node[number])
-                show_progress(block, {row_of[agent]: one for agent, one in on_edges.items()})
+                show_progress(block, {row_of[agent]: one for agent, one in on_edges.items() if agent in row_of})
             if roads.are_closed or self._roads is not None:
                 self._show_roads(roads.of(number))
             yield number
 
+    def _nodes_of(self, population: Population, games: IntArray) -> PointedColumns:
+        """Return where agents are and were before in some games, in the order of their rows."""
+        state = self._state
+        node, previous = (
+            np.ascontiguousarray(state.streets.ids_of(column[games][:, population.numbers]), np.int64).reshape(-1).data
+            for column in (state.node, state.previous)
+        )
+        return PointedColumns(population.block, node, previous)
+
     def _show_poses(self, number: int) -> None:
         """Let agents fly where they do in a game, and be turned as they are there."""
         flights, headings = self._state.flights, self._state.headings[number]
+        shown = self.population
         if flights is not None:
-            show_flights(self._block, self.rows_in_air, flights.poses(number))
+            poses = flights.poses(number)
+            show_flights(shown.block, shown.rows_in_air, [poses[place] for place in shown.flying])
         self.headings = headings
-        self._block.heading[:] = [
-            headings.get(number, first)
-            for number, first in zip(self.numbers.tolist(), self.first_headings, strict=True)
-        ]
+        each = zip(shown.numbers.tolist(), shown.first_headings, strict=True)
+        shown.block.heading[:] = [headings.get(agent, first) for agent, first in each]
 
     def _placed(self, games: IntArray) -> BoolArray:
         """Return which agents rules have put where they are, (games, agents), without those that have flown there."""
@@ -153,7 +295,7 @@ class PointedContext:
 
     def show_lives(self, alive: bytes) -> None:
         """Let the agents of the context live that lived in some game, by row."""
-        show_lives(self._block, alive)
+        show_lives(self.population.block, alive)
         self.alive = alive
 
     def _show_roads(self, roads: RoadMap | None) -> None:

@@ -13,7 +13,7 @@ from gamms import kernels
 from gamms.arguments import as_array, as_numbers_of
 from gamms.core import observe, strategies
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.game.batch.columns import PlayedGame, places_of, some_rows
+from gamms.game.batch.columns import PlayedGame, places_of, sensors_of, some_rows
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.strategy_steps import MOST_LOOKING, has_plain_looks, looks_of
@@ -111,15 +111,9 @@ def _mask_of_pairs(shape: tuple[int, ...], pairs: tuple[IntArray, ...], use: str
     return found
 
 
-def carried_by(agent: IAgent) -> Mapping[str, Any]:
-    """Return the sensors of an agent by their names."""
-    found: Mapping[str, Any] = getattr(agent, "sensors", {})
-    return found
-
-
 def names_of(agents: Sequence[IAgent], numbers: IntArray, kinds: Collection[SensorType]) -> list[str]:
     """Return the names of the sensors of some agents of a roster that are of some kinds."""
-    carried = [carried_by(agents[number]) for number in numbers.tolist()]
+    carried = [sensors_of(agents[number]) for number in numbers.tolist()]
     return sorted({name for one in carried for name, sensor in one.items() if sensor.type in kinds})
 
 
@@ -133,18 +127,18 @@ def noted_sensors(agent: IAgent) -> list[str]:
 
     Of what several sensors show, the last one on the ground counts, else the first one in the air.
     """
-    carried = carried_by(agent)
+    carried = sensors_of(agent)
     ground = [name for name, one in carried.items() if one.type in ON_GROUND]
     return [*ground[::-1], *(name for name, one in carried.items() if one.type in IN_AIR)]
 
 
-def noted_node_sensors(agent: IAgent) -> list[str]:
+def noted_node_sensors(agent: IAgent, *, varies: bool) -> list[str]:
     """Return the sensors of an agent that show nodes and may show others in other games from the same node.
 
-    That is what turns with the agent, and what shows the nodes to which open roads lead.
+    That is what turns with the agent, what shows the nodes to which open roads lead, and all if they vary by game.
     """
-    nodes = {name: one for name, one in carried_by(agent).items() if one.type in SHOWING_NODES}
-    return [name for name, one in nodes.items() if one.type is SensorType.NEIGHBOR or turns_with_agent(one)]
+    nodes = {name: one for name, one in sensors_of(agent).items() if one.type in SHOWING_NODES}
+    return [name for name, one in nodes.items() if varies or one.type is SensorType.NEIGHBOR or turns_with_agent(one)]
 
 
 def called_each_turn(agent: IAgent) -> list[str]:
@@ -153,7 +147,7 @@ def called_each_turn(agent: IAgent) -> list[str]:
     These are the sensors that report earlier turns, and those whose code may do more than look at the world.
     """
     found = []
-    for name, sensor in carried_by(agent).items():
+    for name, sensor in sensors_of(agent).items():
         look: AgentLook | None = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
         if not getattr(sensor, "sees_world_only", False) or (look is not None and look.is_late):
             found.append(name)
@@ -169,14 +163,14 @@ def note_sensors(state: GameArrays, agents: Sequence[int], *, with_nodes: bool) 
         with_nodes: whether maps may be others, and agents turned; in the core they are not.
     """
     roster, are_few = state.roster, len(state.roster.names) <= MOST_LOOKING
-    are_plain = [
-        are_few and not flies and has_plain_looks(one) for one, flies in zip(roster.agents, roster.flies, strict=True)
-    ]
+    each = zip(roster.agents, roster.flies | roster.varies, strict=True)
+    are_plain = [are_few and not is_odd and has_plain_looks(one) for one, is_odd in each]
     odd = [number for number in agents if not are_plain[number]]
     found = {number: noted_sensors(roster.agents[number]) for number in odd}
     state.noted = {number: names for number, names in found.items() if names}
-    if with_nodes:
-        found = {number: noted_node_sensors(roster.agents[number]) for number in agents}
+    if with_nodes or roster.varies.any():
+        varies = roster.varies.tolist()
+        found = {number: noted_node_sensors(roster.agents[number], varies=varies[number]) for number in agents}
         state.noted_nodes = {number: names for number, names in found.items() if names}
 
 
@@ -317,7 +311,7 @@ def seen_nodes(
 
 
 def _shows_nodes(agent: IAgent, name: str) -> bool:
-    sensor = carried_by(agent).get(name)
+    sensor = sensors_of(agent).get(name)
     return sensor is not None and sensor.type in SHOWING_NODES
 
 
@@ -331,7 +325,7 @@ def _nodes_shown(
         none = np.zeros(0, np.int64)
         noted = [state.sighted_nodes.get((int(games[i]), number), {}).get(name, none) for i in at]
         return np.repeat(at, [len(rows) for rows in noted]), np.concatenate((none, *noted))
-    sensor = carried_by(agent)[name]
+    sensor = sensors_of(agent)[name]
     if sensor.type is SensorType.NEIGHBOR and state.roads.are_closed:
         tables = state.roads.tables
         entries, ends = kernels.chosen_runs(tables.offsets, tables.first[games[at]] + node[at])
@@ -359,12 +353,12 @@ def covered(state: GameArrays, games: IntArray, agents: IntArray, node: IntArray
         state.look(games)
     for column, number in enumerate(agents.tolist()):
         agent, here = state.roster.agents[number], node[:, column]
-        for name, sensor in carried_by(agent).items():
+        for name, sensor in sensors_of(agent).items():
             if sensor.type not in ON_GROUND:
                 continue
             for start in np.unique(here[asked[:, column]]).tolist():
                 at = np.flatnonzero(asked[:, column] & (here == start))
-                if turns_with_agent(sensor):
+                if turns_with_agent(sensor) or state.roster.varies[number]:
                     for i in at.tolist():
                         found[i, column, state.covered.get((int(games[i]), number), {}).get(name, [])] = True
                     continue
@@ -396,7 +390,7 @@ def note_sights(
     names = {name: i for i, name in enumerate(state.roster.names)}
     for i in {**state.noted, **state.noted_nodes}:
         agent = ctx.agent.agents.get(state.roster.names[i])
-        carried = carried_by(agent) if agent is not None and agent.alive else {}
+        carried = sensors_of(agent) if agent is not None and agent.alive else {}
         of_agents = [name for name in state.noted.get(i, ()) if name in carried]
         of_nodes = [name for name in state.noted_nodes.get(i, ()) if name in carried]
         data = look(agent, of_agents + of_nodes) if carried else {}
@@ -405,7 +399,7 @@ def note_sights(
             known = [(names[other], node) for other, node in _places_in(data[name], ctx) if other in names]
             others, nodes = np.array([*known, (0, 0)], np.int64)[:-1].T
             sights[name] = others, state.streets.rows(nodes)
-            if turns_with_agent(carried[name]):
+            if turns_with_agent(carried[name]) or state.roster.varies[i]:
                 rows = rows_covered(state, carried[name], agent.current_node_id, agent.name)
                 state.covered.setdefault((number, i), {})[name] = rows
         state.sighted_nodes[number, i] = {name: state.streets.rows(_nodes_in(data[name])) for name in of_nodes}

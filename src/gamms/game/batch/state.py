@@ -275,7 +275,8 @@ class GameArrays:
         movement: the movement of the agents.
         streets: the graph on which agents move.
         seeds: the seed of each game.
-        node, start: (games, agents) rows of nodes: the current node and the start node of each agent.
+        node: (games, agents) the row of the current node of each agent.
+        start: (games, agents) the row of its start node; -1: it was not in the game at the start.
         previous: (games, agents) rows of the previous nodes; up to date where plain functions are called.
         alive: (games, agents) whether each agent is alive.
         is_there: (games, agents) whether each agent is in the game, dead or alive; the others have not entered yet.
@@ -327,7 +328,8 @@ class GameArrays:
     def __init__(self, roster: AgentTable, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
         self.roster, self.seeds = roster, list(seeds)
         games, shape = len(seeds), (len(seeds), len(roster.names))
-        self.start, self.node = start, start.copy()
+        self.start = np.where(roster.is_first, start, -1)
+        self.node = start.copy()
         self.previous = start.copy()
         self.alive: BoolArray = np.tile(roster.is_first, (games, 1))
         self.is_there = self.alive.copy()
@@ -396,7 +398,8 @@ class GameArrays:
         for game, seed in zip(games.tolist(), seeds, strict=True):
             self.seeds[game], self.over[game], self.errors[game] = seed, None, []
             self.headings[game] = {}
-        self.start[games] = self.node[games] = self.previous[games] = start
+        self.start[games] = np.where(self.roster.is_first, start, -1)
+        self.node[games] = self.previous[games] = start
         self.alive[games] = self.is_there[games] = self.roster.is_first
         self.is_going[games] = True
         self.put_roads(games, None)
@@ -478,8 +481,8 @@ class GameArrays:
                 f"{shown(wrong[0])} has the shape {given.get(wrong[0])}, not {shapes.get(wrong[0])}; None: missing."
             )
         nodes, edges = self.streets.num_nodes, len(self.streets.columns.edge_ids)
-        limits: dict[Hashable, tuple[int, int]] = dict.fromkeys(("node", "start", "previous"), (0, nodes))
-        limits |= {"begun": (-1, nodes), "edge": (-1, edges)}
+        limits: dict[Hashable, tuple[int, int]] = dict.fromkeys(("node", "previous"), (0, nodes))
+        limits |= {"start": (-1, nodes), "begun": (-1, nodes), "edge": (-1, edges)}
         for name, values in columns.items():
             numbers, kind = np.asarray(values), mine[name].dtype
             if not np.can_cast(numbers.dtype, kind, "same_kind"):
@@ -544,6 +547,8 @@ class GameArrays:
             self.node,
             self.previous,
             self.alive,
+            self.is_there,
+            self.start,
             self.turn,
             self.stops,
             self.placed,

@@ -345,9 +345,9 @@ class ArrayTurn:
 
     def _put_back(self, at: IntArray, agents: IntArray) -> None:
         """Place agents on their start nodes, without events."""
-        is_first = self.roster.is_first[agents]  # agents that entered later stay on their current nodes
         games, before = self.games[at], self.node[at, agents]
-        begun = np.where(is_first, self._state.start[games, agents], before)
+        start = self._state.start[games, agents]
+        begun = np.where(start >= 0, start, before)  # agents that entered later stay on their current nodes
         put_locked(self.node, (at, agents), begun)
         put_locked(self.alive, (at, agents), values=True)
         self._state.previous[games, agents] = np.where(self.roster.flies[agents], before, begun)
@@ -387,7 +387,8 @@ class ArrayTurn:
         agents = as_numbers_of(agents, "agents", len(self.roster.names), "agents").reshape(-1)
         rows = np.ix_(self.games, agents)
         come = np.where(self._state.is_there[rows], self.node[:, agents], -1)
-        return np.where(self.roster.is_first[agents], self._state.start[rows], come)
+        start = self._state.start[rows]
+        return np.where(start >= 0, start, come)
 
     def stops(self, at: IntArray, agents: IntArray) -> IntArray:
         """Return how often agents were tagged, respawned or eliminated so far."""

@@ -1,0 +1,160 @@
+"""Agents that rules create and delete in batches, without rows that the caller has reserved."""
+
+import pytest
+from batch_scenes import WALK, plain, scene
+
+from gamms.errors import BadValue
+from gamms.rules import capture_flag, last_team, respawn, tag
+
+NEAR = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
+METRES = {"speed_unit": "metres"}
+
+
+def made(**options):
+    teams = {
+        "red": {"count": 2, "strategy": WALK, "sensors": ["near"]},
+        "blue": {"count": 3, "strategy": WALK, "sensors": ["near"]},
+    }
+    return scene(teams=teams, sensors=NEAR, max_turns=12, **options)
+
+
+def timid(state):
+    """Remember who was seen, and go by their number."""
+    seen = state["memory"].setdefault("seen", [])
+    seen.extend(sorted(state["sensor"]["near"][1]) if "near" in state["sensor"] else ["nobody"])
+    state["action"] = state["legal"][len(seen) % len(state["legal"])]
+
+
+def change_agents(ctx):
+    """Create and delete agents by lots, and move those that were created."""
+    draw, agents = ctx.stream("agents", ctx.game.turn), ctx.agent.agents
+    names = sorted(agents)
+    if draw.random() < 0.4:
+        name = f"{('red', 'blue', 'green')[int(draw.integers(3))]}_{int(draw.integers(9))}"
+        if name not in agents:
+            given = {"sensors": {"near": NEAR["near"]}} if draw.random() < 0.5 else {}
+            node = int(draw.integers(25))
+            ctx.agent.create_agent(
+                name, start_node_id=node, team=name[:-2], strategy=timid, born=ctx.game.turn, **given
+            )
+    if draw.random() < 0.4 and len(names) > 1:
+        ctx.agent.delete_agent(names[int(draw.integers(len(names)))])
+    for agent in [*agents.values()]:
+        if getattr(agent, "born", None) is not None and draw.random() < 0.3:
+            agent.born += 1
+            if ctx.game.order is None:
+                agent.current_node_id = int(draw.integers(25))
+        elif draw.random() < 0.05:
+            ctx.game.eliminate(agent)
+
+
+def look_around(ctx):
+    """Note all that a rule sees of agents and how they move."""
+    seen = [
+        [one.name, one.team, one.alive, one.current_node_id, one.prev_node_id, ctx.game.start_node(one)]
+        for one in ctx.agent.create_iter()
+    ]
+    moves = [[name, move.start, move.end, list(move.path)] for name, move in ctx.game.moves.items()]
+    names = sorted(one.name for one in ctx.game.agents), sorted(ctx.sensor.sensors)
+    ctx.game.emit("seen", agents=seen, moves=moves, names=[*map(list, names)])
+
+
+def check(scenario, rules, seeds=(3, 1, 2, 8), order=None, strategies=None, **options):
+    with scenario.build(seed=1, strategies=strategies) as ctx:
+        ctx.game.order = order
+        for rule, phase in rules:
+            ctx.game.add(rule, phase=phase)
+        with ctx.game.batch(seeds=seeds, **options) as games, ctx.game.fork(0).ctx as alone:
+            for _ in range(4):
+                games.step()
+            games.reset([1])
+            games.run()
+            assert not games.detached
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                result = alone.game.run()
+                assert plain(games.result(number)) == plain(result)
+                assert games.result(number).provenance == result.provenance
+            return [games.result(number) for number in range(len(seeds))]
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+@pytest.mark.parametrize(
+    ("settings", "order"), [({}, None), (METRES, None), ({}, [["red"], ["blue", "green"]])], ids=str
+)
+def test_games_create_and_delete_agents_as_they_do_alone(phase, settings, order):
+    rules = [tag("red", "blue"), respawn(2), capture_flag({"red": 0, "blue": 24}), last_team()]
+    called = [(change_agents, phase), (look_around, "after"), (look_around, "before")]
+    results = check(made(settings=settings), [*((rule, "after") for rule in rules), *called], order=order)
+    assert len({len(result.agents) for result in results}) > 1
+
+
+def test_plain_strategies_see_who_comes_and_who_leaves():
+    check(made(), [(change_agents, "before"), (look_around, "deeds")], strategies={"red": timid})
+
+
+def test_an_agent_that_was_deleted_may_be_created_again():
+    def replace(ctx):
+        if ctx.game.turn == 2 + ctx.seed % 2:
+            ctx.agent.delete_agent("blue_1")
+            ctx.agent.create_agent("blue_1", start_node_id=7, team="blue", strategy=timid, born=ctx.seed)
+
+    results = check(made(), [(replace, "after"), (look_around, "after")])
+    assert all("blue_1" in result.agents for result in results)
+
+
+def test_games_that_go_on_know_agents_that_were_deleted_before():
+    with made().build(seed=1) as ctx:
+        ctx.game.add(look_around)
+        ctx.game.step()
+        for name in ("red_0", "red_1"):
+            ctx.agent.delete_agent(name)
+        with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert games.teams == ("blue",)
+            alone.game.reset(seed=1)
+            assert plain(games.result(1)) == plain(alone.game.run())
+
+
+def test_agents_of_one_name_that_one_row_cannot_hold_are_refused():
+    def settle(ctx):
+        if ctx.game.turn == 1:
+            ctx.agent.create_agent("new", start_node_id=0, team=("red", "blue")[ctx.seed % 2])
+
+    with made().build(seed=1) as ctx:
+        ctx.game.add(settle)
+        with ctx.game.batch(2) as games, pytest.raises(BadValue, match="'new' differs between the games of a batch"):
+            games.run()
+
+
+def test_agents_without_reserved_rows_are_not_observed_and_follow_their_strategies():
+    def recruit(ctx):
+        if ctx.game.turn == 1:
+            ctx.agent.create_agent("red_9", start_node_id=12, team="red", strategy=timid)
+
+    with made().build(seed=1) as ctx:
+        ctx.game.add(recruit)
+        with ctx.game.batch(2) as games:
+            for _ in range(4):
+                view = games.observe("red")
+                games.step({"red": view.counts * 0})
+            assert view["name"] == ("red_0", "red_1")
+            agents = games.result(0).agents
+            assert (agents["red_0"]["moves"], agents["red_9"]["moves"]) == (0, 3)
+
+
+def test_actions_that_were_given_before_an_agent_came_are_given_again():
+    def recruit(ctx):
+        if ctx.game.turn == 3:
+            ctx.agent.create_agent("a", start_node_id=12, team="red", strategy=timid)
+
+    with made().build(seed=1) as ctx:
+        ctx.game.add(recruit)
+        with ctx.game.batch(2) as games:
+            wanted = games.observe("red").counts - 1
+            games.step({"red": wanted})
+            node = games.observe("red")["curr_pos"].copy()
+            for _ in range(3):
+                games.step({"red": wanted * 0})
+            assert (games.observe("red")["curr_pos"] == node).all()
+            assert "a" in games.result(1).agents
