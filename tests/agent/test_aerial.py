@@ -250,18 +250,6 @@ def test_a_map_sensor_looks_where_its_flyer_is_turned(ctx, kite):
 # -- sensing and acting -----------------------------------------------------------------------------------------
 
 
-def test_a_state_has_exactly_three_keys(kite):
-    kite.position = (1.2, 1.0, 3.0)
-    state = kite.get_state()
-    assert state == {
-        "curr_pos": (1.2, 1.0, 3.0),
-        "quat": (1.0, 0.0, 0.0, 0.0),
-        "sensor": {"near": (SensorType.NEIGHBOR, [4, 5, 3, 7, 1])},
-    }
-    assert state is kite.state
-    assert kite.get_state() is not state
-
-
 @pytest.mark.parametrize(
     "action", [(0, 0, 2), np.array([0.0, 0.0, 0.5]), {"direction": [0, 0, 1]}, {"direction": np.array([0, 0, 7])}]
 )

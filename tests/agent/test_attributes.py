@@ -82,23 +82,3 @@ def test_an_attribute_goes_with_snapshots_and_forks_and_may_be_deleted():
         assert not hasattr(anna, "meta")
         anna.meta = 3
         assert anna.meta == 3
-
-
-def test_an_agent_of_a_class_of_the_programs_own_keeps_what_that_has():
-    class Robot(Agent):
-        """With a class attribute, and one of its own."""
-
-        battery = 100
-
-        def charge(self):
-            self.battery += 1
-            return self.battery
-
-    with context() as ctx:
-        robot = Robot(ctx, "robot", 0, plan=[1, 2])
-        before = dir(Robot)
-        robot.route = [3]
-        assert robot.charge() == 101
-        assert (Robot.battery, robot.plan, robot.route) == (100, [1, 2], [3])
-        assert dir(Robot) == before
-        assert isinstance(robot, Robot)

@@ -57,41 +57,10 @@ def test_an_array_is_not_made_again_when_no_agent_has_moved(positions):
     assert positions.version == version
 
 
-def test_rows_are_closed_up_in_their_order(columns, positions):
-    columns.previous[5], columns.heading[5] = 42, (0.0, 1.0)
-    version = positions.version
-    remove_all_but(columns, "a5", "a2")
-    nodes, later = positions.node_ids, positions.version
-    assert (columns.names, columns.teams, [*columns.node], [*columns.previous]) == (
-        ["a2", "a5"],
-        [0, 1],
-        [102, 105],
-        [102, 42],
-    )
-    assert columns.heading == [None, (0.0, 1.0)]
-    assert nodes.tolist() == [102, 105]
-    assert later != version
-    assert len(columns) == 2
-
-
 def test_columns_are_empty_once_all_are_removed(columns, positions):
     remove_all_but(columns)
     assert positions.node_ids.tolist() == []
     assert columns.add("new", 1) == 0
-
-
-def test_a_row_can_be_copied_into_another_block(columns):
-    columns.previous[3], columns.heading[3] = 1, (1.0, 0.0)
-    other = AgentBlock()
-    assert other.take_over(columns, 3) == 0
-    assert (other.names, [*other.node], [*other.previous], other.heading, other.teams) == (
-        ["a3"],
-        [103],
-        [1],
-        [(1.0, 0.0)],
-        [1],
-    )
-    assert Positions(other).node_ids.tolist() == [103]
 
 
 def test_arrays_follow_moves_and_agents_that_come_and_go(columns, positions):
@@ -114,24 +83,6 @@ def test_every_subscriber_reads_its_own_log_of_changes(columns):
     assert (one.take(), other.take()) == ({4}, {3, 4})
     remove_all_but(columns, "a1", "a0")
     assert (one.take(), one.take(), other.take()) == (None, set(), None)
-
-
-def test_versions_say_what_kind_of_thing_has_changed(columns):
-    def versions():
-        return columns.version, columns.structure.version
-
-    before = versions()
-    assert versions() == before
-    columns.move(0, 1)
-    moved = versions()
-    assert (moved[0] != before[0], moved[1] != before[1]) == (True, False)
-    columns.set(0, "heading", (1.0, 0.0))
-    assert versions() == moved
-    columns.set(0, "speed", 2.0)
-    faster = versions()
-    assert (faster[0] != moved[0], faster[1] != moved[1]) == (False, True)
-    columns.set(0, "alive", value=False)
-    assert all(now != then for now, then in zip(versions(), faster, strict=True))
 
 
 def test_an_agent_that_is_not_alive_is_not_among_the_living(columns, positions):
@@ -191,47 +142,6 @@ def test_any_agents_move_at_once_as_one_after_the_other_but_for_those_that_stay(
 
 def some_of(rows):
     return st.integers(0, len(rows)).map(lambda number: list(rows[:number]))
-
-
-def test_flyers_have_positions_and_those_on_the_ground_have_none(columns, positions):
-    assert positions.flyers.tolist() == []
-    assert positions.flyer_xyz.shape == (0, 3)
-    row = columns.add("kite", 100, None, position=(1.0, 2.0, 3.0), speed=2.0)
-    assert (columns.kind[row], columns.previous_position[row], columns.quat[row], columns.speed[row]) == (
-        1,
-        (1.0, 2.0, 3.0),
-        (1.0, 0.0, 0.0, 0.0),
-        2.0,
-    )
-    assert (columns.kind[0], columns.position[0], columns.quat[0], columns.speed[0]) == (0, None, None, None)
-    rows, places = positions.flyers, positions.flyer_xyz
-    assert (rows.tolist(), places.tolist()) == ([20], [[1.0, 2.0, 3.0]])
-    with pytest.raises(ValueError, match="read-only"):
-        places[0] = 0.0
-    columns.fly(row, (4.0, 5.0, 6.0), 101)
-    assert positions.flyer_xyz.tolist() == [[4.0, 5.0, 6.0]]
-    assert (columns.node[row], columns.previous[row]) == (101, 100)
-    assert places.tolist() == [[1.0, 2.0, 3.0]]
-
-
-def test_the_rows_of_flyers_follow_them(columns, positions):
-    for i in range(3):
-        columns.add(f"kite{i}", 100, None, position=(float(i), 0.0, 0.0), speed=1.0)
-    _ = positions.flyer_xyz
-    remove_all_but(columns, "a0", "kite2", "a3", "kite0")
-    rows, places = positions.flyers, positions.flyer_xyz
-    assert (rows.tolist(), places[:, 0].tolist()) == ([2, 3], [0.0, 2.0])
-    other = AgentBlock()
-    columns.quat[3], columns.previous_position[3] = (0.0, 1.0, 0.0, 0.0), (9.0, 9.0, 9.0)
-    other.take_over(columns, 3)
-    assert (other.position, other.quat, other.previous_position, other.speed, [*other.kind]) == (
-        [(2.0, 0.0, 0.0)],
-        [(0.0, 1.0, 0.0, 0.0)],
-        [(9.0, 9.0, 9.0)],
-        [1.0],
-        [1],
-    )
-    assert Positions(other).flyers.tolist() == [0]
 
 
 ROWS, NODES, PARTS = st.integers(0, 5), st.integers(0, 9), st.integers(-3, 3).map(float)

@@ -133,21 +133,6 @@ def test_agents_keep_their_places_when_many_others_are_deleted(ctx):
     assert len(ctx.agent.block) == 6
 
 
-def test_who_stands_where_is_right_after_agents_were_deleted(ctx, team):
-    eyes = ctx.sensor.create_sensor("eyes", "agent_range", sensor_range=0.0)
-
-    def names_at(node):
-        eyes.sense(node)
-        return [*eyes.data]
-
-    assert [names_at(node) for node in range(4)] == [["a"], ["b"], ["c"], ["d"]]
-    ctx.agent.delete_agent("a")
-    ctx.agent.get_agent("d").current_node_id = 1
-    assert [names_at(node) for node in range(4)] == [[], ["b", "d"], ["c"], []]
-    assert ctx.agent.create_agent("e", start_node_id=2).name == "e"
-    assert names_at(2) == ["c", "e"]
-
-
 def test_a_change_of_team_is_a_new_version(ctx, team):
     version = ctx.agent.positions.version
     team[1].team = "red"

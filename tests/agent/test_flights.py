@@ -64,19 +64,6 @@ def test_a_move_writes_where_it_was(graph):
     assert kite.current_node_id == kite._block.node[0] == 1
 
 
-def test_being_put_somewhere_writes_where_it_was_too(graph):
-    kite = Kite(graph)
-    kite.position = np.array([1.0, 2.0, 3.0])
-    assert kite.shown()[:2] == ((1.0, 2.0, 3.0), (20.0, 0.0, 0.0))
-    assert kite.prev_node_id == 2
-    kite.current_node_id = 4
-    assert kite.shown()[:2] == ((40.0, 0.0, 3.0), (1.0, 2.0, 3.0))
-    assert kite.prev_node_id == 0
-    kite.prev_node_id = 3
-    assert kite.shown()[:2] == ((40.0, 0.0, 3.0), (1.0, 2.0, 3.0))
-    assert kite.prev_node_id == 3
-
-
 def test_turning_leaves_the_place_alone(graph):
     kite = Kite(graph)
     before = kite.shown()

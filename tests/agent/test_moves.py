@@ -134,15 +134,3 @@ def test_any_graph_will_do():
     with pytest.raises(KeyError):
         anna.act(2)
     assert anna.current_node_id == 1
-
-
-def test_rules_find_what_a_strategy_adds_to_its_state_and_its_action(ctx):
-    def strategy(state):
-        state["message"] = "hello"
-        state["action"] = {"node_id": 1, "attack": "b"}
-
-    agent = ctx.agent.create_agent("a", start_node_id=0, strategy=strategy)
-    found = []
-    ctx.game.add(lambda ctx: found.append((agent.state["message"], agent.state["action"]["attack"])))
-    ctx.game.step()
-    assert (found, agent.current_node_id) == ([("hello", "b")], 1)

@@ -130,19 +130,6 @@ def test_set_state_keeps_the_action(anna):
     assert (anna.current_node_id, anna.prev_node_id) == (5, 5)
 
 
-def test_a_step_senses_decides_and_acts(anna):
-    seen = []
-
-    def strategy(state):
-        seen.append(state)
-        state["action"] = state["sensor"]["near"][1][1]
-
-    anna.register_strategy(strategy)
-    anna.step()
-    assert seen == [anna.state]
-    assert (anna.strategy, anna.current_node_id) == (strategy, 5)
-
-
 def test_a_step_without_a_strategy_is_an_attribute_error(anna):
     with pytest.raises(AttributeError, match="'anna' has no strategy"):
         anna.step()

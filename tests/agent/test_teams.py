@@ -291,25 +291,6 @@ def test_one_plan_of_arrays_decides_for_a_large_team(ctx):
     assert team.node_ids.tolist() == last
 
 
-def test_a_plan_of_arrays_sees_where_members_were_put_since_they_moved(ctx):
-    team, seen = ctx.agent.create_team("red", [0, 1, 2]), []
-
-    def plan(arrays):
-        seen.append(arrays.nodes.tolist())
-        return arrays.choose(arrays.draw.below(arrays.counts))
-
-    ctx.game.command("red", plan, arrays=True)
-    ctx.game.step()
-    snapshot, nodes = ctx.game.snapshot(), team.node_ids.tolist()
-    ctx.agent.get_agent("red_1").current_node_id = 24
-    ctx.game.step()
-    ctx.game.step()
-    ctx.game.restore(snapshot)
-    ctx.game.step()
-    assert seen[1] == [nodes[0], 24, nodes[2]]
-    assert seen[3] == nodes
-
-
 def test_moves_of_a_snapshot_stay_when_a_member_is_put_elsewhere_before_it_moves(ctx):
     team = ctx.agent.create_team("red", [0, 1, 2])
     ctx.game.command("red", lambda arrays: arrays.choose(arrays.counts - 1), arrays=True)
@@ -421,10 +402,6 @@ def test_a_team_that_would_not_fit_says_so_before_it_is_made(ctx, nodes, wrong):
 _LARGE = 1 << 31  # the first id that signed integers of 32 bits do not hold
 
 
-def _go_far(state):
-    state["action"] = max(state["legal"])
-
-
 def _build(ctx):
     """Add a node of a large id while agents are about to move, and put one there."""
     ctx.graph.graph.add_node({"id": _LARGE, "x": 500.0, "y": 500.0})
@@ -437,43 +414,6 @@ def test_a_member_goes_to_a_node_of_a_large_id_that_was_not_there_when_it_was_as
     ctx.game.add(_build, phase="deeds")
     ctx.game.step()
     assert team.node_ids[1] == _LARGE
-
-
-@pytest.mark.parametrize(
-    "put",
-    [
-        lambda ctx, team: setattr(team.agents[1], "current_node_id", _LARGE),
-        lambda ctx, team: team.move([3, _LARGE, 3]),
-        lambda ctx, team: ctx.game.command("red", lambda arrays: np.array([3, _LARGE, 3]), arrays=True),
-        lambda ctx, team: ctx.game.command("red", lambda arrays: arrays.choose([0, 3, 0]), arrays=True),
-        lambda ctx, team: setattr(team.agents[1], "strategy", _go_far),
-        lambda ctx, team: ctx.game.add(lambda ctx: ctx.game.respawn("red_1", node=_LARGE), phase="deeds"),
-        lambda ctx, team: ctx.agent.create_team("blue", [_LARGE], strategy=_go_far),
-        lambda ctx, team: ctx.agent.create_agent("far", start_node_id=_LARGE, strategy=_go_far),
-        lambda ctx, team: ctx.agent.create_agent(
-            "drone", type="AERIAL", start_node_id=0, position=(500.0, 500.0, 9.0), speed=1.0
-        ),
-    ],
-    ids=["put", "moved", "plan", "choice", "strategy", "rule", "team", "agent", "drone"],
-)
-def test_members_go_to_nodes_of_any_id(ctx, put):
-    team = ctx.agent.create_team("red", [3, 4, 3])
-    before = ctx.game.snapshot()
-    ctx.graph.graph.add_node({"id": _LARGE, "x": 500.0, "y": 500.0})
-    for id, (source, target) in enumerate([(4, _LARGE), (_LARGE, 4)], start=1000):
-        ctx.graph.graph.add_edge({"id": id, "source": source, "target": target, "length": 1.0})
-    put(ctx, team)
-    ctx.game.step()
-    far = ctx.game.snapshot()
-    at = [agent.current_node_id for agent in ctx.agent.create_iter()]
-    assert _LARGE in at
-    assert at[:3] == team.node_ids.tolist()
-    with ctx.game.fork(1).ctx as fork:
-        assert [agent.current_node_id for agent in fork.agent.create_iter()] == at
-    ctx.game.restore(before)
-    assert team.node_ids.tolist() == [3, 4, 3]
-    ctx.game.restore(far)
-    assert [agent.current_node_id for agent in ctx.agent.create_iter()] == at
 
 
 def test_a_member_on_a_node_that_was_the_last_of_the_map_is_named(ctx):

@@ -1,7 +1,6 @@
 """Strategies that are written in arrays alone play the same in games alone and in batches."""
 
 import functools
-from queue import SimpleQueue
 
 import numpy as np
 import pytest
@@ -102,41 +101,12 @@ def test_it_plays_in_games_that_have_no_array_form():
         assert plain(games.result(1)) == plain(scenario.play(seed=4, strategies={"red": hunt}))
 
 
-@pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
-def test_agents_of_a_team_share_what_they_keep_by_the_number_of_their_memory(same_as_one_by_one, order):
-    @gamms.array_strategy
-    def share(view):
-        """Take turns: each team moves by how many of its agents have moved so far."""
-        moved = view.keep("moved", lambda games: {"moved": np.zeros((games, 6), np.int64)})["moved"]
-        own = np.ix_(view.games, view.memory_of[view.agents])
-        actions = np.where(moved[own] % 3 == view.agents % 3, view.counts - 1, 0)
-        np.add.at(moved, own, view.mask & (actions > 0))
-        np.add.at(moved, own, view.mask)
-        return actions
-
-    settings = {"team_memory": True, "order": order}
-    same_as_one_by_one(scene([OUT], settings=settings), [1, 2], {"red": share, "blue": share})
-
-
 def test_it_knows_who_is_alive(same_as_one_by_one):
     @gamms.array_strategy
     def count(view):
         return np.minimum(view.living.sum(axis=1)[:, None] % view.counts, view.counts - 1)
 
     same_as_one_by_one(scene([OUT]), [1, 2], {"blue": count})
-
-
-def test_it_is_called_once_a_turn_for_all_its_agents():
-    shapes = SimpleQueue()  # which is not looked at as what the strategy keeps
-
-    @gamms.array_strategy
-    def last(view):
-        shapes.put(view.node.shape)
-        return view.counts - 1
-
-    scene(max_turns=2).play(seed=1, strategies={"red": last})
-    assert [shapes.get_nowait() for _ in range(2)] == [(1, 3), (1, 3)]
-    assert shapes.empty()
 
 
 def test_games_with_it_go_on_from_snapshots_and_resets():

@@ -231,21 +231,6 @@ def test_steps_can_be_given_actions_and_teams_without_play_their_own():
             assert slow.observe("blue")["curr_pos"].tolist() == games.observe("blue")["curr_pos"][:1].tolist()
 
 
-def test_what_is_observed_is_what_states_hold():
-    scenario = scene([TAG])
-    with scenario.batch(3, seed=5) as games:
-        view = games.observe("blue")
-        assert view["name"] == ("blue_0", "blue_1", "blue_2")
-        for number in range(3):
-            with scenario.build(seed=5 + number) as ctx:
-                for i, name in enumerate(view["name"]):
-                    state = ctx.game.observation(name)
-                    assert view["curr_pos"][number, i] == state["curr_pos"]
-                    assert [node for node in view["legal"][number, i].tolist() if node >= 0] == list(state["legal"])
-        assert (view.action_to(view["legal"][..., 1]) == 1).all()
-        assert view.action_to(view["curr_pos"]).tolist() == [[0] * 3] * 3
-
-
 def test_impossible_actions_are_refused_and_name_game_and_agent():
     with scene().batch(2) as games:
         with pytest.raises(UnknownName, match="green"):
@@ -383,21 +368,6 @@ def test_given_actions_are_recorded_if_they_are_kept(tmp_path):
             games.record(0, tmp_path / "other.ggr")
 
 
-def test_games_of_a_context_go_on_from_where_it_is():
-    with gamms.create_context(seed=3, logger_config={"level": "CRITICAL"}, game={"max_turns": 12}) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4))
-        for number in range(4):
-            walker = {"team": ["red", "blue"][number % 2], "strategy": gamms.strategies.random_walk}
-            ctx.agent.create_agent(f"a{number}", start_node_id=5 * number, **walker)
-        ctx.game.add(gamms.rules.tag("red", "blue"))
-        with ctx.game.batch(3, seed=6) as games:
-            games.run()
-            assert ctx.game.turn == 0
-            for number in range(3):
-                ctx.game.reset(seed=6 + number)
-                assert plain(games.result(number)) == plain(ctx.game.run())
-
-
 def test_a_batch_that_does_not_fit_is_refused_before_it_is_built():
     with pytest.raises(
         gamms.errors.TooLarge, match=r"10000000 games with 6 agents each, of which \d+ would fit, would take"
@@ -461,33 +431,6 @@ def test_an_error_of_an_array_form_names_it_and_the_turn():
         assert caught.value.__notes__ == ["In the rule 'falls' (phase 'after') of a batch, in turns 1 to 2."]
 
 
-@pytest.mark.parametrize("order", [None, [["red"], ["blue"]]])
-def test_agents_on_edges_are_observed_where_they_are(order):
-    scenario = scene(settings={"speed_unit": "metres", "order": order})
-    scenario = scenario.replace(**{"teams.red.speed": 3.5, "teams.blue.speed": 10.0})
-    with scenario.batch(2, seed=1) as games:
-        for _ in range(3):
-            games.step()
-        view = games.observe("red")
-        assert view["edge"].shape == (2, 3, 3)
-        for number in range(2):
-            with scenario.build(seed=1 + number) as ctx:
-                for _ in range(3):
-                    ctx.game.step()
-                for i, name in enumerate(view["name"]):
-                    state = ctx.game.observation(name)
-                    assert tuple(view["xy"][number, i]) == pytest.approx(state["xy"])
-                    assert view["offset_m"][number, i] == state["offset_m"]
-                    legal = view["legal"][number, i]
-                    assert order or legal[legal >= 0].tolist() == list(state["legal"])
-                    edge = tuple(view["edge"][number, i].tolist())
-                    assert edge == ((-1, -1, -1) if state["edge"] is None else state["edge"])
-    with scene().batch(2) as games:
-        view = games.observe("red")
-        assert (view["edge"] == -1).all()
-        assert view["xy"].shape == (2, 3, 2)
-
-
 def test_games_that_were_begun_again_are_recorded_with_their_own_actions(tmp_path):
     for way in WAYS:
         with way(scene([TAG])).batch(3, seed=4, record=True) as games:
@@ -521,26 +464,6 @@ def test_a_rule_that_raises_leaves_a_turn_that_was_played():
             assert games.turn.tolist() == [1, 1]
             moved = (games.observe("red")["curr_pos"] != before).sum()
             assert sum(games.result(i).agents[f"red_{k}"]["moves"] for i in range(2) for k in range(3)) == moved
-
-
-def test_games_go_on_from_any_rows_of_columns():
-    tag = scene(rules=[{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}])
-    with tag.batch(4, seed=1) as games, tag.batch(2, seed=9) as others:
-        for _ in range(3):
-            games.step()
-        columns, rows = games.columns(), np.array([3, 1])
-        others.step()
-        others.load({name: values[rows] for name, values in columns.items()}, 3, {"red": np.array([5.0, 0.0])})
-        assert others.turn.tolist() == [3, 3]
-        assert others.scores["red"].tolist() == [5.0, 0.0]
-        for team in games.teams:
-            mine, theirs = games.observe(team), others.observe(team)
-            assert (mine["curr_pos"][rows] == theirs["curr_pos"]).all()
-            assert (mine["mask"][rows] == theirs["mask"]).all()
-        still = {team: np.zeros(games.observe(team).node.shape, int) for team in games.teams}
-        games.step(still)
-        others.step({team: actions[:2] for team, actions in still.items()})
-        assert (games.columns()["node"][rows] == others.columns()["node"]).all()
 
 
 def test_flights_of_a_team_on_the_ground_are_refused():

@@ -167,25 +167,6 @@ def test_facts_that_are_published_for_functions_of_arrays_are_those_of_their_gam
         check(ctx, stays=False)
 
 
-@pytest.mark.parametrize("shares", [True, False])
-def test_plans_of_teams_decide_in_each_game(shares):
-    def plan(states):
-        for number, state in enumerate(states.values()):
-            state["memory"]["turns"] = state["memory"].get("turns", 0) + 1
-            state["action"] = state["legal"][(number + state["memory"]["turns"]) % len(state["legal"])]
-
-    def arrays(team):
-        return team.choose(team.draw.below(team.counts))
-
-    with build([OUT, BACK], {"red": decide} if shares else None) as ctx:
-        ctx.game.on_illegal = "stay"
-        ctx.game.team_memory = shares
-        ctx.game.command("blue", plan)
-        if not shares:
-            ctx.game.command("red", arrays, arrays=True)
-        check(ctx)
-
-
 def test_strategies_look_ahead_in_copies_of_their_games():
     def look_ahead(state):
         game = state["fork"](state["turn"]).game
@@ -198,37 +179,6 @@ def test_strategies_look_ahead_in_copies_of_their_games():
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
-
-
-@pytest.mark.parametrize("given", [["red"], ["blue"], ["red", "blue"]])
-def test_teams_that_are_given_actions_are_not_asked_and_know_why_they_were_blocked_when_they_are(given):
-    def moves(turn, team):
-        return (np.arange(3) + turn + (team == "red")) % 2
-
-    def act(ctx, team):
-        def taken(states):
-            number = {name: i for i, name in enumerate(sorted(ctx.agent.agents)) if name.startswith(team)}
-            for name, state in states.items():
-                chosen = moves(state["turn"], team)[number[name] - min(number.values())]
-                state["action"] = state["legal"][chosen]
-
-        return taken
-
-    with build([OUT, BACK], {"red": decide, "blue": decide}) as ctx:
-        ctx.game.conflicts = Conflicts(capacity=1, allow_swaps=False)
-        ctx.game.on_illegal = "stay"
-        ctx.game.publish(alarm=0)
-        with ctx.game.batch(seeds=[1, 2, 3]) as games, ctx.game.fork(0).ctx as alone:
-            for turn in range(8):
-                games.step({team: np.tile(moves(turn, team), (3, 1)) for team in given} if turn % 3 == 1 else None)
-            assert games.detached == {}
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                for turn in range(8):
-                    for team in given:
-                        alone.game.command(team, act(alone, team) if turn % 3 == 1 else None)
-                    alone.game.step()
-                assert plain(games.result(number)) == plain(alone.game.result())
 
 
 switch = {"is_on": False}
@@ -273,24 +223,6 @@ def test_no_game_has_played_a_turn_in_which_one_raises(phase, strategy):
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
-
-
-def test_an_agent_that_a_function_holds_is_that_of_the_game_for_which_it_is_called():
-    with build([TAG]) as ctx:
-        one = ctx.agent.get_agent("red_0")
-
-        def follow(ctx):
-            ctx.game.emit("follow", held=one.current_node_id, own=ctx.agent.get_agent("red_0").current_node_id)
-
-        ctx.game.add(follow)
-        check(ctx)
-        with ctx.game.batch(3) as games:
-            games.run()
-            events = [
-                event for number in range(3) for event in games.result(number).events if event["kind"] == "follow"
-            ]
-        assert all(event["held"] == event["own"] for event in events)
-        assert len({event["own"] for event in events}) > 3
 
 
 def test_the_context_stands_on_the_game_that_it_was_pointed_at():

@@ -341,26 +341,6 @@ def test_a_deed_that_is_not_declared_is_refused():
         games.step({"red": {"deeds": {"scan": True}}})
 
 
-@pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
-def test_loaded_games_go_on_from_there(scenario):
-    with scenario.batch(3) as games, scenario.batch(3) as others:
-        games.step()
-        games.step()
-        others.load(games.columns(), 2, games.scores)
-        for one in (games, others):
-            one.run()
-        assert games.turn.tolist() == others.turn.tolist()
-        assert {key: one.tolist() for key, one in games.scores.items()} == {
-            key: one.tolist() for key, one in others.scores.items()
-        }
-        known, found = games.columns(), others.columns()
-        assert all((found[name] == column).all() for name, column in known.items())
-        for one in (games, others):
-            one.reset()
-            one.run()
-        assert text_of(games) == text_of(others)
-
-
 def test_agents_on_an_edge_that_was_closed_are_played_one_by_one():
     with BY_METRES.build(seed=4) as ctx:
         ctx.game.step()
@@ -447,29 +427,6 @@ def test_waypoints_that_are_loaded_are_nodes(number):
         games.load(columns, 1)
         with pytest.raises(BadValue, match="from -1 to 24"):
             games.step()
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 20.0, "detection": 0.5}}},
-        {"sensors": {"near": {"type": "AGENT_ARC", "sensor_range": 20.0, "fov": 1.0, "orientation": [1.0, 0.0]}}},
-        {"sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 20.0, "at": [3.0, 4.0]}}},
-        {"sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 0.0}}},
-    ],
-    ids=["detection", "arc", "fixed place", "no range"],
-)
-def test_agents_that_look_by_other_sensors_are_asked_game_by_game(change):
-    team = {"count": 2, "strategy": "gamms.strategies:chase", "sensors": ["near"]}
-    near = {"sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 20.0}}}
-    scenario = scene(teams={"red": team, "blue": {"count": 2, "strategy": WALK}}, **near)
-    with scenario.batch(2) as games, scenario.replace(**change).batch(2) as others:
-        assert is_in_core(games)
-        assert games.slow is None
-        assert is_in_core(others)
-        assert "chase" in others.slow
-        others.run()
-        assert plain(others.result(1)) == plain(scenario.replace(**change).play(seed=1))
 
 
 def test_strategies_by_metres_of_which_illegal_actions_are_raised_are_asked_game_by_game():

@@ -4,15 +4,14 @@ from functools import partial
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, WAYS, assert_as_shown, beyond_core, plain, scene
+from batch_scenes import WALK, WAYS, beyond_core, plain, scene
 
 import gamms
 import gamms.recorder
-from gamms import rl, strategies
+from gamms import rl
 from gamms.errors import BadType, BadValue
 from gamms.rl.learners import default_observation
 from gamms.scenario.documents import ScenarioError
-from gamms.strategies import random_walk
 
 MAPS = [{"grid": {"width": width, "height": height}} for width, height in ((4, 4), (7, 3), (1, 9), (5, 6))]
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "score": 0.5}}
@@ -89,38 +88,6 @@ IN_CORE = {
 }
 
 
-def go_by_steps(by_metres, *, have_speeds):
-    """Return what makes strategies of the library that decide in the core, some of which remember something."""
-
-    def red(ctx):
-        waits = strategies.random_waypoints(ctx, [1, 5, 8], 1)
-        hunts = waits if by_metres else strategies.chase(ctx, waits)
-        return strategies.mix(0.7, hunts, strategies.goto(ctx, 3))
-
-    def blue(ctx):
-        follows = strategies.random_waypoints(ctx) if have_speeds else strategies.patrol(ctx, [0, 4, 8])
-        return follows if by_metres else strategies.first(strategies.flee(ctx, None), follows)
-
-    return {"red": red, "blue": blue}
-
-
-@pytest.mark.parametrize("unit", ["edges", "metres"])
-@pytest.mark.parametrize("speed", [None, 2.5, 9.0])
-def test_strategies_by_steps_remember_nodes_of_the_map_of_each_game(unit, speed):
-    settings = {"speed_unit": unit} if speed else {"order": [["blue"], ["red"]]}
-    scenario = scene([TAG], sensors={"near": {"type": "AGENT_RANGE", "sensor_range": 30.0}}, settings=settings)
-    scenario = scenario.replace(**{f"teams.{team}.sensors": ["near"] for team in ("red", "blue")})
-    scenario = scenario.replace(**({"teams.red.speed": speed, "teams.blue.speed": speed} if speed else {}))
-    made = go_by_steps(unit == "metres" and speed is not None, have_speeds=speed is not None)
-    with scenario.batch(20, seed=5, strategies=made, maps=MAPS) as games:
-        assert games.is_in_arrays
-        for _ in range(4):
-            games.step()
-        games.reset([1, 2, 3, 7], seeds=[21, 22, 23, 27])
-        games.run(threads=2)
-        assert_as_alone(scenario, games, made)
-
-
 @pytest.mark.parametrize("name", IN_CORE)
 def test_games_in_the_core_equal_those_alone_on_their_maps(name):
     scenario, strategies = IN_CORE[name]
@@ -139,32 +106,6 @@ def test_games_one_by_one_equal_those_alone_on_their_maps(with_code):
         while stepped.step().any():
             pass
         assert_as_alone(scenario, stepped)
-
-
-def visit_the_least(state):
-    """Go to the legal node that was visited least."""
-    visits = state["memory"].setdefault("visits", {})
-    visits[state["curr_pos"]] = visits.get(state["curr_pos"], 0) + 1
-    state["action"] = min(state["legal"], key=lambda node: (visits.get(node, 0), node))
-
-
-@pytest.mark.parametrize(
-    ("rules", "others"),
-    [(["count_meetings", "crowd"], random_walk), (["crowd"], visit_the_least)],
-)
-def test_plain_functions_and_array_functions_play_together_on_all_maps(with_code, rules, others):
-    scenario = with_code(*({"rule": f"mine:{rule}"} for rule in rules), max_turns=12)
-    strategies = {"red": visit_the_least, "blue": others}
-    with scenario.batch(14, seed=5, maps=MAPS, strategies=strategies) as games:
-        assert games.is_in_arrays
-        assert {*games.maps.tolist()} == {0, 1, 2, 3}
-        games.step()
-        games.step()
-        games.reset([1, 6, 9], seeds=[61, 66, 69])
-        while games.step().any():
-            pass
-        assert games.detached == {}
-        assert_as_alone(scenario, games, strategies)
 
 
 def test_the_map_of_a_game_follows_from_its_seed_alone():
@@ -194,22 +135,6 @@ def test_games_that_begin_again_draw_their_maps_anew(way):
         assert_as_alone(scenario, games)
         with scenario.batch(seeds=games.seeds, maps=MAPS) as fresh:
             assert fresh.maps.tolist() == games.maps.tolist()
-
-
-def test_actions_are_numbers_of_legal_nodes_on_the_map_of_each_game():
-    scenario = scene([TAG])
-    with scenario.batch(10, maps=MAPS, record=True) as games:
-        for turn in range(6):
-            actions = np.zeros((10, 3), np.int64)
-            for number in range(4):
-                view = games.observe("red", map=number)
-                assert view.games.tolist() == np.flatnonzero(games.maps == number).tolist()
-                actions[view.games] = (view.agents + turn) % view.counts
-            games.step({"red": actions})
-        assert_as_shown(games)
-        with pytest.raises(BadValue, match="action 9"):
-            games.step({"red": np.full((10, 3), 9)})
-        assert games.turn.tolist() == [6] * 10
 
 
 def test_games_are_recorded_on_their_maps(tmp_path):
@@ -371,29 +296,6 @@ def test_rewards_of_learners_are_given_map_by_map():
     sizes = np.array([one["grid"]["width"] * one["grid"]["height"] for one in MAPS])[maps]
     assert (rewards.reshape(8, 3) // 100).tolist() == np.repeat(sizes[:, None], 3, axis=1).tolist()
     assert asked == [np.flatnonzero(maps == number).tolist() for number in np.unique(maps)]
-    env.close()
-
-
-def test_one_agent_learns_on_several_maps_where_games_are_played_one_by_one(with_code):
-    scenario = with_code({"rule": "mine:count_meetings"})
-    env = rl.vector_env(scenario, num_games=5, agent="red_1", maps=MAPS)
-    observed, _ = env.reset(seed=3)
-    learners = env.unwrapped.learners
-    for turn in range(4):
-        legal = observed["action_mask"].sum(axis=1)
-        before = [learners.games.observe_agent("red_1", map=number) for number in range(4)]
-        wanted = {
-            int(game): int(view["legal"][i, 0, turn % legal[game]])
-            for view in before
-            for i, game in enumerate(view.games)
-        }
-        playing = ~learners.is_over
-        observed, *_ = env.step(turn % legal)
-        for number in range(4):
-            view = learners.games.observe_agent("red_1", map=number)
-            for i, game in enumerate(view.games.tolist()):
-                if playing[game] and view.turn[i] == turn + 1:
-                    assert view["curr_pos"][i, 0] == wanted[game]
     env.close()
 
 

@@ -14,7 +14,6 @@ from test_laws import LAWS
 import gamms
 from gamms.errors import BadValue
 from gamms.rules import Conflicts, capture_flag, contacts, payoff, respawn, tag
-from gamms.strategies import random_walk
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 OUT = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
@@ -178,34 +177,6 @@ def test_roads_that_rules_close_are_closed_in_their_games_alone(
         check(ctx, seeds, restart=restart)
 
 
-def listen(ctx):
-    """Count deeds and messages, and what agents did in the turn before."""
-    for deed in ctx.game.performed():
-        ctx.game.emit("heard of", agent=deed.agent, deed=deed.kind, at=deed.at, values=dict(deed.values))
-    ctx.game.scores["messages"] = len(ctx.game.messages)
-    ctx.game.data["tracks"] = ctx.game.data.get("tracks", 0) + sum(
-        len(one.path) for one in ctx.game.tracks(ctx.game.agents)
-    )
-    ctx.game.scores["tracks"] = ctx.game.data["tracks"]
-
-
-@pytest.mark.parametrize("phase", ["before", "after"])
-def test_plain_rules_find_deeds_and_messages(phase):
-    @gamms.array_strategy
-    def busy(view):
-        actions = view.draw.below(view.counts)
-        view.do("rest", view.draw.random() < 0.4)
-        view.do("mark", actions > 0, node=view.node, whom=np.where(actions > 1, 1, -1), size=view.draw.random())
-        view.send("radio", view.draw.random() < 0.5, actions)
-        return actions
-
-    deeds = {"mark": {"node": "node", "whom": "agent?", "size": "number"}, "rest": {}}
-    scenario = scene([OUT, BACK], settings={"deeds": deeds}, channels={"radio": {"range_m": 20.0, "loss": 0.3}})
-    with scenario.build(seed=1, strategies={"red": busy, "blue": busy}) as ctx:
-        ctx.game.add(listen, phase=phase)
-        check(ctx, [1, 2, 3])
-
-
 def test_what_is_observed_where_roads_are_closed_is_what_is_there():
     red = {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": [*SEEING]}
     seeds = [1] * 4 + [2] * 5 + [4] * 2
@@ -331,21 +302,6 @@ def lead(ctx):
         ctx.game.emit("leads", team=max(ctx.game.scores, key=ctx.game.scores.get), of=[*ctx.game.scores])
 
 
-def test_scores_of_each_game_are_in_the_order_in_which_they_were_set(tmp_path):
-    back = {"rule": "tag", "with": {"taggers": "blue", "tagged": "red", "hops": 1, "mutual": True}}
-    paid = {"rule": "payoff", "with": {"table": {"tag": {"other": -0.5}}, "zero_sum": True}}
-    with scene([TAG, back, paid, FLAGS], max_turns=6).build(seed=1) as ctx:
-        ctx.game.add(lead)
-        check(ctx, range(12))
-    scenario = scene([TAG, back, paid, FLAGS], max_turns=6)
-    with scenario.batch(6) as games:
-        games.run()
-        for number, seed in enumerate(games.seeds):
-            for name, result in (("batch", games.result(number)), ("alone", scenario.play(seed=seed))):
-                result.save(tmp_path / name)
-            assert (tmp_path / "batch").read_bytes() == (tmp_path / "alone").read_bytes()
-
-
 def deserts(ctx):
     if ctx.game.turn == 3 and ctx.seed % 3 == 0:
         ctx.agent.delete_agent("red_0")
@@ -421,21 +377,6 @@ def test_games_in_which_agents_reach_new_nodes_are_played_and_recorded_and_not_o
             games.observe("red")
         games.reset([1], seeds=[2])
         assert games.observe("red").turn.tolist() == [8, 0]
-
-
-def test_games_that_were_run_to_their_ends_are_recorded_with_what_was_given_to_them(tmp_path):
-    scenario = scene([{"rule": f"{__name__}:counts"}], max_turns=6, allow=[__name__])
-    with scenario.batch(2, record=True) as games:
-        games.step({"red": np.ones((2, 3), np.uint8)})
-        games.run()
-        games.record(0, tmp_path / "early.ggr")
-        games.reset([1])
-        games.step({"red": np.ones((2, 3), np.uint8)})
-        with pytest.raises(BadValue, match="action 9 of agent 'red_0' in game 1"):
-            games.step({"red": np.full((2, 3), 9, np.uint8)})
-        assert games.turn.tolist() == [6, 1]
-        games.record(0, tmp_path / "late.ggr")
-    assert (tmp_path / "late.ggr").read_bytes() == (tmp_path / "early.ggr").read_bytes()
 
 
 def test_errors_of_rules_name_the_rule_the_game_and_the_turn():
@@ -582,31 +523,6 @@ def test_a_collector_that_moves_an_agent_moves_it_in_batches_too():
             for number in range(2):
                 alone.game.reset(seed=games.seeds[number])
                 assert plain(games.result(number)) == plain(alone.game.run())
-
-
-@pytest.mark.parametrize("sides", [[("red", "blue"), ("blue", "red")], [("blue", "red"), ("red", "blue")]])
-def test_rules_that_tag_are_one_rule_if_one_of_them_calls_a_function(sides):
-    def send_home(ctx, tagger, tagged):
-        ctx.game.respawn(tagged)
-
-    def make():
-        ctx = gamms.create_context(seed=3, logger_config={"level": "ERROR"})
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
-        for number in range(6):
-            team = "red" if number % 2 else "blue"
-            ctx.agent.create_agent(f"a{number}", start_node_id=number, team=team, strategy=random_walk)
-        for side, then in zip(sides, ("respawn", send_home), strict=True):
-            ctx.game.add(tag(*side, then=then))
-        ctx.game.max_turns = 10
-        return ctx
-
-    with make() as ctx, ctx.game.batch(seeds=[3, 4]) as games:
-        games.run()
-        played = games.result(0)
-    with make() as ctx:
-        alone = ctx.game.run()
-    assert played.events == alone.events
-    assert any(event["kind"] == "tag" for event in alone.events)
 
 
 def test_a_function_that_wraps_a_rule_is_called_alone_beside_other_such_rules_and_in_batches():

@@ -119,19 +119,6 @@ def test_batches_on_equal_graphs_share_their_tables(monkeypatch):
         assert games.observe("red").routes() is table
 
 
-def test_tables_of_a_graph_that_was_changed_are_others():
-    with scene().build(seed=1) as ctx:
-        with ctx.game.batch(1) as games:
-            before = games.observe("red").routes()
-            assert before.distances(np.array([0]), np.array([1])) == 10.0
-        edge = next(id for id in ctx.graph.graph.get_edges() if ctx.graph.graph.get_edge(id).source == 0)
-        ctx.graph.graph.remove_edge(edge)
-        with ctx.game.batch(1) as games:
-            target = games.observe("red").streets.rows(1)
-            assert games.observe("red").routes() is not before
-            assert games.observe("red").routes().distances(np.array([0]), target) == ctx.graph.distance(0, 1)
-
-
 @settings(max_examples=25, deadline=None)
 @given(
     edges=EDGES,
@@ -162,18 +149,6 @@ def test_a_table_is_made_for_each_target_once(grid_of_streets):
     assert table.nbytes == small
     table.distances(nodes, np.ones(len(nodes), np.int64))
     assert table.nbytes == 2 * small
-
-
-def test_long_ways_that_are_known_stay_known_where_others_ask_from_farther_away():
-    nodes = [(x, 0) for x in range(7)] + [(x, 1) for x in range(6, -1, -1)]
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
-        ctx.graph.graph.add_nodes(range(14), *zip(*nodes, strict=True))
-        ctx.graph.graph.add_edges(range(14), range(14), [*range(1, 14), 0])  # one way around
-        ctx.agent.create_agent("a", start_node_id=0, team="red", strategy=gamms.strategies.random_walk)
-        with ctx.game.batch(1) as games:
-            routes = games.observe("red").routes()
-            assert routes.distances(np.array([1]), np.array([0])).tolist() == [13]
-            assert routes.distances(np.array([1, 6]), np.array([0, 0])).tolist() == [13, 8]
 
 
 ROWS = {

@@ -8,7 +8,7 @@ from batch_scenes import plain, scene
 
 import gamms
 from gamms.errors import BadValue, MissingKey, UnknownName
-from gamms.rules import Conflicts, by_priority, by_rank, capture_flag, discover, last_team, tag
+from gamms.rules import Conflicts, by_priority, capture_flag, discover, last_team, tag
 from gamms.scenario import Scenario
 
 SEEDS = [1, 2**40]
@@ -18,9 +18,7 @@ def rule(name, /, **arguments):
     return {"rule": name, "with": arguments}
 
 
-TAG = rule("tag", taggers="red", tagged="blue", mutual=True)
 OUT = rule("tag", taggers="red", tagged="blue", mutual=True, then="eliminate", score=0)
-PAY = {"tag": {"agent": 0.1, "other": -0.7}, "eliminated": {"agent": -1 / 3}, "hold": {"team": 2}}
 
 
 @pytest.mark.parametrize("empty", ["stay", "eliminate"])
@@ -44,19 +42,6 @@ def test_a_way_costs_as_much_as_the_shortest_edge_along_it(same_as_one_by_one):
     fuel = rule("resource", name="fuel", start=100, per_metre=1)
     map = {"generator": {"function": "test_rules_in_arrays:winding"}}
     same_as_one_by_one(scene([fuel], map=map, folder=Path(__file__).parent, max_turns=6), SEEDS)
-
-
-def test_games_that_are_reset_are_paid_for_what_happens_in_them_alone():
-    with scene([rule("hold", nodes=list(range(25)), turns=1, ends=False), TAG, rule("payoff", table=PAY)]).batch(
-        2
-    ) as games:
-        games.step()
-        games.reset([0])
-        games.run()
-        first = [plain(games.result(number)) for number in range(2)]
-        games.reset()
-        games.run()
-        assert [plain(games.result(number)) for number in range(2)] == first
 
 
 def test_members_of_one_team_may_tag_each_other(same_as_one_by_one):
@@ -140,18 +125,6 @@ def test_capacities_may_be_attributes_of_nodes():
 def test_a_resolver_that_is_a_function_is_asked_game_by_game():
     with crowded(1, first_by_name) as ctx, ctx.game.batch(1) as games:
         assert "Conflicts" in games.slow
-
-
-def test_ranks_of_your_own_decide_in_a_batch_as_alone():
-    def odd_ones_first(name, team):
-        return None if name.endswith("4") else int(name[-1]) % 2 == 0
-
-    with crowded(1, by_rank(odd_ones_first)) as ctx, ctx.game.batch(seeds=[3, 4]) as games:
-        games.run()
-        for number, seed in enumerate(games.seeds):
-            with ctx.game.fork(0).ctx as alone:
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
 
 
 def test_a_team_that_is_not_in_the_list_is_named():

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.errors import TooLarge, UnknownName
-from gamms.game.batch import sensing
 from gamms.game.batch.sensing import VisibleAgentPairs
 from gamms.strategies import chase, flee, goto, mix
 
@@ -114,41 +113,6 @@ def test_of_several_sensors_the_last_counts_also_in_games_alone():
             assert not slow.is_in_arrays
             found = [batch.observe("red").seen(*names) for batch in (games, slow) for names in ((), [*kinds][::-1])]
             assert len({str([column.tolist() for column in one[1:]]) for one in found}) == 1
-
-
-def test_dead_agents_see_none_and_are_not_seen():
-    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
-    sensors = {"eye": {"type": "AGENT"}}
-    teams = {
-        team: {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": ["eye"]} for team in ("red", "blue")
-    }
-    with scene([tag], teams=teams, sensors=sensors).batch(20, seed=1) as games:
-        games.run()
-        for team in ("red", "blue"):
-            view = games.observe(team)
-            alive = np.concatenate([games.observe("blue").mask, games.observe("red").mask], axis=1)
-            expected = view.mask[:, :, None] & alive[:, None]
-            expected[:, np.arange(3), view.agents] = False
-            assert (view.seen().mask == expected).all()
-
-
-def test_what_is_seen_does_not_depend_on_how_many_pairs_are_compared_at_once(monkeypatch):
-    with scene(red=4).build(seed=1) as ctx:
-        for name in ctx.agent.agents:
-            eye = ctx.sensor.create_sensor(f"{name}/eye", "AGENT_RANGE", sensor_range=15.0 if "1" in name else 25.0)
-            ctx.agent.get_agent(name).register_sensor("eye", eye)
-        with ctx.game.batch(5) as games:
-            for _ in range(3):
-                games.step()
-            expected = games.observe("red").seen()
-            for number in (100, 1):
-                monkeypatch.setattr(sensing, "_MOST_MARKS", number)
-                games.reset()
-                for _ in range(3):
-                    games.step()
-                found = games.observe("red").seen()
-                assert all(np.array_equal(one, other) for one, other in zip(found, expected, strict=True))
-            assert found.mask.any()
 
 
 def test_a_mask_that_takes_too_much_memory_is_refused():

@@ -1,6 +1,5 @@
 """The array forms of strategies do what their scalar forms do, in all games at once."""
 
-import numpy as np
 import pytest
 from batch_scenes import plain, scene
 from hypothesis import HealthCheck, given, settings
@@ -101,37 +100,6 @@ def test_agents_by_metres_act_on_others_along_edges_in_arrays_as_alone(decide, s
     same_as_one_by_one(scenario, [1], {"red": assign, "blue": sweep})
 
 
-@pytest.mark.parametrize("settings", [{}, {"team_memory": False}, {"order": [["red"], ["blue"]]}])
-def test_teams_share_in_arrays_what_they_share_alone(settings):
-    sight = {"position_noise_m": 8.0, "detection": 0.7}
-    with hunted(sight=sight, settings=settings).build(seed=1) as ctx:
-        for number in range(3):
-            strategies = (
-                assign(ctx, patience=number % 2, otherwise=stay),
-                sweep(ctx, range(5 * number, 20), repeat=True),
-            )
-            for team, strategy in zip(("red", "blue"), strategies, strict=True):
-                ctx.agent.get_agent(f"{team}_{number}").register_strategy(strategy)
-        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
-
-
-def test_actions_of_agents_with_speeds_are_numbers_of_all_nodes_in_reach():
-    scenario = hunted().replace(**{"teams.red.speed": 2.5})
-    with scenario.batch(2, seed=4) as games, scenario.build(seed=5) as ctx:
-        games.step({"red": 7 * np.ones((2, 3), np.int64) % games.observe("red").counts})
-        seen = {}
-        for agent in ctx.agent.agents.values():
-            agent.register_strategy(lambda state: seen.__setitem__(state["name"], state))
-        ctx.game.step()
-        games.reset()
-        legal = games.observe("red")["legal"][1]
-        assert [row[row >= 0].tolist() for row in legal] == [list(seen[f"red_{i}"]["legal"]) for i in range(3)]
-
-
 def test_agents_that_set_no_action_stay_in_arrays_as_alone(same_as_one_by_one):
     strategies = {"red": lambda ctx: chase(ctx, None), "blue": lambda ctx: mix(0.5, unblock(flee(ctx, None)), stay)}
     same_as_one_by_one(hunted(), [1], strategies)
@@ -207,48 +175,6 @@ def test_an_agent_on_the_first_edge_of_a_map_is_there_in_arrays_too():
         assert view["edge"][:, 0].tolist() == [list(alone.edge)] * 2
         assert view["offset_m"][:, 0].tolist() == [alone.offset_m] * 2
         assert view["xy"][:, 0].tolist() == [[*alone.xy]] * 2
-
-
-def test_what_was_observed_before_a_turn_does_not_last():
-    seeds, both = [1, 2, 3], {"red": chase, "blue": flee}
-    scenario = hunted(settings={"order": [["red"], ["blue"]]})
-    with scenario.batch(seeds=seeds, strategies=both) as games:
-        while not games.is_over.all():
-            for team in ("red", "blue"):
-                games.observe(team).vector()
-            games.step()
-        for number, seed in enumerate(seeds):
-            assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies=both))
-
-
-def test_what_is_legal_for_an_agent_on_an_edge_is_what_it_reaches_from_there():
-    with gamms.create_context(seed=1) as ctx:
-        ctx.graph.add_nodes(range(8), [10.0 * node for node in range(8)], [0.0] * 8)
-        for node, length in enumerate([10.0, 10.0, 10.0, 10.0, 10.0, 12.0, 10.0]):
-            ctx.graph.graph.add_edge({"id": node, "source": node, "target": node + 1, "length": length})
-        ctx.agent.create_agent("anna", start_node_id=0, speed=32.0, strategy=goto(ctx, 7))
-        ctx.game.speed_unit = "metres"
-        with ctx.game.batch(1) as games, ctx.game.fork(0).ctx as alone:
-            games.step()
-            alone.game.step()
-            legal = alone.game.observation("anna")["legal"]
-            assert games.observe_agent("anna")["legal"].ravel().tolist() == [*legal] == [4, 5, 6]  # 30 m from 2 m on
-
-
-def test_an_agent_goes_on_along_its_edge_where_that_is_shorter_than_from_the_node_behind_it():
-    with gamms.create_context(seed=1) as ctx:
-        ctx.graph.add_nodes(range(4), [0.0, 10.0, 10.0, 50.0], [0.0, 0.0, 4.0, 4.0])
-        ways = [(0, 1, 30.0), (1, 2, 4.0), (0, 2, 32.0), (2, 3, 40.0)]
-        for number, (one, other, length) in enumerate(ways):
-            for id, source, target in ((2 * number, one, other), (2 * number + 1, other, one)):
-                ctx.graph.graph.add_edge({"id": id, "source": source, "target": target, "length": length})
-        ctx.sensor.create_sensor("all", "AGENT_RANGE", sensor_range=99.0)
-        ctx.agent.create_agent("anna", start_node_id=0, team="red", speed=10.0, sensors=["all"], strategy=chase(ctx))
-        ctx.agent.create_agent("ben", start_node_id=1, team="blue", speed=5.0, strategy=goto(ctx, 3))
-        ctx.game.speed_unit = "metres"
-        with ctx.game.batch(1) as games:
-            places = [games.observe_agent("anna")["xy"][0, 0].tolist() for _ in range(4) if games.step().any()]
-        assert places == [pytest.approx(one) for one in ([10 / 3, 0.0], [20 / 3, 0.0], [10.0, 0.0], [16.0, 4.0])]
 
 
 def along_the_bend(state):

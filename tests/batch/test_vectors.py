@@ -1,7 +1,5 @@
 """Agents are observed as vectors of numbers, which say what their states say."""
 
-from math import hypot
-
 import numpy as np
 import pytest
 from batch_scenes import WAYS, scene
@@ -13,47 +11,6 @@ NEAR = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
 WALKS = {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": ["near"]}
 TEAMS = {"red": WALKS, "blue": WALKS}
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
-
-
-def entries_of(ctx, name, others):
-    """What a vector says of an agent, from the states of a game that is played alone; the map is 40 m wide."""
-    state, graph = ctx.game.observation(name), ctx.graph.graph
-
-    def place(node):
-        found = graph.get_node(node)
-        return (found.x - 20.0) / 20.0, (found.y - 20.0) / 20.0
-
-    x, y = ((one - 20.0) / 20.0 for one in ctx.agent.get_agent(name).xy)
-    values = {"x": x, "y": y}
-    for number, node in enumerate(state["legal"]):
-        there = place(node)
-        moves = {"is_legal": 1.0, "dx": there[0] - x, "dy": there[1] - y}
-        values |= {f"action_{number}.{key}": value for key, value in moves.items()}
-    seen = sorted(state["sensor"]["near"][1].items())
-    offsets = [(place(node)[0] - x, place(node)[1] - y, other) for other, node in seen]
-    for number, (dx, dy, other) in enumerate(sorted(offsets, key=lambda one: round(hypot(*one[:2]), 9))[:others]):
-        entries = {"is_seen": 1.0, "is_mate": float(other[:3] == name[:3]), "dx": dx, "dy": dy}
-        values |= {f"other_{number}.{key}": value for key, value in entries.items()}
-    return values
-
-
-@pytest.mark.parametrize(("speed", "unit"), [(None, "edges"), (2.0, "edges"), (7.0, "metres")])
-def test_a_vector_says_what_the_state_says(speed, unit):
-    teams = {"red": {**WALKS, "speed": speed}, "blue": WALKS}
-    scenario = scene([TAG], teams=teams, sensors=NEAR, settings={"speed_unit": unit})
-    with scenario.build(seed=2) as ctx, scenario.batch(seeds=[5, 2]) as games:
-        for _ in range(8):
-            found = games.observe("red").vector(others=2)
-            assert found.values.dtype == np.float32
-            assert found.values.shape == (2, 3, len(found.names))
-            for number in range(3):
-                expected = entries_of(ctx, f"red_{number}", 2)
-                values = dict(zip(found.names, found.values[1, number].tolist(), strict=True))
-                assert values == {name: pytest.approx(expected.get(name, 0.0), abs=1e-6) for name in found.names}
-                is_legal = [values[f"action_{k}.is_legal"] for k in range(found.legal.shape[-1])]
-                assert found.legal[1, number].tolist() == is_legal
-            games.step()
-            ctx.game.step()
 
 
 def expected_of(ctx, name, others, radii):

@@ -222,18 +222,6 @@ def test_a_walker_is_expected_where_the_shipped_random_walk_goes():
         assert filter.probability("a") == {0: 0.25, 3: 0.25, 6: 0.25, 9: 0.25}
 
 
-def test_what_contradicts_the_model_begins_the_belief_anew():
-    with context(3, [(0, 1)]) as ctx:
-        filter = belief.Filter(ctx, belief.random_walk(), ["a"])
-        filter.update(found={"a": 0})
-        assert filter.update(found={"a": 6}).tolist() == [0.0]
-        assert filter.probability("a") == {6: 1.0}
-        filter.update([6])
-        assert filter.probability("a") == {0: 0.5, 3: 0.5}
-        filter.update([0, 3, 6])
-        assert len(filter.probability("a")) == 3
-
-
 @pytest.mark.parametrize(
     ("call", "error", "words"),
     [
@@ -373,20 +361,6 @@ def test_agents_believe_what_bayes_rule_gives_over_nodes_and_parts_of_edges(seed
         expected = {node: mass for node, mass in expected.items() if mass > 1e-12}
         found = belief.belief_of(ctx, "w0").probability("prey")
         assert found == pytest.approx(expected, abs=1e-9)
-
-
-def test_an_empty_node_in_view_does_not_rule_out_the_edges_behind_it():
-    with street() as ctx:
-        of_nodes = belief.Filter(ctx, belief.random_walk(), ["a"])
-        by_metres = belief.Filter(ctx, belief.random_walk(), ["a"], metres=4.0)
-        for filter in (of_nodes, by_metres):
-            filter.update(found={"a": 2})
-            filter.predict()
-            filter.update([2])
-        assert of_nodes.probability("a") == {1: 0.5, 3: 0.5}
-        assert by_metres.probability("a") == {2: 1.0}  # 4 m on its way
-        by_metres.predict(2)
-        assert by_metres.probability("a") == {1: 0.5, 3: 0.5}
 
 
 def test_an_edge_of_two_turns_is_gone_along_in_two():

@@ -12,7 +12,6 @@ import gamms
 from gamms import belief
 from gamms.agent import AgentType
 from gamms.belief import Sighting
-from gamms.belief.motion import MotionChain
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.plain import is_plain
 from gamms.sensor import SensorType
@@ -136,21 +135,6 @@ def test_a_respawned_agent_is_where_it_was_put(make_ctx, add):
     assert belief.belief_of(ctx, "a").last_seen == {"prey": Sighting(3, 1, "a")}
 
 
-def test_only_respawns_of_others_tell_where_agents_are(make_ctx, add):
-    ctx = make_ctx(6)
-    add(ctx, "a", 0, "red", sight=0.0, strategy=noting(ctx))
-    add(ctx, "mate", 5, "red")
-    add(ctx, "prey", 5, "blue")
-    add(ctx, "gone", 5, "blue")
-    ctx.game.run(1)
-    ctx.game.respawn("mate", 3)
-    ctx.game.respawn("gone", 3)
-    ctx.agent.delete_agent("gone")
-    ctx.game.emit("noise", agent="prey", node=5)
-    ctx.game.run(1)
-    assert belief.belief_of(ctx, "a").last_seen == {}
-
-
 def test_what_only_the_program_knows_can_be_noted(make_ctx, add):
     ctx = make_ctx(6)
 
@@ -218,48 +202,12 @@ def test_the_last_sighting_is_never_forgotten(make_ctx, add):
     assert belief.belief_of(ctx, "a").last_seen == {"prey": Sighting(0, 5, "a")}
 
 
-def test_a_team_predicts_once_a_turn_where_its_targets_go(make_ctx, add, monkeypatch):
-    ctx, predicted = make_ctx(), []
-
-    def hunt(state):
-        before = len(predicted)
-        belief.observe(ctx, state).probability("prey")
-        state["action"] = state["curr_pos"]
-        made.append((state["turn"], len(predicted) - before))
-
-    made, predicts = [], MotionChain.predicted
-    monkeypatch.setattr(
-        MotionChain, "predicted", lambda one, *values: predicted.append(values) or predicts(one, *values)
-    )
-    add(ctx, "prey", 4, "mice")
-    for node, name in enumerate("abc"):
-        add(ctx, name, node, "cats", 10.0, hunt)
-    ctx.game.run(max_turns=3)
-    assert made == [(0, 0), (0, 0), (0, 0), (1, 1), (1, 0), (1, 0), (2, 1), (2, 0), (2, 0)]
-
-
 def test_a_recording_grows_by_less_than_a_hundred_bytes_for_each_agent_and_turn(tmp_path):
     sizes = []
     for turns in (50, 150):
         hunt(turns=turns, path=tmp_path / f"{turns}.ggr")
         sizes.append((tmp_path / f"{turns}.ggr").stat().st_size)
     assert (sizes[1] - sizes[0]) / 300 < 100  # 25 when it was written; probabilities of 900 nodes would be 7,200
-
-
-def test_a_resumed_and_a_restored_game_believe_what_the_game_did(tmp_path):
-    with hunt(turns=20) as whole:
-        expected = belief.belief_of(whole, "h1").probability("p0")
-    with hunt(turns=10) as ctx:
-        here = ctx.game.snapshot()
-        ctx.game.run(7)
-        ctx.game.restore(here)
-        ctx.game.run(10)
-        assert belief.belief_of(ctx, "h1").probability("p0") == expected
-    hunt(turns=20, path=tmp_path / "g.ggr")
-    with gamms.create_context() as shown:
-        for _ in shown.record.replay(tmp_path / "g.ggr"):
-            pass
-        assert belief.belief_of(shown, "h1").probability("p0") == expected
 
 
 def test_nothing_is_remembered_outside_of_memories():

@@ -153,18 +153,6 @@ def watching(ctx, found, name="prey"):
     return watch
 
 
-@pytest.mark.parametrize("unit", ["edges", "metres"])
-def test_nodes_that_were_seen_empty_are_not_in_it_but_may_be_entered_again(make_ctx, add, unit):
-    ctx, found = make_ctx(6, game={"speed_unit": unit}), []
-    add(ctx, "spy", 0, "red", sight=20.0, strategy=watching(ctx, found))
-    add(ctx, "prey", 5, "blue")
-    ctx.game.run(2)
-    assert found == [{3, 4, 5}, {3, 4, 5}]  # nodes 0 to 2 are in sight
-    ctx.sensor.get_sensor("eyes of spy").range = 0.0
-    ctx.game.run(3)
-    assert found[2:] == [{2, 3, 4, 5}, {1, 2, 3, 4, 5}, {1, 2, 3, 4, 5}]  # node 0 is still in sight
-
-
 def test_an_edge_that_was_closed_counts_for_the_time_when_it_was_open(make_ctx, add):
     ctx, found = make_ctx(4), []
     add(ctx, "spy", 0, "red", sight=0.0, strategy=watching(ctx, found))
@@ -258,24 +246,6 @@ def test_a_sensor_that_may_miss_agents_or_ignores_their_team_clears_nothing(make
         ctx.game.run(1)
         assert len(found[0]) in (1, 3)
         assert 2 in found[0]
-
-
-def test_several_targets_at_once_are_those_one_by_one(make_ctx, add):
-    ctx, found = make_ctx(7), []
-    names = ["p0", "p1", "p2", "p3"]
-
-    def watch(state):
-        known = belief.observe(ctx, state)
-        ids = ctx.graph.columns().node_ids
-        together = [set(ids[row].tolist()) for row in known.are_reachable(names)]
-        found.append(together == [known.reachable(name) for name in names])
-        state["action"] = state["draw"].choice(state["legal"])
-
-    add(ctx, "spy", 3, "red", sight=15.0, strategy=watch)
-    for i, speed in enumerate((None, 2.0, 0.7, None)):
-        add(ctx, names[i], 2 * i, "blue", strategy=gamms.strategies.random_walk).speed = speed
-    ctx.game.run(8)
-    assert found == [True] * 8
 
 
 def test_agents_that_are_dead_fly_or_are_unknown(make_ctx, add):

@@ -1,8 +1,6 @@
 """Games in which agents die, come, leave and change: what is known of the last turn changes nothing."""
 
-import gc
 import io
-import weakref
 
 import pytest
 from hypothesis import HealthCheck, example, given, settings
@@ -363,21 +361,3 @@ def test_a_team_that_comes_once_a_game_has_begun_is_in_its_batches_and_forks(gri
         alone.reset(seed=1)
         assert games.result(1) == alone.run()
         assert len(alone.result().agents) == 5
-
-
-@pytest.mark.parametrize("create", [one_by_one, members])
-def test_agents_that_came_and_were_deleted_are_not_kept(grid, create):
-    with grid(seed=2) as ctx:
-        create(ctx)
-        gone = []
-        for turn in range(6):
-            ctx.game.step()
-            agent = ctx.agent.create_agent(f"late_{turn}", start_node_id=0, team="red", strategy=wander)
-            gone.append(weakref.ref(agent))
-            ctx.game.step()
-            ctx.agent.delete_agent(agent.name)
-        ctx.game.step()
-        del agent
-        gc.collect()
-        assert [one() for one in gone[:-1]] == [None] * 5
-        assert list(ctx.game.result().agents) == [f"late_{turn}" for turn in range(6)] + ALL

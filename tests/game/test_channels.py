@@ -276,18 +276,6 @@ def test_a_body_may_have_all_the_bytes_of_a_turn():
     assert [len(messages(most)) for most in (size, size - 1)] == [1, 0]
 
 
-def test_bytes_are_counted_per_agent_channel_and_turn():
-    plan = lambda name, turn: [send("cat", "x" * 20), send("cat", "x" * 20), send("cat", "x"), send("cat", 1, "other")]
-    with world(dict.fromkeys(ROAD, 0), plan=plan) as ctx:
-        ctx.agent.get_agent("cat").register_strategy(ctx.agent.get_agent("ann").strategy)
-        ctx.game.add_channel("radio", range_m=0, max_bytes_per_turn=30)
-        ctx.game.add_channel("other", range_m=0, max_bytes_per_turn=3)
-        result = ctx.game.run(2)
-    sizes = [(one["turn"], one["sender"], one["channel"], one["body"]) for one in result.messages]
-    each = [("radio", "x" * 20), ("radio", "x"), ("other", 1)]
-    assert sizes == [(turn, name, *one) for turn in (1, 2) for name in ("ann", "bob") for one in each]
-
-
 @pytest.mark.parametrize("flaw", ["raises", "is late", "moves where it may not", "does not act"])
 def test_what_a_failed_decision_has_put_into_the_outbox_is_dropped(flaw):
     def strategy(state):
@@ -302,27 +290,6 @@ def test_what_a_failed_decision_has_put_into_the_outbox_is_dropped(flaw):
         ctx.game.add_channel("radio", range_m=10)
         result = ctx.game.run(2)
         assert (len([one for one in result.errors if one["agent"] == "ann"]), result.messages) == (2, [])
-
-
-def test_plans_and_awaitables_send_too():
-    async def slow(state):
-        state["outbox"].append(send("cat", state["name"]))
-        state["action"] = state["curr_pos"]
-
-    def plan(states):
-        for name, state in states.items():
-            state["outbox"].append(send("cat", name))
-            state["action"] = state["curr_pos"]
-
-    with world(dict.fromkeys(ROAD, 0), teams={"ann": "red"}) as ctx:
-        ctx.game.add_channel("radio", range_m=0)
-        ctx.game.command("red", plan)
-        ctx.agent.get_agent("bob").register_strategy(slow)
-        ctx.game.run(2)
-        assert inboxes(ctx, "cat") == {1: ["ann", "bob"]}
-        ctx.game.command("red", lambda arrays: arrays.nodes, arrays=True)
-        ctx.game.run(2)
-        assert inboxes(ctx, "cat")[3] == ["bob"]
 
 
 def test_what_is_sent_and_heard_shares_nothing():
@@ -468,42 +435,12 @@ def test_a_range_holds_in_space():
         assert reach_of(ctx) == {"near": 2}
 
 
-def test_hops_follow_the_direction_of_edges():
-    graph = nx.DiGraph()
-    for node in range(4):
-        graph.add_node(node, x=100.0 * node, y=0.0)
-    graph.add_edges_from([(0, 1), (1, 2), (2, 3)])
-    with gamms.create_context() as ctx:
-        ctx.graph.attach_networkx_graph(graph)
-        for node, name in enumerate(["ann", "bob", "cat", "dan"]):
-            ctx.agent.create_agent(name, start_node_id=node)
-        ctx.game.add_channel("radio", hops=2)
-        assert reach_of(ctx) == {"bob": 2, "cat": 2}
-        ctx.game.reset()
-        assert reach_of(ctx, "dan") == {}
-
-
 def block(x, y, width, depth):
     """Return the walls of a building 8 m high, (4, 4, 3)."""
     corners = [(x, y), (x + width, y), (x + width, y + depth), (x, y + depth)]
     return np.array(
         [[(*a, 0), (*b, 0), (*b, 8), (*a, 8)] for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
     )
-
-
-def test_buildings_block_sight_and_drones_see_over_them():
-    with world({"ann": 0, "bob": 2, "cat": 10}) as ctx:
-        ctx.graph.add_obstacles(block(14, -3, 2, 6))
-        ctx.agent.create_agent(
-            "drone",
-            type="AERIAL",
-            start_node_id=0,
-            position=(20.0, 0.0, 30.0),
-            speed=1.0,
-            strategy=lambda state: state.update(action=(0, 0, 0)),
-        )
-        ctx.game.add_channel("radio", line_of_sight=True)
-        assert reach_of(ctx) == {"cat": 2, "drone": 2}
 
 
 def test_only_agents_that_a_message_is_for_and_reaches_can_lose_it():
@@ -513,20 +450,6 @@ def test_only_agents_that_a_message_is_for_and_reaches_can_lose_it():
         ctx.game.add_channel("radio", range_m=20, loss=1.0, jammers=jammers)
         [message] = ctx.game.run(1).messages
     assert (message["heard"], message["lost"], message["jammed"]) == ({}, ["bob"], [])
-
-
-def test_relays_pass_on_and_each_takes_the_delay():
-    places = {"ann": 0, "bob": 2, "cat": 4, "dan": 6, "eve": 9}
-    with world(places) as ctx:
-        ctx.game.add_channel("radio", range_m=20, relay=True, delay_turns=2)
-        assert reach_of(ctx) == {"bob": 3, "cat": 5, "dan": 7}
-        ctx.game.run(7)
-        assert {name: list(inboxes(ctx, name)) for name in ("bob", "cat", "dan", "eve")} == {
-            "bob": [2],
-            "cat": [4],
-            "dan": [6],
-            "eve": [],
-        }
 
 
 def test_only_named_relays_pass_on_and_they_need_not_hear():
@@ -555,21 +478,6 @@ def test_a_jammer_is_a_place_an_agent_or_a_team():
         ctx.agent.get_agent("ann").register_strategy(lambda state: state.update(action=0, outbox=[send("eve")]))
         ctx.game.run(1)
         assert ctx.game.messages[1]["heard"] == {"eve": 3}  # a dead jammer jams nothing
-
-
-def test_an_eavesdropper_hears_exactly_what_reaches_it():
-    places = {"ann": 0, "bob": 1, "spy": 2, "far": 5}
-    teams = {"ann": "red", "bob": "red", "spy": "blue", "far": "blue"}
-    with world(places, teams=teams, plan=once([send("bob"), send("red", 2)])) as ctx:
-        ctx.game.add_channel("radio", range_m=20, teams="red", eavesdroppers=["blue"])
-        ctx.game.run(2)
-        spied = [one for turn, name, inbox in ctx.heard if name == "spy" for one in inbox]
-        assert [(one["body"], one["to"], one["overheard"]) for one in spied] == [
-            ("hello", "bob", True),
-            (2, "red", True),
-        ]
-        assert inboxes(ctx, "far") == {}
-        assert inboxes(ctx, "bob") == {1: ["hello", 2]}
 
 
 @settings(max_examples=8)
@@ -729,20 +637,6 @@ def noisy(seed=7, places=PLACES, **more):
     return ctx
 
 
-def test_a_snapshot_holds_what_is_under_way():
-    with noisy() as ctx:
-        ctx.game.run(4)
-        moment = ctx.game.snapshot()
-        del ctx.heard[:]
-        first, heard = ctx.game.run(5), list(ctx.heard)
-        for turns in (5, 2, 5):
-            ctx.game.restore(moment)
-            del ctx.heard[:]
-            again = ctx.game.run(turns)
-            assert ctx.heard == heard[: 4 * turns]
-        assert again == first
-
-
 def test_a_reset_begins_with_empty_inboxes_and_repeats_all():
     with noisy() as ctx:
         first, heard = ctx.game.run(6), list(ctx.heard)
@@ -828,18 +722,6 @@ def test_a_recording_has_the_table_of_messages_and_a_replay_the_same():
         ctx.record.stop()
     with gamms.recorder.open(io.BytesIO(copy.getvalue())) as recording:
         assert recording.table("messages")["outcome"].tolist() == result.table("messages")["outcome"].tolist()
-
-
-def test_a_game_that_is_resumed_at_any_turn_delivers_the_same():
-    data, result, heard = recorded()
-    with noisy() as source, gamms.recorder.open(io.BytesIO(data)) as recording:
-        strategy = source.agent.get_agent("ann").strategy
-        for turn in range(9):
-            del source.heard[:]
-            with recording.resume(turn, strategies=dict.fromkeys(["ann", "bob", "cat", "dan"], strategy)) as ctx:
-                again = ctx.game.run(8 - turn) if turn < 8 else ctx.game.result()
-                assert again.messages == result.messages
-                assert source.heard == heard[4 * turn :]
 
 
 def test_a_hostile_entry_of_a_recording_is_refused():

@@ -1,7 +1,6 @@
 """A team can be commanded by one plan, of states or of arrays, and strategies and plans may be awaited."""
 
 import asyncio
-import copy
 import io
 import signal
 import threading
@@ -58,35 +57,11 @@ def test_a_plan_decides_for_its_team_alone(ctx):
     assert nodes(ctx) == {"a": 6, "b": 6, "c": 5}
 
 
-def test_a_plan_wins_over_strategies_until_it_is_taken_away(ctx):
-    team(ctx, "a", strategy=lambda state: state.update(action=state["curr_pos"] - 1))
-    ctx.game.command("red", each)
-    assert list(ctx.game.plans) == ["red"]
-    ctx.game.step()
-    assert nodes(ctx) == {"a": 6}
-    ctx.game.command("red", None)
-    ctx.game.command("red", None)
-    ctx.game.step()
-    assert nodes(ctx) == {"a": 5}
-
-
 def test_rules_see_the_states_of_a_plan(ctx):
     team(ctx, "a")
     ctx.game.command("red", each)
     ctx.game.step()
     assert ctx.agent.get_agent("a").state["action"] == 6
-
-
-def test_dead_agents_and_those_of_other_teams_are_not_in_a_plan(ctx):
-    a, b, _ = team(ctx, "a", "b", "c")
-    seen = []
-    ctx.game.command("red", lambda states: seen.append(list(states)))
-    ctx.game.step()
-    a.alive, b.team = False, "blue"
-    ctx.game.step()
-    ctx.game.eliminate("c")
-    ctx.game.step()
-    assert seen == [["a", "b", "c"], ["c"]]
 
 
 def test_a_plan_that_returns_something_is_an_error_that_says_how_to_act(ctx):
@@ -122,20 +97,6 @@ def test_a_plan_that_raises_is_an_error_of_all_its_agents(ctx):
     result = ctx.game.run(1)
     assert [(error["agent"], error["kind"]) for error in result.errors] == [("a", "error"), ("b", "error")]
     assert result.agents["a"]["errors"] == 1
-
-
-def test_plans_command_flyers_and_runners(ctx):
-    ctx.agent.create_agent("drone", type=AgentType.AERIAL, start_node_id=5, speed=2.0, team="red")
-    team(ctx, "runner", speed=2)
-
-    def plan(states):
-        states["drone"]["action"] = (1, 0, 0)
-        states["runner"]["action"] = 7
-
-    ctx.game.command("red", plan)
-    ctx.game.step()
-    assert ctx.agent.get_agent("drone").position == (12.0, 10.0, 0.0)
-    assert nodes(ctx)["runner"] == 7
 
 
 def test_a_plan_may_change_nothing_and_look_at_its_own_team_alone(ctx):
@@ -176,20 +137,6 @@ def test_what_plans_cannot_be(ctx):
     assert ctx.game.plans["red"].function is each
 
 
-def test_plans_belong_to_the_start_and_to_snapshots(ctx):
-    team(ctx, "a")
-    ctx.game.command("red", each)
-    ctx.game.step()
-    here = ctx.game.snapshot()
-    ctx.game.command("red", None)
-    ctx.game.restore(here)
-    assert ctx.game.plans["red"].function is each
-    ctx.game.command("red", None)
-    ctx.game.reset()
-    ctx.game.step()
-    assert nodes(ctx) == {"a": 6}
-
-
 def test_a_plan_for_a_team_without_agents_is_warned_about_once(ctx, caplog):
     team(ctx, "a")
     ctx.logger.setLevel("WARNING")
@@ -203,29 +150,6 @@ def test_a_plan_for_a_team_without_agents_is_warned_about_once(ctx, caplog):
 
 
 # -- plans of arrays ------------------------------------------------------------------------------------------------
-
-
-def test_a_plan_of_arrays_gets_where_its_team_is_and_may_go(ctx):
-    team(ctx, "b", start=0)
-    team(ctx, "a")
-    ctx.game.publish(goal=15)
-    seen = []
-
-    def plan(arrays):
-        seen.append(arrays)
-        return [6, 0]
-
-    ctx.game.command("red", plan, arrays=True)
-    ctx.game.step()
-    (arrays,) = seen
-    assert (arrays.team, arrays.turn, arrays.names, arrays.nodes.tolist()) == ("red", 0, ("a", "b"), [5, 0])
-    assert (arrays.offsets.tolist(), arrays.targets.tolist()) == ([0, 5, 8], [5, 6, 9, 4, 1, 0, 1, 4])
-    assert arrays.facts["goal"] == 15
-    for array in (arrays.nodes, arrays.offsets, arrays.targets):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 1
-    assert nodes(ctx) == {"b": 0, "a": 6}
-    assert ctx.agent.get_agent("a").state == {}
 
 
 def test_a_plan_of_arrays_asks_no_sensor(ctx):
@@ -321,18 +245,6 @@ def test_a_plan_of_arrays_refuses_flyers(ctx):
         ctx.game.step()
 
 
-def test_a_plan_of_arrays_writes_into_the_memory_of_its_team(ctx):
-    team(ctx, "a", "b")
-
-    def plan(arrays):
-        arrays.team_memory["turns"] = arrays.team_memory.get("turns", 0) + 1
-        return arrays.nodes
-
-    ctx.game.command("red", plan, arrays=True)
-    ctx.game.run(3)
-    assert ctx.game.team_memories == {"red": {"turns": 3}}
-
-
 # -- awaiting -------------------------------------------------------------------------------------------------------
 
 
@@ -342,19 +254,6 @@ def later(seconds, then=wander):
         then(state)
 
     return strategy
-
-
-def test_strategies_that_are_awaited_start_together(ctx):
-    meeting = {}
-
-    async def meet(state):
-        barrier = meeting.setdefault("barrier", asyncio.Barrier(3))
-        async with asyncio.timeout(5), barrier:
-            state["action"] = 6
-
-    team(ctx, "a", "b", "c", strategy=meet)
-    ctx.game.step()
-    assert nodes(ctx) == {"a": 6, "b": 6, "c": 6}
 
 
 @pytest.mark.parametrize("order", [(0.0, 0.002, 0.004), (0.004, 0.002, 0.0)])
@@ -376,24 +275,6 @@ def test_anything_that_can_be_awaited_may_be_returned(ctx):
     team(ctx, "a", strategy=lambda state: (state.update(action=6), Answer())[-1])
     ctx.game.step()
     assert nodes(ctx) == {"a": 6}
-
-
-def test_plans_may_be_awaited(ctx):
-    team(ctx, "a", "b")
-    team(ctx, "c", "d", team="blue")
-
-    async def states_plan(states):
-        await asyncio.gather(*[later(0.001)(state) for state in states.values()])
-        each(states)
-
-    async def arrays_plan(arrays):
-        await asyncio.sleep(0)
-        return arrays.nodes - 1
-
-    ctx.game.command("red", states_plan)
-    ctx.game.command("blue", arrays_plan, arrays=True)
-    ctx.game.step()
-    assert nodes(ctx) == {"a": 6, "b": 6, "c": 4, "d": 4}
 
 
 def test_at_the_deadline_the_default_action_counts(ctx):
@@ -563,38 +444,6 @@ def test_games_can_be_played_inside_of_a_running_loop(grid):
         assert asyncio.run(notebook()) == played
 
 
-def test_what_strategies_open_in_the_loop_lasts_from_turn_to_turn(ctx):
-    loops = []
-
-    async def strategy(state):
-        loops.append(asyncio.get_running_loop())
-        state["action"] = 6
-
-    team(ctx, "a", strategy=strategy)
-    ctx.game.run(2)
-    assert loops[0] is loops[1]
-    ctx.terminate()
-    assert loops[0].is_closed()
-
-
-def test_a_game_that_is_forgotten_closes_its_loop(grid, collect):
-    loops = []
-
-    async def strategy(state):
-        loops.append(asyncio.get_running_loop())
-        state["action"] = 6
-
-    ctx = grid()
-    team(ctx, "a", strategy=strategy)
-    ctx.game.step()
-    copied = copy.deepcopy(ctx)
-    copied.game.step()
-    assert loops[0] is not loops[1]
-    del ctx, copied
-    collect()
-    assert [loop.is_closed() for loop in loops] == [True, True]
-
-
 @pytest.mark.parametrize("is_heard", [True, False], ids=["it wakes the game", "it does not wake the game"])
 @pytest.mark.parametrize("is_in_loop", [False, True])
 def test_an_interrupt_leaves_the_turn_unplayed_and_cancels(ctx, is_in_loop, is_heard):
@@ -710,22 +559,3 @@ def test_a_plan_that_calls_the_strategies_is_the_same_game(grid, seed, commanded
             files.append(file.getvalue())
     assert results[0] == results[1]
     assert files[0] == files[1]
-
-
-def test_recordings_name_the_plan(grid, tmp_path):
-    with grid() as ctx:
-        team(ctx, "a", strategy=wander)
-        team(ctx, "b", team="blue", strategy=wander)
-        ctx.game.command("red", each)
-        ctx.record.start(tmp_path / "game.ggr")
-        ctx.game.step()
-        ctx.game.command("red", None)
-        ctx.game.step()
-        ctx.record.stop()
-    with gamms.recorder.open(tmp_path / "game.ggr") as recording:
-        names = [
-            dict(zip(state.agents["name"], state.agents["strategy"], strict=True))
-            for state in map(recording.state, (0, 2))
-        ]
-    assert [one["a"].split(":")[1] for one in names] == ["each", "wander"]
-    assert [one["b"].split(":")[1] for one in names] == ["wander", "wander"]

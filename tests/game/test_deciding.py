@@ -491,26 +491,6 @@ def test_what_sensors_of_a_class_of_its_own_show_is_copied_in_a_game(grid):
         assert state["sensor"]["shared"][1] is ctx.sensor.get_sensor("shared").data  # in a loop of one's own
 
 
-def test_rules_and_other_contexts_are_free(grid):
-    with grid() as ctx, grid() as planned:
-        ahead = planned.agent.create_agent("a", start_node_id=0)
-
-        def plan(state):
-            ahead.current_node_id = state["curr_pos"] + 1
-            planned.game.data["n"] = 1
-
-        agent = ctx.agent.create_agent("a", start_node_id=0, strategy=plan, meta={"hp": 3})
-
-        @ctx.game.add
-        def rule(ctx):
-            agent.meta["hp"] -= 1
-            agent.current_node_id = 5
-            ctx.game.data["n"] = 1
-
-        ctx.game.run(1)
-        assert (ahead.current_node_id, agent.current_node_id, agent.meta) == (1, 5, {"hp": 2})
-
-
 # -- that nothing is forgotten -----------------------------------------------------------------------------------------
 
 READERS = {

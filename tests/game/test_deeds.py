@@ -6,7 +6,6 @@ import pytest
 
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.typing.game import Deed
 
 
 @pytest.fixture
@@ -32,35 +31,6 @@ def attack(target, **more):
     return {"do": {"attack": {"target": target, **more}}}
 
 
-def test_a_deed_is_noted_with_its_turn_its_agent_and_the_node(road):
-    road.plans["ann"] = [1, {"node_id": 2, "do": {"attack": "bob", "wait": None}}, attack("bob", force=2)]
-    result = road.game.run(4)
-    assert result.deeds == [
-        {"turn": 2, "agent": "ann", "deed": "attack", "at": 1, "target": "bob"},
-        {"turn": 2, "agent": "ann", "deed": "wait", "at": 1},
-        {"turn": 3, "agent": "ann", "deed": "attack", "at": 2, "target": "bob", "force": 2.0},
-    ]
-    assert result.agents["ann"]["node"] == 2  # a deed alone stays
-    assert result.table("deeds")["deed"].tolist() == ["attack", "wait", "attack"]
-    assert result.table("deeds")["force"].tolist() == [None, None, 2.0]
-
-
-def test_rules_carry_deeds_out_before_anyone_moves(road):
-    road.plans = {"ann": [attack("bob")], "bob": [8]}
-    seen = []
-
-    @road.game.add(phase="deeds")
-    def kill(ctx):
-        for deed in ctx.game.performed("attack"):
-            seen.append((deed, ctx.game.moves["bob"].end, ctx.agent.get_agent("bob").current_node_id))
-            ctx.game.eliminate(deed.values["target"])
-
-    result = road.game.run(1)
-    assert seen == [(Deed("ann", "red", "attack", 0, {"target": "bob"}), 8, 9)]
-    assert (result.agents["bob"]["node"], result.agents["bob"]["alive"]) == (9, False)
-    assert result.events == [{"turn": 1, "kind": "eliminated", "agent": "bob", "node": 9}]
-
-
 def test_one_that_is_put_elsewhere_by_a_deed_stays_there(road):
     road.plans = {"ann": [attack("bob")], "bob": [8]}
     road.game.add(
@@ -69,22 +39,6 @@ def test_one_that_is_put_elsewhere_by_a_deed_stays_there(road):
     road.game.step()
     assert road.agent.get_agent("bob").current_node_id == 4
     assert [track[:2] for track in road.game.tracks(road.game.agents)] == [((0,), (0.0,)), ((4,), (0.0,))]
-
-
-def test_one_whose_way_is_closed_by_a_deed_stays_and_is_told(road):
-    road.plans = {"ann": [attack("bob")], "bob": [8, 9]}
-    graph = road.graph.graph
-
-    def close(ctx):
-        for _ in ctx.game.performed("attack"):
-            for edge in [one for one in map(graph.get_edge, graph.get_edges()) if {one.source, one.target} == {8, 9}]:
-                graph.remove_edge(edge.id)
-
-    road.game.add(close, phase="deeds")
-    result = road.game.run(2)
-    assert result.agents["bob"]["node"] == 9
-    assert result.agents["bob"]["blocked"] == 1
-    assert ("bob", 1, "its way was closed") in road.seen
 
 
 def test_an_agent_that_a_deed_makes_is_there_and_moves_from_the_next_turn_on(road):
@@ -302,20 +256,3 @@ def test_a_recording_has_deeds_as_a_table_and_goes_on_with_them(road):
             with recording.resume(turn) as ctx:
                 assert ctx.game.deeds == road.game.deeds
                 assert ctx.game.result().deeds == [deed for deed in result.deeds if deed["turn"] <= turn]
-
-
-def test_a_snapshot_takes_deeds_back_and_tells_again_who_was_blocked(road):
-    road.plans["ann"] = [attack("bob"), 7, 1]
-    road.game.run(2)
-    moment = road.game.snapshot()
-    first = (road.game.run(2), list(road.seen))
-    road.game.restore(moment)
-    assert len(road.game.result().deeds) == 1
-    del road.seen[4:]
-    assert (road.game.run(2), road.seen) == first
-    assert "Node 7 is not next to node 0" in road.seen[4][2]
-    fork = road.game.snapshot()
-    assert road.game.fork(1).result().deeds == road.game.result().deeds
-    road.game.restore(fork)
-    road.game.reset()
-    assert road.game.result().deeds == []

@@ -98,22 +98,6 @@ def test_a_game_with_a_team_whose_agents_were_deleted_is_restored_and_copied_aft
         assert twin.game.run(3) == ctx.game.run(3)
 
 
-def test_agents_that_are_held_are_those_of_the_game_that_holds_them(grid):
-    with grid() as ctx:
-        a, b = (ctx.agent.create_agent(name, start_node_id=0, strategy=wander) for name in "ab")
-        a.target, a.friends = b, {"late": [b]}
-        ctx.game.run(1)
-        ctx.game.data["it"], ctx.game.internals.state.memory_of("a")["it"] = b, b
-        snapshot, fork = ctx.game.snapshot(), ctx.game.fork(1)
-        ctx.game.restore(snapshot)
-        for game in (ctx.game, fork):
-            one, other = (game.ctx.agent.get_agent(name) for name in "ab")
-            held = one.target, one.friends["late"][0], game.data["it"], game.memories["a"]["it"]
-            assert all(agent is other for agent in held)
-        ctx.game.reset()
-        assert a.target is b
-
-
 def test_a_fork_leaves_the_game_alone(game):
     before = seen(game)
     game.fork(1).run(5)
@@ -325,19 +309,6 @@ def test_sensors_of_a_fork_are_its_own(grid):
         assert fork.ctx.agent.get_agent("b").sensors["eyes"] is fork.ctx.sensor.get_sensor("eyes")
         states = [one.get_state() for one in (ctx.agent.get_agent("b"), fork.ctx.agent.get_agent("b"))]
         assert states[0]["sensor"] is not states[1]["sensor"]
-
-
-def test_plans_and_awaited_strategies_go_on_in_a_fork(grid):
-    async def later(states):
-        wander(states["a"])
-
-    with grid() as ctx:
-        ctx.agent.create_agent("a", start_node_id=0, team="red")
-        ctx.game.command("red", later)
-        ctx.game.run(2)
-        fork = ctx.game.fork(1)
-        assert not fork.run(3).errors
-        assert fork.plans["red"].function is later
 
 
 # -- when -----------------------------------------------------------------------------------------------------------

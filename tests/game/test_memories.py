@@ -22,42 +22,6 @@ def test_a_memory_is_an_agents_own_and_lasts(ctx):
     assert ctx.game.memories == {"a": {"turns": 3}, "b": {"turns": 3}}
 
 
-def test_what_a_team_remembers_is_known_in_the_next_turn_to_the_team_alone(ctx):
-    heard = []
-
-    def tell(state):
-        heard.append((state["turn"], state["name"], dict(state["team_memory"])))
-        state["team_memory"][state["name"]] = state["turn"]
-        state["action"] = state["curr_pos"]
-
-    for name, team in (("a", "red"), ("b", "red"), ("c", "blue")):
-        ctx.agent.create_agent(name, start_node_id=0, team=team, strategy=tell)
-    ctx.game.run(2)
-    assert heard == [
-        (0, "a", {}),
-        (0, "b", {}),
-        (0, "c", {}),
-        (1, "a", {"a": 0, "b": 0}),
-        (1, "b", {"a": 0, "b": 0}),
-        (1, "c", {"c": 0}),
-    ]
-
-
-@pytest.mark.parametrize("budget", [None, 60.0])  # with one, agents are asked in another way
-def test_a_teams_first_memory_may_be_put_in_place_of_the_empty_one(ctx, budget):
-    seen = []
-
-    def strategy(state):
-        seen.append(state["team_memory"])
-        state["team_memory"] = {"goal": 7}
-        state["action"] = state["curr_pos"]
-
-    ctx.agent.create_agent("one", start_node_id=0, team="red", strategy=strategy)
-    ctx.game.time_budget = budget
-    ctx.game.run(2)
-    assert seen == [{}, {"goal": 7}]
-
-
 def test_what_is_nested_in_a_teams_memory_is_a_copy_too(ctx):
     def tell(state):
         state["team_memory"].setdefault("seen", {"nodes": []})["nodes"].append(state["name"])

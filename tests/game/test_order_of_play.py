@@ -51,20 +51,6 @@ def test_each_team_sees_the_moves_before_its_own():
     assert {name: one["moves"] for name, one in result.agents.items()} == {"a": 2, "b": 2, "c": 2}
 
 
-@pytest.mark.parametrize("unit", ["edges", "metres"])
-def test_the_path_of_an_agent_that_waits_for_its_part_has_each_node_once(unit):
-    with road([["cops"], ["robber"]]) as ctx:
-        ctx.game.speed_unit = unit
-        player(ctx, "cop", "cops", 0, [1, 2], speed=20.0)
-        player(ctx, "idle", "robber", 3, speed=20.0)
-        player(ctx, "rob", "robber", 3, [4, 5], speed=20.0)
-        ctx.game.step()
-        paths = {name: move.path for name, move in ctx.game.moves.items()}
-        assert paths == {"cop": (0, 1, 2), "idle": (3,), "rob": (3, 4, 5)}
-        (track,) = ctx.game.tracks([ctx.agent.get_agent("rob")])
-        assert dict(zip(track.path, track.times, strict=True)) == {3: 0.5, 4: 0.75, 5: 1.0}
-
-
 def test_agents_on_an_edge_are_on_no_node_while_another_team_moves():
     with road([["cops"], ["robber"]]) as ctx:
         ctx.game.speed_unit, ctx.game.conflicts, tracks = "metres", Conflicts(1), []
@@ -80,23 +66,6 @@ def test_agents_on_an_edge_are_on_no_node_while_another_team_moves():
             (0.4, 0.4, 0.0, 0.5),
             (0.4, 0.8, 0.5, 1.0),
         ]
-
-
-def test_moves_of_a_team_take_their_part_of_the_turn():
-    with road([["cops"], ["robber"]]) as ctx:
-        player(ctx, "cop", "cops", 2, 3)
-        player(ctx, "rob", "robber", 3, 4)
-        player(ctx, "fast", "cops", 0, 2, speed=2)
-        player(ctx, "slow", "robber", 9, 9)
-        ctx.game.step()
-        assert [track[:2] for track in ctx.game.tracks(ctx.game.agents)] == [
-            ((2, 3), (0.0, 0.5)),
-            ((0, 1, 2), (0.0, 0.25, 0.5)),
-            ((3, 3, 4), (0.0, 0.5, 1.0)),
-            ((9,), (0.0,)),
-        ]
-        (contact,) = contacts(ctx, "cops", "robber")
-        assert (contact.a, contact.b, contact.time, contact.a_node) == ("cop", "rob", 0.5, 3)
 
 
 @pytest.mark.parametrize(("order", "winner"), [([["cops"], ["robber"]], "cops"), ([["robber"], ["cops"]], "robber")])
@@ -168,24 +137,6 @@ def test_conflicts_count_those_who_have_moved_and_those_who_have_not():
         result = ctx.game.run(1)
         assert {name: one["node"] for name, one in result.agents.items()} == {"a": 2, "b": 3, "c": 4}
         assert {name: one["blocked"] for name, one in result.agents.items()} == {"a": 0, "b": 1, "c": 1}
-
-
-def test_deeds_of_the_first_are_done_before_the_next_decide():
-    with road([["cops"], ["robber"]]) as ctx:
-        seen = []
-        ctx.agent.create_agent(
-            "cop", start_node_id=0, team="cops", strategy=lambda s: s.update(action={"do": {"shoot": "rob"}})
-        )
-        player(ctx, "rob", "robber", 5, 6, seen=seen)
-        player(ctx, "sid", "robber", 7, 8, seen=seen)
-        ctx.game.deeds = {"shoot": {"whom": "agent"}}
-        ctx.game.add(
-            lambda ctx: [ctx.game.eliminate(one.values["whom"]) for one in ctx.game.performed()], phase="deeds"
-        )
-        result = ctx.game.run(1)
-        assert [name for _, name, _ in seen] == ["sid"]
-        assert {name: one["node"] for name, one in result.agents.items()} == {"cop": 0, "rob": 5, "sid": 8}
-        assert [one.agent for one in ctx.game.performed()] == ["cop"]
 
 
 def test_a_game_that_ends_between_two_teams_asks_no_more():
@@ -271,38 +222,6 @@ def test_the_order_of_creation_counts_for_nothing_and_a_recording_goes_on_the_sa
     with gamms.recorder.open(io.BytesIO(file.getvalue())) as recording, game(reverse=False) as fresh:
         ctx = recording.resume(turns, ctx=fresh)
         assert ctx.game.run(2).events == result.events
-
-
-def test_a_snapshot_keeps_the_order():
-    with road([["cops"], ["robber"]]) as ctx:
-        player(ctx, "cop", "cops", 0, 1, 2)
-        player(ctx, "rob", "robber", 5, 6, 7)
-        moment = ctx.game.snapshot()
-        ctx.game.order = None
-        ctx.game.run(1)
-        ctx.game.restore(moment)
-        assert ctx.game.order == (("cops",), ("robber",))
-        assert ctx.game.fork(1).order == ctx.game.order
-
-
-def test_a_scenario_sets_order_and_deeds(tmp_path):
-    spec = {
-        "map": {"grid": {"width": 6, "height": 1}},
-        "teams": {"cops": {"count": 1}, "robber": {"count": 1}},
-        "settings": {"order": [["cops"], ["robber"]], "deeds": {"call": {"whom": "agent?"}, "wave": None}},
-        "max_turns": 2,
-    }
-    scenario = gamms.scenario.Scenario(**spec)
-    with scenario.build(seed=1) as ctx:
-        assert ctx.game.order == (("cops",), ("robber",))
-        assert ctx.game.deeds == {"call": {"whom": "agent?"}, "wave": {}}
-    file = io.BytesIO()
-    with scenario.build(seed=1) as ctx:
-        ctx.record.start(file)
-        ctx.game.run()
-        ctx.record.stop()
-    with gamms.recorder.open(io.BytesIO(file.getvalue())) as recording, recording.resume(1) as ctx:
-        assert (ctx.game.order, ctx.game.deeds["call"]) == ((("cops",), ("robber",)), {"whom": "agent?"})
 
 
 @pytest.mark.parametrize(

@@ -43,18 +43,6 @@ def test_the_strategy_of_a_team_is_prepared_too():
         assert ctx.game.run(2).scores == {"turns": 2}
 
 
-def test_the_plan_of_a_team_is_prepared_too_also_one_that_comes_later():
-    class Plan(Counting):
-        def __call__(self, states):
-            pass
-
-    with new_game(None, "anna") as ctx:
-        ctx.agent.create_agent("carl", start_node_id=0, team="red")
-        ctx.game.run(1)
-        ctx.game.command("red", Plan())
-        assert ctx.game.run(2).scores == {"turns": 2}
-
-
 def test_a_game_that_is_reset_keeps_what_was_added_before_its_first_turn():
     with new_game(Counting(), "anna") as ctx:
         first = ctx.game.run(2)

@@ -118,21 +118,6 @@ def test_what_an_agent_knows_is_in_its_fork(world):
     assert [event["kind"] for event in game.events] == ["eliminated"]
 
 
-def test_a_fork_of_a_plan_has_what_all_its_agents_know(world):
-    def plan(states):
-        world.forks.append(next(iter(states.values()))["fork"](7))
-        for state in states.values():
-            walk(state)
-
-    world.game.command("red", plan)
-    world.game.run(2)
-    fork = world.forks[1]
-    assert fork.names == ("amy", "ann")
-    assert fork.game.memories.keys() == {"amy", "ann"}
-    before = [world.agent.get_agent(name).prev_node_id for name in fork.names]
-    assert [fork.game.ctx.agent.get_agent(name).current_node_id for name in fork.names] == before
-
-
 def test_agents_know_these_fields_of_a_game_alone():
     known = {name: field.axis for name, field in FIELDS.items() if field.axis is not None}
     assert known == {
@@ -140,31 +125,6 @@ def test_agents_know_these_fields_of_a_game_alone():
         **dict.fromkeys(["agent_facts", "memories", "counts", "blocked"], "agent"),
         **dict.fromkeys(["team_facts", "team_memories"], "team"),
     }
-
-
-def test_a_fork_begins_where_its_agent_decides(world):
-    world.game.order = [["blue"], ["red"]]
-    calls = []
-    world.game.add(
-        lambda ctx: calls.append((ctx.game.turn, ctx.agent.get_agent("bob").current_node_id)), phase="before"
-    )
-    world.game.step()
-    game = world.forks[0].game
-    assert len(calls) == 1
-    bob = game.ctx.agent.get_agent("bob")
-    for agent in game.ctx.agent.create_iter():
-        agent.register_strategy(lambda state: state.update(action=state["legal"][-1]))
-    here = game.snapshot()
-    for _ in range(2):
-        game.step()
-        assert game.turn == 1
-        assert len(calls) == 1, "rules of 'before' were applied in this turn"
-        assert bob.current_node_id == bob.prev_node_id == 0, "the team blue has moved in this turn"
-        game.restore(here)
-    game.step()
-    game.step()
-    assert len(calls) == 2
-    assert bob.current_node_id != 0
 
 
 def test_rules_draw_again_what_no_agent_knows_and_disclose_the_rest(world):
@@ -226,18 +186,3 @@ def test_a_fork_is_given_only_while_an_agent_decides(world):
     copy = deepcopy(world)
     copy.game.step()
     assert copy.forks[-1].game.turn == copy.game.turn - 1 == 1
-
-
-def test_a_strategy_that_closes_over_the_game_is_of_the_fork(world):
-    def nodes():
-        return [agent.current_node_id for agent in world.agent.create_iter()]
-
-    found = []
-
-    def look(state):
-        found.append((nodes(), state["fork"](7).own(nodes)()))
-        walk(state)
-
-    world.agent.get_agent("ann").register_strategy(look)
-    world.game.step()
-    assert found == [([0, 4, 20, 24], [0, 0, 0, 0])]

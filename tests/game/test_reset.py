@@ -1,7 +1,5 @@
 """Starting again: as before the first turn, and equal to a fresh build."""
 
-from io import BytesIO
-
 import numpy as np
 import pytest
 
@@ -58,25 +56,6 @@ def test_the_same_seed_plays_the_same_game_again(grid):
         assert ctx.game.run() == first
         with build(grid) as fresh:
             assert fresh.game.run() == first
-
-
-def test_after_a_reset_everything_is_as_before_the_first_turn(grid):
-    with build(grid) as ctx, build(grid) as fresh:
-        ctx.game.run()
-        ctx.game.reset()
-        for one in (ctx, fresh):
-            assert list(one.agent.agents) == ["a0", "a1", "a2", "a3", "drone"]
-            assert [agent.current_node_id for agent in one.agent.create_iter()] == [0, 4, 8, 12, 5]
-            assert [agent.team for agent in one.agent.create_iter()] == [0, 1, 0, 1, None]
-            assert all(agent.alive and agent.state == {} and agent.strategy for agent in one.agent.create_iter())
-            assert one.agent.get_agent("a0").meta == {"fuel": [9]}
-            assert one.agent.get_agent("drone").position == (10.0, 10.0, 0.0)
-            assert (one.game.data, dict(one.game.scores), one.game.events) == ({"limit": {"fuel": 9}}, {}, [])
-            assert dict(one.game.facts) == {"home": 3}
-            assert one.graph.graph.has_node(15)
-            assert list(one.graph.get_obstacle_faces()) == []
-            assert one.sensor.get_sensor("s1").data == {}
-            assert not one.game.is_over
 
 
 def test_another_seed_is_another_game_that_equals_a_fresh_one(grid):
@@ -259,18 +238,6 @@ def test_what_is_changed_before_the_first_turn_is_part_of_the_start(calm):
     assert calm.game.run() == first
 
 
-def test_to_ask_where_an_agent_began_does_not_begin_the_game(ctx, play):
-    agent = play("a", 0, 6)
-    assert ctx.game.start_node("a") == 0
-    ctx.game.respawn("a", 5)
-    ctx.game.data["n"] = 1
-    assert ctx.game.start_node("a") == 5
-    ctx.game.step()
-    assert ctx.game.start_node("a") == 5
-    ctx.game.reset()
-    assert (agent.current_node_id, ctx.game.data) == (5, {"n": 1})
-
-
 def test_a_reset_without_a_seed_repeats_the_game_that_was_played_last(grid):
     with build(grid) as ctx:
         ctx.rng.random()  # what the program draws before the first turn belongs to the game
@@ -329,19 +296,3 @@ def test_a_reset_to_the_seed_it_has_changes_nothing_before_the_first_turn(grid):
         ctx.game.reset(3)
         assert drawn[0] == drawn[1]
         assert ctx.rng.random() == other.rng.random()
-
-
-def test_a_recording_made_after_a_reset_is_that_of_a_fresh_game(grid):
-    def recorded(ctx):
-        file = BytesIO()
-        ctx.record.start(file)
-        ctx.game.run(5)
-        ctx.record.stop()
-        return file.getvalue()
-
-    with build(grid) as ctx, build(grid) as fresh, build(grid, seed=8) as other:
-        ctx.game.run()
-        ctx.game.reset()
-        assert recorded(ctx) == recorded(fresh)
-        ctx.game.reset(8)
-        assert recorded(ctx) == recorded(other)

@@ -55,30 +55,6 @@ def test_scores_are_set_as_those_of_a_dict_are(ctx):
     assert type(scores)({"red": 1}, blue=2) == {"red": 1, "blue": 2}
 
 
-def test_a_result_says_what_came_of_the_game(ctx, play):
-    result = played(ctx, play)
-    assert (result.turns, result.scores, result.winner, result.reason, result.truncated) == (
-        2,
-        {"red": 3.0},
-        "red",
-        "done",
-        False,
-    )
-    assert result.seed == ctx.seed
-    assert result.agents["a"] == {
-        "team": "red",
-        "alive": True,
-        "node": 5,
-        "moves": 2,
-        "blocked": 0,
-        "illegal": 0,
-        "errors": 0,
-        "overruns": 0,
-    }
-    assert set(result.timings) == {"decide", "resolve", "apply", "rules", "draw"}
-    assert min(result.timings.values()) >= 0.0
-
-
 @pytest.mark.parametrize("conflicts", [None, gamms.rules.Conflicts()])
 def test_the_timings_of_a_game_add_up_to_no_more_than_it_took(ctx, play, conflicts):
     play("a", 0, 1, 5, team="red")
@@ -146,23 +122,6 @@ def test_a_saved_result_is_loaded_as_it_was(ctx, play, tmp_path):
     assert again.table("late")["value"].tolist() == [{"turn": 2}]
     again.save(tmp_path / "again.json")
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "r.json").read_bytes()
-
-
-def test_a_result_says_where_it_comes_from(ctx, play):
-    def wander(state):
-        state["action"] = state["curr_pos"]
-
-    play("a", 0)
-    ctx.agent.create_agent("b", start_node_id=0, team="red", strategy=wander)
-    ctx.game.command(
-        "red", lambda states: [state.update(action=state["curr_pos"]) for state in states.values()] and None
-    )
-    provenance = ctx.game.run(1).provenance
-    assert provenance["gamms"] == gamms.__version__
-    assert (provenance["numpy"], provenance["scenario"]) == (np.__version__, None)
-    assert provenance["strategies"]["b"].endswith("<lambda>")
-    ctx.game.command("red", None)
-    assert ctx.game.run(1).provenance["strategies"]["b"].endswith("wander")
 
 
 @pytest.mark.parametrize(
@@ -307,19 +266,6 @@ def test_settings_may_be_given_to_the_context():
         gamms.create_context(game="fast", logger_config={"level": "CRITICAL"})
 
 
-def test_a_game_that_was_stepped_past_its_turns_ends_by_them(ctx, play):
-    play("a", 0)
-    ctx.game.max_turns = 2
-    for turn in range(4):
-        assert ctx.game.result().reason == ("unfinished" if turn < 2 else "max_turns")
-        ctx.game.step()
-    with ctx.game.batch(1) as games:
-        assert (games.result(0).turns, games.result(0).reason) == (4, "max_turns")
-    result = ctx.game.run()
-    assert (result.turns, result.reason, result.truncated) == (4, "max_turns", True)
-    assert ctx.game.run(3).reason == "max_turns"
-
-
 @pytest.mark.parametrize(
     ("rule", "phase", "error"), [(None, "during", ValueError), ("rule", "after", TypeError), (3, "before", TypeError)]
 )
@@ -344,74 +290,6 @@ def test_teams_are_listed_with_their_agents(ctx):
         ("blue", ["a"]),
         ("red", ["c", "b"]),
     ]
-
-
-@pytest.fixture
-def logged(ctx):
-    """The warnings of the context, one after the other."""
-    lines = []
-
-    class Logger:
-        warning = staticmethod(lines.append)
-        debug = info = error = critical = exception = setLevel = staticmethod(lambda *_: None)
-
-    ctx.logger = Logger()
-    return lines
-
-
-def test_a_run_says_in_one_line_that_strategies_erred(ctx, play, logged):
-    ctx.game.on_error = "stay"
-    play("a", 0, 9, 9, 1)
-    ctx.agent.create_agent("b", start_node_id=0, strategy=lambda state: 1 / (state["turn"] - 1))
-    result = ctx.game.run(4)
-    assert [error["kind"] for error in result.errors].count("illegal") == 5
-    assert len(logged) == 1
-    assert logged[0].startswith(
-        "Strategies erred (1 error, 5 illegal), that of agent 'a' first, in turn 0: BadValue: Node 9"
-    )
-    assert logged[0].endswith("See result.errors.")
-    ctx.game.run(1)
-    assert logged[1].startswith("Strategies erred (1 illegal), that of agent 'b' first, in turn 4: IllegalAction")
-    ctx.agent.delete_agent("b")
-    ctx.game.run(3)
-    assert len(logged) == 2
-
-
-def test_an_agent_that_was_deleted_stays_in_the_result(ctx, play):
-    for name, start in (("a", 0), ("b", 4), ("c", 8), ("d", 12)):
-        play(name, start, start + 1, start + 2, team=name.upper())
-    ctx.agent.get_agent("d").alive = False
-
-    @ctx.game.add(phase="before")
-    def early(ctx):
-        if ctx.game.turn == 0:
-            ctx.agent.delete_agent("c")
-            ctx.agent.delete_agent("d")
-
-    @ctx.game.add
-    def late(ctx):
-        if ctx.game.turn == 1:
-            ctx.game.eliminate("a")
-            ctx.agent.create_agent("e", start_node_id=0)
-        if ctx.game.turn == 2:
-            ctx.agent.delete_agent("a")
-            ctx.agent.delete_agent("b")
-            ctx.agent.delete_agent("e")
-            ctx.agent.create_agent("b", start_node_id=9, team="new")
-
-    result = ctx.game.run(3)
-    seen = {name: (one["team"], one["alive"], one["node"], one["moves"]) for name, one in result.agents.items()}
-    assert seen == {
-        "a": ("A", False, 1, 1),
-        "b": ("new", True, 9, 2),
-        "c": ("C", False, 8, 0),
-        "d": ("D", False, 12, 0),
-        "e": (None, False, 0, 0),
-    }
-    assert result.table("agents")["alive"].tolist() == [False, True, False, False, False]
-    ctx.game.reset()
-    assert sorted(ctx.game.result().agents) == ["a", "b", "c", "d"]
-    assert ctx.game.run(3) == result
 
 
 def test_a_context_shows_its_seed_its_size_and_its_turn(grid):

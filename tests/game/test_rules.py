@@ -80,24 +80,6 @@ def test_rules_with_the_same_key_are_refused_until_one_is_removed(ctx):
     assert names(ctx) == ["flood"]
 
 
-def test_a_rule_can_be_removed_by_its_name_itself_or_its_entry(ctx, play):
-    called = []
-
-    def one(ctx):
-        called.append("one")
-
-    for rule in (one, one, one, one):
-        ctx.game.add(rule)
-    ctx.game.remove("one_2")
-    assert names(ctx) == ["one", "one_3", "one_4"]
-    ctx.game.remove(one)
-    ctx.game.remove(ctx.game.rules[0])
-    assert names(ctx) == ["one_4"]
-    play("a", 0)
-    ctx.game.step()
-    assert called == ["one"]
-
-
 def test_an_unknown_rule_cannot_be_removed(ctx):
     ctx.game.add(lambda ctx: None, name="storm")
     with pytest.raises(KeyError, match=r"Unknown rule 'strom'\. Did you mean 'storm'\?"):
@@ -128,73 +110,6 @@ def test_a_rule_that_is_added_or_removed_in_a_turn_counts_from_then_on(ctx, play
     play("a", 0)
     ctx.game.run(4)
     assert called == [("first", 1), ("second", 1), ("first", 2), ("late", 2), ("first", 3), ("late", 3), ("first", 4)]
-
-
-def test_the_artist_of_a_removed_rule_goes_unless_another_needs_it_or_has_its_place(ctx):
-    def drawn(artist=None):
-        def rule(ctx):
-            pass
-
-        def drawer(ctx, data):
-            pass
-
-        rule.drawer = drawer
-        if artist is not None:
-            drawer.artist = artist
-        return rule
-
-    def shown():
-        return [name for name in ctx.visual.artists.shown() if name in ("shared", "mine", "rule_other")]
-
-    ctx.game.add(drawn("shared"), name="a")
-    ctx.game.add(drawn("shared"), name="b")
-    ctx.game.add(drawn("mine"), name="c")
-    ctx.game.add(drawn(), name="other")
-    ctx.visual.add_artist("mine", {"drawer": lambda ctx, data: None})
-    for name, left in (
-        ("a", ["mine", "rule_other", "shared"]),
-        ("b", ["mine", "rule_other"]),
-        ("c", ["mine", "rule_other"]),
-        ("other", ["mine"]),
-    ):
-        ctx.game.remove(name)
-        assert sorted(shown()) == left
-
-
-@pytest.mark.parametrize("last", [0, 2])
-def test_a_rule_ahead_of_the_turn_ends_the_game_there_and_then(ctx, play, tmp_path, last):
-    agent = play("a", 0, 1, 2, 3)
-
-    @ctx.game.add(phase="before")
-    def judge(ctx):
-        if ctx.game.turn == last:
-            ctx.game.emit("called off")
-            ctx.game.end("off", winner="b")
-
-    ctx.game.add(lambda ctx: ctx.game.emit("late"), phase="before")
-    ctx.game.add(lambda ctx: ctx.game.scores.update(a=ctx.game.turn))
-    ctx.game.collect("turn", lambda ctx: ctx.game.turn)
-    ctx.record.start(tmp_path / "game")
-    result = ctx.game.run(5)
-    ctx.record.stop()
-    assert (result.turns, result.reason, result.winner, result.truncated) == (last, "off", "b", False)
-    assert [event["kind"] for event in result.events] == ["late"] * last + ["called off"]
-    assert (agent.current_node_id, len(agent.seen), result.scores.get("a", 0)) == (last, last, last)
-    assert result.collected["turn"]["turn"] == list(range(1, last + 1))
-    assert not ctx.game.step()
-    recording = opened(tmp_path)
-    assert recording.turns == last
-    assert [event["kind"] for event in recording.events()] == ["late"] * last + ["called off"]
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as replayed:
-        list(replayed.record.replay(tmp_path / "game.ggr"))
-        assert replayed.game.over == {"reason": "off", "winner": "b", "truncated": False}
-        assert (replayed.game.turn, replayed.game.events) == (last, result.events)
-    with recording.resume(last) as resumed:
-        resumed.game.add(judge, phase="before")
-        again = resumed.game.run(5)
-        assert (again.turns, again.reason, again.events) == (last, "off", result.events)
-    ctx.game.reset()
-    assert ctx.game.run(5) == result
 
 
 def test_an_error_in_a_rule_names_the_rule_and_the_turn(ctx, play):

@@ -154,18 +154,6 @@ def test_snapshots_are_restored_in_any_order(grid, steps):
             assert plain(ctx) == then
 
 
-def test_a_reset_after_a_restore_begins_the_same_game_again(grid):
-    with build(grid) as ctx:
-        first = ctx.game.run(6)
-        snapshot = ctx.game.snapshot()
-        ctx.game.reset(seed=9)
-        ctx.game.run(3)
-        ctx.game.restore(snapshot)
-        assert (ctx.seed, ctx.game.result()) == (1, first)
-        ctx.game.reset()
-        assert ctx.game.run(6) == first
-
-
 def test_what_an_agent_draws_between_two_turns_is_restored(grid):
     with build(grid) as ctx:
         ctx.game.run(1)
@@ -187,18 +175,6 @@ def test_values_that_are_one_object_stay_one(grid):
         ctx.game.restore(snapshot)
         assert ctx.game.data["a"] is ctx.game.data["b"]["c"]
         assert ctx.game.data["a"] == [1]
-
-
-def test_a_game_that_was_over_is_over_again_and_one_that_was_not_goes_on(grid):
-    with grid(max_turns=9) as ctx:
-        ctx.game.add(lambda ctx: ctx.game.end("enough") if ctx.game.turn == 3 else None)
-        before = ctx.game.snapshot()
-        ctx.game.run()
-        after = ctx.game.snapshot()
-        ctx.game.restore(before)
-        assert not ctx.game.is_over
-        ctx.game.restore(after)
-        assert ctx.game.over["reason"] == "enough"
 
 
 def test_a_sensor_of_the_users_own_takes_part_by_two_methods(grid):

@@ -136,34 +136,6 @@ def test_on_the_way_to_one_node_nothing_is_lost_or_gained(lengths, speed, unit):
         assert node == max(i for i, end in enumerate(ends) if end <= turn * Fraction(speed))
 
 
-def set_elsewhere(ctx, agent):
-    agent.state["action"] = 2  # an edge leads from there to the same node
-    agent.set_state()
-
-
-@pytest.mark.parametrize("unit", ["edges", "metres"])
-@pytest.mark.parametrize(
-    "lapse",
-    [
-        set_elsewhere,
-        lambda ctx, agent: setattr(agent, "current_node_id", 5),
-        lambda ctx, agent: ctx.game.respawn(agent),
-        lambda ctx, agent: ctx.graph.graph.remove_edge(edge_of(ctx, 5, 6)),
-    ],
-    ids=["set elsewhere", "set there", "respawned", "edge gone"],
-)
-def test_a_part_of_an_edge_lapses_unless_the_agent_goes_on(ctx, play, unit, lapse):
-    ctx.game.speed_unit = unit
-    agent = play("a", 5, *[6] * 4, speed=0.5 if unit == "edges" else 5.0)
-    ctx.game.run(2)
-    assert agent.current_node_id == 6
-    ctx.game.reset()
-    ctx.game.step()
-    lapse(ctx, agent)
-    ctx.game.step()
-    assert agent.current_node_id != 6
-
-
 def test_who_has_left_a_game_of_edges_begins_its_edge_again(ctx, play):
     agent = play("a", 5, *[6] * 4, speed=0.5)
     ctx.game.step()

@@ -92,22 +92,3 @@ def test_a_flyer_has_a_place_and_no_node(grid):
     (state,) = found
     assert type(state) is AerialState
     assert (state.curr_pos, state.quat, hasattr(state, "node")) == (state["curr_pos"], state["quat"], False)
-
-
-def test_a_state_may_be_remembered(grid):
-    turns = []
-
-    def strategy(state):
-        known = state.memory.setdefault("states", [])
-        turns.append([one.turn for one in known])
-        known.append(state)
-        state.action = state.draw.choice(state.legal)
-
-    with grid() as ctx:
-        ctx.agent.create_agent("a", start_node_id=0, strategy=strategy)
-        ctx.game.run(2)
-        before = ctx.game.snapshot()
-        ctx.game.step()
-        ctx.game.restore(before)
-        ctx.game.step()
-    assert turns == [[], [0], [0, 1], [0, 1]]

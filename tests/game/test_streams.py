@@ -16,24 +16,6 @@ from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
 from gamms.ir.game_state import GameState
 
 
-def test_what_is_drawn_in_a_turn_follows_from_the_turn_alone(grid):
-    def drawn(skipped):
-        seen = []
-
-        def strategy(state):
-            if state["turn"] not in skipped:
-                seen.append((state["turn"], *state["rng"].integers(1 << 40, size=3).tolist()))
-
-        with grid(seed=5) as ctx:
-            ctx.agent.create_agent("a", start_node_id=0, strategy=strategy)
-            ctx.game.run(max_turns=6)
-        return seen
-
-    everything = drawn(())
-    assert drawn((0, 1, 4)) == [one for one in everything if one[0] not in (0, 1, 4)]
-    assert len({numbers for _, *numbers in everything for numbers in numbers}) == 18
-
-
 def test_agents_and_seeds_draw_differently(grid):
     drawn = []
 

@@ -5,11 +5,9 @@ import random
 import numpy as np
 import pytest
 
-import gamms
 from gamms.agent import AgentType
 from gamms.errors import GammsError
-from gamms.game import IllegalAction, IllegalMutation, Move
-from gamms.sensor import SensorType
+from gamms.game import IllegalAction, IllegalMutation
 
 
 def test_two_agents_change_places_because_both_move_at_once(ctx, play):
@@ -29,35 +27,6 @@ def test_everybody_sees_the_world_as_it_was_before_anybody_moved(ctx, play, ever
     assert b.seen[1]["sensor"]["AGENT"][1] == {"a": 1}
 
 
-def test_a_strategy_gets_its_name_and_what_it_may_do(ctx, play, everything):
-    ctx.game.publish(flags={"red": [1, 2]})
-    agent = everything(ctx, play("a", 0, 1, team="red"))
-    ctx.game.run(2)
-    first, second = agent.seen
-    assert list(first) == [
-        "curr_pos",
-        "sensor",
-        "name",
-        "team",
-        "turn",
-        "legal",
-        "draw",
-        "rng",
-        "memory",
-        "team_memory",
-        "facts",
-        "blocked",
-        "fork",
-        "action",
-    ]
-    assert (first["curr_pos"], first["name"], first["team"], first["turn"]) == (0, "a", "red", 0)
-    assert (first["legal"], second["legal"]) == ((0, 1, 4), (1, 2, 5, 0))
-    assert (second["curr_pos"], second["turn"]) == (1, 1)
-    assert first["facts"]["flags"]["red"] == (1, 2)
-    assert isinstance(first["rng"], np.random.Generator)
-    assert agent.state is second
-
-
 def test_outside_the_engine_a_state_keeps_its_two_keys(ctx, play):
     agent = play("a", 0, 1)
     ctx.game.step()
@@ -71,31 +40,6 @@ def test_the_papers_loop_and_the_engine_may_take_turns(ctx, play):
     agent.set_state()
     ctx.game.step()
     assert (agent.current_node_id, agent.seen[1]["curr_pos"]) == (2, 2)
-
-
-@pytest.mark.parametrize(
-    ("action", "words"),
-    [
-        (5, "Node 5 is not next to node 0; legal are [0, 1, 4]"),
-        (99, "Unknown node 99"),
-        (True, "not True"),
-        ("east", "not 'east'"),
-        (None, "not None"),
-        ({"orientation": (1, 0)}, "needs 'node_id'"),
-        ({"node_id": 1, "orientation": (0, 0)}, "must not be (0, 0)"),
-        ([1, 2], "Node 2 is not next to node 0"),
-        (1.0, "not 1.0"),
-        ([1, [2]], "not [2]"),
-    ],
-)
-def test_an_action_that_is_not_legal_means_staying_and_is_counted(ctx, play, action, words):
-    agent = play("a", 0, action, 1)
-    result = ctx.game.run(2)
-    assert agent.current_node_id == 1  # the turn after went well
-    assert result.agents["a"]["illegal"] == 1
-    [error] = result.errors
-    assert (error["turn"], error["agent"], error["kind"]) == (0, "a", "illegal")
-    assert words in error["message"]
 
 
 def test_a_strategy_that_sets_no_action_is_an_error(ctx):
@@ -206,44 +150,6 @@ def test_a_strategy_that_changes_the_map_is_stopped(ctx):
     assert ctx.graph.graph.has_node(15)
 
 
-def test_rules_run_in_order_after_everybody_moved_and_before_rules_ahead_of_it(ctx, play):
-    log = []
-    agent = play("a", 0, 1, 2)
-
-    @ctx.game.add(phase="before")
-    def before(ctx):
-        log.append(("before", ctx.game.turn, agent.current_node_id))
-
-    @ctx.game.add
-    def first(ctx):
-        log.append(("first", ctx.game.turn, agent.current_node_id))
-
-    ctx.game.add(lambda ctx: log.append(("second", ctx.game.turn, agent.current_node_id)))
-    ctx.game.run(2)
-    assert log == [
-        ("before", 0, 0),
-        ("first", 1, 1),
-        ("second", 1, 1),
-        ("before", 1, 1),
-        ("first", 2, 2),
-        ("second", 2, 2),
-    ]
-    assert first.__name__ == "first"
-
-
-def test_rules_see_how_everybody_moved(ctx, play):
-    play("b", 1, 0, team="x")
-    play("a", 0, 1)
-    play("c", 5)
-    ctx.agent.create_agent("d", type=AgentType.AERIAL, start_node_id=0, speed=1)
-    ctx.game.step()
-    assert list(ctx.game.moves.values()) == [
-        Move("a", None, 0, 1, (0, 1)),
-        Move("b", "x", 1, 0, (1, 0)),
-        Move("c", None, 5, 5, (5,)),
-    ]
-
-
 def test_a_rule_may_prepare_when_it_is_added_and_is_not_if_that_fails(ctx):
     def prepare(ctx):
         ctx.game.publish(flag=ctx.graph.graph.get_node(99 if "flag" in ctx.game.facts else 3).id)
@@ -260,19 +166,6 @@ def test_a_rule_may_prepare_when_it_is_added_and_is_not_if_that_fails(ctx):
     assert len(ctx.game.events) == 1
 
 
-def test_a_game_ends_after_the_turn_in_which_a_rule_says_so_and_the_first_call_counts(ctx, play):
-    play("a", 0, 1, 2, 3)
-    log = []
-    ctx.game.add(lambda ctx: ctx.game.turn == 2 and ctx.game.end("home", winner="red"))
-    ctx.game.add(lambda ctx: ctx.game.turn == 2 and ctx.game.end("too late", winner="blue", truncated=True))
-    ctx.game.add(lambda ctx: log.append(ctx.game.turn))
-    result = ctx.game.run()
-    assert (result.turns, result.reason, result.winner, result.truncated, log) == (2, "home", "red", False, [1, 2])
-    assert ctx.game.is_over
-    assert not ctx.game.step()
-    assert ctx.game.turn == 2
-
-
 def test_a_game_that_no_rule_has_ended_says_why_it_went_no_further(ctx, play):
     play("a", *range(9))
     assert (ctx.game.result().reason, ctx.game.result().truncated) == ("unfinished", True)
@@ -284,18 +177,6 @@ def test_a_game_that_no_rule_has_ended_says_why_it_went_no_further(ctx, play):
     ctx.game.max_turns = None
     ctx.terminate()
     assert ctx.game.result().reason == "closed"
-
-
-def test_a_context_that_ends_within_a_turn_closes_the_game_and_its_recording_says_so(ctx, play, tmp_path):
-    play("a", *range(9))
-    ctx.record.start(tmp_path / "closed")
-    ctx.visual.after_turn.append(lambda: ctx.game.turn == 3 and ctx.terminate())
-    result = ctx.game.run(5)
-    assert (result.turns, result.reason, result.winner, result.truncated) == (3, "closed", None, True)
-    with gamms.create_context() as again:
-        for _ in again.record.replay(tmp_path / "closed.ggr"):
-            pass
-        assert again.game.over == {"reason": "closed", "winner": None, "truncated": True}
 
 
 @pytest.mark.parametrize("winner", [None, "red"])
@@ -322,19 +203,6 @@ def test_a_game_that_nothing_can_end_is_refused(ctx):
     assert ctx.game.run().turns == 3
 
 
-def test_scores_begin_at_zero_and_events_carry_their_turn(ctx, play):
-    play("a", 0)
-
-    @ctx.game.add
-    def rule(ctx):
-        ctx.game.scores["red"] += 2
-        ctx.game.emit("found", agent="a", where=7)
-
-    result = ctx.game.run(2)
-    assert result.scores == {"red": 4}
-    assert result.events == [{"turn": turn, "kind": "found", "agent": "a", "where": 7} for turn in (1, 2)]
-
-
 def test_who_is_eliminated_is_neither_asked_nor_moved_nor_sensed(ctx, play, everything):
     gone, watcher = play("gone", 1, 2, 3), everything(ctx, play("watcher", 0))
     ctx.game.add(lambda ctx: ctx.game.turn == 1 and ctx.game.eliminate("gone"))
@@ -353,26 +221,6 @@ def test_who_is_deleted_between_two_turns_is_asked_no_longer(ctx, play):
     ctx.game.step()
     assert (left.current_node_id, len(gone.seen)) == (3, 1)
     assert ctx.game.agents == [left]
-
-
-def test_who_respawns_stands_where_it_began_as_if_it_had_always_been_there(ctx, play):
-    a, b = play("a", 0, 1, 2, 3), play("b", 5, 6)
-    drone = ctx.agent.create_agent(
-        "d", type=AgentType.AERIAL, start_node_id=3, speed=5, strategy=lambda s: s.update(action=(1, 0, 1))
-    )
-
-    @ctx.game.add
-    def rule(ctx):
-        if ctx.game.turn == 2:
-            ctx.game.eliminate(a)
-            ctx.game.respawn(a)
-            ctx.game.respawn("b", node=9)
-            ctx.game.respawn(drone)
-
-    ctx.game.run(2)
-    assert (a.alive, a.current_node_id, a.prev_node_id, b.current_node_id) == (True, 0, 0, 9)
-    assert drone.position == (30.0, 0.0, 0.0)
-    assert ctx.game.start_node("b") == 5
 
 
 def test_flyers_move_by_their_direction_and_take_part_in_all_else(ctx):
@@ -445,29 +293,3 @@ def test_with_a_seed_a_run_seeds_the_global_generators_and_leaves_them_as_they_w
     random.seed(3)
     np.random.seed(3)  # noqa: NPY002 - what programs for 1.0.0 draw from
     assert after == [random.random(), np.random.random()]  # noqa: NPY002
-
-
-def test_custom_sensors_are_all_asked_before_anybody_decides(ctx, play):
-    board = []
-    ctx.sensor.from_function("board", lambda: list(board))
-    a, b = play("a", 0, 1), play("b", 5, 6)
-    for agent in (a, b):
-        agent.register_sensor("board", ctx.sensor.get_sensor("board"))
-        strategy = agent.strategy
-        agent.register_strategy(lambda state, strategy=strategy: (board.append(state["name"]), strategy(state)))
-    ctx.game.step()
-    assert a.seen[0]["sensor"]["board"] == b.seen[0]["sensor"]["board"] == (SensorType.CUSTOM, [])
-    ctx.game.step()
-    assert b.seen[1]["sensor"]["board"][1] == ["a", "b"]
-
-
-@pytest.mark.parametrize("change", [{"legal": "any"}, {"deeds": {"wave": None}}, {"team_memory": False}])
-def test_several_settings_count_from_the_next_turn_on_as_one_does(ctx, play, change):
-    agent = play("a", 0)
-    ctx.game.run(1)
-    ctx.game.configure(change)
-    ctx.game.run(1)
-    before, after = agent.seen
-    assert (len(before["legal"]), "deeds" in before, "team_memory" in before) == (3, False, True)
-    known = {"legal": len(after["legal"]) == 16, "deeds": "deeds" in after, "team_memory": "team_memory" not in after}
-    assert known == dict.fromkeys(known, False) | dict.fromkeys(change, True)

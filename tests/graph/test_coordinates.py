@@ -246,25 +246,6 @@ def test_of_equally_near_nodes_the_first_one_counts():
     assert graph.nearest_node(0, 0) == 101
 
 
-def test_a_search_looks_at_the_neighbourhood_only():
-    rng = np.random.default_rng(0)
-    looked = []
-    for count in (1_000, 100_000):
-        graph = cloud(rng.uniform(0, count**0.5, (count, 2)))
-        graph.nearest_node(0, 0)
-        places, seen, together = graph._store.indexes._node_grid(), [], []
-        around, first_near = places.around, places._first_near
-        places.around = lambda *at, around=around, seen=seen: seen.append(len(found := around(*at))) or found
-        places._first_near = lambda x, y, pairs, d, near=first_near, seen=together: (
-            seen.append(len(pairs[1])) or near(x, y, pairs, d)
-        )
-        graph.nearest_node(*rng.uniform(5, 25, (2, 100)))
-        for x, y in rng.uniform(5, 25, (100, 2)).tolist():
-            graph.nearest_node(x, y)
-        looked.append((sum(seen), sum(together)))
-    assert all(0 < many < 2 * few for few, many in zip(*looked, strict=True)), looked
-
-
 def test_the_nearest_node_may_be_asked_for_in_degrees(helsinki):
     lat, lon = helsinki.to_latlon([385_100, 385_900], [6_672_000, 6_673_100])
     assert helsinki.nearest_node(lat=lat, lon=lon).tolist() == [100, 102]

@@ -6,13 +6,12 @@ import sqlite3
 import subprocess
 import sys
 import time
-from functools import partial
 from types import SimpleNamespace
 
 import pytest
 
 from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType, WriteConflict
-from gamms.graph import Engine, map_file
+from gamms.graph import Engine
 
 
 @pytest.fixture
@@ -30,14 +29,6 @@ def reopened(open_ctx, tmp_path):
         ctx.terminate()
 
 
-def rows_in(path, table):
-    connection = sqlite3.connect(path)
-    try:
-        return connection.execute(f"SELECT * FROM {table}").fetchall()
-    finally:
-        connection.close()
-
-
 # -- there and back ---------------------------------------------------------------------------------------------
 
 
@@ -50,18 +41,6 @@ def test_a_database_holds_everything_at_the_end(reopened, fill, everything):
     assert everything(reopened()) == before
 
 
-def test_a_database_is_complete_after_save(reopened, fill):
-    ctx = reopened()
-    fill(ctx)
-    ctx.graph.save()
-    ((_, _, saves, data),) = rows_in(reopened.path, "saved_map")
-    held = map_file.decode(data)
-    assert saves == 1
-    assert held.columns.node_ids.tolist() == [1, 2, -7, 40]
-    assert held.columns.edge_ids.tolist() == [1, 2, 3, 4]
-    assert len(held.faces) == 1
-
-
 def test_what_was_loaded_is_in_the_database(reopened, fill, everything, ctx, tmp_path):
     fill(ctx)
     ctx.graph.save(tmp_path / "map.gamms")
@@ -70,18 +49,6 @@ def test_what_was_loaded_is_in_the_database(reopened, fill, everything, ctx, tmp
     first.graph.load(tmp_path / "map.gamms")
     first.terminate()
     assert everything(reopened()) == everything(ctx)
-
-
-def test_a_graph_that_is_emptied_stays_empty(reopened, fill):
-    ctx = reopened()
-    graph = fill(ctx)
-    ctx.graph.save()
-    for id in graph.get_nodes():
-        graph.remove_node(id)
-    ctx.terminate()
-    again = reopened()
-    assert list(again.graph.graph.get_nodes()) == list(again.graph.graph.get_edges()) == []
-    assert list(again.graph.get_obstacle_faces()) == [5]
 
 
 def test_awkward_text_is_kept(reopened):
@@ -162,20 +129,6 @@ def test_the_database_of_another_program_is_refused_and_left_alone(open_ctx, tmp
     with pytest.raises(BadFile, match="a database, but not of a graph"):
         open_ctx(Engine.SQLITE, graph_path=path)
     assert path.read_bytes() == before
-
-
-def test_a_database_in_use_is_not_called_foreign(open_ctx, tmp_path, monkeypatch):
-    path = tmp_path / "busy.db"
-    with open_ctx(Engine.SQLITE, graph_path=path):
-        pass
-    monkeypatch.setattr(sqlite3, "connect", partial(sqlite3.connect, timeout=0.1))  # seconds until it gives up, not 5
-    with sqlite3.connect(path, isolation_level=None) as theirs:
-        theirs.execute("BEGIN EXCLUSIVE")
-        with pytest.raises(BadFile, match="locked") as caught:
-            open_ctx(Engine.SQLITE, graph_path=path)
-        theirs.execute("ROLLBACK")
-    theirs.close()
-    assert "something else" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

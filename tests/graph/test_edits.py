@@ -8,9 +8,7 @@ import pytest
 import shapely
 
 from gamms.errors import BadType, BadValue, DuplicateId, GammsError, UnknownName
-from gamms.graph import Graph
 
-BAD_IDS = ["1", 7.5, 2.0, True, None, np.float64(1), np.bool_(1), (1,)]
 TOO_LARGE = [2**63, -(2**63) - 1, np.uint64(2**64 - 1)]
 BAD_NUMBERS = [("1", TypeError), (None, TypeError), (True, TypeError), (1j, TypeError)]
 BAD_NUMBERS += [(number, ValueError) for number in (math.nan, math.inf, -math.inf, np.float64("nan"))]
@@ -33,29 +31,6 @@ def refused(graph, ctx, fill, everything):
 
 
 EDGE = {"id": 9, "source": 1, "target": 2, "length": 1.0}
-
-
-@pytest.mark.parametrize("id", BAD_IDS, ids=repr)
-def test_an_id_is_an_integer(refused, id):
-    for verb, *arguments in (
-        ("add_node", {"id": id, "x": 0.0, "y": 0.0, "new": 1}),
-        ("update_node", {"id": id, "x": 9.0}),
-        ("add_edge", EDGE | {"id": id}),
-        ("add_edge", EDGE | {"source": id}),
-        ("add_edge", EDGE | {"target": id}),
-        ("update_edge", {"id": id, "length": 9.0}),
-        ("update_edge", {"id": 1, "length": 9.0, "target": id}),
-        ("get_node", id),
-        ("get_edge", id),
-        ("get_neighbors", id),
-        ("remove_node", id),
-        ("remove_edge", id),
-        ("node_attributes", id),
-        ("edge_attributes", id),
-        ("within", id, 5.0),
-        ("has_node", id),
-    ):
-        assert repr(id) in refused(TypeError, verb, *arguments)
 
 
 @pytest.mark.parametrize("id", TOO_LARGE)
@@ -243,21 +218,6 @@ def test_numpy_numbers_become_plain_ones(any_ctx, kind):
     assert all(type(id) is int for id in (*graph.get_nodes(), *graph.get_edges(), *graph.get_neighbors(1)))
 
 
-def test_ids_at_the_ends_of_64_bits_are_ids():
-    least, most = -(2**63), 2**63 - 1
-    graph = Graph()
-    graph.add_nodes([most, least], [0.0, 1.0], [0.0, 1.0])  # consecutive, if integers wrapped around
-    graph.add_nodes([most - 1, least + 1], [2.0, 3.0], [2.0, 3.0])
-    graph.add_edges([most, least], [most, least], [least, most])
-    assert graph.get_node(least).x == 1.0
-    assert graph.get_edge(least).target == most
-    assert graph.positions([least, most, least + 1])[:, 0].tolist() == [1.0, 0.0, 3.0]
-    with pytest.raises(DuplicateId):
-        graph.add_nodes([least], [0.0], [0.0])
-    with pytest.raises(UnknownName):
-        graph.get_node(0)
-
-
 def test_a_removed_id_is_free_again(any_ctx):
     graph = any_ctx.graph.graph
     graph.add_nodes([1, 2, 3], [1.0, 2.0, 3.0], [0.0] * 3)
@@ -318,30 +278,6 @@ def test_a_loop_makes_a_node_its_own_neighbor(any_ctx, fill):
     graph = fill(any_ctx)
     assert list(graph.get_neighbors(-7)) == [-7]
     assert list(graph.neighborhoods[-7]) == [-7]
-
-
-def test_neighbors_come_in_the_order_of_their_edges(graph):
-    graph.add_nodes(range(5), [0.0] * 5, [0.0] * 5)
-    for id, target in enumerate([3, 1, 4, 1, 2]):
-        graph.add_edge({"id": id, "source": 0, "target": target, "length": 1.0})
-    assert list(graph.get_neighbors(0)) == [3, 1, 4, 2]
-    graph.update_edge({"id": 0, "target": 2})
-    assert list(graph.neighborhoods[0]) == [0, 2, 1, 4]
-    graph.update_edge({"id": 0, "source": 1})
-    assert list(graph.neighborhoods[0]) == [0, 1, 4, 2]
-    assert list(graph.neighborhoods[1]) == [1, 2]
-
-
-def test_only_straight_edges_follow_a_moved_node(any_ctx, fill):
-    graph = fill(any_ctx)
-    graph.within(1, math.inf)
-    bent = graph.get_edge(2)
-    graph.update_node({"id": 2, "x": 30.0})
-    seen = {edge.id: edge for edge in graph.within(1, math.inf).edges}
-    assert seen[1] == graph.get_edge(1)
-    assert seen[1].points == (0.0, 0.0, 30.0, 4.0)
-    assert seen[2] == bent
-    assert [(edge.id, edge.length) for edge in seen.values()][:2] == [(1, 5.0), (2, 6.0)]
 
 
 def test_an_old_polyline_does_not_lead_to_a_new_end(any_ctx, fill):

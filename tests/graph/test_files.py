@@ -52,26 +52,7 @@ CLOSED = {
 }
 
 
-def contents_of(graph):
-    return SavedMap(graph.columns(), [], graph.attribution, None, {})
-
-
 # -- there and back ---------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("reader", Engine)
-def test_a_file_holds_everything(any_ctx, fill, everything, open_ctx, tmp_path, reader):
-    graph = fill(any_ctx)
-    graph.remove_node(40)
-    any_ctx.graph.save(str(tmp_path / "map.gamms"))
-    with open_ctx(reader) as other:
-        other.graph.graph.add_node({"id": 999, "x": 0.0, "y": 0.0})
-        loaded = other.graph.load(str(tmp_path / "map.gamms"))
-        assert loaded is other.graph.graph
-        assert everything(other) == everything(any_ctx)
-        loaded.add_node({"id": 999, "x": 0.0, "y": 0.0})
-        loaded.update_edge({"id": 2, "target": 999})
-        assert list(loaded.get_neighbors(1)) == [2, 999]
 
 
 plain = st.recursive(

@@ -11,25 +11,6 @@ from gamms.errors import BadType, BadValue, TooLarge
 from gamms.graph.networkx_bridge import Grid
 
 
-def test_a_grid_has_its_nodes_row_by_row(ctx):
-    G = gamms.graph.grid(2, 3, spacing=5)
-    assert [(id, data["x"], data["y"]) for id, data in G.nodes(data=True)] == [
-        (0, 0.0, 0.0),
-        (1, 5.0, 0.0),
-        (2, 10.0, 0.0),
-        (3, 0.0, 5.0),
-        (4, 5.0, 5.0),
-        (5, 10.0, 5.0),
-    ]
-    assert list(G.edges(4, data="length")) == [(4, 1, 5.0), (4, 3, 5.0), (4, 5, 5.0)]
-
-    graph = ctx.graph.attach_networkx_graph(G)
-    assert graph.shortest_path(0, 5) == [0, 1, 2, 5]
-    assert graph.distance(0, 5) == 15.0
-    edge = graph.get_edge(0)
-    assert (edge.source, edge.target, edge.points) == (0, 1, (0.0, 0.0, 5.0, 0.0))
-
-
 @pytest.mark.parametrize(("n", "m"), [(1, 1), (1, 7), (6, 1), (4, 5)])
 def test_a_grid_is_that_of_networkx(n, m):
     reference = nx.convert_node_labels_to_integers(nx.grid_2d_graph(n, m)).to_directed()

@@ -3,7 +3,6 @@
 import math
 import random
 
-import numpy as np
 import pytest
 
 from gamms.graph import indexes, store
@@ -137,23 +136,6 @@ def test_a_graph_that_is_taken_down_node_by_node_stays_right(graph, model):
     assert list(graph.get_nodes()) == list(graph.get_edges()) == []
     programme.add_node()
     programme.look_at_all()
-
-
-def test_thousands_of_removals_leave_what_was_not_removed(graph):
-    ids = np.arange(8_000)
-    graph.add_nodes(ids, ids * 1.0, ids * 0.0)
-    graph.add_edges(ids[:-1], ids[:-1], ids[1:])
-    graph.update_node({"id": 7_999, "name": "last"})
-    for id in range(7_999):
-        if id % 7:
-            graph.remove_node(id)
-    kept = [*range(0, 7_999, 7), 7_999]
-    assert list(graph.get_nodes()) == kept
-    assert list(graph.get_nodes(7.0, 70.0, 0.0)) == [63, 70, 77]
-    assert list(graph.get_edges()) == []
-    assert graph.node_attributes(7_999) == {"name": "last"}
-    assert graph.columns().node_ids.tolist() == kept
-    assert graph.columns().node_attributes == {"name": {len(kept) - 1: "last"}}
 
 
 def test_making_room_for_new_values_loses_no_old_ones(graph, monkeypatch):

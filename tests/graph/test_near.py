@@ -97,35 +97,6 @@ def test_queries_equal_brute_force(name, count):
     check(graph, rng)  # once more, from the indexes that are there now
 
 
-@pytest.mark.parametrize("name", CLOUDS)
-def test_the_nodes_nearest_to_several_places_are_those_nearest_to_each(name):
-    rng = np.random.default_rng(3)
-    xy = CLOUDS[name](rng, 120)
-    graph = build(xy, rng, edges=10)
-    span = np.ptp(xy, axis=0)
-    places = np.vstack([xy[:30], (xy[:60] + xy[-60:]) / 2.0, xy.min(axis=0) + rng.uniform(-9, 9, (20, 2)) * span])
-    for number in range(3):
-        assert graph.nearest_node(*places.T).tolist() == [graph.nearest_node(x, y) for x, y in places.tolist()]
-        for id in list(graph.get_nodes())[number::5]:
-            graph.remove_node(id)
-    graph.add_node({"id": 10_000, "x": xy[0, 0], "y": xy[0, 1]})
-    assert graph.nearest_node(*places.T).tolist() == [graph.nearest_node(x, y) for x, y in places.tolist()]
-
-
-@pytest.mark.parametrize("name", CLOUDS)
-def test_queries_equal_brute_force_after_edits(name):
-    rng = np.random.default_rng(2)
-    xy = CLOUDS[name](rng, 120)
-    graph = build(xy, rng, edges=150)
-    check(graph, rng, discs=2)
-    for i, id in enumerate(list(graph.get_nodes())[::9]):
-        graph.remove_node(id)
-        graph.add_node({"id": 10_000 + id, "x": xy[i, 0], "y": xy[i - 1, 1]})
-        graph.update_node({"id": 10_000 + id, "x": xy[i - 2, 0]})
-        graph.add_edge({"id": 10_000 + i, "source": 10_000 + id, "target": next(graph.get_nodes()), "length": 1.0})
-        check(graph, rng, discs=1)
-
-
 @given(
     points=st.lists(st.tuples(*[st.floats(allow_nan=False, allow_infinity=False)] * 2), min_size=1, max_size=8),
     d=st.floats(0.0),

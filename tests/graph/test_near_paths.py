@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 import gamms
 from gamms.errors import BadValue, NoPath
 from gamms.graph import Graph, routes
-from gamms.typing.routes import made_last
 
 NODES = 12
 ROW = st.integers(0, NODES - 1)
@@ -92,21 +91,6 @@ def test_many_distances_and_those_from_the_nearest_are_single_ones_to_the_bit(pl
             assert fresh.routes.distances(sources, range(NODES), weight).tolist() == pairs
 
 
-def test_what_was_asked_last_is_made_again_for_another_key_or_graph():
-    graph, made = Graph(), []
-    graph.attach_networkx_graph(gamms.graph.grid(2, 2, spacing=10.0))
-
-    def ask(slot, key):
-        before = len(made)
-        assert made_last(graph.routes, slot, key, lambda: made.append(key) or len(made)) <= len(made)
-        return len(made) - before
-
-    asked = [ask(*of) for of in (("red", {"a": 1}), ("red", {"a": 1}), ("blue", [2]), ("red", {"a": 1}), ("red", 3))]
-    assert asked == [1, 0, 1, 0, 1]
-    graph.remove_edge(0)
-    assert [ask("red", 3), ask("blue", [2]), ask("red", 3)] == [1, 1, 0]
-
-
 def test_distances_up_to_a_cutoff_cost_what_is_near(city):
     assert 20 < len(city.distances(source=75 * 150 + 75, cutoff=50.0)) < 120  # of 22,500
     assert len(city._routes.search("length", reverse=False).find(np.array([75 * 150 + 75]), within=50.0).rows) < 120
@@ -145,20 +129,6 @@ def city():
     return graph
 
 
-@pytest.mark.parametrize("weight", ["length", None])
-def test_a_path_in_a_city_is_that_of_the_table(city, weight):
-    rng = np.random.default_rng(5)
-    fresh = Graph()
-    fresh.attach_networkx_graph(city.to_networkx())
-    for _ in range(4):
-        target = int(rng.integers(22500))
-        near = city.nodes_near(*city.positions([target])[0], 200.0).ids
-        sources = rng.choice(near, 3).tolist()
-        with mock.patch.object(routes.CachedRoutes, "_left", tables):
-            known = [(path_of(fresh, one, target, weight), fresh.distance(one, target, weight)) for one in sources]
-        assert [(path_of(city, one, target, weight), city.distance(one, target, weight)) for one in sources] == known
-
-
 def test_a_near_path_visits_few_nodes(city):
     target, source = 75 * 150 + 75, 65 * 150 + 65
     search = city._routes.search("length")
@@ -184,19 +154,6 @@ def test_an_edit_is_seen_by_the_next_search():
         ctx.graph.graph.update_edge({"id": edge, "length": 100.0})
         assert ctx.graph.shortest_path(0, 12) == [0, 1, 7, 6, 12]
         assert ctx.graph.distance(0, 12) == 40.0
-
-
-@pytest.mark.parametrize("scale", [1e-300, 1e-160, 1e160, 1e308])
-def test_maps_beyond_all_measure_are_searched_rightly(scale):
-    graph, slow = Graph(), Graph()
-    for one in (graph, slow):
-        one.add_nodes(range(4), np.array([-1.0, 0.0, 1.0, 0.5]) * scale, np.array([0.0, 1.0, 0.0, -1.0]) * scale)
-        one.add_edges(range(4), [0, 1, 0, 3], [1, 2, 3, 2], np.array([2.0, 1.0, 1.0, 1.5]) * min(scale, 1e100))
-    for share, one in ((searched, graph), (tables, slow)):
-        with mock.patch.object(routes.CachedRoutes, "_left", share):
-            one.shortest_path(0, 2)
-    assert graph.shortest_path(0, 2) == slow.shortest_path(0, 2) == [0, 3, 2]
-    assert graph.distance(0, 2) == slow.distance(0, 2)
 
 
 def test_a_path_that_is_cut_by_its_weight_is_no_path():

@@ -197,18 +197,6 @@ def test_what_is_attached_is_seen_by_indexes_that_are_there(any_ctx, fill):
     assert list(graph.neighborhoods[200]) == [200, 201]
 
 
-def test_a_graph_is_exported_with_everything(ctx, fill):
-    graph = fill(ctx)
-    graph.update_node({"id": 1, "node_for_adding": "an awkward name"})
-    G = ctx.graph.to_networkx()
-    assert isinstance(G, nx.MultiDiGraph)
-    assert G.graph == {"crs": "EPSG:32635", "attribution": "© those who mapped it"}
-    assert G.nodes[1] == {"x": 0.0, "y": 0.0, "node_for_adding": "an awkward name"}
-    assert G.edges[1, 2, 1] | {"linestring": None} == {"id": 1, "length": 5.0, "lanes": 2, "linestring": None}
-    graph.remove_edge(1)
-    assert type(ctx.graph.to_networkx()) is nx.DiGraph
-
-
 small = st.integers(-3, 3).map(float)
 names = st.dictionaries(st.sampled_from(["name", "lanes", "self", "key", "u_of_edge"]), st.integers(), max_size=2)
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.errors import BadType, BadValue, ContextTerminated, DuplicateId, UnknownName
-from gamms.graph.obstacles import FaceGrid, Obstacles, checked_face, checked_faces
+from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
 
 WALL = {"tr": (2, 1, 3), "tl": (0, 1, 3), "br": (2, 1, 0), "bl": (0, 1, 0), "type": 4}
 
@@ -27,20 +27,6 @@ def test_faces_come_in_the_order_they_were_added(any_ctx):
     any_ctx.graph.add_obstacle_face(5, **WALL)
     assert list(any_ctx.graph.get_obstacle_faces()) == [-3, 9, 5]
     assert list(any_ctx.graph.get_obstacle_faces(5.0, 0.0, 0.0)) == [-3, 9, 5]
-
-
-def test_a_face_is_near_where_its_box_meets_the_square(any_ctx):
-    any_ctx.graph.add_obstacle_face(1, (2, 2, 0), (0, 2, 0), (2, 0, 9), (0, 0, 9), 0)
-    near = any_ctx.graph.get_obstacle_faces
-    assert list(near(1.0, 3.0, 3.0)) == [1]  # corner to corner
-    assert list(near(0.99, 3.0, 3.0)) == []
-    assert list(near(d=0.0, x=1.0, y=1.0)) == [1]
-    assert list(near(0.0, 2.0, 0.0)) == [1]
-    assert list(near(math.inf)) == [1]
-    any_ctx.graph.add_obstacle_face(2, *[(3, 3, 0)] * 4, 0)
-    assert list(near(1.0, 3.0, 3.0)) == [1, 2]
-    any_ctx.graph.remove_obstacle_face(1)
-    assert list(near(1.0, 1.0, 1.0)) == []
 
 
 corners = st.tuples(*[st.integers(-9, 9)] * 3)
@@ -131,18 +117,6 @@ BOX = np.arange(24.0).reshape(2, 4, 3)
 RECORDS = [{"face_id": 7, **WALL}, {"face_id": -2, **WALL}]
 
 
-def test_an_array_of_faces_gets_ids_after_the_greatest(any_ctx):
-    add, get = any_ctx.graph.add_obstacles, any_ctx.graph.get_obstacle_face
-    assert add(BOX) == [0, 1]
-    any_ctx.graph.add_obstacle_face(40, **WALL)
-    assert add(BOX.tolist(), types=[3, 4]) == [41, 42]
-    assert add(BOX.astype(np.int32), ids=[9, -9], types=5) == [9, -9]
-    assert get(42) == (42, (12.0, 13, 14), (15.0, 16, 17), (18.0, 19, 20), (21.0, 22, 23), 4)
-    assert [get(id).type for id in any_ctx.graph.get_obstacle_faces()] == [0, 0, 4, 3, 4, 5, 5]
-    assert type(get(9).id) is int
-    assert all(type(number) is float for corner in get(9)[1:5] for number in corner)
-
-
 def test_records_of_faces_keep_their_ids(any_ctx):
     assert any_ctx.graph.add_obstacles(iter(RECORDS)) == [7, -2]
     assert list(any_ctx.graph.get_obstacle_faces()) == [7, -2]
@@ -223,19 +197,6 @@ def test_after_the_end_there_are_no_obstacles(open_ctx):
             verb()
 
 
-def test_many_faces_are_saved_and_loaded(any_ctx, open_ctx, tmp_path):
-    any_ctx.graph.add_obstacles(BOX, ids=[5, 3], types=[1, 2])
-    any_ctx.graph.remove_obstacle_face(5)
-    any_ctx.graph.add_obstacles(BOX, ids=[5, 4], types=[1, 2])
-    any_ctx.graph.save(tmp_path / "map.gamms")
-    with open_ctx() as other:
-        other.graph.load(tmp_path / "map.gamms")
-        for name in ("ids", "corners", "types"):
-            there, here = (getattr(ctx.graph.obstacle_columns(), name) for ctx in (other, any_ctx))
-            assert np.array_equal(there, here)
-        assert other.graph.add_obstacles(BOX) == [6, 7]
-
-
 def test_the_slow_columns_of_the_contract_are_the_same(any_ctx):
     from gamms.typing.graph_engine import IGraphEngine
 
@@ -295,31 +256,3 @@ def test_a_hundred_thousand_faces_are_added_asked_for_and_removed_one_by_one(ctx
     for id in ctx.graph.get_obstacle_faces():
         ctx.graph.remove_obstacle_face(id)
     assert time.process_time() - start < 10.0  # takes half a second; with boxes made again after each change, minutes
-
-
-def test_faces_added_one_by_one_are_those_added_at_once_whatever_comes_between():
-    one_by_one, at_once = Obstacles(), Obstacles()
-    faces = [
-        checked_face(n, (n, 1.0, 3.0), (n + 1.0, 1.0, 3.0), (n, 1.0, 0.0), (n + 1.0, 1.0, 0.0), 1) for n in range(40)
-    ]
-    for face in faces:
-        one_by_one.add(face)
-        if face.id % 7 == 0:
-            one_by_one.remove(face.id)
-        if face.id % 5 == 0:
-            assert face.id % 7 == 0 or face.id in one_by_one.near(0.5, face.id, 1.0)
-    at_once.replace([face for face in faces if face.id % 7])
-    assert list(one_by_one) == list(at_once)
-    assert all(map(np.array_equal, one_by_one.columns(), at_once.columns()))
-
-
-def test_all_faces_near_a_place_are_found_and_few_others():
-    rng = np.random.default_rng(3)
-    low = rng.uniform(0.0, 1000.0, (400, 3))
-    boxes = np.concatenate((low, low + rng.uniform(1.0, 12.0, (400, 3))), axis=1)
-    grid, found = FaceGrid(boxes), []
-    for place in np.concatenate((boxes[:100, :2], boxes[100:200, 3:5])):  # at corners of faces
-        near = (boxes[:, :2] <= place).all(axis=1) & (boxes[:, 3:5] >= place).all(axis=1)
-        found.append(grid.between(tuple(place), tuple(place), len(boxes)))
-        assert {*np.flatnonzero(near).tolist()} <= {*found[-1].tolist()}
-    assert np.mean([len(rows) for rows in found]) < 40

@@ -190,24 +190,6 @@ def test_what_is_no_polygon_is_refused(town, shape):
 # -- closed roads -----------------------------------------------------------------------------------------------
 
 
-def test_closed_roads_are_gone_until_they_are_opened(town):
-    before = {
-        id: (town.graph.graph.get_edge(id), town.graph.edge_attributes(id)) for id in town.graph.graph.get_edges()
-    }
-    assert town.graph.close_roads(name="Park Road") == [13, 14]
-    assert town.graph.close_roads([16, 16]) == [16]
-    assert town.graph.closed_roads == [13, 14, 16]
-    assert list(town.graph.graph.get_neighbors(1)) == [2]
-    assert town.graph.distance(0, 5) == float("inf")
-    assert town.graph.open_roads([16]) == [16]
-    assert town.graph.open_roads() == [13, 14]
-    assert town.graph.closed_roads == []
-    assert {
-        id: (town.graph.graph.get_edge(id), town.graph.edge_attributes(id)) for id in town.graph.graph.get_edges()
-    } == before
-    assert list(town.graph.graph.get_edges()) == [10, 11, 12, 15, 17, 16, 13, 14]
-
-
 def test_roads_are_closed_where_an_area_touches_them(town):
     square = [(90, 40), (110, 40), (110, 60), (90, 60)]
     assert town.graph.close_roads(inside=square) == [13]

@@ -243,22 +243,6 @@ def test_unknown_nodes_are_named(kind):
             graph.distances(**ends)
 
 
-def test_of_a_distance_that_is_kept_the_ends_are_checked_too(square):
-    assert [square.distance(1, 5) for _ in range(2)] == [3.0, 3.0]
-    assert square.distance(np.int64(1), np.int64(5)) == 3.0
-    assert type(square.distance(1, 5)) is float
-    for bad in ("1", 1.0, True):
-        for ends in ((bad, 5), (5, bad)):
-            square.distance(5, 1)
-            with pytest.raises(TypeError):
-                square.distance(*ends)
-    with pytest.raises(UnknownName, match="99"):
-        square.distance(99, 5)
-    square.remove_node(1)
-    with pytest.raises(UnknownName, match="1"):
-        square.distance(1, 5)
-
-
 def test_a_default_that_knows_no_attributes_or_places_says_so():
     graph, _ = build([(4, 9, 1, None)], Slow)
     with pytest.raises(BadValue, match="override `weights`"):
@@ -276,18 +260,6 @@ def test_a_default_that_knows_no_attributes_or_places_says_so():
 def test_no_path_is_ours_and_a_value_error(square):
     with pytest.raises(ValueError, match="from node 5 to node 1"):
         square.shortest_path(5, 1)
-
-
-def test_the_engine_forwards_to_the_graph(any_ctx, fill):
-    graph = fill(any_ctx)
-    engine = any_ctx.graph
-    assert engine.shortest_path(1, -7) == graph.shortest_path(1, -7) == [1, 2, -7]
-    assert engine.distance(1, -7) == 10.0
-    assert engine.distances(source=1, weight=None, cutoff=1) == {1: 0.0, 2: 1.0}
-    assert engine.distance_matrix([1, 40], -7).tolist() == [[10.0], [math.inf]]
-    assert engine.get_node(1) == graph.get_node(1)
-    with pytest.raises(AttributeError, match=r"ctx\.graph\.weights is ctx\.graph\.graph\.weights now"):
-        engine.weights("lanes")
 
 
 def test_after_the_end_there_are_no_ways(open_ctx, fill):

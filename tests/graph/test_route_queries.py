@@ -126,21 +126,6 @@ def test_the_nearest_edge_is_that_of_shapely(x, y, bend):
     assert there.distance(place) == pytest.approx(distance, abs=1e-6)
 
 
-def test_the_nearest_edge_is_the_first_of_both_directions_and_may_be_too_far(town):
-    near = town.routes.nearest_edge(130, 1)
-    edge = town.graph.get_edge(near.edge_id)
-    assert {edge.source, edge.target} == {1, 2}
-    assert near.distance == 1.0
-    assert near.offset == (30.0 if edge.source == 1 else 70.0)
-    back = [id for id in town.graph.get_edges() if town.graph.get_edge(id)[1:3] == (edge.target, edge.source)]
-    order = list(town.graph.get_edges())
-    assert order.index(near.edge_id) < order.index(back[0])
-    assert town.routes.nearest_edge(130, -7, within=6.9) is None
-    assert town.routes.nearest_edge(130, -7, within=7.0).edge_id == near.edge_id
-    town.graph.remove_edge(near.edge_id)
-    assert town.routes.nearest_edge(130, 1).edge_id == back[0]
-
-
 def test_without_edges_none_is_nearest():
     graph = Graph()
     assert graph.routes.nearest_edge(0, 0, within=5.0) is None

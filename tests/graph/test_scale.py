@@ -34,19 +34,6 @@ def large():
     return graph
 
 
-def test_a_grid_of_90_000_nodes_answers(large):
-    assert (len(large), len(list(large.get_edges()))) == (90_000, 358_800)
-    middle = 150 * 300 + 150
-    assert large.get_node(middle) == (middle, 150.0, 150.0)
-    near = list(large.get_nodes(2.0, 150.0, 150.0))
-    assert near == [middle + 300 * dy + dx for dy in range(-2, 3) for dx in range(-2, 3) if dx * dx + dy * dy <= 4]
-    assert list(large.get_neighbors(middle)) == [middle + 1, middle - 1, middle + 300, middle - 300]
-    assert len(list(large.get_edges(1.0, 150.0, 150.0))) == 32
-    seen = large.within(middle, 30.0, math.pi / 2, (1.0, 0.0))
-    assert len(seen.nodes) == sum(dx * dx + dy * dy <= 900 for dx in range(31) for dy in range(-dx, dx + 1))
-    assert all(edge.source in seen.nodes and edge.target in seen.nodes for edge in seen.edges)
-
-
 def test_everything_is_seen_from_anywhere(large):
     nodes, edges = large.within(0, math.inf)
     assert (len(nodes), len(edges)) == (90_000, 358_800)

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from gamms import kernels
 from gamms.errors import BadType, BadValue, ContextTerminated
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
-from gamms.sensor import SensorType
 from gamms.typing.obstacles import IObstacles
 
 
@@ -25,45 +24,11 @@ def walls(count, extent, seed, length=8.0):
     return faces
 
 
-def test_a_wall_hides_what_is_behind_it_until_it_is_removed(any_ctx):
-    targets = [(10, 0, 1.6), (0, 10, 1.6), (10, 0, 9)]
-    visible = any_ctx.graph.visible
-    assert visible((0, 0, 1.6), targets).tolist() == [True, True, True]
-    any_ctx.graph.add_obstacle_face(4, (5, -1, 3), (5, 1, 3), (5, -1, 0), (5, 1, 0), 1)
-    assert visible((0, 0, 1.6), targets).tolist() == [False, True, True]
-    assert visible(np.array([0, 0, 1]), np.array(targets, np.float32)).dtype == np.bool_
-    assert visible((10, 0, 1.6), [(0, 0, 1.6)]).tolist() == [False]
-    any_ctx.graph.remove_obstacle_face(4)
-    assert visible((0, 0, 1.6), targets).tolist() == [True, True, True]
-
-
 def test_an_observer_on_a_wall_sees_only_along_it(ctx):
     ctx.graph.add_obstacle_face(1, (1, -9, 3), (1, 9, 3), (1, -9, 0), (1, 9, 0), 0)
     targets = [(x, y, 1.6) for x in (0, 1, 2) for y in (-1, 0, 1)]
     seen = ctx.graph.visible((1, 0, 1.6), targets)
     assert [target[:2] for target, is_seen in zip(targets, seen, strict=True) if is_seen] == [(1, -1), (1, 0), (1, 1)]
-
-
-def test_nodes_at_the_ends_of_walls_are_hidden_from_every_kind_of_look(ctx):
-    """The observer is node 0, with a wall from node 2k - 1 to node 2k."""
-    ends = [((k / 7, 1.1 + k), (5.3 + k, k + 1 / 3)) for k in range(1, 40)]
-    places = [(-4.0, -3.0), *(place for pair in ends for place in pair)]
-    ctx.graph.add_nodes(range(79), *zip(*places, strict=True))
-    ctx.graph.add_obstacles([[(*a, 9), (*b, 9), (*a, 0), (*b, 0)] for a, b in ends])
-    for node in range(1, 79):
-        ctx.agent.create_agent(f"at {node}", start_node_id=node)
-    there = [(*place, 1.6) for place in places]
-    assert not ctx.graph.visible(there[0], there[1:]).any()
-    assert not any(ctx.graph.visible(place, there[:1]).any() for place in there[1:])
-    nodes, agents = (
-        ctx.sensor.create_sensor(str(kind), kind) for kind in (SensorType.OCCLUDED_MAP, SensorType.OCCLUDED_AGENT)
-    )
-    nodes.sense(0)
-    agents.sense(0)
-    assert set(nodes.data["nodes"]) == {0}
-    assert not agents.data
-    table = ctx.graph.visibility(500.0, path=False)
-    assert table.from_node(0).tolist() == [0]
 
 
 def test_there_may_be_nothing_to_look_at(any_ctx):

@@ -113,21 +113,6 @@ def bytes_of(columns):
     ]
 
 
-def test_columns_are_read_only(any_ctx, fill, tmp_path):
-    import networkx as nx
-
-    graph = fill(any_ctx)
-    bent = nx.DiGraph([(70, 71, {"geometry": LineString([(0, 0), (5, 5), (1, 0)])})])
-    graph.attach_networkx_graph(bent)
-    any_ctx.graph.save(tmp_path / "map")
-    for _ in range(2):
-        columns = any_ctx.graph.columns()
-        for array in (*(getattr(columns, name) for name in ARRAYS), *columns.polylines.values()):
-            with pytest.raises(ValueError, match="read-only"):
-                array[...] = 0
-        any_ctx.graph.load(tmp_path / "map")
-
-
 def test_columns_are_made_once_per_revision(graph):
     graph.add_nodes([1, 2], [0.0, 1.0], [0.0, 1.0])
     first = graph.columns()

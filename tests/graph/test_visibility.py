@@ -349,20 +349,6 @@ def test_closed_roads_and_undone_changes_leave_a_table_as_good_as_it_was(town, t
     assert town.graph.visibility(20.0, path=False) is table
 
 
-def test_the_engine_finds_the_smallest_table_that_suffices(town):
-    small, large = (town.graph.visibility(radius, path=False) for radius in (10.0, 30.0))
-    low = town.graph.visibility(10.0, 0.5, path=False)
-    find = town.graph.visibility_table
-    assert find(5.0, 1.6) is small
-    assert find(10.0, 1.6) is small
-    assert find(10.5, 1.6) is large
-    assert find(math.inf, 1.6) is None
-    assert find(10, 0.5) is low
-    assert find(10, 0.6) is None
-    town.terminate()
-    assert find(5.0, 1.6) is None
-
-
 # -- files ------------------------------------------------------------------------------------------------------
 
 

@@ -165,19 +165,6 @@ def test_a_folder_and_a_path_through_a_file_are_named(tmp_path):
             SqliteStore("s", PathLike(str(path)))
 
 
-def test_a_truncated_file_is_named(rows_of, database):
-    store = database()
-    store.create_map("m", {"id": int, "text": str}, "id")
-    for id in range(2000):
-        store.insert_data("m", {"id": id, "text": "x" * 50})
-    store.close()
-    database.path.write_bytes(database.path.read_bytes()[:20000])
-    with pytest.raises(BadFile, match=r"store\.db"):
-        again = database()
-        again.create_map("m", {"id": int, "text": str}, "id")
-        rows_of(again, "m")
-
-
 @pytest.mark.parametrize(
     "place",
     [
@@ -348,18 +335,6 @@ def test_a_damaged_value_is_named_and_never_run(rows_of, database, column, value
     second.create_map("nodes", SCHEMA, "id")
     with pytest.raises(BadFile, match="damaged"):
         rows_of(second, "nodes")
-
-
-def test_a_file_that_another_program_is_writing_is_named(database):
-    writer = database()
-    fill(writer)
-    writer.connection().execute("PRAGMA busy_timeout = 0")
-    other = database()
-    other.connection().execute("PRAGMA busy_timeout = 0")
-    with pytest.raises(BadFile, match="locked"):
-        other.create_map("other", {"id": int}, "id")
-    writer.flush()
-    other.create_map("other", {"id": int}, "id")
 
 
 def test_equal_rows_make_equal_bytes(tmp_path):

@@ -196,20 +196,6 @@ def test_junctions_inside_one_building_may_merge(make_map):
     assert graph_from_file(alley(make_map, block(-80, -80, 80, 80)), NO_CUT, tolerance=5.0).graph["merged_nodes"] == 1
 
 
-def test_of_a_row_of_junctions_those_behind_a_building_stay_apart(make_map):
-    """Three junctions in an L: each sees its neighbour, and a building stands between the first and the last."""
-    places = {1: (0, 0), 2: (6, 0), 3: (6, 6), 4: (-60, 0), 5: (0, -60), 6: (66, -30), 7: (66, 6), 8: (6, 66)}
-    nodes = {number: at(*place) for number, place in places.items()}
-    nodes |= {100 + number: at(*place) for number, place in enumerate(block(2, 3, 3, 4))}
-    roads = [([4, 1], STREET), ([5, 1], STREET), ([1, 2, 3], STREET), ([2, 6], STREET), ([7, 3, 8], STREET)]
-    house = ([100, 101, 102, 103, 100], HOUSE)
-    merged = {
-        name: graph_from_file(make_map(nodes, *ways), NO_CUT, tolerance=5.0).graph["merged_nodes"]
-        for name, ways in {"free": roads, "built": [*roads, house]}.items()
-    }
-    assert merged == {"free": 2, "built": 0}
-
-
 def test_it_is_a_yes_or_no_question(square_with):
     with pytest.raises(BadType, match="around_buildings"):
         walked(square_with(), around_buildings="maybe")

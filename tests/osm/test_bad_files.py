@@ -81,18 +81,6 @@ def test_packed_maps_are_read_whatever_their_name(make_map, cross, pack):
     assert graph_from_xml(path).number_of_nodes() == expected
 
 
-def test_a_pbf_gives_the_same_graph(make_map, cross, tmp_path):
-    from osmium import FileProcessor, SimpleWriter
-
-    path = make_map(cross, ([1, 2, 3], ROAD), ([2, 4], ROAD))
-    with SimpleWriter(str(tmp_path / "map.osm.pbf")) as writer:
-        for item in FileProcessor(str(path)):
-            writer.add(item)
-    ours, theirs = graph_from_xml(path), graph_from_xml(tmp_path / "map.osm.pbf")
-    assert dict(ours.nodes(data=True)) == dict(theirs.nodes(data=True))
-    assert list(ours.edges(data="length")) == list(theirs.edges(data="length"))
-
-
 def test_deleted_and_repeated_ways_are_passed_over(make_map, cross):
     path = make_map(cross, ([1, 2], ROAD), ([2, 3], ROAD))
     text = path.read_text().replace('<way id="101"', '<way id="101" visible="false"')

@@ -18,7 +18,6 @@ from gamms.osm import (
     HEIGHT_ESTIMATES_TYPES,
     extract_osm_polygon_faces,
     faces_of_features,
-    graph_from_xml,
     obstacle_from_file,
     obstacle_from_xml,
     wall_estimates,
@@ -81,19 +80,6 @@ def edges_of(faces):
 def edges_between(*rings):
     points = [[tuple(np.round(point, 2).tolist()) for point in xy_of(*ring)] for ring in rings]
     return {frozenset(pair) for ring in points for pair in pairwise(ring)}
-
-
-def test_a_closed_way_stands_as_a_wall_over_each_of_its_edges(walls):
-    faces = walls([(BLOCK, {"building": "house", "height": "7"})])
-    corners = xy_of(*BLOCK)
-    assert [face["face_id"] for face in faces] == [0, 1, 2, 3]
-    for face, start, end in zip(faces, corners, corners[1:], strict=False):
-        assert face["tr"] == pytest.approx((*start, 7.0))
-        assert face["tl"] == pytest.approx((*end, 7.0))
-        assert face["br"] == pytest.approx((*start, 0.0))
-        assert face["bl"] == pytest.approx((*end, 0.0))
-        assert face["type"] == 0
-        assert all(type(number) is float for name in ("tr", "tl", "br", "bl") for number in face[name])
 
 
 def test_a_courtyard_has_walls_and_what_stands_in_it_too(walls):
@@ -163,41 +149,6 @@ def test_land_use_is_no_wall_unless_it_is_asked_for(walls):
 
 def test_a_wood_is_a_wall(walls):
     assert [(face["type"], face["tr"][2]) for face in walls([(BLOCK, {"natural": "wood"})])] == [(15, 15.0)] * 4
-
-
-@pytest.mark.parametrize(
-    ("tags", "type"),
-    [
-        ({"building": "cathedral"}, 14),
-        ({"building": "church"}, 10),
-        ({"building": "cathedral", "man_made": "tower"}, 19),
-        ({"building": "house", "power": "substation"}, 27),  # the later row counts
-        ({"building": "no"}, None),
-        ({"building": "roof"}, None),
-        ({"building": "carport"}, None),
-        ({"building": "yes", "location": "underground"}, None),
-        ({"building": "yes", "area": "no"}, None),
-        ({"building": "yes", "layer": "-1"}, None),
-        ({"building": "yes", "layer": "1"}, 14),
-        ({"building": "yes", "layer": "deep"}, 14),
-        ({"building": "construction"}, None),
-        ({"building:part": "yes"}, 14),
-        ({"man_made": "bridge"}, None),
-        ({"man_made": "bridge", "building": "yes"}, 14),
-        ({"power": "generator", "generator:source": "solar", "location": "roof"}, None),
-        ({"power": "generator", "location": "rooftop"}, None),
-        ({"power": "generator", "generator:source": "wind"}, 29),
-        ({"power": "plant"}, None),
-        ({"leisure": "pitch"}, None),
-        ({"leisure": "sports_centre"}, None),
-        ({"leisure": "stadium", "building": "stadium"}, 13),
-        ({"barrier": "wall"}, None),
-        ({"amenity": "school"}, None),
-        ({"highway": "pedestrian"}, None),
-    ],
-)
-def test_which_things_are_walls(walls, tags, type):
-    assert {face["type"] for face in walls([(BLOCK, tags)])} == (set() if type is None else {type})
 
 
 def test_the_tables_of_a_caller_decide(walls):
@@ -275,42 +226,7 @@ def test_the_height_comes_from_the_first_tag_that_can_be_true(walls, tags, heigh
     assert [face["tr"][2] for face in walls([(BLOCK, BUILDING | tags)])] == pytest.approx([height] * 4)
 
 
-@pytest.mark.parametrize(
-    ("tags", "base"),
-    [
-        ({"min_height": "4"}, 4.0),
-        ({"building:min_level": "2"}, 6.0),
-        ({"min_height": "1.5", "building:min_level": "2"}, 1.5),
-        ({"min_height": "-3"}, 0.0),
-        ({"min_height": "10"}, 0.0),  # not below the top
-        ({"min_height": "low"}, 0.0),
-    ],
-)
-def test_a_wall_may_begin_above_the_ground(walls, tags, base):
-    faces = walls([(BLOCK, BUILDING | tags)])
-    assert {face[corner][2] for face in faces for corner in ("br", "bl")} == {base}
-    assert {face[corner][2] for face in faces for corner in ("tr", "tl")} == {10.0}
-
-
 # -- where ------------------------------------------------------------------------------------------------------
-
-
-def test_walls_and_streets_of_a_file_have_one_crs(tmp_path):
-    """The buildings alone would lie in zone 34."""
-    nodes = NODES | {31: (LAT, 23.9), 32: (LAT, 24.5), 33: (LAT, 24.1)}
-    nodes = {id: (lat, lon - 0.945 if id < 30 else lon) for id, (lat, lon) in nodes.items()}
-    path = tmp_path / "map.osm"
-    path.write_text(text_of([(BLOCK, BUILDING), ([1, 31, 33, 32], {"highway": "path"})], nodes=nodes))
-    streets = graph_from_xml(path, resolution=1e6)
-    (first, *_), (x, y) = obstacle_from_xml(path), project(np.array([nodes[1][::-1]]), WGS84, CRS)[0]
-    assert streets.graph["crs"] == CRS
-    assert math.dist(first["tr"][:2], (x, y)) < 0.01
-    assert min(math.dist((node["x"], node["y"]), first["tr"][:2]) for _, node in streets.nodes(data=True)) < 0.01
-    alone = tmp_path / "alone.osm"
-    alone.write_text(text_of([(BLOCK, BUILDING)], nodes=nodes))
-    ((x, y),) = project(np.array([nodes[1][::-1]]), WGS84, "EPSG:32634")
-    assert next(obstacle_from_xml(alone))["tr"][:2] == pytest.approx((x, y))
-    assert list(obstacle_from_xml(alone, crs=CRS)) == list(obstacle_from_xml(path))
 
 
 def test_a_crs_in_degrees_or_none_at_all_is_refused(walls):
@@ -318,19 +234,6 @@ def test_a_crs_in_degrees_or_none_at_all_is_refused(walls):
         walls([(BLOCK, BUILDING)], crs=WGS84)
     with pytest.raises(BadValue, match=r"is not a CRS|names no CRS"):
         walls([(BLOCK, BUILDING)], crs="moon")
-
-
-def test_footprints_are_simplified_within_the_tolerance(walls):
-    steps = {50 + i: (LAT + (i % 2) * 3e-6, LON + 2 * i * 1e-5) for i in range(1, 100)}  # 0.3 m to and fro
-    way = [([1, *steps, 2, 3, 4, 1], BUILDING)]
-    nodes = NODES | steps
-    assert len(walls(way, nodes=nodes, min_tolerance=0.0, relative_tolerance=0.0)) == 103
-    assert len(walls(way, nodes=nodes, relative_tolerance=0.0)) == 4
-    assert len(walls(way, nodes=nodes, min_tolerance=0.0)) == 4
-    exact = shapely.Polygon(xy_of(1, *steps, 2, 3, 4, nodes=nodes))
-    for face in walls(way, nodes=nodes, relative_tolerance=0.0):
-        assert exact.exterior.hausdorff_distance(shapely.Polygon(xy_of(1, 2, 3, 4)).exterior) < 0.5
-        assert exact.exterior.distance(shapely.Point(face["br"])) < 0.01
 
 
 def test_a_footprint_is_simplified_by_half_a_metre_however_long_it_is(walls):
@@ -393,23 +296,6 @@ def test_simplified_walls_cross_no_street_that_exact_walls_do_not(corners, stree
     assert not [street for street in streets if lines[1].crosses(street) and not lines[0].crosses(street)]
     if not lines[0].is_empty:
         assert lines[0].hausdorff_distance(lines[1]) <= tolerance + 1e-6
-
-
-def test_parts_of_a_building_stand_in_its_place(walls):
-    """The western half of the block is a tower, the eastern half is built over an arcade."""
-    nodes = NODES | {31: (LAT, LON + 1e-3), 32: (LAT + 1e-3, LON + 1e-3)}
-    block = (BLOCK, {"building": "apartments", "building:levels": "5"})
-    west = ([1, 31, 32, 4, 1], {"building:part": "yes", "height": "40"})
-    faces = walls([block, west], nodes=nodes)
-    for height, ring in ((40.0, [1, 31, 32, 4, 1]), (15.0, [31, 2, 3, 32, 31])):
-        lines = [[face["br"][:2], face["bl"][:2]] for face in faces if face["tr"][2] == height]
-        assert len(lines) == 4
-        assert shapely.MultiLineString(lines).hausdorff_distance(shapely.LineString(xy_of(*ring, nodes=nodes))) < 0.2
-    assert sorted(face["tr"][2] for face in faces) == [15.0] * 4 + [40.0] * 4
-    assert {face["type"] for face in faces} == {2}
-    east = ([31, 2, 3, 32, 31], {"building:part": "yes", "min_height": "3"})
-    both = walls([block, west, east], nodes=nodes)
-    assert sorted((face["br"][2], face["tr"][2]) for face in both) == [(0.0, 40.0)] * 4 + [(3.0, 15.0)] * 4
 
 
 def test_a_part_belongs_to_the_smallest_building_around_it_or_to_none(walls):

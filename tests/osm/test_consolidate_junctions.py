@@ -255,19 +255,3 @@ def test_the_end_of_a_bridge_is_on_the_ground():
     street = {"highway": "residential"}
     merged = consolidate(replace(net, tags=[{**street, "bridge": "yes", "layer": "1"}, *[street] * 5]), 5.0)
     assert len(merged.xy) == 6
-
-
-@pytest.mark.parametrize("tolerance", [0.5, 2.0, 10.0, 50.0])
-def test_a_bridge_that_short_stairs_join_to_the_street_below_stays_apart(make_map, tolerance):
-    """The street runs under the bridge; 11 m of stairs lead up."""
-    nodes = {1: (60.17, 24.939), 2: (60.17, 24.940), 3: (60.17, 24.941)}
-    nodes |= {4: (60.1691, 24.9401), 5: (60.1701, 24.9400), 6: (60.1709, 24.9399)}
-    path = make_map(
-        nodes,
-        ([1, 2, 3], {"highway": "residential"}),
-        ([4, 5, 6], {"highway": "residential", "bridge": "yes", "layer": "1"}),
-        ([2, 5], {"highway": "steps"}),
-    )
-    graph = gamms.osm.graph_from_file(path, 1e6, osm_type="walk", tolerance=tolerance)
-    assert graph.number_of_nodes() == 6
-    assert {data["highway"] for *_, data in graph.edges(data=True)} == {"residential", "steps"}

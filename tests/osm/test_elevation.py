@@ -6,12 +6,9 @@ import networkx as nx
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
 
 import gamms
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.ir.projection import WGS84, project
 from gamms.osm import Elevation, add_elevation, graph_from_file, modes
 from gamms.osm.networkx_bridge import walking_factor
 
@@ -32,33 +29,6 @@ def heights(tmp_path):
         return path
 
     return heights
-
-
-def plain_bilinear(posts, lon, lat):
-    """The reference: in the file's own order, one place at a time."""
-    side = len(posts) - 1
-    x, y = lon * side, (1.0 - lat) * side  # from the north-western post
-    column, row = min(int(x), side - 1), min(int(y), side - 1)
-    fx, fy = x - column, y - row
-    upper = posts[row][column] * (1.0 - fx) + posts[row][column + 1] * fx
-    lower = posts[row + 1][column] * (1.0 - fx) + posts[row + 1][column + 1] * fx
-    return upper * (1.0 - fy) + lower * fy
-
-
-def test_heights_lie_bilinearly_between_posts(tmp_path):
-    rng = np.random.default_rng(5)
-    posts = rng.integers(-50, 4000, (POSTS, POSTS)).astype(">i2")
-    posts.tofile(tmp_path / "S01W001.hgt")
-    elevation, plain = Elevation(tmp_path), posts.astype(float).tolist()
-
-    @given(st.floats(0.0, 0.9999), st.floats(0.0, 0.9999))
-    def check(lon, lat):
-        (found,) = elevation.heights(np.array([[lon - 1.0, lat - 1.0]]))
-        assert found == pytest.approx(plain_bilinear(plain, lon - 1.0 + 1.0, lat - 1.0 + 1.0), abs=1e-6)
-
-    check()
-    corners = elevation.heights(np.array([(-1.0, -1.0), (-0.5, -0.5), (-1e-12, -1e-12)]))
-    assert corners.tolist() == pytest.approx([posts[-1, 0], posts[600, 600], posts[0, -1]], abs=1e-3)
 
 
 def test_both_sizes_are_read_and_a_folder_has_many_files(heights, tmp_path):
@@ -168,32 +138,6 @@ def test_what_is_not_there_is_named(heights, tmp_path):
 
 
 # -- roads ------------------------------------------------------------------------------------------------------
-
-
-def test_nodes_have_heights_and_edges_grades(make_map, heights):
-    path = make_map(NODES, ([2, 1, 3], {"highway": "residential"}))
-    graph = graph_from_file(path, resolution=100.0, osm_type="walk", elevation=heights(lambda column, row: row))
-    for node, data in graph.nodes(data=True):
-        ((_, lat),) = project(np.array([[data["x"], data["y"]]]), graph.graph["crs"], WGS84)
-        assert data["z"] == pytest.approx((lat - 60.0) * 1200, abs=2e-3), node
-    for u, v, data in graph.edges(data=True):
-        rise = graph.nodes[v]["z"] - graph.nodes[u]["z"]
-        assert data["grade"] == pytest.approx(rise / data["length"])
-        assert graph.edges[v, u]["grade"] == pytest.approx(-data["grade"])
-    steepest = max(data["grade"] for *_, data in graph.edges(data=True))
-    assert steepest == pytest.approx(1200 / 111_400, rel=0.01)  # 1200 posts, one metre each, in a degree
-
-
-def test_walkers_take_longer_uphill_by_toblers_function(make_map, heights):
-    path, hill = make_map(NODES, ([1, 3], {"highway": "residential"})), heights(lambda column, row: 30 * (row - 200))
-    flat, steep = (graph_from_file(path, osm_type="walk", elevation=one) for one in (None, hill))
-    for (u, v, level), (_, _, data) in zip(flat.edges(data=True), steep.edges(data=True), strict=True):
-        wanted = math.exp(-3.5 * 0.05) / math.exp(-3.5 * abs(data["grade"] + 0.05))
-        assert data["travel_time"] / level["travel_time"] == pytest.approx(wanted), (u, v)
-    up, down = (nx.path_weight(steep, path, "travel_time") for path in (range(len(steep)), range(len(steep))[::-1]))
-    assert up > 2.4 * nx.path_weight(flat, range(len(flat)), "travel_time")
-    assert down < up
-    assert not any("grade" in data or "z" in data for *_, data in flat.edges(data=True))
 
 
 def test_slopes_slow_only_walkers_and_not_on_stairs(make_map, heights):

@@ -32,36 +32,6 @@ def street_of(make_map, cross, tags):
     return make_map(cross, ([1, 2], {**ROAD, "name": "first"}), ([2, 3], {**tags, "name": "second"}))
 
 
-@pytest.mark.parametrize(
-    ("tags", "open_to"),
-    [
-        ({"highway": "residential"}, "WALK BIKE DRIVE"),
-        ({"highway": "motorway"}, "DRIVE"),
-        ({"highway": "motorway_link"}, "DRIVE"),
-        ({"highway": "footway"}, "WALK"),
-        ({"highway": "steps"}, "WALK"),
-        ({"highway": "pedestrian"}, "WALK BIKE"),
-        ({"highway": "cycleway"}, "BIKE"),
-        ({"highway": "path"}, "WALK BIKE"),
-        ({"highway": "track"}, "WALK BIKE"),
-        ({"highway": "service"}, "WALK BIKE"),
-        ({"highway": "service", "service": "driveway"}, "WALK BIKE"),
-        ({"highway": "residential", "access": "private"}, ""),
-        ({"highway": "residential", "access": "no"}, ""),
-        ({"highway": "residential", "foot": "no"}, "BIKE DRIVE"),
-        ({"highway": "residential", "bicycle": "no"}, "WALK DRIVE"),
-        ({"highway": "residential", "motor_vehicle": "no"}, "WALK BIKE"),
-        ({"highway": "residential", "motorcar": "no"}, "WALK BIKE"),
-        ({"highway": "construction"}, ""),
-        ({"highway": "pedestrian", "area": "yes"}, "WALK BIKE"),
-    ],
-)
-def test_roads_are_open_to_some_and_closed_to_others(make_map, cross, tags, open_to):
-    path = street_of(make_map, cross, tags)
-    found = [kind.name for kind in OSMType if "second" in names(graph_from_file(path, osm_type=kind, strong=False))]
-    assert found == open_to.split()
-
-
 def test_without_a_way_of_moving_all_roads_are_taken(make_map, cross):
     assert names(graph_from_file(street_of(make_map, cross, {"highway": "steps", "access": "private"}))) == {
         "first",

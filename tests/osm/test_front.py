@@ -87,19 +87,6 @@ def test_progress_shows_on_a_terminal_after_a_while(monkeypatch):
     assert terminal.getvalue().endswith("\r\x1b[K")
 
 
-def test_progress_is_silent_elsewhere_and_when_it_is_fast(monkeypatch):
-    monkeypatch.setattr(sys, "stderr", pipe := io.StringIO())
-    with progress(0.0) as show:
-        show("anything")
-    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
-    with progress() as show:
-        show("anything")
-    monkeypatch.setattr(sys, "stderr", None)
-    with progress(0.0) as show:
-        show("anything")
-    assert pipe.getvalue() == terminal.getvalue() == ""
-
-
 def test_the_shipped_map_goes_into_an_empty_context_only():
     with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
         streets = gamms.osm.helsinki(ctx, resolution=50.0)

@@ -96,40 +96,6 @@ def test_properties_never_replace_what_is_ours(write):
     assert "geometry" not in data
 
 
-@pytest.mark.parametrize(
-    ("properties", "id", "osmid"),
-    [
-        ({"osmid": 5}, None, 5),
-        ({"@id": "way/77"}, None, 77),
-        ({}, "way/8", 8),
-        ({}, 9, 9),
-        ({}, "a", 1),
-        ({}, None, 1),
-        ({"osmid": [1, 2]}, None, 1),
-    ],
-)
-def test_the_id_of_a_way_is_found_where_it_usually_is(write, properties, id, osmid):
-    assert load(write({**line(A, B, **properties), "id": id})).edges[0, 1]["osmid"] == osmid
-
-
-@pytest.mark.parametrize(
-    ("properties", "expected"),
-    [
-        ({}, [(0, 1), (1, 0)]),
-        ({"oneway": "no"}, [(0, 1), (1, 0)]),
-        ({"oneway": False}, [(0, 1), (1, 0)]),
-        ({"oneway": ["yes"]}, [(0, 1), (1, 0)]),
-        ({"oneway": True}, [(0, 1)]),
-        ({"oneway": "yes"}, [(0, 1)]),
-        ({"junction": "roundabout"}, [(0, 1)]),
-    ],
-)
-def test_one_way_streets_are_honoured_on_request(write, properties, expected):
-    path = write(line(A, B, **properties))
-    assert list(load(path, bidirectional=False).edges) == expected
-    assert load(path).number_of_edges() == 2
-
-
 def test_a_street_against_its_drawing_is_turned(write):
     graph = load(write(line(A, B, oneway="-1")), bidirectional=False)
     assert graph.nodes[0]["x"] > graph.nodes[1]["x"]

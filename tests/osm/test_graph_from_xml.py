@@ -108,33 +108,6 @@ def test_a_map_may_straddle_the_date_line(make_map):
     assert total_length(graph) == pytest.approx(2 * haversine((10.0, 0.0), (10.0, 0.0006)), rel=0.006)
 
 
-def test_tags_are_kept_as_they_are(make_map, cross):
-    tags = {
-        "highway": "primary",
-        "name": 'Esplanadi "Ä"',
-        "lanes": "2",
-        "maxspeed": "30",
-        "oneway": "yes",
-        "foo": "x",
-    }
-    _, _, data = next(iter(graph_from_xml(make_map(cross, ([1, 2], tags))).edges(data=True)))
-    assert set(data) == {
-        "id",
-        "linestring",
-        "length",
-        "osmid",
-        "highway",
-        "name",
-        "lanes",
-        "maxspeed",
-        "oneway",
-        "speed_kph",
-        "travel_time",
-    }
-    assert (data["osmid"], data["highway"], data["name"]) == (100, "primary", 'Esplanadi "Ä"')
-    assert (data["lanes"], data["maxspeed"], data["oneway"]) == ("2", "30", True)
-
-
 @pytest.mark.parametrize("oneway", ["yes", "true", "1"])
 def test_one_way_streets_lead_forward_only(make_map, cross, oneway):
     path = make_map(cross, ([1, 2, 3], {**ROAD, "oneway": oneway}))

@@ -25,96 +25,6 @@ def street(**tags):
     return {"highway": "residential"} | {name.replace("__", ":"): value for name, value in tags.items()}
 
 
-@pytest.mark.parametrize(
-    ("tags", "open_to"),
-    [
-        ({"highway": "residential"}, NAMES),
-        ({"highway": "motorway"}, ["drive", "drive_service"]),
-        ({"highway": "trunk"}, ["walk", "bike", "drive", "drive_service"]),
-        ({"highway": "trunk", "motorroad": "yes"}, ["drive", "drive_service"]),
-        ({"highway": "trunk", "motorroad": "yes", "foot": "yes"}, ["walk", "drive", "drive_service"]),
-        ({"highway": "service"}, ["walk", "robot", "bike", "drive_service"]),
-        ({"highway": "service", "service": "alley"}, ["walk", "robot", "bike", "drive_service"]),
-        ({"highway": "service", "service": "parking_aisle"}, ["walk", "robot", "bike"]),
-        ({"highway": "footway"}, ["walk", "robot"]),
-        ({"highway": "footway", "bicycle": "designated"}, ["walk", "robot", "bike"]),
-        ({"highway": "steps"}, ["walk"]),
-        ({"highway": "steps", "bicycle": "yes"}, ["walk"]),
-        ({"highway": "platform"}, ["walk", "robot"]),
-        ({"highway": "cycleway"}, ["bike"]),
-        ({"highway": "cycleway", "foot": "yes"}, ["walk", "robot", "bike"]),
-        ({"highway": "cycleway", "access": "yes"}, ["bike"]),
-        ({"highway": "track"}, ["walk", "bike"]),
-        ({"highway": "track", "motor_vehicle": "permissive"}, ["walk", "bike", "drive", "drive_service"]),
-        ({"highway": "busway"}, []),
-        # access keys: the more specific one wins
-        (street(access="no"), []),
-        (street(access="private"), []),
-        (street(access="private", foot="yes"), ["walk", "robot"]),
-        (street(access="no", motorcar="yes"), ["drive", "drive_service"]),
-        (street(access="destination"), NAMES),
-        (street(vehicle="no"), ["walk", "robot"]),
-        (street(vehicle="no", bicycle="yes"), ["walk", "robot", "bike"]),
-        (street(motor_vehicle="no"), ["walk", "robot", "bike"]),
-        (street(motor_vehicle="no", motorcar="yes"), NAMES),
-        (street(motor_vehicle="private"), ["walk", "robot", "bike"]),
-        (street(motorcar="no"), ["walk", "robot", "bike"]),
-        (street(bicycle="no"), ["walk", "robot", "drive", "drive_service"]),
-        (street(bicycle="use_sidepath"), ["walk", "robot", "drive", "drive_service"]),
-        (street(bicycle="dismount"), ["walk", "robot", "drive", "drive_service"]),
-        (street(foot="no"), ["bike", "drive", "drive_service"]),
-        (street(foot="use_sidepath"), ["bike", "drive", "drive_service"]),
-        (street(foot="unknown", access="no"), []),
-        (street(sidewalk="separate"), ["bike", "drive", "drive_service"]),
-        (street(sidewalk__both="separate"), ["bike", "drive", "drive_service"]),
-        (street(sidewalk="separate", foot="yes"), NAMES),
-        (street(sidewalk="both"), NAMES),
-        # what is no way any more, or not yet
-        (street(disused="yes"), []),
-        (street(abandoned="yes", foot="yes"), []),
-        (street(construction="yes"), []),
-        (street(construction="minor"), NAMES),
-        (street(area="yes"), ["walk", "robot", "bike"]),
-        ({"highway": "pedestrian", "area": "yes"}, ["walk", "robot", "bike"]),
-        ({"highway": "platform", "area": "yes"}, ["walk", "robot"]),
-        ({"highway": "construction", "construction": "primary"}, []),
-        ({"highway": "proposed"}, []),
-        ({"highway": "disused"}, []),
-        ({"highway": "demolished"}, []),
-        ({"highway": "ladder"}, []),
-        ({"highway": "crossing"}, []),
-        (street(demolished="yes", foot="yes"), []),
-        (street(razed="yes"), []),
-        ({"highway": "steps", "conveying": "yes", "disused": "yes"}, []),
-        ({"highway": "raceway"}, []),
-        ({"highway": "bus_stop"}, []),
-        ({"highway": "via_ferrata"}, []),
-        ({}, []),
-        # wheels
-        (street(smoothness="impassable"), ["walk"]),
-        ({"highway": "footway", "wheelchair": "no"}, ["walk"]),
-    ],
-)
-def test_ways_are_open_to_some_modes_and_closed_to_others(tags, open_to):
-    assert [name for name in NAMES if modes()[name](tags) is not None] == open_to
-    assert [name for name in NAMES if not modes()[name].why_closed(tags)] == open_to
-
-
-@pytest.mark.parametrize(
-    ("mode", "tags", "tag"),
-    [
-        ("drive", {"highway": "footway"}, "highway=footway"),
-        ("walk", street(access="private"), "access=private"),
-        ("bike", street(bicycle="use_sidepath"), "bicycle=use_sidepath"),
-        ("walk", {"highway": "trunk", "motorroad": "yes"}, "motorroad=yes"),
-        ("walk", street(disused="yes", foot="no"), "disused=yes"),
-        ("drive", street(area="yes"), "area=yes"),
-    ],
-)
-def test_a_mode_names_the_tag_that_closes_a_way(mode, tags, tag):
-    assert modes()[mode].why_closed(tags) == tag
-
-
 BOTH, ALONG, AGAINST = (True, True), (True, False), (False, True)
 
 
@@ -205,32 +115,6 @@ def test_without_a_mode_the_speed_is_that_of_cars(make_map, cross):
         assert {data["speed_kph"] for *_, data in graph.edges(data=True)} == {50.0}
 
 
-@pytest.mark.parametrize(
-    ("tags", "open_to"),
-    [
-        ({"barrier": "bollard"}, ["walk", "robot", "bike"]),
-        ({"barrier": "block"}, ["walk", "robot", "bike"]),
-        ({"barrier": "bollard", "motor_vehicle": "yes"}, NAMES),
-        ({"barrier": "bollard", "access": "yes"}, ["walk", "robot", "bike"]),
-        ({"barrier": "cycle_barrier"}, ["walk", "robot", "bike"]),
-        ({"barrier": "cycle_barrier", "bicycle": "no"}, ["walk", "robot"]),
-        ({"barrier": "stile"}, ["walk"]),
-        ({"barrier": "kissing_gate"}, ["walk"]),
-        ({"barrier": "gate"}, NAMES),
-        ({"barrier": "gate", "access": "private"}, []),
-        ({"barrier": "gate", "access": "no", "foot": "yes"}, ["walk", "robot"]),
-        ({"barrier": "lift_gate", "motor_vehicle": "private"}, ["walk", "robot", "bike"]),
-        ({"barrier": "wall"}, []),
-        ({"barrier": "toll_booth"}, NAMES),
-        ({"barrier": "kerb"}, NAMES),
-        ({"highway": "crossing", "bicycle": "no"}, NAMES),
-        ({}, NAMES),
-    ],
-)
-def test_barriers_stop_some_modes_and_let_others_pass(tags, open_to):
-    assert [name for name in NAMES if not modes()[name].is_stopped_by(tags)] == open_to
-
-
 def with_node_tags(path, id, **tags):
     inside = "".join(f'<tag k="{key}" v="{value}"/>' for key, value in tags.items())
     text = path.read_text()
@@ -273,19 +157,6 @@ def test_a_mode_of_ones_own_has_barriers_of_its_own(tmp_path):
 # -- one's own modes ----------------------------------------------------------------------------------------------
 
 
-def test_a_function_is_a_mode(make_map, cross):
-    def quiet(tags):
-        return Access(20.0, backward=tags.get("lanes") != "1") if tags.get("maxspeed") == "30" else None
-
-    path = make_map(
-        cross, ([1, 2], street(maxspeed="30", lanes="1")), ([2, 4, 1], street(maxspeed="30")), ([2, 3], street())
-    )
-    graph = graph_from_file(path, NO_CUT, osm_type=quiet)
-    assert (graph.number_of_nodes(), graph.number_of_edges()) == (3, 5)
-    assert (graph.graph["mode"], graph.graph["osm_type"]) == ("quiet", "QUIET")
-    assert {data["speed_kph"] for *_, data in graph.edges(data=True)} == {20.0}
-
-
 def test_a_changed_mode_is_a_mode(make_map, cross):
     walk = modes()["walk"]
     runner = replace(walk, name="runner", highways=dict.fromkeys(walk.highways, 12.0))
@@ -325,19 +196,6 @@ def test_a_function_that_closes_both_directions_closes_the_way(make_map, cross):
             return Access(5.0, forward=False, backward=False)
 
         graph_from_file(make_map(cross, ([1, 2], street())), osm_type=shut)
-
-
-def test_a_file_has_modes_of_ones_own(tmp_path, make_map, cross):
-    mine = tmp_path / "mine.toml"
-    mine.write_text('[cart]\nextends = "drive"\nhighways = { residential = 20, footway = 6 }\nmaxspeed = "limit"\n')
-    cart = modes(mine)["cart"]
-    assert [*modes(mine)] == ["cart"]
-    assert cart.name == "cart"
-    assert cart.access == modes()["drive"].access
-    assert cart({"highway": "footway"}) == Access(6.0)
-    assert cart({"highway": "primary"}) is None
-    graph = graph_from_file(make_map(cross, ([1, 2], street(maxspeed="50"))), NO_CUT, osm_type=cart)
-    assert graph.edges[0, 1]["speed_kph"] == 20.0
 
 
 @pytest.mark.parametrize(

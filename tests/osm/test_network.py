@@ -1,7 +1,6 @@
 """Operations on whole networks: components, simplification, directions."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,23 +59,6 @@ def test_a_chain_becomes_one_road_with_the_same_length():
     assert simple.lengths.tolist() == [15]
     assert simple.points.tolist() == [[0, 0], [3, 4], [6, 0], [6, 5]]
     assert simple.xy.tolist() == [[0, 0], [6, 5]]
-
-
-def test_junctions_other_tags_and_other_directions_end_a_road():
-    tags = [
-        {"osmid": 1, "name": "A"},
-        {"osmid": 2, "name": "A"},
-        {"osmid": 3, "name": "B"},
-        {"osmid": 4, "name": "B"},
-    ]
-    row = network([(i, 0) for i in range(5)], [(0, 1), (1, 2), (2, 3), (4, 3)], tags)
-    assert simplify(row).lengths.tolist() == [2, 1, 1]
-    joined = simplify(row)
-    assert [joined.tags[way]["osmid"] for way in joined.ways] == [[1, 2], 3, 4]
-    mixed = replace(row, two_way=np.array([True, False, False, True]))
-    assert len(simplify(mixed).sources) == 4
-    star = both_ways(network([(0, 0), (1, 0), (2, 0), (1, 1)], [(0, 1), (1, 2), (1, 3)]))
-    assert len(simplify(star).sources) == 3
 
 
 def test_one_way_roads_keep_their_direction():

@@ -2,7 +2,6 @@
 
 import json
 import math
-from itertools import pairwise
 from pathlib import Path
 
 import networkx as nx
@@ -10,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapely import LineString, Point, unary_union
+from shapely import LineString, Point
 from typer.testing import CliRunner
 
 import gamms
@@ -46,57 +45,6 @@ def town(make_map):
         ([200, 204], ROAD),
         ([300, 301], ROAD),
     )
-
-
-def once(graph):
-    """Each road once: of an edge and its mirror image only the first."""
-    seen = set()
-    for u, v, data in graph.edges(data=True):
-        if (v, u, data["length"]) not in seen:
-            seen.add((u, v, data["length"]))
-            yield u, v, data
-
-
-def places_on(line):
-    """The vertices of a line, the middles of its straight pieces, and on long ones a place every 25 m at least."""
-    for here, there in pairwise(line.coords):
-        parts = max(math.ceil(math.dist(here, there) / 25.0), 2)
-        piece = LineString([here, there])
-        yield from (piece.interpolate(k / parts, normalized=True) for k in range(parts + 1))
-
-
-@pytest.mark.parametrize("tolerance", [0.0, 4.0])
-@pytest.mark.parametrize("resolution", [7.0, 10.0, 60.0])
-@pytest.mark.parametrize("wishes", [{}, {"retain_all": True}, {"simplify": False}, {"bidirectional": False}])
-def test_the_report_says_what_a_slow_look_says(town, tolerance, resolution, wishes):
-    graph = graph_from_file(town, resolution, tolerance=tolerance, **wishes)
-    found = report(graph, town)
-    source = graph_from_xml(town, 1e9, retain_all=wishes.get("retain_all", False), tolerance=0.0)
-    roads = list(once(graph))
-    before = sum(data["length"] for *_, data in once(source))
-    after = sum(data["length"] for *_, data in roads)
-    assert (found.nodes, found.edges) == (graph.number_of_nodes(), graph.number_of_edges())
-    assert found.length_before == pytest.approx(before)
-    assert found.length_after == pytest.approx(after)
-    assert found.length_merged == pytest.approx(before - after, abs=1e-6)
-    network = unary_union([data["linestring"] for *_, data in roads])
-    away = [network.distance(Point(data["x"], data["y"])) for _, data in source.nodes(data=True)]
-    assert found.deviation_max == pytest.approx(max(away), abs=1e-6)
-    assert found.deviation_mean == pytest.approx(sum(away) / len(away), abs=1e-6)
-    roads_before = unary_union([data["linestring"] for *_, data in once(source)])
-    assert found.surplus_max == pytest.approx(
-        max(roads_before.distance(place) for *_, data in roads for place in places_on(data["linestring"])), abs=1e-6
-    )
-    simple = nx.MultiGraph([(u, v) for u, v, _ in roads])
-    assert found.components == nx.number_connected_components(simple)
-    assert found.dead_ends == sum(degree == 1 for _, degree in simple.degree)
-    one_way = sum(data["length"] for *_, data in roads if data["oneway"])
-    assert found.one_way_share == pytest.approx(one_way / after)
-    shares = [data["length"] / resolution for *_, data in graph.edges(data=True)]
-    assert sum(found.spacing.values()) == len(shares)
-    assert found.spacing["0.75-1"] == sum(0.75 <= share < 1.0 for share in shares)
-    assert found.pieces + found.roads_uncut == len(roads)
-    assert found.is_faithful, str(found)
 
 
 def test_nothing_deviates_where_nothing_was_merged(town):
@@ -161,28 +109,6 @@ def test_a_missing_street_and_a_moved_one_are_found(town):
     assert found.components > 1
 
 
-def reversed_one_ways(graph):
-    """The graph with all its edges turned round; what has both directions stays as it is."""
-    turned = graph.reverse(copy=True)
-    for *_, data in turned.edges(data=True):
-        data["linestring"] = data["linestring"].reverse()
-    return turned
-
-
-@pytest.mark.parametrize("resolution", [5.0, 10.0, 1e6])
-@pytest.mark.parametrize("tolerance", [0.0, 4.0])
-def test_reversed_one_way_streets_are_found(town, resolution, tolerance):
-    graph = graph_from_file(town, resolution, osm_type="drive", tolerance=tolerance, strong=False)
-    assert report(graph, town).is_faithful
-    found = report(reversed_one_ways(graph), town)
-    one_way = sum(data["length"] for u, v, data in graph.edges(data=True) if (v, u) not in graph.edges)
-    assert one_way > 800.0
-    assert found.against_traffic == pytest.approx(one_way)
-    assert not found.directions_kept
-    assert not found.is_faithful
-    assert "NO" in dict(found.rows())["directions"]
-
-
 def test_a_two_way_street_with_one_direction_is_found(town):
     graph = graph_from_file(town, 10.0, osm_type="drive", tolerance=0.0, strong=False)
     lost = [(u, v) for u, v, name in graph.edges(data="name") if name == "Wave" and u < v]
@@ -216,27 +142,6 @@ def test_an_edge_of_a_metre_between_far_nodes_is_found(town, tolerance, is_drawn
     assert not found.on_map_kept
     assert found.wrong_joints == 2
     assert not found.is_faithful
-
-
-def test_a_crossing_that_is_none_is_found(make_map, cross):
-    """Two streets cross on the map without a common node, such as at a bridge; their middles become one node."""
-    cross |= {5: (60.1695, 24.941)}
-    path = make_map(cross, ([1, 3], ROAD), ([5, 4], ROAD))
-    graph = graph_from_file(path, 27.8, retain_all=True, tolerance=0.0)
-    assert report(graph, path).is_faithful
-    middle = [node for node in graph if math.dist(place_of(graph, node), centre_of(graph)) < 0.5]
-    assert len(middle) == 2
-    joined = nx.contracted_nodes(graph, *middle, store_contraction_as=None)
-    found = report(joined, path)
-    assert (found.wrong_joints, found.is_faithful) == (1, False)
-
-
-def place_of(graph, node):
-    return graph.nodes[node]["x"], graph.nodes[node]["y"]
-
-
-def centre_of(graph):
-    return tuple(sum(place_of(graph, node)[axis] for node in graph) / len(graph) for axis in (0, 1))
 
 
 def test_the_report_accounts_for_all_of_the_source(make_map, cross):
@@ -551,19 +456,3 @@ def test_the_command_ends_with_1_after_a_no(town, monkeypatch):
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 1
     assert json.loads(result.output)["is_faithful"] is False
-
-
-def test_a_road_to_another_junction_is_found_near_merged_ones(make_map):
-    """Its end lies on the map, and where junctions were merged."""
-    path = long_streets(make_map)
-    graph = graph_from_file(path, 10.0, osm_type="drive")
-    hubs = [node for node in graph if graph.out_degree(node) > 2]
-    hubs.sort(key=lambda node: place_of(graph, node))
-    beside = next(node for node in graph.successors(hubs[1]))
-    data = {**graph.edges[hubs[1], beside], "linestring": LineString([place_of(graph, hubs[1])] * 2)}
-    graph.remove_edges_from([(hubs[1], beside), (beside, hubs[1])])
-    for number, ends in enumerate([(hubs[2], beside), (beside, hubs[2])]):
-        graph.add_edge(*ends, **{**data, "id": 10**6 + number})
-    found = report(graph, path)
-    assert found.wrong_joints > 0
-    assert not found.is_faithful

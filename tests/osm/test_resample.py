@@ -127,18 +127,6 @@ def test_vertices_stay_inside_their_piece():
     assert points[:, 0].tolist() == [0, 4, 5, 5, 10]
 
 
-def test_all_but_the_first_of_parallel_pieces_get_a_node_in_the_middle():
-    pieces = resample(network([(0, 0), (8, 0)], [(0, 1), (0, 1), (0, 1)], lengths=[8, 9, 10]), 10.0)
-    assert pieces.lengths.tolist() == [8, 4.5, 4.5, 5, 5]
-    assert list(zip(pieces.sources.tolist(), pieces.targets.tolist(), strict=True)) == [
-        (0, 1),
-        (0, 2),
-        (2, 1),
-        (0, 3),
-        (3, 1),
-    ]
-
-
 def test_opposite_one_way_roads_are_not_parallel():
     assert len(resample(network([(0, 0), (8, 0)], [(0, 1), (1, 0)]), 10.0).sources) == 2
 

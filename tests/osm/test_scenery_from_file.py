@@ -67,37 +67,6 @@ def area(points):
 
 
 @pytest.mark.parametrize(
-    ("tags", "kind"),
-    [
-        ({"leisure": "park"}, SceneryKind.GREEN),
-        ({"landuse": "cemetery"}, SceneryKind.GREEN),
-        ({"natural": "wood"}, SceneryKind.GREEN),
-        ({"natural": "water"}, SceneryKind.WATER),
-        ({"waterway": "riverbank"}, SceneryKind.WATER),
-    ],
-)
-def test_areas_are_read(read, tags, kind):
-    _, scenery = read(streets().area(50, 50, 100, 40, **tags))
-    [shape] = shapes(scenery, kind)
-    assert area(shape) == pytest.approx(4000, rel=0.02)
-    assert len(scenery.kinds) == 1
-
-
-@pytest.mark.parametrize(
-    ("tags", "kind"),
-    [
-        ({"railway": "rail"}, SceneryKind.RAIL),
-        ({"railway": "tram"}, SceneryKind.TRAM),
-        ({"waterway": "stream"}, SceneryKind.WATERWAY),
-    ],
-)
-def test_lines_are_read(read, tags, kind):
-    _, scenery = read(streets().way((50, 50), (150, 50), (350, 200), **tags))
-    [shape] = shapes(scenery, kind)
-    assert len(shape) == 3
-
-
-@pytest.mark.parametrize(
     "tags",
     [
         {"railway": "subway", "tunnel": "yes"},
@@ -110,19 +79,6 @@ def test_lines_are_read(read, tags, kind):
 def test_what_lies_below_the_ground_or_is_of_no_kind_is_left_out(read, tags):
     _, scenery = read(streets().way((50, 50), (150, 50), **tags))
     assert len(scenery.kinds) == 0
-
-
-def test_a_hole_is_joined_by_a_seam(make_map):
-    city = streets().area(50, 50, 100, 100).area(80, 80, 40, 40)
-    file = make_map(city.nodes, *city.ways)
-    members = "".join(f'<member type="way" ref="{id}" role="{role}"/>' for id, role in ((101, "outer"), (102, "inner")))
-    tags = '<tag k="type" v="multipolygon"/><tag k="leisure" v="park"/>'
-    relation = f'<relation id="1">{members}{tags}</relation></osm>'
-    file.write_text(file.read_text().replace("</osm>", relation))
-    with gamms.create_context() as ctx:
-        ctx.graph.attach_networkx_graph(gamms.osm.graph_from_file(str(file)))
-        [shape] = shapes(gamms.osm.scenery_from_file(file, ctx), SceneryKind.GREEN)
-        assert area(shape) == pytest.approx(10_000 - 1_600, rel=0.02)
 
 
 def test_what_lies_far_away_is_cut_off(read):
@@ -157,18 +113,6 @@ def test_an_island_is_land(read):
 def test_a_coast_that_ends_inside_makes_no_sea(read):
     _, scenery = read(streets().way((-900, 150), (200, 150), natural="coastline"))
     assert not shapes(scenery, SceneryKind.WATER)
-
-
-def test_buildings_are_read_and_can_be_left_out(read):
-    city = streets().area(50, 50, 30, 20, building="yes", height="12")
-    ctx, scenery = read(city)
-    assert len(scenery.buildings.ids) == 4
-    assert set(scenery.buildings.corners[:, 0, 2].tolist()) == {12.0}
-    ctx.graph.graph.scenery = scenery
-    assert len(ctx.graph.obstacle_columns().ids) == 0
-    low, high = ctx.graph.columns().xy.min(axis=0), ctx.graph.columns().xy.max(axis=0)
-    assert ctx.graph.visible([*low, 1.0], [[*high, 1.0]]).all()
-    assert len(read(city, buildings=False)[1].buildings.ids) == 0
 
 
 def test_a_context_without_streets_is_named(make_map):

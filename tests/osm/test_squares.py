@@ -74,19 +74,6 @@ def test_corners_without_a_way_are_not_crossed_to(make_map):
     assert length_across(graph) == pytest.approx(100.0 * math.sqrt(2.0), rel=1e-3)
 
 
-def test_a_way_across_stays_in_the_square(make_map):
-    """Of an L only the short leg and the long one are seen from its inner corner, which no line cuts."""
-    nodes, ways = town([(0, 0), (100, 0), (100, 30), (30, 30), (30, 100), (0, 100)], arms=[1, 2, 3, 5, 6])
-    graph = graph_from_file(make_map(nodes, *ways), NO_CUT, osm_type="walk")
-    across = [data["linestring"] for u, v, data in graph.edges(data=True) if data.get(ACROSS) and u < v]
-    assert across
-    place = {name: (data["x"], data["y"]) for name, data in graph.nodes(data=True)}
-    east, north = min(x for x, _ in place.values()), min(y for _, y in place.values())
-    inside = [(x - east, y - north) for line in across for x, y in [line.interpolate(0.5, normalized=True).coords[0]]]
-    assert all(x < 55 or y < 55 for x, y in inside)
-    assert max(line.length for line in across) < 110.0
-
-
 def with_relation(path, members, tags):
     parts = "".join(f'<member type="way" ref="{way}" role="{role}"/>' for way, role in members)
     inside = "".join(f'<tag k="{key}" v="{value}"/>' for key, value in tags.items())

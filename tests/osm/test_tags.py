@@ -46,19 +46,6 @@ def test_edges_keep_the_tags_that_are_asked_for(town):
     assert not any("surface" in data for *_, data in graph_from_file(town()).edges(data=True))
 
 
-def test_nodes_have_their_number_and_crossings_and_signals(town):
-    graph = graph_from_file(town(), resolution=1e6)
-    assert {id: data.get("highway") for id, data in by_osmid(graph).items()} == {
-        1: None,
-        2: "traffic_signals",
-        3: None,
-        4: None,
-    }
-    cut = graph_from_file(town(), resolution=10.0)
-    assert len(by_osmid(cut)) == 4  # where a road was cut there is no node of the map
-    assert len(cut) > 10
-
-
 def test_a_node_with_a_tag_that_is_asked_for_stays_a_node(town):
     graph = graph_from_file(town(), resolution=1e6, tags=["highway"])
     assert by_osmid(graph)[5]["highway"] == "crossing"
@@ -160,26 +147,3 @@ def test_geojson_keeps_all_properties_and_its_nodes_have_no_numbers(tmp_path):
     graph = graph_from_geojson(path)
     assert graph.edges[0, 1]["surface"] == "gravel"
     assert not by_osmid(graph)
-
-
-def test_nodes_in_tunnels_have_the_number_of_their_tunnel(make_map):
-    """Two tunnels, of which one forks; a passage through a building, and a road with a negative layer."""
-    places = {100 + node: (60.17 + 0.001 * (node // 10), 24.94 + 0.001 * (node % 10)) for node in range(60)}
-    tunnel, road = {"highway": "footway", "tunnel": "yes"}, {"highway": "footway"}
-    ways = [
-        ([100, 101], road),
-        ([101, 102, 103], tunnel),
-        ([102, 112], {**tunnel, "layer": "-2"}),
-        ([103, 104], road),
-        ([104, 105], {"highway": "footway", "tunnel": "building_passage", "layer": "-1"}),
-        ([105, 106, 107], {"highway": "footway", "layer": "-1"}),
-        ([107, 108], road),
-    ]
-    graph = graph_from_file(make_map(places, *ways), resolution=20.0, tolerance=0.0)
-    of = {data["osmid"]: data.get("underground") for _, data in graph.nodes(data=True) if "osmid" in data}
-    assert (of[100], of[101], of[103], of[104], of[105], of[107], of[108]) == (None,) * 7
-    assert of[102] == of[112] is not None
-    inside = {data["underground"] for _, data in graph.nodes(data=True) if "underground" in data}
-    assert inside == {1, 2}
-    assert len([node for node, data in graph.nodes(data=True) if "underground" in data]) > 12
-    assert not any("underground" in data for _, data in graph_from_xml(make_map(places, *ways)).nodes(data=True))

@@ -307,18 +307,6 @@ def test_the_status_of_a_server_with_slots_is_asked_for(server, settings, monkey
     assert time.monotonic() - begin < 50.0
 
 
-def test_features_come_with_their_tags_as_text(server):
-    features = features_of_place(PLACE, {"building": True, "building:part": True})
-    assert len(features) > 50
-    assert {shape.geom_type for shape, _ in features} <= {"Polygon", "MultiPolygon"}
-    assert any(shape.interiors for shape, _ in features if shape.geom_type == "Polygon")
-    assert all(tags and all(type(text) is str for text in (*tags, *tags.values())) for _, tags in features)
-    assert all({"building", "building:part"} & tags.keys() for _, tags in features)
-    lon, lat = zip(*(shape.centroid.coords[0] for shape, _ in features), strict=True)
-    assert 24.93 < min(lon) < max(lon) < 24.96
-    assert 60.16 < min(lat) < max(lat) < 60.18
-
-
 @pytest.mark.parametrize(
     ("tags", "error"),
     [("building", TypeError), ({}, ValueError), ({"building": 7}, TypeError), ({7: True}, TypeError)],

@@ -29,19 +29,6 @@ def moves_of(ctx, turns):
     return moves
 
 
-def test_a_search_finds_what_a_script_does_not_see(line):
-    """Where bob flees, ann waits for nothing; where bob comes, she meets it."""
-
-    def come(state):
-        state["action"] = max(0, state["curr_pos"] - 1)
-
-    search = mcts(40, depth=4, opponents=come)
-    line.agent.get_agent("ann").register_strategy(search)
-    line.agent.get_agent("bob").register_strategy(come)
-    line.game.run(2)
-    assert line.game.scores["red"] == 1
-
-
 def test_rewards_that_come_later_count_less_and_a_value_stands_for_those_behind_the_end(line):
     line.game.remove("tag")
     line.agent.get_agent("bob").register_strategy(gamms.strategies.stay)
@@ -120,20 +107,6 @@ def test_agents_that_are_searched_in_batches_play_as_in_games(tag):
         assert [games.result(number) for number in range(2)] == alone
 
 
-def test_what_another_action_brings_is_compared_in_the_same_world(line):
-    """A noise of ten points, which is that of the world, does not hide what a step brings."""
-    line.game.remove("tag")
-    line.agent.get_agent("bob").register_strategy(gamms.strategies.stay)
-
-    def worth(model):
-        return model.ctx.agent.get_agent("ann").current_node_id + 10.0 * model.ctx.stream("noise").random()
-
-    search = mcts(6, depth=1, rollout="stay", opponents="stay", value=worth)
-    line.agent.get_agent("ann").register_strategy(search)
-    line.game.run(4)
-    assert line.agent.get_agent("ann").current_node_id == 4
-
-
 def test_of_actions_that_bring_as_much_the_one_that_was_tried_less_is_tried_next():
     trials = _PairedTrials(4)
     assert [trials.next() for action in (1, 2, 3) for _ in [trials.note(action, 1.0)]] == [2, 3, 1]
@@ -174,36 +147,6 @@ def test_what_was_never_tried_is_done_as_often():
     node = _TreeNode()
     node.offer(["a", "b", "c"])
     assert [node.draw_by_trials(chance) for chance in (0.1, 0.5, 0.9)] == [0, 1, 2]
-
-
-def test_agents_try_their_actions_one_after_another(tag):
-    """Whatever ann and amy do at once is worse than to stay, but one may go: they do not both."""
-
-    def worth(model):
-        gone = [model.ctx.agent.get_agent(name).current_node_id not in (0, 5) for name in ("ann", "amy")]
-        return (0.0, 1.0, -5.0)[sum(gone)]
-
-    search = mcts(24, depth=1, rollout="stay", opponents="stay", value=worth)
-    with tag.build(strategies={"blue": gamms.strategies.stay}) as ctx:
-        ctx.game.command("red", search)
-        ctx.game.step()
-        assert sum(ctx.agent.get_agent(name).current_node_id in (0, 5) for name in ("ann", "amy")) == 1
-
-
-def test_what_the_policy_remembers_when_it_is_asked_first_is_known_in_the_search(line):
-    """A policy draws in which direction it goes, once: the search goes on in the same direction."""
-    drawn = []
-
-    def stubborn(state):
-        way = state["memory"].setdefault("way", state["draw"].choice([-1, 1]))
-        drawn.append(way)
-        state["action"] = min(4, max(0, state["curr_pos"] + way))
-
-    line.agent.get_agent("ann").current_node_id = 2
-    line.agent.get_agent("ann").register_strategy(mcts(12, depth=3, rollout=stubborn, opponents="stay"))
-    line.game.step()
-    assert len(drawn) > 10
-    assert len(set(drawn)) == 1
 
 
 def test_opponents_that_search_make_no_action_certain():

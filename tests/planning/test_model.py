@@ -194,37 +194,6 @@ def test_what_an_agent_cannot_know_changes_nothing_in_its_model(tag, change):
 # -- what is drawn ---------------------------------------------------------------------------------------------------
 
 
-def test_enemies_out_of_sight_are_where_they_can_be_and_those_in_sight_where_they_are(tag):
-    def look(state):
-        model = Model(state)
-        known = gamms.belief.believed(model.ctx, state)
-        where = set()
-        for number in range(30):
-            model.sample(number)
-            where.add(model.ctx.agent.get_agent("cat").current_node_id)
-        return where, known.reachable("cat")
-
-    for where, can_be in play(tag, look):
-        assert where <= can_be
-        assert len(where) > 8
-    near = tag.replace(**{"teams.blue.agents.cat.node": 1})
-    assert play(near, look, 1)[0][0] == {1}
-
-
-def test_places_are_drawn_by_their_probability(tag):
-    def look(state):
-        model = Model(state, motion=gamms.belief.random_walk(stay=0.5))
-        chances = gamms.belief.believed(model.ctx, state).probability("cat", gamms.belief.random_walk(stay=0.5))
-        drawn = Counter()
-        for number in range(200):
-            model.sample(number)
-            drawn[model.ctx.agent.get_agent("cat").current_node_id] += 1
-        return sum(abs(drawn[node] / 200 - chance) for node, chance in chances.items()) / 2
-
-    near = tag.replace(**{"teams.blue.agents.cat.node": 1, "seed": 2})
-    assert max(play(near, look, 4)) < 0.3
-
-
 def test_teammates_are_near_where_they_were_last_known_to_be(tag):
     def look(state):
         model = Model(state)
@@ -260,22 +229,6 @@ def test_teammates_in_sight_that_tell_nothing_are_where_they_are(tag):
     assert all(found == seen for found, seen in play(tag.replace(**{"sensors.eyes.sensor_range": 99.0}), look))
 
 
-def test_a_function_sets_what_else_is_hidden(tag):
-    def sample(ctx, rng):
-        ctx.agent.get_agent("cat").speed = int(rng.integers(1, 4))
-
-    def look(state):
-        model = Model(state, sample=sample)
-        speeds = []
-        for number in (0, 1, 2, 3, 0):
-            model.sample(number)
-            speeds.append(model.ctx.agent.get_agent("cat").speed)
-        assert speeds[0] == speeds[-1]
-        return len(set(speeds))
-
-    assert play(tag, look, 1)[0] > 1
-
-
 def test_with_full_information_all_are_where_they_are(tag):
     def look(state):
         model = Model(state, information="full")
@@ -309,21 +262,6 @@ def test_policies_are_functions_factories_and_names_by_team(tag):
         return places
 
     assert play(tag, look, 1) == [[True] * 4]
-
-
-def test_a_policy_that_closes_over_the_game_is_of_the_model(line):
-    chase, found = gamms.strategies.chase(line), []
-
-    def look(state):
-        model = Model(state, rollout=chase, opponents="gamms.strategies:stay")
-        model.sample(0)
-        model.play(2)
-        found.append(model.ctx.agent.get_agent("ann").current_node_id)
-        state["action"] = 0
-
-    line.agent.get_agent("ann").register_strategy(look)
-    line.game.step()
-    assert found == [2]
 
 
 def test_a_model_draws_nothing_from_the_generators_of_the_process(line):

@@ -130,20 +130,6 @@ def test_an_end_that_does_not_fit_is_not_believed():
         assert "was not finished: its first 9 turns" in reader.warning
 
 
-def test_damage_in_the_middle_is_named_when_it_is_met():
-    game = walk(3, 8)
-    data = bytearray(written(game, turns=2))
-    whole = opened(bytes(data))
-    place = whole._chunks[2].at
-    data[place + blocks.HEAD_SIZE + 3] ^= 1
-    reader = opened(bytes(data))
-    assert [reader.log(turn) for turn in (0, 1, 2, 3, 6, 7)] == [game[turn] for turn in (0, 1, 2, 3, 6, 7)]
-    assert list(reader.events()) == []  # no event is in it, so it is not looked at
-    for call in (lambda: reader.log(4), reader.moves, reader.verify):
-        with pytest.raises(RecordingError, match=f"damaged at byte {place}: this block is damaged"):
-            call()
-
-
 # -- keys that were made to have one hash ---------------------------------------------------------------------------
 
 ONE, TWO, FIVE = 11400714785074694791, 14029467366897019727, 2870177450012600261  # primes of CPython's hash of tuples

@@ -33,18 +33,6 @@ def test_an_agent_may_be_put_on_a_node_that_is_removed_in_the_same_turn(ctx):
     assert copied(data) == data
 
 
-def test_a_node_may_come_and_go_in_one_turn(ctx):
-    def play(ctx):
-        ctx.agent.create_agent("a", start_node_id=0)
-        ctx.graph.graph.add_node({"id": 20, "x": 0.0, "y": 0.0})
-        ctx.agent.block.move(0, 20)
-        ctx.graph.graph.remove_node(20)
-        ctx.visual.simulate()
-
-    again, _ = replayed(recorded(play, ctx))
-    assert again.agent.get_agent("a").current_node_id == 20
-
-
 def test_a_map_may_vanish_below_its_agents(ctx):
     def play(ctx):
         ctx.agent.create_agent("a", start_node_id=3)
@@ -83,18 +71,6 @@ def test_an_opened_recording_knows_which_node_is_below_a_flyer_when_the_map_has_
 
     rec = gamms.recorder.open(io.BytesIO(recorded(play, ctx)))
     assert [rec[turn].agents["node"].tolist() for turn in (1, 2)] == [[4], [20]]
-
-
-def test_a_game_goes_on_with_agents_on_nodes_that_are_gone(ctx):
-    def play(ctx):
-        ctx.agent.create_agent("a", start_node_id=4)
-        ctx.agent.create_agent("kite", start_node_id=4, type=1, speed=1.0)
-        ctx.graph.graph.remove_node(4)
-        ctx.visual.simulate()
-
-    with gamms.recorder.open(io.BytesIO(recorded(play, ctx))) as rec, rec.resume(1) as again:
-        assert again.agent.get_agent("a").current_node_id == 4
-        assert again.agent.get_agent("kite").position == (10.0, 10.0, 0.0)
 
 
 # -- the law ------------------------------------------------------------------------------------------------------

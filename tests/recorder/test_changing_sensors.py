@@ -207,18 +207,3 @@ def test_a_game_that_changes_no_sensor_asks_for_none():
         ctx.game.run(2)
         assert asked == [1]
         ctx.record.stop()
-
-
-def test_a_sensor_that_a_program_takes_out_of_the_dict_is_gone_in_the_recording():
-    stream = io.BytesIO()
-    with grid() as ctx:
-        for name in ("a", "b"):
-            ctx.sensor.create_sensor(name, "NEIGHBOR")
-        ctx.record.start(stream)
-        ctx.game.step()
-        del ctx.sensor.sensors["a"]
-        ctx.game.step()
-        ctx.record.stop()
-    for turns, there in ((1, ["a", "b"]), (2, ["b"])):
-        with recorder.open(io.BytesIO(stream.getvalue())).resume(turns) as again:
-            assert list(again.sensor.sensors) == there

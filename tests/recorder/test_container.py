@@ -76,40 +76,12 @@ def test_arrays_and_events_say_what_the_logs_say(game, turns, data):
     assert repr(list(reader.events(start, stop, kinds))) == repr([event for event in events if event[2] in kinds])
 
 
-@pytest.mark.parametrize("has_events", [False, True])
-@pytest.mark.parametrize("most", [5, 2**62])
-def test_moves_of_many_agents_in_arrays_give_the_bytes_of_single_moves(most, has_events):
-    rng = np.random.default_rng(1)
-    some = [rng.permutation(9000), np.arange(3, 40)]
-    agents = [some[turn > 20] for turn in range(30)]
-    turns = [np.column_stack((numbers, rng.integers(-most, most, len(numbers)))) for numbers in agents]
-    event = [(codes.GAME_EVENT, {"name": "found"})] * has_events
-    arrays = [[(codes.MOVES, moves), *event] for moves in turns]
-    single = [[*moves.reshape(-1).tolist(), *event] for moves in turns]
-    assert written(arrays, turns=7) == written(single, turns=7)
-
-
 def test_the_header_is_read_as_it_was_given():
     header = opened(written([])).header
     assert list(header) == list(HEADER)
     assert header["seed"] == 7
     assert header["graph"]["ids"].tolist() == [0, 1, 2, 3, 4]
     assert header["graph"]["xy"].dtype == np.float64
-
-
-def test_the_last_keyframe_that_is_early_enough_is_found():
-    stream = io.BytesIO()
-    writer = Writer(stream, {})
-    for turn, log in enumerate(walk(3, 7)):
-        if turn in (2, 5):
-            writer.keyframe({"after": turn})
-        writer.add_turn(log)
-    writer.close()
-    reader = opened(stream.getvalue())
-    assert [reader.keyframe(turn) for turn in range(2)] == [None, None]
-    assert [reader.keyframe(turn)[0] for turn in range(2, 8)] == [2, 2, 2, 5, 5, 5]
-    assert reader.keyframe(7) == (5, {"after": 5})
-    assert logs_of(reader) == walk(3, 7)
 
 
 def test_turns_are_read_in_any_order_from_a_few_blocks_in_memory():
@@ -130,18 +102,6 @@ def test_a_path_is_opened_and_closed(tmp_path, collect):
     collect()  # a file left open would warn now
     with pytest.raises(FileNotFoundError):
         Reader(tmp_path / "none.ggr")
-
-
-def test_a_recording_begins_where_the_stream_stands():
-    stream = io.BytesIO(b"before")
-    stream.seek(6)
-    writer = Writer(stream, {}, turns=2, seconds=0)
-    for log in walk(2, 7):
-        writer.add_turn(log)
-    writer.close()
-    assert stream.getvalue() == b"before" + written(walk(2, 7), {}, turns=2)
-    stream.seek(6)
-    assert logs_of(Reader(stream)) == walk(2, 7)
 
 
 def test_turns_that_are_not_there_are_refused():

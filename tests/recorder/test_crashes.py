@@ -82,21 +82,6 @@ def test_at_every_byte_that_is_written_no_saved_turn_is_lost(turns):
     assert state == tape.getvalue()
 
 
-def test_turns_are_on_the_disk_a_second_after_the_last_time():
-    now = [0.0]
-    stream = io.BytesIO()
-    writer = Writer(stream, {}, clock=lambda: now[0])
-    on_disk = []
-    for log in walk(2, 6):
-        now[0] += 0.4
-        writer.add_turn(log)
-        on_disk.append(opened(stream.getvalue()).turns)
-    assert on_disk == [0, 0, 3, 3, 3, 6]
-    now[0] += 60
-    writer.add_turn([0, 1])
-    assert opened(stream.getvalue()).turns == 7
-
-
 @given(st.lists(st.booleans(), min_size=24, max_size=24), st.sampled_from([3, 7, 64]))
 @settings(max_examples=10)
 def test_flushing_saves_all_turns_and_leaves_the_finished_bytes_as_they_are(flushes, turns):

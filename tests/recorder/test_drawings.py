@@ -111,25 +111,6 @@ def test_a_film_of_a_replay_shows_them():
     assert any((frame == (5, 6, 7)).all(axis=-1).any() for frame in frames)
 
 
-def test_what_has_not_changed_is_written_once(ctx):
-    calls = []
-
-    def draw(ctx, data):
-        calls.append(ctx.game.turn)
-        ctx.visual.render_circle(1.0, 1.0, 1.0)
-
-    def play(ctx):
-        for _ in range(5):
-            ctx.game.step()
-
-    ctx.agent.create_agent("a", start_node_id=0)
-    ctx.visual.add_artist("mine", {"drawer": draw})
-    with gamms.recorder.open(io.BytesIO(recorded(play, ctx))) as rec:
-        assert "VISUAL_COMMANDS" not in rec.counts()
-        assert [one["artist"] for one in rec.header["drawings"]] == ["mine"]
-    assert calls == [0, 1, 2, 3, 4, 5]  # nothing moves
-
-
 def test_what_is_drawn_beside_an_agent_goes_with_it_in_a_film_of_the_replay():
     def place(ctx, share):
         commands = ctx.visual.artists.shown()["mine"]
@@ -199,25 +180,6 @@ def test_what_is_too_much_for_a_recording_is_left_out_with_a_warning(ctx, monkey
     ctx.visual.add_artist("mine", {"drawer": lambda ctx, _: ctx.visual.drawing.render_circles([(0, 0)] * 4, 1.0)})
     recorded(lambda ctx: [ctx.game.step() for _ in range(3)], ctx)
     assert said == ["Artist 'mine': A drawing of 4 points cannot be recorded; at most 3 points can."]
-
-
-def test_images_are_left_out_for_they_are_files(ctx, tmp_path):
-    from PIL import Image
-
-    Image.new("RGB", (2, 2)).save(tmp_path / "secret.png")
-
-    def draw(ctx, _):
-        ctx.visual.render_image(1, 1, str(tmp_path / "secret.png"), 2)
-        ctx.visual.render_text("seen", 1, 1)
-
-    ctx.visual.add_artist("mine", {"drawer": draw})
-    ctx.agent.create_agent("a", start_node_id=0)
-    data = recorded(lambda ctx: ctx.game.step(), ctx)
-    picture = replayed(data)[0].visual.picture(".svg")
-    assert b"seen" in picture
-    assert b"<image" not in picture
-    with gamms.recorder.open(io.BytesIO(data)) as rec:
-        assert "secret" not in repr(rec.header)
 
 
 def test_a_game_that_is_resumed_shows_them_until_its_next_turn():

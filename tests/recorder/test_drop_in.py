@@ -29,18 +29,6 @@ def a_game(ctx):
 # -- start ----------------------------------------------------------------------------------------------------------
 
 
-@VERSIONS
-@pytest.mark.parametrize(
-    ("given", "name"),
-    [("game", "game.ggr"), ("game.ggr", "game.ggr"), ("game.1", "game.1.ggr"), (".ggr", ".ggr"), ("ä b", "ä b.ggr")],
-)
-def test_a_path_gets_the_suffix_if_it_has_none(ctx, tmp_path, given, name, version):
-    ctx.record.start(str(tmp_path / given), version=version)
-    ctx.record.stop()
-    assert [file.name for file in tmp_path.iterdir()] == [name]
-    assert [record["opCode"] for record in empty_context().record.replay(str(tmp_path / name))] == [TERMINATE]
-
-
 def test_a_path_object_will_do(ctx, tmp_path):
     ctx.record.start(tmp_path / "game")
     ctx.record.stop()
@@ -103,19 +91,6 @@ def test_an_impossible_header_is_refused_before_a_file_is_made(ctx, tmp_path, op
     assert list(tmp_path.iterdir()) == []
 
 
-@VERSIONS
-def test_a_binary_file_is_written_where_it_stands_and_closed_by_stop(ctx, tmp_path, version):
-    with (tmp_path / "some.bin").open("wb") as file:
-        file.write(b"before")
-        ctx.record.start(file, version=version)
-        a_game(ctx)
-        ctx.record.stop()
-        assert file.closed
-    with (tmp_path / "some.bin").open("rb") as file:
-        assert file.read(6) == b"before"
-        assert sum(record["opCode"] == SIMULATE for record in empty_or_grid(version).record.replay(file)) == 3
-
-
 def empty_or_grid(version):
     """What a replay needs: version 3 brings its map."""
     return grid_context() if version == 2 else empty_context()
@@ -160,19 +135,6 @@ def test_one_recording_after_the_other(ctx, tmp_path, version):
     assert (tmp_path / "one.ggr").read_bytes() == (tmp_path / "two.ggr").read_bytes()
 
 
-def test_record_is_true_only_while_events_are_written(ctx, tmp_path):
-    record = ctx.record
-    seen = [record.record()]
-    for do in (lambda: record.start(tmp_path / "game"), record.pause, record.pause, record.play, record.play):
-        do()
-        seen.append(record.record())
-    record.stop()
-    seen.append(record.record())
-    record.start(tmp_path / "other")
-    ctx.terminate()
-    assert [*seen, record.record()] == [False, True, False, False, True, True, False, False]
-
-
 def test_pause_and_play_out_of_place_only_warn(ctx, heard, tmp_path):
     ctx.record.pause()
     ctx.record.play()
@@ -199,21 +161,6 @@ def test_nothing_is_written_while_paused(ctx, version):
     again, records = replayed(recorded(play, ctx, version=version), empty_or_grid(version))
     assert [one for one in records if one.get("data", {}).get("node_id") == 2 and one["opCode"] == 0x01100000] == []
     assert (again.agent.get_agent("anna").current_node_id, again.agent.get_agent("anna").prev_node_id) == (1, 2)
-
-
-def test_agents_that_a_reset_brings_back_are_replayed_in_their_order(ctx):
-    for name in ("anna", "ben", "carl"):
-        ctx.agent.create_agent(name, start_node_id=0, strategy=lambda state: state.update(action=0))
-
-    def play(ctx):
-        ctx.game.step()
-        ctx.agent.delete_agent("anna")
-        ctx.game.step()
-        ctx.game.reset()
-        ctx.game.step()
-
-    again, _ = replayed(recorded(play, ctx))
-    assert list(ctx.agent.agents) == list(again.agent.agents) == ["anna", "ben", "carl"]
 
 
 @VERSIONS
@@ -381,18 +328,6 @@ def test_the_end_is_yielded_and_does_not_end_the_context(empty):
     assert not empty.is_terminated()
 
 
-def test_a_recording_of_version_3_yields_the_records_of_version_2():
-    here, there = recorded(a_game), recorded(a_game, version=2)
-    records = replayed(here)[1]
-    assert records == replayed(there, grid_context())[1]
-    assert {type(record["opCode"]) for record in records} == {int}
-    assert [list(record) for record in records[:-1]] == [["timestamp", "opCode", "data"]] * (len(records) - 1)
-    assert records[0]["data"] == {
-        "name": "anna",
-        "kwargs": {"start_node_id": 0, "sensors": ["near"], "meta": {"team": 0}},
-    }
-
-
 def test_a_replay_can_be_watched(empty):
     turns = []
     empty.visual.after_turn.append(lambda: turns.append(empty.agent.get_agent("anna").current_node_id))
@@ -418,21 +353,6 @@ def test_a_sensor_that_is_not_there_is_left_out_of_a_replay(ctx):
 
 
 # -- the end --------------------------------------------------------------------------------------------------------
-
-
-@VERSIONS
-@pytest.mark.parametrize("is_paused", [False, True])
-def test_the_end_of_the_context_ends_the_recording(ctx, tmp_path, version, is_paused):
-    ctx.record.start(tmp_path / "game", version=version)
-    a_game(ctx)
-    if is_paused:
-        ctx.record.pause()
-    ctx.terminate()
-    assert not ctx.record.record()
-    assert not ctx.record.is_open
-    records = list(empty_or_grid(version).record.replay(tmp_path / "game"))
-    assert [record["opCode"] for record in records].count(SIMULATE) == 3
-    assert records[-1]["opCode"] == TERMINATE
 
 
 def test_after_the_end_everything_does_nothing(ctx, tmp_path, heard):

@@ -268,21 +268,6 @@ def test_every_field_of_a_game_is_recorded_or_is_known_not_to_be():
     }  # which snapshots hold
 
 
-def test_what_a_program_changes_during_a_replay_is_recorded_with_it():
-    data = recorded(lambda ctx: [ctx.visual.simulate() for _ in range(3)])
-    stream = io.BytesIO()
-    with empty_context() as ctx:
-        ctx.record.start(stream)
-        for record in ctx.record.replay(io.BytesIO(data)):
-            if record["opCode"] == kinds.SIMULATE:
-                ctx.game.scores["red"] += 1
-                ctx.game.data["turn"] = record["timestamp"]
-        ctx.record.stop()
-    with opened(io.BytesIO(stream.getvalue())) as recording:
-        assert [state.scores for state in recording] == [{}, {}, {"red": 1}, {"red": 2}]
-        assert recording[3].data == {"turn": 1_000_000_000}
-
-
 def test_codes_of_events_are_those_of_the_documented_format():
     page = (Path(__file__).parents[2] / "docs" / "recording-format.md").read_text(encoding="utf-8")
     documented = {int(code, 16) for code in re.findall(r"\b0[0-9A-F]{7}\b", page)}

@@ -209,22 +209,6 @@ def test_who_flies_straight_on_takes_few_bytes_and_who_hovers_next_to_none():
     assert len(written(straight[:1] * 64, {})) < 2 * 300 * 64
 
 
-def test_keyframes_are_closer_where_many_fly():
-    ctx = gamms.create_context(logger_config={"level": "CRITICAL"})
-    ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
-    for i in range(300):
-        ctx.agent.create_agent(f"a{i}", start_node_id=0, type=1, speed=0.0)
-
-    def play(ctx):
-        for _ in range(130):
-            for agent in ctx.agent.create_iter():
-                agent.position = (0.0, 0.0, 1.0)
-            ctx.visual.simulate()
-
-    with Reader(io.BytesIO(recorded(play, ctx))) as reader:
-        assert {reader.keyframe(turn)[0] for turn in range(reader.turns)} == {0, 56, 112}
-
-
 # -- damage -----------------------------------------------------------------------------------------------------
 
 

@@ -11,7 +11,6 @@ import pytest
 from recordings import logs_of, opened, read_all, written
 
 from gamms import limits
-from gamms.errors import TooLarge
 from gamms.ir import events as kinds
 from gamms.recorder import RecordingError
 from gamms.recorder import open as opened_recording
@@ -136,19 +135,3 @@ def seconds_of(data):
     with suppress(RecordingError):
         everything(data)
     return process_time() - begin
-
-
-def test_tables_take_memory_in_proportion_to_what_is_in_them():
-    count = 2_000
-    data = hostile.TIME["a long name among many"](count)
-    tracemalloc.start()
-    try:
-        with opened_recording(io.BytesIO(data)) as recording:
-            assert len(recording.table("moves")["agent"][0]) == len(recording[0].agents["name"][0]) == count
-        assert tracemalloc.get_traced_memory()[1] < 8 << 20
-    finally:
-        tracemalloc.stop()
-    with opened_recording(io.BytesIO(hostile.TIME["events of many kinds of columns"](count))) as recording:
-        assert len(recording.table("a")) == count + 1
-        with limits.allowing(16 << 20), pytest.raises(TooLarge, match="2,000 rows and 2,001 columns"):
-            recording.table("a")

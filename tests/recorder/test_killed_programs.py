@@ -137,34 +137,6 @@ class Disk(io.BytesIO):
         return super().write(data)
 
 
-@pytest.mark.parametrize("version", [2, 3])
-def test_what_was_written_before_the_disk_was_full_can_be_read(version):
-    ctx, disk = grid_context(), Disk()
-    agent = ctx.agent.create_agent("a", start_node_id=0)
-    ctx.record.start(disk, version=version)
-    disk.room = 12000
-    errors = 0
-    for turn in range(3000):
-        agent.get_state()["action"] = turn * turn % 9
-        agent.set_state()
-        ctx.record.event("turn", number=str(turn))
-        try:
-            ctx.visual.simulate()
-        except RecordingError:
-            errors += 1
-    assert errors == 1
-    assert not ctx.record.record()
-    if version == 3:
-        again = empty_context()
-        turns = [
-            one["data"]["number"]
-            for one in again.record.replay(io.BytesIO(disk.getvalue()))
-            if one["opCode"] == 0x05000000
-        ]
-        assert turns == [str(turn) for turn in range(len(turns))]
-        assert len(turns) >= 64
-
-
 def test_a_file_that_cannot_be_written_when_the_context_ends_does_not_keep_it_open():
     ctx, disk = grid_context(), Disk()
     ctx.record.start(disk)

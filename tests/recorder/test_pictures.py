@@ -3,7 +3,7 @@
 import pytest
 
 import gamms
-from gamms import recorder, scenario
+from gamms import recorder
 from gamms.errors import BadValue
 from gamms.rules import capture_flag, tag
 from gamms.strategies import random_walk
@@ -64,20 +64,6 @@ def test_a_turn_that_is_not_there_is_refused(tmp_path):
         with pytest.raises(FileNotFoundError, match="no folder"):
             recording.save(tmp_path / "nowhere" / "turn.svg")
     assert not (tmp_path / "turn.svg").exists()
-
-
-def test_a_scenario_is_recorded_while_it_is_played(tmp_path):
-    game = scenario.Scenario(
-        seed=1,
-        max_turns=3,
-        map={"grid": {"width": 4, "height": 4}},
-        teams={"red": {"count": 2, "strategy": "gamms.strategies:random_walk"}},
-    )
-    for seed in (1, 2):  # the second takes the place of the first
-        result = game.play(seed=seed, record=tmp_path / "game.ggr")
-        with recorder.open(tmp_path / "game.ggr") as recording:
-            assert (recording.turns, recording.seed, recording.is_complete) == (3, seed, True)
-            assert scenario.from_recording(recording).play(seed=seed) == result == game.play(seed=seed)
 
 
 def test_a_program_that_only_opens_a_recording_needs_no_other_import(tmp_path, monkeypatch, printed_with_a_new_gamms):

@@ -127,20 +127,6 @@ def test_a_replay_that_has_ended_can_be_played_again_from_any_turn(truth):
         assert not ctx.record.is_replaying
 
 
-def test_highlights_come_with_their_turns():
-    with gamms.create_context() as ctx:
-        player = Player(ctx)
-        player.play()
-        found = list(player.playback.highlights())
-    assert [(turn, one["kind"]) for turn, one in found if "kind" in one] == [
-        (3, "capture"), (4, "eliminated"), (6, "capture"), (9, "capture"),
-    ]  # fmt: skip
-    assert [(turn, dict(one["scores"])) for turn, one in found if "scores" in one] == [
-        (3, {"a": 1}), (6, {"a": 2}), (9, {"a": 3}),
-    ]  # fmt: skip
-    assert found[-1] == (9, {"over": {"reason": "enough", "winner": "a", "truncated": False}})
-
-
 def test_the_last_moves_are_those_of_the_turn():
     with gamms.create_context() as ctx:
         player = Player(ctx)

@@ -39,10 +39,6 @@ def fly(state):
     state["action"] = (1.0, 2.0, 0.5)
 
 
-def lead(states):
-    """The plan of a team, which stays."""
-
-
 def tag(ctx):
     """Now and then: an event, a point, something to remember, an end."""
     if ctx.game.turn % 3 == 0:
@@ -88,23 +84,6 @@ def as_lists(table):
 # -- states -----------------------------------------------------------------------------------------------------
 
 
-def test_every_state_is_what_the_context_was_at_that_turn(rec, game):
-    assert rec.turns == len(rec) == 8
-    for state, was in zip(rec, game[2], strict=True):
-        agents = state.agents
-        assert agents["name"].tolist() == was["names"]
-        assert agents["team"].tolist() == was["teams"]
-        assert agents["node"].tolist() == was["node"].tolist()
-        assert agents["alive"].tolist() == (was["alive"] != 0).tolist()
-        np.testing.assert_array_equal(np.column_stack([agents[axis] for axis in "xyz"]), was["position"])
-        assert state.scores == dict(was["scores"])
-        assert state.data == was["data"]
-    assert rec[0].agents["kind"].tolist() == ["BASIC", "BASIC", "AERIAL"]
-    assert rec[0].agents["speed"].tolist() == [None, None, 5.0]
-    assert rec[8].agents["strategy"][0].endswith(":wander")
-    assert rec[8].over is None
-
-
 def test_turns_are_asked_for_in_any_order(rec, game):
     fresh = [recorder.open(io.BytesIO(game[0])).state(turn).agents["node"].tolist() for turn in range(9)]
     for turn in (8, 0, 3, 2, 7, 7, 4):
@@ -114,18 +93,6 @@ def test_turns_are_asked_for_in_any_order(rec, game):
     assert [state.turn for state in rec[::-4]] == [8, 4, 0]
     assert rec[-1].turn == 8
     assert rec[-9].turn == 0
-
-
-def test_a_state_is_the_callers_own(rec):
-    first = rec[3]
-    nodes, data = first.agents["node"].copy(), copy.deepcopy(first.data)
-    first.data["last"]["turn"] = "changed"
-    first.scores["red"] = 99
-    with pytest.raises(ValueError, match="read-only"):
-        first.agents["node"][0] = 99
-    assert rec[4].data == data
-    assert rec[4].scores == {"red": 3}
-    assert first.agents["node"].tolist() == nodes.tolist()
 
 
 @pytest.mark.parametrize("turn", [9, -10, 2**70])
@@ -139,18 +106,6 @@ def test_a_turn_that_is_not_there_is_refused(rec, turn):
         rec.state(-1)
     with pytest.raises(BadType):
         rec.state("1")
-
-
-def test_the_end_of_a_game_is_in_the_state():
-    with context() as ctx:
-        ctx.agent.create_agent("anna", start_node_id=0, strategy=wander)
-        stream = io.BytesIO()
-        ctx.record.start(stream)
-        ctx.game.add(lambda ctx: ctx.game.end("enough", winner="red") if ctx.game.turn == 2 else None)
-        ctx.game.run(max_turns=5)
-        ctx.record.stop()
-    rec = recorder.open(io.BytesIO(stream.getvalue()))
-    assert [state.over for state in rec] == [None, None, {"reason": "enough", "winner": "red", "truncated": False}]
 
 
 def test_what_came_after_the_last_turn_is_no_turn():
@@ -169,20 +124,6 @@ def test_what_came_after_the_last_turn_is_no_turn():
 
 
 # -- what happened ----------------------------------------------------------------------------------------------
-
-
-def test_tables_are_those_of_the_result(rec, game):
-    result = game[1]
-    for name in ("tagged", "eliminated"):
-        assert as_lists(rec.table(name)) == as_lists(result.table(name))
-    told = [event for event in rec.events() if event["kind"] != "hello"]
-    assert told == result.events
-    assert list(rec.table("events")) == list(result.table("events"))
-    moves = rec.table("moves")
-    assert list(moves) == ["turn", "agent", "node"]
-    for name, summary in result.agents.items():
-        nodes = moves["node"][moves["agent"] == name].tolist()
-        assert not nodes or nodes[-1] == summary["node"]
 
 
 def test_each_table_has_its_columns(rec):
@@ -231,32 +172,6 @@ def test_kinds_are_counted_by_name(rec):
 
 
 # -- agents who come and go ------------------------------------------------------------------------------------
-
-
-def test_moves_name_their_agents_though_others_come_and_go():
-    with context() as ctx:
-        stream, expected = io.BytesIO(), []
-        ctx.record.start(stream)
-        living = {}
-        for turn in range(1, 7):
-            living[f"agent_{turn}"] = ctx.agent.create_agent(f"agent_{turn}", start_node_id=turn, team=turn % 2)
-            if turn % 2 == 0:
-                del living[f"agent_{turn - 1}"]
-                ctx.agent.delete_agent(f"agent_{turn - 1}")
-            for name, agent in living.items():
-                agent.get_state()["action"] = agent.current_node_id
-                agent.set_state()
-                expected.append((turn, name, agent.current_node_id))
-            ctx.visual.simulate()
-        ctx.record.stop()
-    rec = recorder.open(io.BytesIO(stream.getvalue()))
-    table = rec.table("moves")
-    assert list(zip(*as_lists(table).values(), strict=True)) == expected
-    assert as_lists(rec.table("moves", 4, 5)) == as_lists(
-        {key: column[table["turn"] == 4] for key, column in table.items()}
-    )
-    assert rec[-1].agents["name"].tolist() == list(living)
-    assert rec[-1].agents["team"].tolist() == [0, 0, 0]
 
 
 def blank(agents):
@@ -396,21 +311,6 @@ def test_the_map_can_be_attached_with_ids_and_order_kept():
         assert ctx.graph.node_attributes(3) == {"name": "node 3"}
 
 
-def test_a_map_that_changes_is_in_the_states_as_it_was():
-    with context() as ctx:
-        ctx.agent.create_agent("anna", start_node_id=0, strategy=wander)
-        stream = io.BytesIO()
-        ctx.record.start(stream)
-        ctx.game.run(max_turns=70)
-        ctx.graph.add_nodes([100], x=[5], y=[5])
-        ctx.game.run(max_turns=2)
-        ctx.record.stop()
-    rec = recorder.open(io.BytesIO(stream.getvalue()))
-    sizes = [len(rec[turn].graph.columns().node_ids) for turn in (0, 70, 71, 72, 1)]
-    assert sizes == [9, 9, 10, 10, 9]
-    assert len(rec.graph.columns().node_ids) == 9
-
-
 # -- files ------------------------------------------------------------------------------------------------------
 
 
@@ -512,45 +412,6 @@ def test_a_recording_without_a_beginning_or_a_map_says_so():
     assert list(rec.logs()) == [[0, 1]]
 
 
-def test_a_keyframe_is_written_at_the_start_and_after_every_65536_moves(tmp_path):
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
-        agents = [ctx.agent.create_agent(f"a{i}", start_node_id=0) for i in range(100)]
-        ctx.record.start(tmp_path / "game")
-        for _ in range(1450):
-            for agent in agents:
-                agent.get_state()["action"] = 0
-                agent.set_state()
-            ctx.visual.simulate()
-        ctx.record.stop()
-    with Reader(tmp_path / "game.ggr") as reader:
-        found = {reader.keyframe(turn)[0] for turn in range(reader.turns)}
-    assert sorted(found) == [0, 656, 1312]  # when 41 turns are written, 131,072 numbers after the one before
-
-
-def test_the_deciders_of_agents_are_recorded_turn_by_turn():
-    """By strategies, plans, and teams, which say whose plan decides."""
-    with context() as ctx:
-        anna = ctx.agent.create_agent("anna", start_node_id=0, team="red")
-        stream = io.BytesIO()
-        ctx.record.start(stream)
-        for change in (
-            lambda: anna.register_strategy(wander),
-            lambda: None,
-            lambda: setattr(anna, "strategy", fly),
-            lambda: ctx.game.command("blue", lead),
-            lambda: setattr(anna, "team", "blue"),
-            lambda: ctx.game.configure({"plans": {}}),
-        ):
-            change()
-            ctx.visual.simulate()
-        ctx.record.stop()
-    rec = recorder.open(io.BytesIO(stream.getvalue()))
-    names = [str(rec[turn].agents["strategy"][0]).rpartition(":")[2] for turn in range(1, 7)]
-    assert names == ["wander", "wander", "fly", "fly", "lead", "fly"]
-    assert [sum(type(entry) is tuple for entry in log) for log in rec.logs()] == [1, 0, 1, 0, 2, 1]
-
-
 def test_what_takes_long_to_read_has_keyframes_more_often(ctx):
     stream = io.BytesIO()
     ctx.record.start(stream)
@@ -565,22 +426,6 @@ def test_what_takes_long_to_read_has_keyframes_more_often(ctx):
     reader = Reader(stream)
     found = {reader.keyframe(turn)[0] for turn in range(reader.turns)}
     assert sorted(found) == [0, 1024]  # after 2,048 events
-
-
-def test_a_memory_that_is_emptied_is_empty_when_the_game_is_resumed():
-    def strategy(state):
-        state["memory"].update(seen=1) if state["turn"] == 0 else state["memory"].clear()
-
-    with gamms.create_context(seed=1) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
-        ctx.agent.create_agent("anna", start_node_id=0, strategy=strategy)
-        stream = io.BytesIO()
-        ctx.record.start(stream)
-        ctx.game.run(2)
-        ctx.record.stop()
-    for turns, memory in ((1, {"seen": 1}), (2, {})):
-        with recorder.open(io.BytesIO(stream.getvalue())).resume(turns) as again:
-            assert again.game.internals.state.memories.get("anna", {}) == memory
 
 
 @pytest.mark.parametrize("copied", [pickle.dumps, copy.deepcopy])

@@ -1,8 +1,6 @@
 """`Recording.resume`: a game goes on from any turn of its recording as it went on then, or otherwise."""
 
 import io
-import runpy
-from pathlib import Path
 from random import Random
 
 import numpy as np
@@ -13,16 +11,14 @@ import gamms
 from gamms import recorder, scenario
 from gamms.agent import AgentType
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game import Game
 from gamms.ir import packed_bytes, packing
 from gamms.recorder import RecordingError
 from gamms.recorder.formats import blocks
 from gamms.rules import Conflicts, at_random, capture_flag, last_team, reach, tag, territory, time_limit
 from gamms.sensor import SensorType
-from gamms.strategies import chase, first, flee, follow_path, goto, guard, mix, patrol, random_walk
+from gamms.strategies import chase, first, flee, goto, guard, mix, random_walk
 
 QUIET = {"level": "CRITICAL"}
-EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def context(seed=3, size=8):
@@ -77,30 +73,6 @@ def assert_goes_on_from_anywhere(make, turns=None):
 # -- what goes on -----------------------------------------------------------------------------------------------
 
 
-def tagging(contact, **more):
-    def make():
-        ctx = context()
-        add_team(ctx, "red", (0, 1, 2), random_walk)
-        add_team(ctx, "blue", (61, 62, 63), first(mix(0.5, random_walk, goto(ctx, 0))))
-        ctx.game.add(tag("red", "blue", **contact, **more))
-        return ctx
-
-    return make
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        tagging({}, then="respawn"),
-        tagging({"hops": 2}, then="eliminate"),
-        tagging({"metres": 15.0}, then="respawn"),
-        tagging({"euclid": 15.0}, then="eliminate"),
-    ],
-)
-def test_games_of_tag_go_on(make):
-    assert_goes_on_from_anywhere(make, turns=30)
-
-
 @pytest.mark.parametrize("where", [0, "starts of blue", None])
 def test_captures_races_and_last_teams_go_on(where):
     def make():
@@ -122,34 +94,6 @@ def test_captures_races_and_last_teams_go_on(where):
         return ctx
 
     assert_goes_on_from_anywhere(make)
-
-
-def test_what_agents_and_teams_remember_goes_on():
-    def explore(state):
-        memory, shared = state["memory"], state["team_memory"]
-        memory.setdefault("path", []).append(state["curr_pos"])
-        memory.setdefault("seen", set()).add((state["curr_pos"], state["turn"] % 3))
-        shared.setdefault("seen", set()).add(state["curr_pos"])
-        fresh = [node for node in state["legal"] if node not in shared["seen"]] or list(state["legal"])
-        state["action"] = fresh[len(memory["path"]) % len(fresh)]
-        memory.pop("last", None) if len(memory["seen"]) % 2 else memory.update(last=np.arange(3))
-
-    def make():
-        ctx = context()
-        add_team(ctx, "red", (0, 9), explore)
-        add_team(ctx, "blue", (63,), explore)
-        add_team(ctx, None, (30,), patrol(ctx, [30, 33, 17]))
-        add_team(ctx, "green", (40,), follow_path(ctx, [40, 41, 42, 43]))
-        return ctx
-
-    assert_goes_on_from_anywhere(make, turns=20)
-    recording = played(make(), 20)
-    with recording.resume(7, ctx=make()) as ctx:
-        memory = ctx.game.memories["red_0"]
-        assert len(memory["path"]) == 7
-        assert type(memory["seen"]) is set
-        ctx.game.step()
-        assert ctx.agent.get_agent("red_0").state["memory"]["path"][:7] == memory["path"][:7]
 
 
 def test_streams_noticing_facts_and_changes_of_the_map_go_on():
@@ -251,36 +195,6 @@ def test_an_agent_that_was_set_elsewhere_between_turns_has_begun_no_edge_there()
         assert ctx.agent.get_agent("red_0").current_node_id == recording[5].agents["node"][0]
 
 
-@pytest.mark.parametrize("example", ["grid_world", "air_and_ground"])
-def test_the_games_of_the_examples_go_on(example, monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)  # where they leave their pictures
-    recordings = []
-    run = Game.run
-
-    def run_and_record(game, *args, **more):
-        stream = io.BytesIO()
-        game.ctx.record.start(stream)
-        result = run(game, *args, **more)
-        game.ctx.record.stop()
-        recordings.append(opened(stream))
-        return result
-
-    monkeypatch.setattr(Game, "run", run_and_record)
-    runpy.run_path(str(EXAMPLES / f"{example}.py"))
-    (recording,) = recordings
-
-    def resume_and_compare(game, *_, **__):
-        monkeypatch.setattr(Game, "run", run)
-        turn = recording.turns // 3
-        assert_goes_on(recording, recording.resume(turn, ctx=game.ctx), turn)
-        raise KeyboardInterrupt  # the rest of the example is about the whole game
-
-    monkeypatch.setattr(Game, "run", resume_and_compare)
-    with pytest.raises(KeyboardInterrupt):
-        runpy.run_path(str(EXAMPLES / f"{example}.py"))
-    capsys.readouterr()
-
-
 def test_the_game_of_a_scenario_goes_on_from_its_recording_alone(tmp_path):
     file = tmp_path / "game.yaml"
     file.write_text(
@@ -325,44 +239,11 @@ def test_another_seed_or_strategy_branches_the_game(recording):
     assert nodes[1:] == recording[10].agents["node"].tolist()[1:]  # who has no strategy stays
 
 
-def test_a_reset_comes_back_to_where_it_was_resumed(recording):
-    with recording.resume(10, {"red": random_walk, "blue": random_walk}) as ctx:
-        before = [agent.current_node_id for agent in ctx.agent.create_iter()]
-        ends = []
-        for seed in (None, None, 5):
-            ctx.game.reset(seed)
-            assert ctx.game.turn == 10
-            assert [agent.current_node_id for agent in ctx.agent.create_iter()] == before
-            ctx.game.run(10)
-            ends.append([agent.current_node_id for agent in ctx.agent.create_iter()])
-        assert ends[0] == ends[1] == recording[20].agents["node"].tolist() != ends[2]
-
-
 def test_agents_began_where_the_game_began_not_where_it_was_resumed(recording):
     with recording.resume(10) as ctx:
         assert [ctx.game.start_node(name) for name in ctx.agent.agents] == [0, 1, 62, 63]
         late = ctx.agent.create_agent("late", start_node_id=5)
         assert ctx.game.start_node(late) == 5
-
-
-def test_where_agents_began_is_known_however_late_the_recording_began():
-    for begin in (0, 3):
-        stream = io.BytesIO()
-        with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
-            if begin == 0:
-                ctx.record.start(stream)  # before there is anybody
-            ctx.graph.attach_networkx_graph(gamms.graph.grid(8, 8))
-            add_team(ctx, "red", (3, 4), random_walk)
-            ctx.game.run(3)
-            if begin:
-                ctx.record.start(stream)
-            ctx.game.run(4)
-            ctx.record.stop()
-            node = ctx.agent.get_agent("red_0").current_node_id
-        with opened(stream) as late, late.resume(late.turns) as ctx:
-            assert ctx.game.turn == 7
-            assert ctx.agent.get_agent("red_0").current_node_id == node
-            assert ctx.game.start_node("red_0") == 3
 
 
 def test_components_are_there_again():
@@ -435,26 +316,6 @@ def test_a_game_that_was_reset_to_another_seed_goes_on_by_that_seed():
                 begun.terminate()
     with recording.resume(8, seed=3) as ctx:
         assert ctx.seed == 3
-
-
-def test_facts_that_a_reset_took_back_are_gone_in_a_replay_too():
-    stream = io.BytesIO()
-    with race() as ctx:
-        ctx.record.start(stream)
-        ctx.game.run(2)
-        ctx.game.publish(wind=3)
-        ctx.game.run(2)
-        ctx.game.reset()
-        ctx.game.run(1)
-        assert dict(ctx.game.facts) == {}
-        ctx.record.stop()
-    stream.seek(0)
-    with gamms.create_context(logger_config=QUIET) as ctx:
-        facts = []
-        ctx.visual.after_turn.append(lambda: facts.append(dict(ctx.game.facts)))
-        for _ in ctx.record.replay(stream):
-            pass
-    assert facts == [{}, {}, {"wind": 3}, {"wind": 3}, {}]
 
 
 def test_a_replay_leaves_the_game_where_it_was():

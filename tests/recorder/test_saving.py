@@ -130,20 +130,6 @@ def test_another_process_can_read_the_turns_so_far(tmp_path):
     assert seen == list(range(1, 301, 20))
 
 
-def test_turns_behind_a_block_that_has_just_ended_are_saved_the_next_time(tmp_path):
-    path, ctx, seen = tmp_path / "game.ggr", new_game(), []
-    ctx.record.start(path)
-    ctx.record._session._writer._saving.end()  # in the background
-    ctx.record._session._writer._saving._is_over = False
-    for turn in range(70):
-        step(ctx, turn)
-    for _ in range(2):
-        ctx.record._session._writer._saving.save_now(is_last=False)
-        with Reader(path) as reader:
-            seen.append(reader.turns)
-    assert seen == [64, 70]
-
-
 # -- the bytes --------------------------------------------------------------------------------------------------
 
 
@@ -302,20 +288,6 @@ def test_a_file_that_was_removed_is_spoken_of(tmp_path, caplog):
 
 def files_of(folder):
     return {file.name: file.read_bytes() for file in folder.iterdir()}
-
-
-def test_a_recording_is_written_over_another_only_if_that_is_said(tmp_path):
-    for turns in (1, 2):
-        with new_game() as ctx:
-            if turns == 2:
-                with pytest.raises(FileExistsError, match="overwrite=True"):
-                    ctx.record.start(tmp_path / "game")
-            ctx.record.start(tmp_path / "game", overwrite=True)
-            for turn in range(turns):
-                step(ctx, turn)
-        assert [file.name for file in tmp_path.iterdir()] == ["game.ggr"]
-        recordings.verify(tmp_path / "game.ggr")
-        assert turns_of((tmp_path / "game.ggr").read_bytes()) == turns
 
 
 def test_a_link_to_a_recording_is_kept_when_that_is_overwritten(tmp_path):

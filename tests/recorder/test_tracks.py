@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
@@ -46,19 +45,6 @@ def degrees(places):
     from gamms.ir import projection
 
     return projection.project(np.array(places, float), "EPSG:32635", projection.WGS84)[:, ::-1]
-
-
-def test_gpx_holds_a_track_for_each_agent(game, tmp_path):
-    recording, xy = game
-    assert recording.export(tmp_path / "game.gpx", turn_seconds=30) == tmp_path / "game.gpx"
-    tracks = ET.parse(tmp_path / "game.gpx").getroot().findall(f"{GPX}trk")
-    assert [track.find(f"{GPX}name").text for track in tracks] == ["a<b>&", "drone"]
-    points = tracks[0].findall(f"{GPX}trkseg/{GPX}trkpt")
-    latlon = np.array([[float(point.get("lat")), float(point.get("lon"))] for point in points])
-    assert np.abs(latlon - degrees(xy[[0, 1, 2, 2]])).max() < 1e-7
-    times = [point.find(f"{GPX}time").text for point in points]
-    assert times[:2] == ["2025-06-15T15:06:40Z", "2025-06-15T15:07:10Z"]
-    assert tracks[1].find(f"{GPX}trkseg/{GPX}trkpt/{GPX}ele").text == "50.000"
 
 
 def test_geojson_holds_a_line_for_each_agent(game, tmp_path):

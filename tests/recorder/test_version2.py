@@ -168,18 +168,6 @@ def test_nothing_is_read_before_the_first_record_is_asked_for():
     assert stream.tell() == 0
 
 
-@pytest.mark.parametrize("name", SAMPLES)
-def test_a_file_cut_anywhere_gives_its_complete_records(name):
-    data = SAMPLES[name]
-    whole, _ = read_until_it_ends(data)
-    ends = [len(written(whole[: n + 1])) for n in range(len(whole))]
-    for size in range(8, len(data)):
-        records, error = read_until_it_ends(data[:size])
-        assert records == whole[: sum(end <= size for end in ends)]
-        assert ENDED in str(error)
-        assert f"byte {ends[len(records) - 1] if records else 8} " in f"{error} ".replace(".", " ")
-
-
 def test_what_follows_the_last_record_is_not_read():
     assert read(file_of(MOVE, END, b"\xff\xff nonsense")) == [MOVE, END]
 

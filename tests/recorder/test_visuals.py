@@ -102,21 +102,6 @@ def test_a_replay_that_is_part_of_another_recording_takes_its_look_along(ctx, tm
     assert "disc" in again.visual.artists.declared
 
 
-def test_a_game_that_is_resumed_looks_as_it_did_then(ctx):
-    def play(ctx):
-        a_game(ctx)
-        ctx.visual.set_agent_visual("a", size=9.0)
-        ctx.visual.simulate()
-
-    declare(ctx)
-    with gamms.recorder.open(io.BytesIO(recorded(play, ctx))) as rec:
-        for turn, size in ((3, 3), (4, 9.0)):
-            with rec.resume(turn) as again:
-                assert again.visual.artists.declared["a"].data["agent_data"].size == size
-                named = ["graph", "obstacles", "a", "sensor_near", "disc", "box", "mine"]
-                assert list(again.visual.artists.declared) == named
-
-
 def test_no_path_of_a_picture_is_recorded(ctx):
     ctx.visual.set_agent_visual("a", image_path="/home/me/picture.png", size=3.0)
     data = recorded(a_game, ctx)

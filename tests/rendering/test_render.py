@@ -278,38 +278,3 @@ def test_the_fog_below_a_flyer_is_where_it_would_see_no_agent(kind):
         fog.look()
         behind_the_wall = {8, 9} if kind == "aerial_agent" else set()  # over which it sees node 10
         assert fog._now == {4, 6, 7, 10} | behind_the_wall
-
-
-def test_who_was_declared_looks_as_before_when_it_comes_out_of_the_fog():
-    with gamms.create_context(logger_config=QUIET) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, LENGTH))
-        ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=35.0)
-        ctx.agent.create_agent("blue", start_node_id=0, team="blue", sensors=["eyes"])
-        red = ctx.agent.create_agent("red", start_node_id=2, team="red")
-        declared = ctx.visual.set_agent_visual("red", color="green")
-        fog = Fog(ctx, "blue")
-        for node, is_seen in ((2, True), (20, False), (2, True)):
-            red.current_node_id = node
-            fog.look()
-            assert ("red" in ctx.visual.artists.shown()) == is_seen
-        assert ctx.visual.artists.shown()["red"] is declared
-
-
-@pytest.mark.parametrize("is_declared", [False, True])
-def test_what_rules_draw_is_drawn_in_replays_of_games_that_declare_visuals_too(tmp_path, is_declared):
-    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, LENGTH))
-        ctx.agent.create_agent("red_0", start_node_id=0, team="red", strategy=east)
-        ctx.game.add(territory.published(dict.fromkeys(range(15), "red")))
-        ctx.game.add(capture_flag({"blue": 29}, goal=None))
-        if is_declared:
-            ctx.visual.set_agent_visual("red_0", color="green")
-        ctx.record.start(tmp_path / "game")
-        ctx.game.run(2)
-        drawn = {name for name in ctx.visual.artists.shown() if name in ("territory", "flags")}
-    with recordings.context_for(tmp_path / "game.ggr") as again:
-        for _ in again.record.replay(str(tmp_path / "game.ggr")):
-            pass
-        assert {name for name in again.visual.artists.shown() if name in ("territory", "flags")} == drawn
-        assert len(drawn) == 2
-        assert {12, 22} <= set(again.visual.draw_commands().layer.tolist())

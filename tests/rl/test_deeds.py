@@ -96,23 +96,6 @@ def test_games_at_once_are_the_same_as_one_by_one(kind):
     env.close()
 
 
-def test_what_is_chosen_is_done():
-    env = rl.single_agent_env(scene(), agent="red_0")
-    names, (observed, _) = env.learners.deeds.names, env.reset(seed=1)
-    for turn, name in enumerate(names[:9]):
-        mask = observed["action_mask"][env.learners.num_actions :]
-        legal = list(env.learners.games.observe("red")["legal"][0, 0])
-        observed, _, _, _, infos = env.step(np.array([0, turn]))
-        assert infos["is_legal"] == bool(mask[turn])
-        done = [deed for deed in env.learners.games.result(0).deeds if deed["turn"] == turn + 1]
-        if name.startswith("arrest"):
-            assert [deed["whom"] for deed in done] == [name.split("'")[1]]
-        elif name.startswith("scan") and mask[turn] and turn == 4:
-            assert done[0]["node"] == legal[0]
-        elif turn > 4:
-            assert done == []  # the rule that lets it cool down refuses it, or there is no such node
-
-
 def test_one_agent_does_the_same_in_many_games_whatever_plays_them():
     def played(game):
         games = rl.vector_env(game, num_games=3, agent="red_0", seed=2)

@@ -90,29 +90,6 @@ def test_pettingzoo_finds_no_fault_in_games_of_any_kind(kind, tmp_path, capsys):
     assert "Passed" in capsys.readouterr().out
 
 
-def test_agents_that_may_come_back_wait_in_their_places():
-    game = scene([{**TAG, "with": {**TAG["with"], "metres": 1000}}, RESPAWN])
-    env, games = rl.parallel_env(game, team="blue"), rl.vector_env(game, num_games=2, team="blue")
-    env.reset(seed=1)
-    games.reset(seed=1)
-    waited = 0
-    for turn in range(12):
-        was_in = env.learners.alive[0].any()
-        observed, rewards, terminated, truncated, _ = env.step({})
-        many, _, ended, late, infos = games.step(np.zeros(4, int))
-        waited += not was_in
-        assert set(terminated.values()) == {False}
-        assert set(truncated.values()) == {turn == 11}
-        assert (ended.any(), late.all()) == (False, turn == 11)
-        assert infos["valid"].all() == was_in
-        assert was_in or not any(rewards.values())
-        if turn < 11:
-            assert env.agents == ["blue_0", "blue_1"]
-            assert np.array_equal(many["observation"][0], observed["blue_0"]["observation"])
-    assert env.agents == []
-    assert waited > 3
-
-
 COME = """
 def come(ctx):
     if ctx.game.turn == 2 + ctx.seed % 3:
@@ -299,20 +276,6 @@ def test_a_reward_that_is_no_finite_number_is_refused_unless_it_is_that_of_the_d
     dead = rl.vector_env(deadly, num_games=1, team="blue", reward=lambda turn: np.where(turn.before.mask, 1.0, wrong))
     dead.reset(seed=1)
     assert [dead.step(np.zeros(2, int))[1].tolist() for _ in range(2)] == [[1.0, 1.0], [0.0, 0.0]]
-
-
-def test_rewards_and_observations_can_be_functions():
-    def near_centre(turn):
-        return -np.hypot(*np.moveaxis(turn.after["xy"], -1, 0)) * turn.after.mask
-
-    def place(view):
-        return view["xy"].astype(np.float32)
-
-    env = rl.parallel_env(scene(rules=["last_team"]), team="red", observation=place, reward=near_centre)
-    env.reset(seed=1)
-    observations, rewards, *_ = env.step({})
-    for name, reward in rewards.items():
-        assert reward == pytest.approx(-np.hypot(*observations[name]["observation"]))
 
 
 def remain(state):

@@ -75,21 +75,6 @@ def test_flights_are_three_numbers_for_each_agent(flights):
             learners.step(moves, flights=flights)
 
 
-def test_an_agent_in_the_air_observes_its_height_and_whom_it_sees():
-    env = rl.parallel_env(scene(), team="red")
-    observed, _ = env.reset(seed=1)
-    agent = env.learners.games.context(0).agent.agents["red_drone_0"]
-    values = observed["red_drone_0"]["observation"]
-    x, y, z = agent.position
-    assert values[:2] == pytest.approx([(x - 15) / 15, (y - 15) / 15])
-    assert values[-2] == pytest.approx(z / 15)
-    others = values[2 + 3 * 5 : -2].reshape(-1, 4)
-    assert others[:, 0].sum() == 2
-    assert others[:, 1].sum() == 1
-    assert env.state().shape == (3 * 4 + 3,)
-    env.close()
-
-
 def actions_of(env, turn):
     """Some actions of the agents of an environment of PettingZoo, without its generators."""
     found = {}

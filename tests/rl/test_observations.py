@@ -126,17 +126,3 @@ def test_wrong_arguments_of_observations_are_refused_by_name():
     learners = rl.Learners(scene(), 30, teams=["red"], observation=rl.graph())
     with learners, pytest.raises(TooLarge, match="A map of 20 nodes for 60 agents"), gamms.limits.allowing(20_000):
         learners.observe()
-
-
-def test_pytorch_geometric_takes_graphs_as_they_are():
-    torch = pytest.importorskip("torch", reason="PyTorch is not installed")
-    geometric = pytest.importorskip("torch_geometric.data", reason="PyTorch Geometric is not installed")
-    whole = rl.graph()
-    env = rl.vector_env(scene(), num_games=2, observation=whole)
-    observed, _ = env.reset(seed=1)
-    parts = {name: torch.as_tensor(one) for name, one in whole.data(observed["observation"]).items()}
-    data = geometric.Data(**parts)
-    assert data.validate()
-    assert data.num_nodes == env.num_envs * observed["observation"].shape[1]
-    assert data.num_features == len(whole.names)
-    env.close()

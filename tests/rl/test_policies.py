@@ -92,20 +92,6 @@ def test_a_policy_plays_the_same_games_alone_and_in_a_batch(saved, sample):
         assert [games.result(game) for game in range(8)] == alone
 
 
-def test_a_policy_takes_the_actions_of_its_network(saved):
-    first, second = network(ENTRIES)[0], network(ENTRIES)[1][1]
-    with (
-        rl.Learners(scene(), 6, teams=["red"], seed=3) as learners,
-        scene().batch(6, seed=3, strategies={"red": rl.policy(saved)}) as games,
-    ):
-        for _ in range(10):
-            hidden = np.tanh(learners.observe() @ first.weight.values.T + first.bias.values)
-            numbers = hidden @ second.weight.values.T + second.bias.values
-            learners.step(np.where(learners.masks, numbers, -np.inf).argmax(axis=2))
-            games.step()
-            assert (games.observe("red").node == learners.games.observe("red").node).all()
-
-
 def test_a_policy_plays_in_games_that_are_recorded(saved, tmp_path):
     red = rl.policy(saved)
     expected = scene().play(seed=4, strategies={"red": red}, record=tmp_path / "alone.ggr")
@@ -327,81 +313,11 @@ def test_a_pickle_is_read_only_if_it_is_trusted(tmp_path):
         rl.policy(tmp_path / "red.zip")
 
 
-def test_models_of_pytorch_are_saved_and_trusted(saved, tmp_path):
-    torch = pytest.importorskip("torch", reason='torch is not installed: pip install ".[train]"')
-    torch.manual_seed(1)
-    nn = torch.nn
-    model = nn.Sequential(nn.Flatten(), nn.Linear(ENTRIES, 8), nn.ELU(), nn.Linear(8, 8), nn.SiLU(), nn.Linear(8, 5))
-    rl.save_policy(model, tmp_path / "m.safetensors", scene(), team="red")
-    torch.save(model, tmp_path / "m.pt")
-    plays = [rl.policy(tmp_path / "m.safetensors"), rl.policy(tmp_path / "m.pt", trusted=True)]
-    assert plays[0] is not plays[1]
-    results = [scene().play(seed=5, strategies={"red": one}) for one in plays]
-    assert results[0] == results[1]
-    with pytest.raises(BadType, match="with their defaults"):
-        rl.save_policy(nn.Sequential(nn.ELU(2.0)), tmp_path / "m.safetensors", scene(), team="red")
-
-
 @pytest.mark.parametrize(("value", "length"), [("v" * 5, b"\x05"), ("v" * 300, b"\xac\x02")])
 def test_metadata_are_an_entry_of_field_14_with_key_and_value(value, length):
     entry = b"\x0a\x03key\x12" + length + value.encode()
     size = bytes([len(entry)]) if len(entry) < 128 else bytes([len(entry) & 127 | 128, len(entry) >> 7])
     assert with_metadata(b"model", "key", value) == b"model\x72" + size + entry
-
-
-def test_an_onnx_model_is_saved_and_plays(saved, tmp_path):
-    pytest.importorskip("onnxruntime", reason='onnxruntime is not installed: pip install ".[onnx]"')
-    onnx = pytest.importorskip("onnx", reason="onnx is not installed")
-    random = np.random.default_rng(1)
-    value = onnx.helper.make_tensor_value_info
-    weights = random.normal(size=(ENTRIES, 5)).astype(np.float32)
-    graph = onnx.helper.make_graph(
-        [onnx.helper.make_node("MatMul", ["observation", "w"], ["numbers"])],
-        "policy",
-        [value("observation", onnx.TensorProto.FLOAT, ["n", ENTRIES])],
-        [value("numbers", onnx.TensorProto.FLOAT, ["n", 5])],
-        [onnx.numpy_helper.from_array(weights, "w")],
-    )
-    opset = [onnx.helper.make_opsetid("", 17)]
-    onnx.save(onnx.helper.make_model(graph, ir_version=9, opset_imports=opset), tmp_path / "net.onnx")
-    rl.save_policy(tmp_path / "net.onnx", tmp_path / "red.onnx", scene(), team="red")
-    red, linear = rl.policy(tmp_path / "red.onnx"), Linear(ENTRIES, 5)
-    linear.weight.values, linear.bias.values = weights.T, np.zeros(5, np.float32)
-    rl.save_policy(linear_only(linear), tmp_path / "red.safetensors", scene(), team="red")
-    with scene().batch(5, strategies={"red": red}) as games:
-        games.run()
-        for game in range(5):
-            alone = scene().play(seed=game, strategies={"red": red})
-            assert games.result(game) == alone
-            assert alone == scene().play(seed=game, strategies={"red": rl.policy(tmp_path / "red.safetensors")})
-    with pytest.raises(ScenarioError, match="has another map than this game"):
-        scene(width=5).play(seed=1, strategies={"red": red})
-    with pytest.raises(BadFile, match="has no metadata of GAMMS"):
-        rl.policy(tmp_path / "net.onnx")
-    model = onnx.load(tmp_path / "net.onnx")
-    onnx.save(model, tmp_path / "far.onnx", save_as_external_data=True, location="weights.bin", size_threshold=0)
-    with pytest.raises(BadFile, match="may read its weights from other files"):
-        rl.save_policy(tmp_path / "far.onnx", tmp_path / "r.onnx", scene(), team="red")
-    (tmp_path / "bad.onnx").write_bytes(b"\x00" * 50)
-    with pytest.raises(BadFile, match="is not an ONNX model"):
-        rl.policy(tmp_path / "bad.onnx")
-    with pytest.raises(BadFile, match="does not take observations as its game has them"):
-        rl.save_policy(tmp_path / "net.onnx", tmp_path / "r.onnx", scene(width=1, sensors=False), team="red")
-
-
-@pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::DeprecationWarning")  # of PyTorch
-def test_pytorch_exports_a_network_with_what_the_extra_onnx_installs(tmp_path):
-    torch = pytest.importorskip("torch", reason='torch is not installed: pip install ".[torch]"')
-    pytest.importorskip("onnxruntime", reason='onnxruntime is not installed: pip install ".[onnx]"')
-    net = torch.nn.Sequential(torch.nn.Linear(ENTRIES, 8), torch.nn.GELU(), torch.nn.Linear(8, 5)).eval()
-    file, given = tmp_path / "net.onnx", (torch.zeros(2, ENTRIES),)
-    rows = ({0: torch.export.Dim("rows")},)
-    torch.onnx.export(net, given, file, input_names=["observation"], dynamic_shapes=rows, external_data=False)
-    rl.save_policy(file, tmp_path / "red.onnx", scene(), team="red")
-    assert scene().play(seed=1, strategies={"red": rl.policy(tmp_path / "red.onnx")}).turns > 0
-    torch.onnx.export(net, given, file, input_names=["observation"], dynamic_shapes=rows, external_data=True)
-    with pytest.raises(BadFile, match="external_data=False"):
-        rl.save_policy(file, tmp_path / "red.onnx", scene(), team="red")
 
 
 @pytest.mark.parametrize("kind", ["memory", "time"])
@@ -426,7 +342,3 @@ def test_an_onnx_model_without_an_end_is_stopped(kind, tmp_path, monkeypatch):
     onnx.save(onnx.helper.make_model(graph, ir_version=9, opset_imports=opset), tmp_path / "net.onnx")
     with pytest.raises(BadFile, match="takes longer than 0.05 seconds" if kind == "time" else "does not take"):
         rl.save_policy(tmp_path / "net.onnx", tmp_path / "red.onnx", scene(), team="red")
-
-
-def linear_only(layer):
-    return Sequential(layer)

@@ -145,19 +145,3 @@ def test_what_a_resolver_raises_says_in_which_turn(ctx):
     with pytest.raises(ZeroDivisionError) as caught:
         ctx.game.step()
     assert "in turn 0" in caught.value.__notes__[0]
-
-
-def test_what_changes_between_turns_counts_from_the_next_one(ctx):
-    rivals(ctx)
-    ann, bob = (ctx.agent.get_agent(name) for name in "ab")
-    bob.strategy = lambda state: state.update(action=6 if state["turn"] < 2 else 5)
-    ann.team, bob.team = "red", "blue"
-    conflicts = ctx.game.conflicts = Conflicts(resolve=by_priority(["red", "blue"]))
-    ctx.game.step()
-    assert (ann.current_node_id, bob.current_node_id) == (6, 5)
-    ann.current_node_id, ann.team, bob.team = 5, "blue", "red"
-    ctx.game.step()
-    assert (ann.current_node_id, bob.current_node_id) == (5, 6)
-    conflicts.allow_swaps = False
-    ctx.game.step()
-    assert (ann.current_node_id, bob.current_node_id) == (5, 6)

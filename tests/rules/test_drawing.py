@@ -9,7 +9,6 @@ from gamms.rules import capture_flag, tag, territory
 from gamms.visual import Artist
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.default_scene import team_rows
-from gamms.visual.drawers.marks import TAG_TURNS
 from gamms.visual.drawers.rules import as_text, in_text
 
 
@@ -44,23 +43,6 @@ def on_layer(ctx, layer, kind=None):
     commands = ctx.visual.draw_commands()
     is_meant = (commands.layer == layer) & (True if kind is None else commands.kind == kind)
     return [commands.points[commands.offsets[row] : commands.offsets[row + 1]] for row in np.flatnonzero(is_meant)]
-
-
-def test_a_tag_is_marked_for_some_turns_below_the_place_where_it_happened(game):
-    game.game.step()
-    go(game, "r1", 5)
-    assert on_layer(game, 25) == []
-    game.game.step()
-    marks = on_layer(game, 25)
-    (x, y), *_ = {tuple(mark[0]) for mark in marks}
-    assert x == 50.0
-    assert y < 0.0
-    assert game.agent.get_agent("r1").current_node_id == 1
-    for _ in range(TAG_TURNS - 1):
-        game.game.step()
-        assert len(on_layer(game, 25)) == len(marks)
-    game.game.step()
-    assert on_layer(game, 25) == []
 
 
 def test_a_game_that_begins_again_has_no_marks(game):
@@ -119,20 +101,6 @@ def test_the_legend_tells_the_teams_and_their_scores(game):
     for name in ("b0", "b1"):
         game.agent.delete_agent(name)
     assert team_rows(game) is None
-
-
-def test_a_replay_is_drawn_like_the_game_itself(game, tmp_path):
-    game.record.start(tmp_path / "game")
-    go(game, "r1", 5)
-    go(game, "r0", 9)
-    game.game.step()
-    game.record.stop()
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as replayed:
-        for _ in replayed.record.replay(tmp_path / "game"):
-            pass
-        game.visual.save(tmp_path / "game.svg")
-        replayed.visual.save(tmp_path / "replayed.svg")
-    assert (tmp_path / "game.svg").read_bytes() == (tmp_path / "replayed.svg").read_bytes()
 
 
 def test_ids_are_kept_as_short_text():

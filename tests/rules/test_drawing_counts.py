@@ -56,18 +56,6 @@ def signs(ctx):
     return {row.sign for block in blocks_of(ctx, shown) if hasattr(block, "rows") for row in block.rows}
 
 
-def test_an_arc_grows_around_each_node_of_a_place_that_is_held(hill):
-    hill.game.add(RULES["held"]())
-    assert signs_on(hill, 18) == []
-    blue = tuple(hill.visual.drawing.group_colors()["blue"])
-    for turns in (1, 2):
-        hill.game.step()
-        arcs = signs_on(hill, 18)
-        assert [(color, place) for color, place, _ in arcs] == [(blue, [40.0, 0.0]), (blue, [50.0, 0.0])]
-        assert [share_of(arc) for *_, arc in arcs] == pytest.approx([turns / 4] * 2)
-    assert "arc" in signs(hill)
-
-
 def test_a_node_that_was_discovered_has_a_square_in_the_colour_of_the_team(hill):
     hill.game.add(RULES["discovered"]())
     assert len(signs_on(hill, 18)) == 2

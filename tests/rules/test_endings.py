@@ -3,7 +3,7 @@
 import pytest
 
 from gamms.agent import AgentType
-from gamms.rules import arrive, hold, last_team, none_left, reach, tag, time_limit
+from gamms.rules import last_team, reach, tag, time_limit
 
 
 def test_the_first_team_to_reach_a_node_wins(road):
@@ -73,20 +73,6 @@ def test_who_is_tagged_on_its_way_reaches_nothing_behind_or_before(road):
     assert [event["kind"] for event in ctx.game.events] == ["tag", "respawned"]
 
 
-def test_time_is_up_and_the_highest_score_wins(road):
-    for scores, winner in (
-        ({"red": 2, "blue": 1}, "red"),
-        ({"red": -1}, "blue"),
-        ({"red": 2, "blue": 2}, None),
-        ({}, None),
-    ):
-        ctx = road(r=("red", 2), b=("blue", 4), nobodys=(None, 5))
-        ctx.game.scores.update(scores)
-        ctx.game.add(time_limit(4))
-        result = ctx.game.run()
-        assert (result.turns, result.truncated, result.reason, result.winner) == (4, True, "time limit", winner)
-
-
 @pytest.mark.parametrize("winner", ["blue", None])
 def test_who_wins_by_time_may_be_said(road, winner):
     ctx = road(r=("red", 2), b=("blue", 4))
@@ -111,44 +97,12 @@ def test_the_last_team_wins(road):
     assert (result.turns, result.winner, result.reason, result.truncated) == (1, "red", "last team", False)
 
 
-def test_agents_that_arrive_score_and_are_out_until_none_is_left(road):
-    ctx = road(r=("red", 2, 3, 4), r2=("red", 0, 1, 2, 3, 4), b=("blue", 9))
-    ctx.game.add(arrive("red", 4, score=2))
-    ctx.game.add(none_left("red"))
-    result = ctx.game.run(9)
-    assert [(event["turn"], event["agent"]) for event in result.events if event["kind"] == "arrive"] == [
-        (2, "r"),
-        (4, "r2"),
-    ]
-    assert (result.turns, result.winner, result.scores) == (4, "red", {"red": 4})
-    assert result.reason == "all agents of red arrived or were eliminated"
-
-
 def test_if_no_agent_is_left_no_team_wins(road):
     ctx = road(r=("red", 2, 3), b=("blue", 4, 3))
     ctx.game.add(tag("red", "blue", then="eliminate", mutual=True))
     ctx.game.add(last_team())
     result = ctx.game.run(9)
     assert (result.turns, result.winner) == (1, None)
-
-
-@pytest.mark.parametrize("is_first", [True, False])
-@pytest.mark.parametrize(
-    ("goal", "place", "winner", "reason"),
-    [
-        ({"red": 3}, 3, "red", "red held its place; red reached the goal"),
-        ({"red": 3}, 5, None, "blue held its place; red reached the goal"),
-        ({"red": 9}, 9, None, "time limit"),
-        ({"red": 9}, 5, "blue", "blue held its place"),
-    ],
-)
-def test_rules_that_end_a_game_in_one_turn_agree_or_draw(road, is_first, goal, place, winner, reason):
-    ctx = road(r=("red", 2, 3), b=("blue", 5))
-    rules = [reach(goal), time_limit(1, "green"), time_limit(1, "blue"), hold(place, 1)]
-    for rule in rules if is_first else rules[::-1]:
-        ctx.game.add(rule)
-    result = ctx.game.run()
-    assert (result.winner, result.reason, result.truncated) == (winner, reason, reason == "time limit")
 
 
 def test_a_game_that_is_over_is_not_ended_again(road):

@@ -4,7 +4,7 @@ import pytest
 
 import gamms
 from gamms.agent import AgentType
-from gamms.rules import capture_flag, tag, territory
+from gamms.rules import capture_flag, tag
 
 WEST = {node: "red" if node < 5 else "blue" for node in range(10)}
 FLAGS = {"red": 1, "blue": 8}
@@ -65,18 +65,6 @@ def test_two_that_reach_the_goal_at_once_draw(road):
     assert (result.turns, result.winner, result.scores) == (2, None, {"red": 1, "blue": 1})
 
 
-@pytest.mark.parametrize("then", ["respawn", "eliminate", lambda *_: None])
-@pytest.mark.parametrize("tag_comes_first", [True, False])
-def test_a_tagged_carrier_drops_its_flag(road, then, tag_comes_first):
-    ctx = road(r=("red", 7, 8, 7), b=("blue", 6, 6, 7))
-    rules = [tag("blue", "red", then=then, crossing=False), capture_flag(FLAGS, territory=WEST)]
-    for rule in rules if tag_comes_first else reversed(rules):
-        ctx.game.add(rule)
-    ctx.game.run(3)
-    assert flag_events(ctx) == [(1, "take", "r"), (2 if tag_comes_first else 3, "drop", "r")]
-    assert carriers(ctx) == {"red": None, "blue": None}
-
-
 def test_who_is_tagged_before_it_is_home_captures_nothing(road):
     ctx = road(r=("red", 4, 5, 4), b=("blue", 3, 3, 4))
     ctx.game.add(tag("blue", "red"))
@@ -120,41 +108,12 @@ def test_chance_decides_who_takes_a_flag(road):
     assert takers == {"r", "r2", "g"}
 
 
-def test_strategies_read_flags_from_the_first_turn_on(road):
-    seen = []
-    ctx = road(r=("red", 7))
-    ctx.agent.get_agent("r").register_strategy(
-        lambda state: (seen.append(state["facts"]["flags"]["blue"]), state.update(action=8))
-    )
-    ctx.game.add(capture_flag(FLAGS))
-    ctx.game.run(2)
-    assert [dict(one) for one in seen] == [{"node": 8, "carrier": None}, {"node": 8, "carrier": "r"}]
-    ctx = road(r=("red", 7, 8))
-    ctx.game.add(capture_flag(FLAGS, announce=False))
-    ctx.game.run(2)
-    assert "flags" not in ctx.game.facts
-
-
 def test_two_such_rules_keep_apart_what_they_remember(road):
     ctx = road(r=("red", 7, 8, 7))
     ctx.game.add(capture_flag({"blue": 8}, goal=None))
     ctx.game.add(capture_flag({"blue": 7}, key="decoys", score=-1, goal=None))
     ctx.game.run(3)
     assert set(ctx.game.data) == set(ctx.game.facts) == {"flags", "decoys"}
-
-
-def test_what_is_drawn_are_flags_where_they_are_and_territories(road, tmp_path):
-    ctx = road(r=("red", 7, 8, 7), b=("blue", 0))
-    ctx.game.add(territory.published(WEST | {77: "red"}))
-    bare = len(ctx.visual.draw_commands())
-    ctx.game.add(capture_flag(FLAGS))
-    before = ctx.visual.draw_commands()
-    ctx.game.run(2)
-    after = ctx.visual.draw_commands()
-    assert (len(before), len(after)) == (bare + 8, bare + 7)  # a carried flag has no dot at its foot
-    xs = [[80.0 in one.points[:, 0].tolist() and list(one.points[one.kind.size :, 0])] for one in (before, after)]
-    assert xs[0] != xs[1]
-    ctx.visual.save(tmp_path / "flags.svg")
 
 
 def test_impossible_arguments_are_refused(road):

@@ -1,7 +1,6 @@
 """Laws that all rules keep: the order of creation never counts, and what they remember is in one place."""
 
 import json
-import random
 from copy import deepcopy
 
 import pytest
@@ -11,7 +10,6 @@ from hypothesis import strategies as st
 import gamms
 from gamms.agent import AgentType
 from gamms.rules import (
-    Conflicts,
     capture_flag,
     contacts,
     cooldown,
@@ -28,7 +26,6 @@ from gamms.rules import (
     time_limit,
 )
 from gamms.strategies import random_walk
-from gamms.testing import check_rule
 
 LAWS = settings(max_examples=6, suppress_health_check=[HealthCheck.too_slow])
 SIDE = 4
@@ -188,31 +185,3 @@ def test_a_game_that_is_restored_or_resumed_goes_on_as_it_did(game, tmp_path):
         result = again.game.run(9 - again.game.turn)
         assert (result.scores, result.events, result.deeds) == (expected.scores, expected.events, expected.deeds)
         assert [again.game.facts_of(one) for one in (*again.agent.teams, *agents)] == facts
-
-
-@pytest.mark.parametrize("game", ["places", "resources", "pay-offs"])
-def test_rules_keep_all_that_they_remember_in_the_game(game):
-    agents = {f"agent{i}": (["red", "blue"][i % 2], 3 * i) for i in range(6)}
-
-    def make_ctx(shuffled=None):
-        names = list(agents)
-        if shuffled is not None:
-            random.Random(shuffled).shuffle(names)
-        return open_game(rules[1:], {name: agents[name] for name in names})
-
-    rules = GAMES[game]()
-    for _ in rules:
-        rules = [*rules[1:], rules[0]]
-        check_rule(rules[0], make_ctx, turns=9)
-
-
-def test_rules_and_conflicts_play_together_in_any_order_of_creation():
-    agents = {f"agent{i}": (["red", "blue"][i % 2], i) for i in range(10)}
-    order = list(agents)
-    random.Random(4).shuffle(order)
-    results = [
-        played(GAMES["flags"](), {name: agents[name] for name in names}, Conflicts(allow_swaps=False))
-        for names in (agents, order)
-    ]
-    assert results[0] == results[1]
-    assert sum(one["blocked"] for one in results[0].agents.values()) > 0

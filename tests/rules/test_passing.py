@@ -68,18 +68,6 @@ def test_those_who_stay_together_are_in_contact_throughout_and_come_first():
     assert met(ctx) == [("r", "b", 0.0, 3, 3), ("r", "late", 1.0, 3, 3)]
 
 
-def test_the_first_on_the_way_is_met_first_and_each_agent_is_in_one_pair():
-    ctx = open_road(("r", "red", 0, 4, 4), *((f"b{i}", "blue", i, None, i) for i in (1, 2, 4)))
-    assert [one[1:3] for one in met(ctx)] == [("b1", 0.25), ("b2", 0.5), ("b4", 1.0)]
-    ctx = open_road(("r", "red", 0, 4, 4), ("s", "red", 0, 2, 2), *((f"b{i}", "blue", i, None, i) for i in (1, 2)))
-    ctx.game.add(tag("blue", "red"))
-    ctx.game.step()
-    assert [(event["agent"], event["other"]) for event in ctx.game.events if event["kind"] == "tag"] == [
-        ("b1", "r"),  # at 1/4, before the other comes
-        ("b2", "s"),
-    ]
-
-
 def test_draws_decide_who_is_met_of_those_that_are_met_at_once():
     firsts = set()
     for seed in range(20):
@@ -111,54 +99,11 @@ def test_a_part_of_an_edge_that_was_covered_before_makes_an_agent_earlier():
     assert met(ctx) == [("r", "b", 1.0, 1, 1)]  # in edges it takes the whole turn
 
 
-def test_a_territory_is_asked_where_the_tagged_one_was():
-    west = {node: "blue" if node < 5 else "red" for node in range(10)}
-    ctx = open_road(("r", "red", 3, 3, 6), ("b", "blue", 4, None, 4))  # it ends the turn on its own ground
-    ctx.game.add(tag("blue", "red", territory=west))
-    ctx.game.step()
-    assert [event["node"] for event in ctx.game.events if event["kind"] == "tag"] == [4]
-    ctx = open_road(("r", "red", 6, 3, 3), ("b", "blue", 6, 3, 3))  # side by side: first on red ground, then on blue
-    ctx.game.add(tag("blue", "red", territory=west))
-    ctx.game.step()
-    assert [event["node"] for event in ctx.game.events if event["kind"] == "tag"] == [4]
-
-
 def test_who_was_put_elsewhere_is_there_at_the_end_of_the_turn():
     ctx = open_road(("r", "red", 0, 4, 4), ("b", "blue", 2, None, 2), ("c", "blue", 0, None, 0))
     ctx.game.step()
     ctx.game.respawn("r")
     assert [(one.b, one.time) for one in contacts(ctx, "red", "blue")] == [("c", 1.0)]
-
-
-@pytest.mark.parametrize(
-    ("unit", "speed", "order", "red", "blue"),
-    [
-        ("edges", 2, None, [2, 3, 4], [4, 3, 2]),
-        ("edges", 2, [["red"], ["blue"]], [2, 3], [3, 2]),
-        ("metres", 20.0, None, [2, 3, 4], [4, 3, 2]),
-        ("metres", 10.0, [["red"], ["blue"]], [2, 3], [3, 2]),
-    ],
-)
-def test_agents_that_meet_on_a_node_do_not_pass_each_other_on_the_edge_behind_it(unit, speed, order, red, blue):
-    ctx = open_road(("r", "red", red[0], speed, red[-1]), ("b", "blue", blue[0], speed, blue[-1]), unit=unit)
-    ctx.game.order = order
-    grounds = {2: "blue", 3: None, 4: "red"}
-    ctx.game.add(tag("red", "blue", mutual=True, territory=grounds))
-    ctx.game.step()
-    assert ctx.game.events == []
-    assert [one[2:6] for one in contacts(ctx, "red", "blue")] == [(0.0, 0.5, 3, 3)]
-
-
-def test_agents_that_come_to_a_node_at_one_time_but_for_rounding_meet_on_that_node():
-    ctx = gamms.create_context(seed=5, logger_config={"level": "CRITICAL"}, game={"speed_unit": "metres"})
-    ctx.graph.add_nodes(range(3), [0.0, 0.3, 1.0], [0.0] * 3)
-    ctx.graph.add_edges(range(4), [0, 1, 1, 2], [1, 2, 0, 1])
-    for name, team, start, target, speed in (("r", "red", 0, 2, 0.4), ("b", "blue", 2, 0, 0.7 / 0.75)):
-        ctx.agent.create_agent(name, start_node_id=start, team=team, speed=speed, strategy=goto(ctx, target))
-    ctx.game.step()
-    times = [track.times[1] for track in ctx.game.tracks(ctx.game.agents)]
-    assert 0.0 < abs(times[0] - times[1]) < 1e-12
-    assert [one[4:6] for one in contacts(ctx, "red", "blue")] == [(1, 1)]
 
 
 @pytest.mark.parametrize(("unit", "speed"), [("edges", 4), ("metres", 40.0)])
@@ -224,20 +169,6 @@ def test_with_a_distance_agents_are_compared_when_one_reaches_a_node():
     assert met(ctx, euclid=10.0) == [("r", "near", 0.5, 1, 1), ("r", "b", 1.0, 2, 3)]
     ctx = open_road(("r", "red", 5, None, 5), ("b", "blue", 3, None, 3), ("c", "blue", 2, None, 4))
     assert [one[:3] for one in met(ctx, metres=20)] == [("r", "b", 0.0), ("r", "c", 1.0)]  # earlier, if farther away
-
-
-def test_flyers_that_flew_are_met_at_the_end_and_those_that_hover_throughout():
-    for action, expected in (((0, 0, 0), [0.5]), ((1, 0, 0), [])):
-        ctx = open_road(("r", "red", 0, 2, 2))
-        ctx.agent.create_agent(
-            "b",
-            type=AgentType.AERIAL,
-            team="blue",
-            start_node_id=1,
-            speed=1.0,
-            strategy=lambda s, a=action: s.update(action=a),
-        )
-        assert [one[2] for one in met(ctx, air=True)] == expected
 
 
 def test_an_endless_speed_takes_the_whole_turn():

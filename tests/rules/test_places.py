@@ -30,19 +30,6 @@ def test_agents_may_relieve_each_other_on_any_of_the_nodes(road):
     assert (result.turns, result.scores) == (3, {})
 
 
-def test_a_place_that_is_contested_stops_the_count_and_one_that_is_left_begins_it_again(road):
-    #     turn: 1  2  3  4  5  6  7
-    ctx = road(a=("red", 4, 4, 4, 4, 4, 3, 4, 4), b=("blue", 6, 6, 5, 4, 5, 5, 5, 5))
-    ctx.game.add(hold(4, 9))
-    assert count(ctx) == (None, 0)
-    seen = []
-    for _ in range(7):
-        ctx.game.step()
-        seen.append(count(ctx))
-    # b is there in turn 3, and a away in turn 5
-    assert seen == [("red", 1), ("red", 2), ("red", 2), ("red", 3), (None, 0), ("red", 1), ("red", 2)]
-
-
 def test_a_place_that_changes_hands_is_counted_from_the_start(road):
     ctx = road(a=("red", 4, 4, 4, 3), b=("blue", 6, 5, 4, 4))
     ctx.game.add(hold(4, 9))
@@ -140,20 +127,6 @@ def with_eyes(ctx, kind="range", metres=20.0, **agents):
         sensor = ctx.sensor.create_sensor(f"{kind} of {name}", kind, sensor_range=metres)
         ctx.agent.get_agent(name).register_sensor(sensor.sensor_id, sensor)
     return ctx
-
-
-@pytest.mark.parametrize("kind", ["range", "agent_range"])
-def test_a_node_is_discovered_when_a_sensor_has_it_in_view(road, kind):
-    ctx = with_eyes(road(a=("red", 0, 1, 2, 3)), kind)
-    ctx.game.add(discover({5: "flag", 4: "decoy", 9: "flag"}))
-    assert ctx.game.facts["discovered"] == {}
-    assert ctx.game.data["discovered"]["discovered"]["by"] == {}
-    result = ctx.game.run(3)
-    assert result.scores == {}
-    # with 20 m it sees two nodes ahead: 4 from node 2, and 5 from node 3
-    assert [(event["turn"], event["node"]) for event in result.events] == [(2, 4), (3, 5)]
-    assert result.events[0] == {"turn": 2, "kind": "discover", "agent": "a", "team": "red", "node": 4, "first": True}
-    assert ctx.game.facts_of("red") == {"discovered": {4: "decoy", 5: "flag"}}
 
 
 def test_what_members_of_a_team_discover_in_one_turn_is_counted_once_and_known_together(road):

@@ -92,18 +92,6 @@ def test_the_rules_of_a_game_and_of_its_fork_show_how_they_were_made(ctx):
     assert [one.name for one in ctx.game.rules] == ["end"]
 
 
-def test_a_strategy_that_prints_as_its_call_is_bound_to_the_context_of_a_fork(ctx):
-    both = strategies.goto(ctx, 3)
-    for agent in ctx.agent.agents.values():
-        agent.register_strategy(both)
-    with ctx.game.fork(seed=2).ctx as fork:
-        red, blue = fork.agent.agents.values()
-        assert red.strategy is blue.strategy is not both
-        assert repr(red.strategy) == "goto(ctx, 3)"
-        cells = red.strategy.func.__closure__
-        assert any(cell.cell_contents is fork for cell in cells)
-
-
 def test_long_arguments_are_shortened():
     printed = repr(rules.territory.published(dict.fromkeys(range(1000), "red")))
     assert printed == "published({0: 'red', 1: 'red', 2: 'red', 3: 'red', ...})"

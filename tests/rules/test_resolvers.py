@@ -94,22 +94,6 @@ def test_a_resolver_must_be_a_function():
 
 
 @pytest.mark.parametrize(
-    "answer",
-    [
-        ["a", "c"],
-        ("c", "a"),
-        {"a", "c"},
-        [MOVERS[0], "c"],
-        (mover for mover in MOVERS if mover.team == "x"),
-        ["a", "a", "c"],
-    ],
-)
-def test_winners_are_named_or_given_as_moves(ctx, answer):
-    moves = {mover.agent: mover for mover in MOVERS}
-    assert Conflicts(2, resolve=lambda _contest, _ctx: answer).resolve(moves, ctx) == {"b"}
-
-
-@pytest.mark.parametrize(
     ("answer", "error", "said"),
     [
         (None, TypeError, r"must give a list of the winners, names or moves, not None"),

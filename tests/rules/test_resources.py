@@ -20,18 +20,6 @@ def why(ctx, name):
     return ctx.game.observation(name)["blocked"]
 
 
-def test_edges_turns_and_recharging_are_counted(road):
-    ctx = road(a=("red", 0, 1, 2, 2))
-    ctx.game.add(resource("fuel", 100, per_metre=2, per_edge=5, per_turn=1, recharge={2: 40}))
-    assert amounts(ctx) == {"a": 100}
-    ctx.game.step()
-    assert amounts(ctx) == {"a": 74}  # 100 - 10 m * 2 - 1 edge * 5 - 1
-    ctx.game.step()
-    assert amounts(ctx) == {"a": 88}  # 74 - 26 + 40
-    ctx.game.step()
-    assert amounts(ctx) == {"a": 100}  # 88 - 1 + 40 is more than it can hold
-
-
 def test_all_edges_of_a_turn_are_paid_for_and_half_an_edge_when_its_end_is_reached(road):
     ctx = road(a=("red", 0, 3), b=("red", 5, 6, 6))
     ctx.agent.get_agent("a").speed, ctx.agent.get_agent("b").speed = 3, 0.5
@@ -90,18 +78,6 @@ def doing(**deeds):
     return strategy
 
 
-def test_deeds_are_paid_for_before_the_move_in_their_order(road):
-    ctx = road(a=("red", 0))
-    ctx.game.deeds = {"shoot": None, "call": None}
-    ctx.agent.get_agent("a").register_strategy(doing(shoot={1, 2}, call={1, 2}, go=1))
-    ctx.game.add(resource("power", 20, per_deed={"shoot": 8, "call": 4}, per_edge=7))
-    ctx.game.step()  # 20 - 8 - 4 = 8 are enough for the edge
-    assert amounts(ctx, "power") == {"a": 1}
-    ctx.game.step()
-    assert ctx.game.result().deeds == [{"turn": 1, "agent": "a", "deed": deed, "at": 0} for deed in ("shoot", "call")]
-    assert why(ctx, "a") == "call: it needs 4 power, and 1 is left; shoot: it needs 8 power, and 1 is left"
-
-
 def test_a_move_for_which_deeds_leave_too_little_is_refused(road):
     ctx = road(a=("red", 0))
     ctx.game.deeds = {"shoot": None}
@@ -109,23 +85,6 @@ def test_a_move_for_which_deeds_leave_too_little_is_refused(road):
     ctx.game.add(resource("power", 10, per_deed={"shoot": 4}, per_metre=1))
     ctx.game.step()
     assert (amounts(ctx, "power"), why(ctx, "a")) == ({"a": 6}, "it needs 10 power, and 6 is left")
-
-
-def test_flyers_pay_for_their_flights_alone(road):
-    ctx = road(a=("red", 0))
-
-    def fly(state):
-        state["action"] = (3.0, 4.0, 0.0) if state["turn"] != 1 else {"direction": (0.0, 0.0, 0.0)}
-
-    kind = {"type": AgentType.AERIAL, "start_node_id": 0, "team": "red"}
-    ctx.agent.create_agent("drone", speed=5.0, strategy=fly, **kind)
-    ctx.game.add(resource("battery", 12, per_metre=1, teams=["red"]))
-    left = []
-    for _ in range(4):
-        ctx.game.step()
-        left.append(amounts(ctx, "battery")["drone"])
-    assert left == [7, 7, 2, 2]  # 5 for a flight, nothing for hovering; 2 are too few
-    assert why(ctx, "drone") == "it needs 5 battery, and 2 is left"
 
 
 def test_a_flight_is_paid_for_by_an_agent_that_is_put_elsewhere_afterwards_and_hovering_is_not(road):
@@ -137,18 +96,6 @@ def test_a_flight_is_paid_for_by_an_agent_that_is_put_elsewhere_afterwards_and_h
     ctx.game.add(resource("battery", 12, per_metre=1))
     ctx.game.step()
     assert amounts(ctx, "battery") == {"a": 12, "flying": 7, "hovering": 12}
-
-
-def test_agents_that_fly_may_be_charged_before_they_have_moved(road):
-    ctx = road()
-    kind = {"type": AgentType.AERIAL, "start_node_id": 0, "team": "red", "speed": 5.0}
-    ctx.agent.create_agent("flying", strategy=lambda state: state.update(action=(1.0, 0.0, 0.0)), **kind)
-    ctx.agent.create_agent("out", **kind)
-    ctx.game.eliminate("out")
-    ctx.game.add(resource("battery", 12, per_metre=1), phase="before")
-    ctx.game.step()
-    ctx.game.step()
-    assert amounts(ctx, "battery") == {"flying": 7, "out": 12}
 
 
 def test_without_an_edge_the_straight_line_counts_and_who_is_stopped_pays_nothing(road):
@@ -167,31 +114,6 @@ def test_with_an_order_of_play_each_move_is_paid_for_once(road):
     ctx.game.add(resource("fuel", 100, per_metre=1))
     ctx.game.run(2)
     assert amounts(ctx) == {"a": 80, "b": 80, "drone": 90}
-
-
-def test_with_an_order_of_play_each_deed_is_paid_for_once_and_cools_down(road):
-    ctx = road(a=("red", 0), b=("blue", 9))
-    ctx.game.deeds = {"shoot": None}
-    for name in ("a", "b"):
-        ctx.agent.get_agent(name).register_strategy(doing(shoot=range(1, 9)))
-    ctx.game.order = [["red"], ["blue"]]
-    ctx.game.add(resource("power", 9, per_deed={"shoot": 4}))
-    ctx.game.add(cooldown("shoot", 1))
-    result = ctx.game.run(6)
-    assert amounts(ctx, "power") == {"a": 1, "b": 1}
-    assert [(deed["turn"], deed["agent"]) for deed in result.deeds] == [(1, "a"), (1, "b"), (3, "a"), (3, "b")]
-
-
-def test_a_flyer_recharges_where_a_node_is_the_nearest(road):
-    ctx = road()
-    kind = {"type": AgentType.AERIAL, "start_node_id": 0, "team": "red", "speed": 8.0}
-    ctx.agent.create_agent("drone", strategy=lambda state: state.update(action=(1.0, 0.0, 0.0)), **kind)
-    ctx.game.add(resource("battery", 20, per_metre=1, recharge={1: 3}))
-    left = []
-    for _ in range(3):
-        ctx.game.step()
-        left.append(amounts(ctx, "battery")["drone"])
-    assert left == [15, 7, 7]  # at 8 m: 20 - 8 + 3; at 16 m, nearest to node 2: 15 - 8; then 7 are too few
 
 
 def test_nothing_is_refused_any_more_when_the_rule_is_removed(road):
@@ -220,18 +142,6 @@ def test_a_tagged_agent_keeps_what_it_has_and_one_that_was_out_begins_again(road
     ctx.game.eliminate("c")
     ctx.game.step()
     assert amounts(ctx) == {"a": 90, "b": 100, "c": 100}
-
-
-def test_two_resources_and_a_deed_are_independent_of_the_order_of_the_rules(road):
-    rules = [resource("fuel", 35, per_metre=1), resource("water", 3, per_turn=1), tag("blue", "red")]
-    results = []
-    for some in (rules, rules[::-1]):
-        ctx = road(a=("red", 0, 1, 2, 3, 4), b=("blue", 9))
-        for rule in some:
-            ctx.game.add(rule)
-        results.append((ctx.game.run(5), ctx.game.data, amounts(ctx), amounts(ctx, "water")))
-    assert results[0] == results[1]
-    assert results[0][0].agents["a"]["node"] == 3
 
 
 @given(
@@ -293,19 +203,6 @@ def test_impossible_resources_are_refused(road):
 
 
 # -- cooldown ---------------------------------------------------------------------------------------------------
-
-
-def test_a_deed_can_be_done_again_when_it_has_cooled_down(road):
-    ctx = road(a=("red", 0), b=("blue", 9))
-    ctx.game.deeds = {"shoot": None}
-    ctx.agent.get_agent("a").register_strategy(doing(shoot=range(1, 9)))
-    ctx.agent.get_agent("b").register_strategy(doing(shoot={2}))
-    ctx.game.add(cooldown("shoot", 2))
-    ctx.game.run(2)
-    assert why(ctx, "a") == "shoot: it is ready in turn 4"
-    result = ctx.game.run(6)
-    assert [deed["turn"] for deed in result.deeds if deed["agent"] == "a"] == [1, 4, 7]
-    assert [deed["turn"] for deed in result.deeds if deed["agent"] == "b"] == [2]
 
 
 def test_a_deed_that_was_refused_does_not_start_a_cooldown(road):

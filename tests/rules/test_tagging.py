@@ -33,22 +33,6 @@ def test_who_is_tagged_may_be_out(road):
     assert result.scores == {"red": 2.5}
 
 
-def test_a_function_may_say_what_follows(road):
-    seen = []
-    ctx = road(r=("red", 2, 3), b=("blue", 4, 3))
-    ctx.game.add(
-        tag(
-            "red",
-            "blue",
-            score=0,
-            then=lambda ctx, tagger, other: seen.append((ctx.game.turn, tagger.name, other.name)),
-        )
-    )
-    ctx.game.run(2)
-    assert seen == [(1, "r", "b"), (2, "r", "b")]
-    assert ctx.game.scores == {}
-
-
 def test_who_passes_a_tagger_on_an_edge_is_tagged_on_it_behind_the_node_it_came_from(road):
     for passing, node in ((True, 3), (False, 2)):
         ctx = road(r=("red", 2, 3), b=("blue", 3, 2))
@@ -98,39 +82,11 @@ def test_both_sides_may_tag_each_other(road):
     assert ctx.game.scores == {"red": 1, "blue": 1}
 
 
-def test_on_a_territory_only_the_intruder_is_tagged(road):
-    ctx = road(r=("red", 2, 3), b=("blue", 4, 3))
-    ctx.game.add(tag("red", "blue", territory=WEST, mutual=True))
-    ctx.game.step()
-    assert places(ctx) == {"r": 3, "b": 4}
-    ctx = road(r=("red", 5, 6), b=("blue", 7, 6))
-    ctx.game.add(tag("red", "blue", territory=WEST, mutual=True))
-    ctx.game.step()
-    assert places(ctx) == {"r": 5, "b": 6}
-    ctx = road(r=("red", 5, 6), b=("blue", 7, 6))
-    ctx.game.add(tag("red", "blue", territory=WEST))
-    ctx.game.step()
-    assert tags(ctx) == []
-
-
 def test_who_cannot_be_tagged_keeps_no_tagger_busy(road):
     ctx = road(r=("red", 4), intruder=("blue", 3), near=("blue", 5), nearest=("blue", 5))
     ctx.game.add(tag("red", "blue", hops=1, territory=WEST))
     ctx.game.step()
     assert tags(ctx) == [("r", "intruder", 3)]
-
-
-def test_a_territory_may_be_a_published_fact(road):
-    ctx = road(r=("red", 2, 3), b=("blue", 4, 3))
-    ctx.game.publish(ground=WEST)
-    ctx.game.add(tag("red", "blue", territory="ground", mutual=True))
-    ctx.game.step()
-    assert tags(ctx) == [("r", "b", 3)]
-    ctx = road()
-    ctx.game.publish(ground=WEST)
-    ctx.game.add(tag("red", "blue", territory="grund"))
-    with pytest.raises(KeyError, match=r"Unknown fact 'grund'\. Did you mean 'ground'\?"):
-        ctx.game.step()
 
 
 def test_agents_that_come_later_are_tagged_too(road):

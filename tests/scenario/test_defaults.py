@@ -3,11 +3,8 @@
 from inspect import signature
 from io import BytesIO
 
-import pytest
-
 import gamms
 from gamms import recorder, rules, scenario
-from gamms.game import settings
 from gamms.scenario import Scenario
 
 
@@ -38,28 +35,6 @@ def test_a_recording_plays_by_the_defaults_that_it_was_made_with(made, monkeypat
     assert recorded(scenario.from_recording(recording, folder=game.folder))[1] == first
     said = recording.header["scenario"]
     assert (said["sensors"]["eyes"]["sensor_range"], said["map"]["grid"]["spacing"]) == (30.0, 10.0)
-
-
-@pytest.mark.parametrize("change", [{}, {"on_error": "stay", "legal": "any"}])
-def test_a_recording_goes_on_by_the_settings_that_it_was_made_with(made, monkeypatch, change):
-    recording, _ = recorded(made(settings=change))
-    with recording.resume(3) as ctx:
-        before = ctx.game.plain_settings()
-    monkeypatch.setattr(
-        settings, "_CHOICES", {name: tuple(reversed(choices)) for name, choices in settings._CHOICES.items()}
-    )
-    monkeypatch.setattr(settings.Settings, "__init__", _reversed)
-    with recording.resume(3) as ctx:
-        assert ctx.game.plain_settings() == before
-    with scenario.from_recording(recording, folder=made().folder).build() as ctx:
-        assert {name: getattr(ctx.game, name) for name in before} == before
-
-
-def _reversed(self):
-    """Set every setting to another default."""
-    self.legal, self.on_illegal, self.on_error, self.speed_unit = "any", "raise", "stay", "metres"
-    self.conflicts, self.time_budget, self.max_turns = None, 5.0, 7
-    self.deadline_s, self.default_action, self.plans = 4.0, 3, {}
 
 
 def test_what_is_written_out_says_the_same_game(made, folder):

@@ -1,6 +1,5 @@
 """Files are read as plain data, with bounds; what they name is in their folder, or installed."""
 
-import json
 import os
 import sys
 import time
@@ -19,26 +18,6 @@ def parser(request, monkeypatch):
     """Reads YAML by libyaml, and as where PyYAML comes without it."""
     if request.param == "SafeLoader":
         monkeypatch.delattr(yaml, "CSafeLoader")
-
-
-@pytest.mark.usefixtures("parser")
-def test_yaml_means_what_json_means():
-    text = "a: yes\nb: on\nc: 1e3\nd: 2024-01-01\ne: 12:30\nf: ~\ng:\nh: true\ni: [1, -2.5]\nno: .inf\n3: x\n"
-    assert from_yaml(text) == {
-        "a": "yes",
-        "b": "on",
-        "c": 1000.0,
-        "d": "2024-01-01",
-        "e": "12:30",
-        "f": None,
-        "g": None,
-        "h": True,
-        "i": [1, -2.5],
-        "no": float("inf"),
-        3: "x",
-    }
-    values = {"a": [1, 2.5, None, True, "x"], "b": {"c": {}}, "d": []}
-    assert from_yaml(json.dumps(values)) == from_json(json.dumps(values)) == values
 
 
 @pytest.mark.usefixtures("parser")

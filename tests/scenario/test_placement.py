@@ -123,18 +123,6 @@ def test_flyers_start_above_their_node():
             assert agent.position == (x, y, 30.0)
 
 
-def test_a_drone_has_the_picture_of_a_balloon_that_stays_where_it_is():
-    drone = {"count": 1, "type": "aerial", "speed": 5.0, "altitude": 30.0, "sensors": ["balloon"]}
-    sensors = {"balloon": {"type": "AERIAL", "at": [0.5, 0, 9.0]}}
-    game = Scenario(map={"grid": {"width": 5, "height": 5}}, sensors=sensors, teams={"drone": drone})
-    for made in (game, Scenario(**game.to_dict())):
-        with made.build() as ctx:
-            agent = ctx.agent.get_agent("drone_0")
-            agent.position = 40.0, 40.0, 30.0
-            assert agent.sensors["balloon"].at == (0.5, 0.0, 9.0)
-            assert list(agent.get_state()["sensor"]["balloon"][1]["nodes"]) == [0]
-
-
 def test_one_agent_of_a_team_flies():
     kite = {"name": "kite", "node": 6, "type": "aerial", "speed": 5.0, "altitude": 30.0}
     with played_on(5, 5, {"red": {"agents": [{"name": "anna", "node": 7}, kite]}}).build() as ctx:

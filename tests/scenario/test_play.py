@@ -68,24 +68,6 @@ def test_the_seed_of_the_file_is_the_usual_one(made):
     assert one.play().seed == 3
 
 
-def test_everything_it_says_is_in_the_context(made):
-    one = made(settings={"on_error": "stay", "time_budget": 2.5}, data={"rounds": [1, 2]})
-    with one.build() as ctx:
-        assert (ctx.game.on_error, ctx.game.time_budget, ctx.game.max_turns) == ("stay", 2.5, 15)
-        assert ctx.game.data == {"rounds": [1, 2]}
-        assert ctx.game.facts["bases"] == {"red": 0, "blue": 47}
-        assert {team: [agent.name for agent in agents] for team, agents in ctx.agent.teams.items()} == {
-            "blue": ["anna", "bert"],
-            "red": ["red_0", "red_1", "red_2"],
-        }
-        red, anna = ctx.agent.get_agent("red_0"), ctx.agent.get_agent("anna")
-        assert red.meta == {"team": "red", "speedy": True}
-        assert list(red._sensor_list) == ["near", "eyes"]
-        assert list(anna._sensor_list) == ["eyes"]
-        result = ctx.game.run()
-    assert result.scores["turns"] == 2 * result.turns == 30
-
-
 def test_sensors_of_a_file_may_be_wrong_and_late(made):
     errors = {"position_noise_m": 2.5, "false_alarm_rate": 0.5, "delay_turns": 2}
     with made({f"sensors.eyes.{name}": value for name, value in errors.items()}).build() as ctx:
@@ -157,27 +139,6 @@ def test_strategies_of_the_caller_take_the_place_of_the_file_s(made):
     assert {result.agents[f"red_{i}"]["moves"] for i in range(3)} == {0}
     with pytest.raises(UnknownName, match="Did you mean 'red'"):
         made().play(strategies={"reds": stay})
-
-
-def test_parameters_may_be_nodes_by_place_and_what_functions_give(made):
-    one = made(
-        {
-            "teams.red.strategy": {"function": "players:make", "with": {"node": {"node_at": [71, 52]}}},
-            "teams.blue.strategy": {
-                "function": "gamms.strategies:chase",
-                "with": {"otherwise": {"function": "gamms.strategies:stay"}},
-            },
-        },
-        facts={"land": {"function": "gamms.rules.territory:by_distance", "with": {"bases": {"red": 0, "blue": 47}}}},
-        settings={"legal": "any"},
-        rules=[],
-        conflicts={"capacity": 9},
-    )
-    with one.build() as ctx:
-        assert set(ctx.game.facts["land"].values()) == {"red", "blue"}
-        ctx.game.step()
-        assert {agent.current_node_id for agent in ctx.game.agents if agent.team == "red"} == {47}
-        assert not ctx.game.errors
 
 
 def test_own_functions_make_maps_sensors_and_resolvers(made, folder):
@@ -341,21 +302,6 @@ def test_a_game_that_changes_the_map_leaves_those_alone_that_share_it(looking):
         changed.game.reset()
         assert list(changed.graph.graph.get_edges()) != after[1]  # what was changed before the first turn stays
     assert told(one.play()) == first
-
-
-def test_a_map_that_was_changed_in_a_game_is_as_before_after_each_reset(looking):
-    with looking().build() as ctx:
-        first = told(ctx.game.run())
-        for _ in range(2):
-            ctx.game.reset()
-            ctx.game.step()
-            ctx.graph.close_roads(list(range(8)))
-            ctx.graph.add_obstacle_face(**WALL)
-            ctx.game.step()
-            ctx.game.reset()
-            assert ctx.graph.closed_roads == []
-            assert list(ctx.graph.get_obstacle_faces()) == []
-            assert told(ctx.game.run()) == first
 
 
 def test_games_in_threads_share_a_map_and_are_those_played_alone(looking):

@@ -90,17 +90,3 @@ def test_names_have_a_bounded_length(little):
     little["teams"]["red"]["strategy"] = "x" * 300_000
     with pytest.raises(ScenarioError, match="length <= 1000"):
         Scenario(**little)
-
-
-@pytest.mark.usefixtures("no_collection")
-def test_the_time_of_a_check_is_bounded_by_the_size_of_the_file():
-    teams = {f"t{number}": {"agents": [{"name": f"a{number}", "node": 0}]} for number in range(4_000)}
-    away = {name: {**team, "from": {"team": "t0", "at_least": 0.0}} for name, team in list(teams.items())[1:]}
-    flags = {f"nobodys{chr(97 + number % 26) * 9}{number}": 0 for number in range(4_000)}
-    begun = time.process_time()
-    Scenario(
-        map={"grid": {"width": 3, "height": 3}},
-        teams={**teams, **away},
-        rules=[{"rule": "capture_flag", "with": {"flags": flags, "goal": 1}}],
-    )
-    assert time.process_time() - begun < 2.5

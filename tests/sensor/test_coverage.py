@@ -63,19 +63,6 @@ def test_it_names_the_agents_that_it_does_not_show():
         assert ctx.sensor.create_sensor("reds", SensorType.AGENT, team="red").coverage(0).not_shown == ("b", "c")
 
 
-def test_a_strategy_may_ask_for_it():
-    with world() as ctx:
-        eyes, found = ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=10.0), []
-
-        def look(state):
-            found.extend(ctx.sensor.get_sensor("eyes").coverage(state["curr_pos"]).node_ids.tolist())
-            state["action"] = state["curr_pos"]
-
-        ctx.agent.create_agent("a", start_node_id=0, sensors={"eyes": eyes}, strategy=look)
-        ctx.game.step()
-        assert found == [0, 1, 5]
-
-
 def test_a_sensor_that_does_not_look_for_agents_does_not_offer_it():
     with world() as ctx, pytest.raises(NotOffered, match="coverage"):
         ctx.sensor.create_sensor("near", SensorType.NEIGHBOR).coverage(0)

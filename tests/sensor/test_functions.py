@@ -1,8 +1,5 @@
 """Sensors made of plain functions, and information from outside: a file that grows, a socket that speaks."""
 
-import socket
-import threading
-
 import numpy as np
 import pytest
 
@@ -106,68 +103,3 @@ def test_many_looks_are_one_by_one(ctx):
     assert many[-1].tolist() == [[1]]
     with pytest.raises(IndexError):
         many[3]
-
-
-def test_a_file_that_is_being_appended_to_is_sensed(ctx, tmp_path):
-    path = tmp_path / "weather.log"
-    path.write_text("0 dry\n")
-
-    def weather(node_id):
-        with path.open() as file:
-            readings = dict(line.split() for line in file if line.endswith("\n"))
-        return readings.get(str(node_id), "unknown")
-
-    scout = ctx.agent.create_agent(
-        "scout", start_node_id=0, sensors={"weather": ctx.sensor.from_function("w", weather)}
-    )
-    assert scout.get_state()["sensor"]["weather"][1] == "dry"
-    with path.open("a") as file:
-        file.write("1 storm\n0 ra")  # the last line is not complete yet
-    assert scout.get_state()["sensor"]["weather"][1] == "dry"
-    with path.open("a") as file:
-        file.write("in\n")
-    assert scout.get_state()["sensor"]["weather"][1] == "rain"
-    scout.state["action"] = 1
-    scout.set_state()
-    assert scout.get_state()["sensor"]["weather"][1] == "storm"
-
-
-def test_what_comes_through_a_socket_is_sensed(ctx):
-    @ctx.sensor.custom(name="RADIO_TEST")
-    class Radio(ISensor):
-        """Hears what a station sends; `update` is called by the listener."""
-
-        sensor_id, type, data = "radio", SensorType.CUSTOM, ()
-
-        def __init__(self):
-            self._heard = []
-
-        def sense(self, node_id):
-            self.data = [*self._heard, node_id]
-
-        def update(self, data):
-            self._heard.append(data["message"])
-
-        def set_owner(self, owner):
-            pass
-
-    radio = Radio()
-    ctx.sensor.add_sensor(radio)
-    scout = ctx.agent.create_agent("scout", start_node_id=2, sensors=["radio"])
-    assert scout.get_state()["sensor"]["radio"][1] == [2]
-
-    def listen(station):
-        with station.makefile() as lines:
-            for line in lines:
-                radio.update({"message": line.strip()})
-
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        with socket.create_connection(server.getsockname()) as sender:
-            station, _ = server.accept()
-            listener = threading.Thread(target=listen, args=(station,))
-            listener.start()
-            sender.sendall(b"enemy at 4\nretreat\n")
-        listener.join(timeout=10)
-        station.close()
-    kind, heard = scout.get_state()["sensor"]["radio"]
-    assert (kind, heard) == (SensorType.RADIO_TEST, ["enemy at 4", "retreat", 2])

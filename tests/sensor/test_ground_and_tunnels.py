@@ -6,11 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
-from gamms.graph.visibility import MapFingerprint
 from gamms.sensor import SensorType
 from gamms.typing import AgentType
 
-KEY = "eef23c5ae4b43331a8edef56d5b165375313ff92c5ef1a31a6934d04a5c61e40"  # as of maps before there were heights
 WALL = [(50.0, -50.0, 3.0), (50.0, 50.0, 3.0), (50.0, -50.0, 0.0), (50.0, 50.0, 0.0)]
 
 
@@ -137,26 +135,6 @@ def test_from_the_air_the_ground_is_at_its_height_and_tunnels_are_not_seen(world
     assert sorted(near.data["nodes"]) == [1]  # 53 m below, not 60
 
 
-def test_a_line_of_sight_channel_runs_above_the_ground(world):
-    for heights, heard in (((0.0, 0.0), 0), ((10.0, 0.0), 1)):
-        ctx = world(heights, wall_at=0.0)
-        ctx.game.add_channel("radio", line_of_sight=True)
-        got = []
-
-        def send(state):
-            state["action"], state["outbox"] = 0, [{"channel": "radio", "to": "b", "body": "x"}]
-
-        def hear(state, got=got):
-            state["action"] = 1
-            got.extend(state["inbox"])
-
-        ctx.agent.create_agent("a", start_node_id=0, strategy=send)
-        ctx.agent.create_agent("b", start_node_id=1, strategy=hear)
-        for _ in range(3):
-            ctx.game.step()
-        assert bool(got) == bool(heard)
-
-
 @given(
     heights=st.lists(st.floats(-20.0, 20.0), min_size=5, max_size=5),
     tunnels=st.lists(st.integers(0, 2), min_size=5, max_size=5),
@@ -185,22 +163,6 @@ def test_workers_see_uneven_ground_too(world):
         many = other.graph.visibility(350.0, path=False, workers=2)
         for node in range(70):
             assert alone.from_node(node).tolist() == many.from_node(node).tolist()
-
-
-def test_tables_of_flat_maps_keep_their_names(world):
-    """As before there were heights: a table that was stored is found again."""
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
-        ctx.graph.graph.add_nodes([1, 2, 5], [0.0, 10.0, 20.5], [0.0, 3.0, -4.0])
-        ctx.graph.add_obstacles(np.array([[(5, -5, 3), (5, 5, 3), (5, -5, 0), (5, 5, 0)]], float))
-
-        def key():
-            return MapFingerprint(ctx.graph._store, ctx.graph._obstacles).key(50.0, 1.6).hex()
-
-        assert key() == KEY
-        ctx.graph.graph.update_node({"id": 1, "z": 0.0})
-        assert key() == KEY
-        ctx.graph.graph.update_node({"id": 1, "z": 1.0})
-        assert key() != KEY
 
 
 @pytest.mark.parametrize("z", ["high", None, float("nan"), True, [1.0]])

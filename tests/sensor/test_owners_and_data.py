@@ -30,41 +30,11 @@ def test_a_result_is_fresh_and_changing_it_changes_nothing_later(ctx, two, kind)
     assert sensor.data is not first
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_an_earlier_result_does_not_change_when_the_world_does(ctx, two, kind):
-    sensor = ctx.sensor.create_sensor("s", SensorType[kind])
-    sensor.sense(0)
-    kept, shown = sensor.data, repr(sensor.data)
-    graph = ctx.graph.graph
-    graph.update_node({"id": 0, "x": 0.5})
-    graph.add_node({"id": 77, "x": 0, "y": 0})
-    graph.add_edge({"id": 77, "source": 0, "target": 77, "length": 1})
-    graph.remove_edge(2)
-    two[0].current_node_id = 77
-    sensor.sense(0)
-    assert repr(kept) == shown
-    assert repr(sensor.data) != shown
-
-
 def test_update_takes_anything_and_does_nothing(ctx):
     sensor = ctx.sensor.create_sensor("s", SensorType.MAP)
     assert sensor.update({"nodes": 3}) is None
     assert sensor.update(None) is None
     assert sensor.data == {}
-
-
-def test_a_sensor_that_several_agents_carry_looks_for_the_one_that_asks(ctx, two):
-    sensor = ctx.sensor.create_sensor("s", SensorType.AGENT)
-    agents = [*two, ctx.agent.create_agent("c", start_node_id=2)]
-    for agent in agents:
-        agent.register_sensor("s", sensor)
-    assert sensor._owner == "c"
-    for agent in (*agents, *agents[::-1]):
-        others = {other.name: other.current_node_id for other in agents if other is not agent}
-        assert agent.get_state()["sensor"]["s"] == (SensorType.AGENT, others)
-    agents[2].deregister_sensor("s")
-    ctx.agent.delete_agent("a")
-    assert agents[1].get_state()["sensor"]["s"][1] == {"c": 2}
 
 
 def test_a_shared_sensor_under_two_names_stays_shared_without_one_of_them(ctx, two):
@@ -73,18 +43,6 @@ def test_a_shared_sensor_under_two_names_stays_shared_without_one_of_them(ctx, t
         agent.register_sensor(name, sensor)
     two[0].deregister_sensor("again")
     assert two[0].get_state()["sensor"] == {"s": (SensorType.AGENT, {"b": 1})}
-
-
-def test_a_shared_arc_looks_where_the_agent_that_asks_is_heading(ctx, two):
-    sensor = ctx.sensor.create_sensor("s", SensorType.ARC, sensor_range=99.0, fov=1.0)
-    for agent, heading in zip(two, [(1.0, 0.0), (-1.0, 0.0)], strict=True):
-        agent.register_sensor("s", sensor)
-        agent.orientation = heading
-    seen = [set(agent.get_state()["sensor"]["s"][1]["nodes"]) for agent in two]
-    for agent, nodes in zip(two, seen, strict=True):
-        alone = ctx.sensor.create_sensor(f"{agent.name}'s own", SensorType.ARC, sensor_range=99.0, fov=1.0)
-        agent.register_sensor("alone", alone)
-        assert set(agent.get_state()["sensor"]["alone"][1]["nodes"]) == nodes
 
 
 def test_a_sensor_that_no_agent_carries_any_more_has_no_owner(ctx, two):

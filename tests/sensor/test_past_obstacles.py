@@ -10,8 +10,6 @@ import gamms
 from gamms.agent import AgentType
 from gamms.sensor import SensorType
 
-MAPS = [SensorType.OCCLUDED_MAP, SensorType.OCCLUDED_AERIAL]
-
 
 def wall(ctx, start, end, top=9.0, foot=0.0, id=1):
     (x0, y0), (x1, y1) = start, end
@@ -56,67 +54,12 @@ def test_range_and_field_of_view_count_as_without_obstacles(ctx, sense):
     assert list(sense(SensorType.OCCLUDED_MAP, fov=pi / 2, orientation=(0, 1))["nodes"]) == [0, 2, 5]
 
 
-def test_an_agent_behind_a_wall_is_hidden_until_the_wall_goes(ctx, sense):
-    ctx.agent.create_agent("seen", start_node_id=2)
-    ctx.agent.create_agent("hidden", start_node_id=1)
-    wall(ctx, (0.5, -0.5), (0.5, 0.5))
-    sensor = ctx.sensor.create_sensor("s", SensorType.OCCLUDED_AGENT)
-    sensor.sense(0)
-    assert sensor.data == {"seen": 2}
-    sensor.sense(1)
-    assert sensor.data == {"hidden": 1, "seen": 2} or sensor.data == {"hidden": 1}
-    ctx.graph.remove_obstacle_face(1)
-    sensor.sense(0)
-    assert sensor.data == {"seen": 2, "hidden": 1}
-
-
-def test_looks_between_moves_of_single_agents_show_where_these_are_now(ctx):
-    wall(ctx, (0.5, -0.5), (0.5, 0.5))
-    movers = [ctx.agent.create_agent(name, start_node_id=5) for name in ("anna", "bert")]
-    looks = [
-        ctx.sensor.create_sensor("past", SensorType.OCCLUDED_AGENT),
-        ctx.sensor.create_sensor("near", SensorType.AGENT_RANGE, sensor_range=1.5, detection=[(1.0, 1.0), (1.4, 0.0)]),
-    ]
-    for node, unhidden, noticed in [(1, {}, {"anna": 1}), (2, {"anna": 2}, {"anna": 2}), (0, {"anna": 0}, {"anna": 0})]:
-        movers[0].current_node_id = node
-        movers[1].current_node_id = 5
-        for sensor in looks:
-            sensor.sense(0)
-        assert looks[0].data == {**unhidden, "bert": 5}
-        assert looks[1].data == noticed
-
-
-def test_from_the_air_a_roof_hides_what_is_below(ctx):
-    ctx.graph.add_obstacle_face(1, (1.4, 0.4, 3), (0.6, 0.4, 3), (1.4, -0.4, 3), (0.6, -0.4, 3), 1)
-    ctx.agent.create_agent("below", start_node_id=1)
-    ctx.agent.create_agent("beside", start_node_id=2)
-    ground = ctx.sensor.create_sensor("g", SensorType.OCCLUDED_AERIAL, at=(1.0, 0.0, 10.0), fov=pi / 2)
-    agents = ctx.sensor.create_sensor("a", SensorType.OCCLUDED_AERIAL_AGENT, at=(1.0, 0.0, 10.0))
-    for sensor in (ground, agents):
-        sensor.sense()
-    assert list(ground.data["nodes"]) == [0, 2, 3, 4, 5]
-    assert agents.data == {"beside": (AgentType.BASIC, (0.0, 1.0, 0.0))}
-    assert (ground.type, agents.type) == (SensorType.OCCLUDED_AERIAL, SensorType.OCCLUDED_AERIAL_AGENT)
-
-
 @pytest.mark.parametrize(("height", "error"), [(float("nan"), ValueError), (inf, ValueError), ("high", TypeError)])
 @pytest.mark.parametrize("kind", ["OCCLUDED_MAP", "OCCLUDED_AGENT"])
 def test_an_impossible_height_is_refused(ctx, kind, height, error):
     with pytest.raises(error, match="observer_height of 's'"):
         ctx.sensor.create_sensor("s", SensorType[kind], observer_height=height)
     assert ctx.sensor.sensors == {}
-
-
-def test_what_was_seen_is_forgotten_when_a_wall_comes_or_goes(ctx):
-    sensor = ctx.sensor.create_sensor("s", SensorType.OCCLUDED_MAP)
-    for walls, count in ((0, 6), (1, 5), (0, 6)):
-        if walls:
-            wall(ctx, (0.5, -0.5), (0.5, 0.5))
-        elif sensor.data:
-            ctx.graph.remove_obstacle_face(1)
-        for _ in range(2):
-            sensor.sense(0)
-            assert len(sensor.data["nodes"]) == count
 
 
 def test_a_visibility_table_answers_until_the_world_changes(ctx):

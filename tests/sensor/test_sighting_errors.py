@@ -90,23 +90,6 @@ def test_no_noise_no_false_alarms_and_no_delay_are_the_sensor_without(kind):
 # -- false alarms -----------------------------------------------------------------------------------------------
 
 
-def test_false_alarms_are_a_poisson_number_spread_evenly_over_what_is_covered():
-    with field([f"a{i}" for i in range(40)]) as ctx:
-        sensor = watch(ctx, sensor_range=5.0, detection=0.0, false_alarm_rate=1.5)
-        reports = looks(sensor, 1500)
-        counts = np.array([len(report) for report in reports])
-        assert abs(counts.mean() - 1.5) < 0.1
-        assert abs(counts.var() - 1.5) < 0.2
-        covered = sensor.coverage().node_ids
-        nodes = np.array([node for report in reports for node in report.values()])
-        seen, expected = np.array([(nodes == node).sum() for node in covered]), len(nodes) / len(covered)
-        assert seen.sum() == len(nodes)  # nowhere else
-        assert ((seen - expected) ** 2 / expected).sum() < len(covered) + 4 * (2 * len(covered)) ** 0.5
-        names = np.array([int(name[1:]) for report in reports for name in report])
-        named, expected = np.bincount(names, minlength=40), len(names) / 40
-        assert ((named - expected) ** 2 / expected).sum() < 40 + 4 * 80**0.5
-
-
 def test_a_false_alarm_bears_the_name_of_an_agent_that_is_looked_for_and_not_noticed():
     with field(["anna", "bert"]) as ctx:
         ctx.agent.create_agent("rita", start_node_id=0, team="red")
@@ -136,40 +119,6 @@ def test_false_alarms_go_to_the_highest_lots_of_those_that_are_not_seen(seen, co
         assert [*found][i] not in left
     assert len(found) == min(count, len(found) + len(left))
     assert {*found.values()} <= {7, 8, 9}
-
-
-def test_a_death_and_a_change_of_team_count_for_false_alarms_at_once():
-    with field(["anna", "bert", "cleo"]) as ctx:
-        sensor = ctx.sensor.create_sensor("s", "AGENT_RANGE", sensor_range=3.0, team="blue", false_alarm_rate=50.0)
-
-        def reported():
-            sensor.sense(0)
-            return [*sensor.data]
-
-        assert reported() == ["anna", "bert", "cleo"]
-        ctx.agent.get_agent("anna").alive = False
-        ctx.agent.get_agent("cleo").team = "red"
-        assert reported() == ["bert"]
-        sensor.notice.team = ["red", "green"]
-        ctx.agent.create_agent("anton", start_node_id=210, team="green")
-        assert reported() == ["cleo", "anton"]
-
-
-@pytest.mark.parametrize("kind", KINDS + FLYING)
-def test_a_false_alarm_looks_like_any_other_report(kind):
-    with field([f"a{i}" for i in range(9)]) as ctx:
-        flyer = ctx.agent.create_agent("flyer", start_node_id=0, type=AgentType.AERIAL, speed=1.0, team="blue")
-        flyer.position = (0.0, 0.0, 4.0)
-        sensor = watch(ctx, kind, detection=0.5, false_alarm_rate=3.0)
-        for report in looks(sensor, 30):
-            order = [name for name in ctx.agent.agents if name in report]
-            assert list(report) == order
-            for name, seen in report.items():
-                if kind in FLYING:
-                    assert seen[0] == ctx.agent.get_agent(name).type
-                    assert name != "flyer" or seen[1] == (0.0, 0.0, 4.0)  # of the ground alone are there false ones
-                else:
-                    assert ctx.graph.graph.has_node(seen)
 
 
 # -- what draws follow from -------------------------------------------------------------------------------------
@@ -291,62 +240,6 @@ def test_a_strategy_that_looks_changes_nothing_of_what_is_reported_later():
 # -- delay ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("delay", [1, 3])
-@pytest.mark.parametrize("kind", ["AGENT_RANGE", "AERIAL_AGENT"])
-def test_what_is_reported_is_what_was_seen_so_many_turns_before(kind, delay):
-    reported, true = [], []
-
-    def east(state):
-        state["action"] = state["curr_pos"] + 1
-
-    with field(["anna"], node=200) as ctx:
-        ctx.agent.get_agent("anna").register_strategy(east)
-        flying = {"type": AgentType.AERIAL, "speed": 1.0} if kind in FLYING else {}
-        watcher = ctx.agent.create_agent("watcher", start_node_id=0, team="red", **flying)
-        watcher.register_sensor("eyes", watch(ctx, kind, team="blue", delay_turns=delay))
-
-        def note(state):
-            reported.append(state["sensor"]["eyes"][1])
-            true.append(ctx.agent.get_agent("anna").current_node_id)
-            state["action"] = state["curr_pos"]
-
-        watcher.register_strategy(note)
-        ctx.game.run(8)
-        before = true[: 8 - delay]
-        if kind in FLYING:
-            before = [(AgentType.BASIC, (*map(float, place), 0.0)) for place in xy(ctx, before)]
-            assert all(type(report["anna"][0]) is AgentType for report in reported[delay:])
-    assert reported == [{}] * delay + [{"anna": place} for place in before]
-
-
-def test_a_delayed_sensor_that_was_not_asked_in_every_turn_reports_its_latest_look_of_that_age():
-    seen = {}
-    with field(["anna"], node=200) as ctx:
-        sensor = watch(ctx, delay_turns=2)
-        ctx.agent.get_agent("anna").register_strategy(lambda state: state.update(action=state["curr_pos"] + 1))
-
-        @ctx.game.add
-        def look_seldom(ctx):
-            if ctx.game.turn in (1, 2, 5, 9):
-                sensor.sense()
-                seen[ctx.game.turn] = sensor.data
-
-        ctx.game.run(9)
-    assert seen == {1: {}, 2: {}, 5: {"anna": 202}, 9: {"anna": 205}}
-
-
-def test_agents_that_carry_one_sensor_each_get_their_own_delayed_reports():
-    with field(["anna"], node=200) as ctx:
-        sensor = ctx.sensor.create_sensor("s", "AGENT_RANGE", sensor_range=2.0, delay_turns=1)
-        seen = {"near": [], "far": []}
-        for name, node in (("near", 201), ("far", 0)):
-            agent = ctx.agent.create_agent(name, start_node_id=node)
-            agent.register_sensor("s", sensor)
-            agent.register_strategy(lambda state, name=name: seen[name].append(state["sensor"]["s"][1]))
-        ctx.game.run(3)
-    assert seen == {"near": [{}, {"anna": 200}, {"anna": 200}], "far": [{}, {}, {}]}
-
-
 def test_an_agent_that_was_deleted_since_is_reported_all_the_same():
     with field(["anna"]) as ctx:
         sensor, found = watch(ctx, delay_turns=1), []
@@ -391,36 +284,6 @@ def test_a_picture_of_what_a_sensor_would_report_changes_nothing():
         return found
 
     assert play(is_drawn=True) == play(is_drawn=False)
-
-
-def test_reset_snapshots_and_forks_have_the_reports_that_are_under_way():
-    with field(["anna"], node=200) as ctx:
-        ctx.agent.get_agent("anna").register_strategy(lambda state: state.update(action=state["curr_pos"] + 1))
-        watcher = ctx.agent.create_agent("watcher", start_node_id=0)
-        watcher.register_sensor("eyes", watch(ctx, team="blue", delay_turns=2, position_noise_m=0.5))
-        watcher.register_strategy(
-            lambda state: state["memory"].setdefault("seen", []).append(state["sensor"]["eyes"][1])
-        )
-
-        def seen():
-            return list(ctx.agent.get_agent("watcher").state["memory"]["seen"])
-
-        ctx.game.run(3)
-        snapshot = ctx.game.snapshot()
-        fork = ctx.game.fork(seed=ctx.seed)
-        ctx.game.run(4)
-        whole = seen()
-        ctx.game.restore(snapshot)
-        ctx.game.run(4)
-        assert seen() == whole
-        fork.run(2)  # two reports are under way, and what follows is drawn again
-        assert fork.internals.state.memories["watcher"]["seen"] == whole[:5]
-        ctx.game.reset()
-        ctx.game.run(7)
-        assert seen() == whole
-        assert len(whole) == 7
-        assert whole[:2] == [{}, {}]
-        assert {} not in whole[2:]
 
 
 # -- what is given ----------------------------------------------------------------------------------------------

@@ -2,7 +2,6 @@
 
 from math import inf
 
-import numpy as np
 import pytest
 
 import gamms
@@ -31,26 +30,6 @@ def seen(ctx, kind, **given):
     sensor = ctx.sensor.create_sensor(f"s{len(ctx.sensor.sensors)}", SensorType[kind], **place, **given)
     sensor.sense(0)
     return list(sensor.data)
-
-
-@pytest.mark.parametrize("kind", KINDS + FLYING)
-@pytest.mark.parametrize(
-    ("given", "names"),
-    [
-        ({}, ["r1", "r2", "b1", "g1", "n"]),
-        ({"team": "red"}, ["r1", "r2"]),
-        ({"team": ["red", "blue"]}, ["r1", "r2", "b1"]),
-        ({"team": {"blue"}}, ["b1"]),
-        ({"team": "purple"}, []),
-        ({"exclude": "red"}, ["b1", "g1", "n"]),
-        ({"exclude": ("red", "blue")}, ["g1", "n"]),
-        ({"exclude": [None]}, ["r1", "r2", "b1", "g1"]),
-        ({"team": ["red", "blue"], "exclude": "red"}, ["b1"]),
-        ({"team": [("green", 1)]}, ["g1"]),
-    ],
-)
-def test_only_agents_of_the_wanted_teams_are_reported(crowd, kind, given, names):
-    assert seen(crowd, kind, **given) == names
 
 
 @pytest.mark.parametrize("kind", KINDS + FLYING)
@@ -90,34 +69,6 @@ def test_chance_follows_from_the_seed_alone(kind):
     assert game(8) != looks
     assert len({tuple(look) for look in looks}) == 4  # every look draws again
     assert 30 < sum(map(len, looks)) < 90
-
-
-def test_two_sensors_and_two_owners_draw_apart(ctx):
-    for i in range(40):
-        ctx.agent.create_agent(f"a{i}", start_node_id=0)
-    looks = []
-    for name in ("s", "t"):
-        sensor = ctx.sensor.create_sensor(name, SensorType.AGENT, detection=0.5)
-        for owner in (None, "a0", "a1"):
-            sensor.set_owner(owner)
-            sensor.sense(0)
-            looks.append(tuple(name for name in sensor.data if name not in ("a0", "a1")))
-    assert len(set(looks)) == 6
-
-
-def test_probability_falls_with_the_distance():
-    with gamms.create_context(seed=3, logger_config={"level": "CRITICAL"}) as ctx:
-        ctx.graph.add_nodes(range(4), [0, 10, 20, 30], [0] * 4)
-        for i in range(400):
-            ctx.agent.create_agent(f"a{i}", start_node_id=i % 4)
-        sensor = ctx.sensor.create_sensor(
-            "s", SensorType.AGENT_RANGE, sensor_range=50, detection=[(10, 1.0), (30, 0.0)]
-        )
-        sensor.sense(0)
-        seen = np.bincount(list(sensor.data.values()), minlength=4)
-        assert seen[0] == seen[1] == 100
-        assert 30 < seen[2] < 70
-        assert seen[3] == 0
 
 
 def test_a_function_of_distances_gives_the_probability(crowd):

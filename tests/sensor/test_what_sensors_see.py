@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import gamms
-from gamms.sensor import AgentSensor, MapSensor, SensorType
+from gamms.sensor import SensorType
 from gamms.typing import Node, OSMEdge
 
 ALL = [0, 1, 2, 3, 4, 5]
@@ -93,20 +93,6 @@ def test_agent_sees_everybody_but_its_owner(ctx, sense):
     assert sense(SensorType.AGENT, owner=agents[0], node=3) == {"agent_1": 0, "agent_2": 3}
 
 
-def test_agent_range_and_agent_arc_see_agents_on_the_nodes_that_range_and_arc_see(ctx, sense):
-    for node in ALL:
-        ctx.agent.create_agent(f"on_{node}", start_node_id=node)
-    for kwargs in ({"sensor_range": 1}, {"sensor_range": 4.9}, {"sensor_range": 0}, {}):
-        assert list(sense(SensorType.AGENT_RANGE, **kwargs).values()) == list(
-            sense(SensorType.RANGE, **kwargs)["nodes"]
-        )
-    for fov in (0, 1, pi, 2 * pi):
-        for orientation in ((1, 0), (0, -1), (1, 1)):
-            kwargs = {"fov": fov, "orientation": orientation, "sensor_range": 3}
-            agents = list(sense(SensorType.AGENT_ARC, **kwargs).values())
-            assert agents == list(sense(SensorType.ARC, **kwargs)["nodes"])
-
-
 def test_what_is_in_the_same_place_counts_as_straight_ahead(ctx, sense):
     ctx.graph.graph.add_node({"id": 6, "x": 0, "y": 0})
     ctx.agent.create_agent("a", start_node_id=6)
@@ -138,21 +124,6 @@ def test_an_agent_on_a_removed_node_is_a_key_error(ctx, kind):
     ctx.agent.get_agent("a").current_node_id = 2
     sensor.sense(0)
     assert sensor.data == {"a": 2}
-
-
-def test_sensors_made_by_hand_sense_like_those_of_the_engine(ctx):
-    arc = MapSensor(ctx, "m", SensorType.ARC, 1.0, pi / 2, orientation=(0.0, 1.0))
-    arc.sense(0)
-    assert list(arc.data["nodes"]) == [0, 2]
-    ctx.agent.create_agent("a", start_node_id=2)
-    ctx.agent.create_agent("b", start_node_id=2)
-    agents = AgentSensor(ctx, "g", SensorType.AGENT_ARC, 1.0, 1.0, (0.0, 1.0), "a")
-    ctx.agent.get_agent("a").orientation = (1, 0)
-    agents.sense(0)
-    assert agents.data == {"b": 2}
-    agents.range = 0.5
-    agents.sense(0)
-    assert agents.data == {}
 
 
 @pytest.fixture(params=[40, 300])
@@ -187,23 +158,6 @@ def test_many_agents_that_look_equally_far_see_those_within_that_range_in_every_
         at = {agent.name: agent.current_node_id for agent in agents if agent.alive}
         crowd.game.step()
         assert {name: crowd.game.memories[name]["seen"] for name in at} == {name: around(at, name) for name in at}
-
-
-def test_rules_that_move_agents_and_look_see_what_has_changed(crowd):
-    agents = {agent.name: agent for agent in crowd.agent.create_iter()}
-    names, seen = list(agents)[:40], []
-
-    def gather(ctx):
-        for name in names:
-            if seen or name != names[0]:
-                agents[name].current_node_id = (agents[name].current_node_id + ctx.game.turn) % 400
-            at = {one: agent.current_node_id for one, agent in agents.items()}
-            crowd.sensor.get_sensor("near_0").sense(at[names[0]])
-            seen.append(crowd.sensor.get_sensor("near_0").data == dict(around(at, names[0])))
-
-    crowd.game.add(gather)
-    crowd.game.run(max_turns=3)
-    assert seen == [True] * 3 * len(names)
 
 
 def test_agents_that_a_drawer_moves_while_others_decide_are_seen_where_they_are(tmp_path):

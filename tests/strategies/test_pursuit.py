@@ -7,10 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
-from gamms.graph import Graph
-from gamms.rules import last_team, tag
 from gamms.sensor import SensorType
-from gamms.strategies import assign, chase, flee, follow_belief, goto, intercept, patrol, random_walk, safest_exit, stay
+from gamms.strategies import assign, follow_belief, goto, intercept, patrol, random_walk, safest_exit, stay
 
 NODES = st.integers(0, 35)
 
@@ -50,21 +48,6 @@ def test_an_enemy_that_can_be_met_in_time_never_reaches_its_goal_alone(open_worl
             crossed = zip(been["cat"], been["cat"][1:], been["mouse"], been["mouse"][1:], strict=False)
             met = any(a == b for a, b in zip(been["cat"][: turn + 1], been["mouse"], strict=False))
             assert met or any(a == d and b == c for a, b, c, d in list(crossed)[:turn])
-
-
-def test_two_that_confine_an_enemy_catch_it_where_two_that_chase_it_do_not(open_world):
-    caught = dict.fromkeys((intercept, chase), 0)
-    for make in caught:
-        for mouse in (20, 36, 52, 68, 84):
-            with open_world(*grid(10)) as world:
-                for name, node in (("cat a", 0), ("cat b", 9)):
-                    world.add(name, node, make(world.ctx), team="cats")
-                world.add("mouse", mouse, flee(world.ctx), team="mice")
-                world.ctx.game.add(tag("cats", "mice", then="eliminate"))
-                world.ctx.game.add(last_team())
-                caught[make] += world.ctx.game.run(60).winner == "cats"
-    assert caught[intercept] >= 4
-    assert caught[chase] <= 1
 
 
 def test_agents_share_enemies_out_by_the_least_total_distance(world):
@@ -189,23 +172,6 @@ def test_impossible_arguments_are_refused(world):
         with pytest.raises(error, match=said):
             make()
     assert repr(intercept(world.ctx, [3], otherwise=stay)) == "intercept(ctx, [3], otherwise=stay)"
-
-
-def test_a_team_that_sees_the_same_works_out_once_where_enemies_can_be(open_world, monkeypatch):
-    searches, distances = [], Graph.distances
-
-    def counted(graph, *ends, cutoff=None, **keywords):
-        searches.append(cutoff)
-        return distances(graph, *ends, cutoff=cutoff, **keywords)
-
-    with open_world() as world:
-        for number, node in enumerate((0, 5, 30)):
-            world.add(f"mouse {number}", node, safest_exit(world.ctx, [35]), team="mice")
-        world.add("cat", 14, stay, team="cats")
-        world.add("dog", 20, stay, team="cats")
-        monkeypatch.setattr(Graph, "distances", counted)
-        world.play(2)
-    assert searches == [1.0]  # in the second turn the enemies are where they were
 
 
 def test_the_meeting_node_is_the_best_of_all_near_or_far():

@@ -67,27 +67,6 @@ def test_by_metres_it_makes_no_difference_whether_agents_are_asked_at_each_node(
     assert games[0] == games[1]
 
 
-@pytest.mark.parametrize("roads", [2, 3, 5])
-@pytest.mark.parametrize("pace", [2.5, 0.4, 1.0])
-def test_the_idleness_of_a_patrol_by_metres_is_its_round(roads, pace):
-    """Roads of a ring take `pace` turns each: a node is visited once in a round, on the minute."""
-    speed = 12.0
-    with gamms.create_context(seed=1, game={"speed_unit": "metres"}) as ctx:
-        ctx.graph.add_nodes(range(roads), [0.0] * roads, [1.0 * node for node in range(roads)])
-        ends = [(node + 1) % roads for node in range(roads)]
-        ctx.graph.add_edges(range(roads), range(roads), ends, [pace * speed] * roads)
-        anna = ctx.agent.create_agent("anna", start_node_id=0, speed=speed, strategy=patrol(ctx, range(roads)))
-        visits = {node: [] for node in range(roads)}
-        for turn in range(40):
-            ctx.game.step()
-            (track,) = ctx.game.tracks([anna])
-            for node, time in [*zip(track.path, track.times, strict=True)][1:]:
-                visits[node].append(turn + time)
-    for node, times in visits.items():
-        assert times[0] == pytest.approx(pace * (node or roads))
-        assert [after - before for before, after in pairwise(times)] == pytest.approx([pace * roads] * (len(times) - 1))
-
-
 def test_an_agent_that_was_stopped_leaves_out_no_stop():
     with gamms.create_context(seed=1, game={"conflicts": Conflicts(capacity=1)}) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 6))
@@ -123,17 +102,3 @@ def test_a_patrol_at_any_speed_ends_its_turn():
 def test_unblock_reads_a_way_beyond_a_stop():
     nodes, _ = played(lambda ctx: unblock(follow_path(ctx, [1, 2, 3], otherwise=stay)), 0, 2.0, 3)
     assert nodes == [0, 2, 3, 3]
-
-
-def test_batches_play_patrols_of_any_speed_as_games_alone():
-    for unit, speed in (("edges", 3.0), ("metres", 37.0)):
-        with gamms.create_context(seed=1, game={"speed_unit": unit, "max_turns": 12}) as ctx:
-            ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
-            for i in range(3):
-                ctx.agent.create_agent(f"a{i}", start_node_id=i, speed=speed, strategy=patrol(ctx, [0, 7, 24]))
-            with ctx.game.batch(3) as games:
-                games.run()
-                seeds, together = games.seeds, [games.result(number) for number in range(3)]
-            for seed, result in zip(seeds, together, strict=True):
-                ctx.game.reset(seed=seed)
-                assert ctx.game.run().agents == result.agents

@@ -1,9 +1,7 @@
 """Staying and walking at random, on the ground and in the air, with and without what the turn engine gives."""
 
-from collections import Counter
 from math import hypot
 
-import numpy as np
 import pytest
 
 from gamms.agent import AgentType
@@ -15,18 +13,6 @@ def test_who_stays_stays(world):
     kite = world.add("kite", 0, stay, type=AgentType.AERIAL, speed=3.0)
     assert world.play(3)["anna"] == [7] * 4
     assert kite.position == (0.0, 0.0, 0.0)
-
-
-def test_a_random_walk_takes_each_legal_node_as_often():
-    counts = Counter()
-    rng = np.random.default_rng(1)
-    for _ in range(5000):
-        state = {"curr_pos": 7, "sensor": {}, "legal": (7, 8, 6, 13, 1), "rng": rng}
-        random_walk(state)
-        counts[state["action"]] += 1
-    assert set(counts) == {7, 8, 6, 13, 1}
-    assert all(850 < count < 1150 for count in counts.values())
-    assert type(state["action"]) is int
 
 
 def test_a_flyer_walks_at_random_at_its_height(world):

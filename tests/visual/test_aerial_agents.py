@@ -32,19 +32,6 @@ def heights(ctx):
     return re.findall(r">(\S+ m)</text>", ctx.visual.picture(".svg", labels=False, scale_bar=False).decode())
 
 
-def test_it_is_where_it_flies_with_a_ring_around_and_its_nose_ahead(ctx, drone):
-    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
-    artist = ctx.visual.set_agent_visual("drone", color="blue", size=2)
-    commands = ctx.visual.draw_commands()
-    circles = commands.kind == DrawKind.CIRCLE
-    assert points_of(commands, DrawKind.CIRCLE) == [[[5, 6]]] * 8
-    (edge, nose) = points_of(commands, DrawKind.LINE)
-    assert nose == edge == [[5, 6], [pytest.approx(5 - 2.6 * 2), pytest.approx(6)]]
-    in_world = circles & (commands.space == DrawSpace.WORLD)
-    assert set(commands.size[in_world].tolist()) == {2.0, 1.8 * 2}
-    assert artist.data["agent_data"].current_position == (5.0, 6.0)
-
-
 def test_its_ring_is_wider_than_any_disc_on_the_ground_from_afar(ctx, drone):
     ctx.visual.set_agent_visual("drone", size=0.001)
     ctx.visual.set_agent_visual("red_0", size=0.001)

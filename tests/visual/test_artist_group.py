@@ -9,7 +9,7 @@ import gamms
 from gamms.ir.draw import DrawSpace
 from gamms.visual import Artist
 from gamms.visual.artist import ArtistGroup, drawn_looks, looks_of
-from gamms.visual.backends.raster import Painting, painted
+from gamms.visual.backends.raster import painted
 from gamms.visual.camera import Camera
 from gamms.visual.default_scene import TOGETHER
 from gamms.visual.drawers import render_agent
@@ -207,19 +207,3 @@ def test_the_more_agents_there_are_the_smaller_are_their_discs():
             least.append(look.least_px)
     assert least[0] > least[1] == 3.0
     assert least[2:] == [1.5, 1.0]
-
-
-@pytest.mark.parametrize(("radius", "edge_px", "most"), [(5.3, 3.0, 0), (3.0, 3.0, 0), (1.4, 1.4, 1), (1.0, 1.0, 1)])
-def test_a_ring_and_the_disc_on_it_look_as_if_one_was_painted_after_the_other(radius, edge_px, most):
-    camera = Camera(64, 48, 0.0, 12.0, 4.0)
-    ring, disc, both = Commands(), Commands(), Commands()
-    for commands in (ring, both):
-        commands.add_circles([(3.3, 4.7)], radius, "white", edge_px, DrawSpace.SCREEN)
-    for commands in (disc, both):
-        commands.add_circles([(3.3, 4.7)], radius, (20, 60, 200), 0.0, DrawSpace.SCREEN)
-    together = painted(both.freeze(), camera, (90, 120, 30, 255))
-    after = painted(ring.freeze(), camera, (90, 120, 30, 255))
-    Painting(disc.freeze()).paint(after, camera)
-    differences = np.abs(together.pixels().astype(int) - after.pixels())
-    assert differences.max() <= most
-    assert np.abs(together.pixels().astype(int) - (90, 120, 30)).max() > 90

@@ -41,19 +41,6 @@ def test_png_says_how_large_it_is_on_paper(ctx, tmp_path):
     assert 'width="1in" height="0.5in" viewBox="0 0 300 150"' in (tmp_path / "a.svg").read_text()
 
 
-def test_svg_and_png_show_the_same_place(ctx, tmp_path):
-    """Where the drawing is dark in pixels, SVG has its circles."""
-    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
-    from xml.etree import ElementTree as ET
-
-    ctx.visual.set_agent_visual("red_0", color=(200, 0, 0), size=1.0)
-    for suffix in ("svg", "png"):
-        ctx.visual.save(tmp_path / f"a.{suffix}", 400, 300)
-    *_, disc = ET.parse(tmp_path / "a.svg").getroot().iter("{http://www.w3.org/2000/svg}circle")
-    pixels = pixels_of((tmp_path / "a.png").read_bytes())
-    assert pixels[round(float(disc.get("cy"))), round(float(disc.get("cx")))].tolist() == [200, 0, 0]
-
-
 @pytest.mark.parametrize(
     ("library", "call", "extra"),
     [

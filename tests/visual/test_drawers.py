@@ -11,7 +11,7 @@ import gamms
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawKind, DrawSpace
 from gamms.ir.obstacles import OTHER_OBSTACLE
-from gamms.visual import Circle, Color, render_circle, render_rectangle
+from gamms.visual import Circle, render_circle, render_rectangle
 from gamms.visual.drawers.graph import typical_edge_length
 from gamms.visual.drawers.streets import median, one_way_each, polylines
 
@@ -119,19 +119,6 @@ def test_obstacle_colors_can_be_changed_and_unknown_types_are_grey(ctx):
     ctx.graph.add_obstacle_face(1, (4, 3, 9), (2, 3, 9), (4, 3, 0), (2, 3, 0), 77)
     artist.data = {}
     assert ctx.visual.draw_commands().color.tolist() == [[*OTHER_OBSTACLE, 255]]
-
-
-def test_sensors_show_what_they_saw_last(ctx):
-    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
-    for name in ("near", "map", "spy"):
-        ctx.sensor.get_sensor(name).sense(0)
-        ctx.visual.set_sensor_visual(name, edge_color=Color.Red)
-    commands = ctx.visual.draw_commands()
-    street = [[0, 0], [10, 0]]
-    assert points_of(commands, DrawKind.LINE) == [street, street[::-1], [[10, 0], [12, 5], [10, 10]]]
-    near, world = [[[0, 0]], [[10, 0]]], [[[0, 0]], [[10, 0]], [[10, 10]]]
-    spy = [[[0, 0]], [[10, 10]]]
-    assert points_of(commands, DrawKind.CIRCLE) == near * 2 + world * 2 + spy * 2
 
 
 def test_a_sensor_that_has_not_sensed_yet_draws_nothing(ctx):

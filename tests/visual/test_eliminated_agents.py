@@ -10,7 +10,6 @@ from gamms.agent import AgentType
 from gamms.ir.draw import DrawKind
 from gamms.sensor import SensorType
 from gamms.strategies import stay
-from gamms.visual.files import Frames, FrameSource
 
 AGENTS, SENSORS, MARKS = 20, 15, 25  # layers
 
@@ -54,20 +53,6 @@ def test_a_picture_shows_as_many_agents_as_live(road):
     assert len(road.game.agents) == 3
 
 
-def test_a_cross_marks_the_place_for_as_long_as_an_agent_is_out_and_is_pale_later(road):
-    out_in_turn(road, 2, "a_3", "a_4")
-    counts, alphas = [], []
-    for _ in range(3):
-        road.game.step()
-        counts.append(crosses(road))
-        commands = road.visual.draw_commands()
-        alphas.append(commands.color[commands.layer == MARKS, 3].min(initial=255))
-    assert counts == [0, 2, 2]
-    assert alphas[1] == 255 > alphas[2]
-    road.game.respawn("a_3")
-    assert crosses(road) == 1
-
-
 def test_what_the_eliminated_saw_is_not_drawn(road):
     out_in_turn(road, 1, *(f"a_{node}" for node in range(9)))
     road.game.run(1)
@@ -75,18 +60,6 @@ def test_what_the_eliminated_saw_is_not_drawn(road):
     assert int(((fields.layer == SENSORS) & (fields.kind == DrawKind.POLYGON)).sum()) == 2  # filled, and its rim
     road.game.eliminate("a_9")
     assert SENSORS not in road.visual.draw_commands().layer
-
-
-def test_declared_agents_and_sensors_vanish_likewise(road):
-    road.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
-    road.visual.set_agent_visual("a_0", color="red")
-    road.visual.set_agent_visual("a_1", color="red")
-    road.visual.set_sensor_visual("eyes_0", layer=SENSORS)
-    out_in_turn(road, 1, "a_0", "a_5")
-    road.game.run(1)
-    assert places(road, AGENTS) == {(10.0, 0.0)}
-    assert SENSORS not in road.visual.draw_commands().layer
-    assert crosses(road) == 1  # a_5 was never shown
 
 
 def test_a_sensor_that_another_living_agent_carries_is_drawn_on(road):
@@ -124,30 +97,6 @@ def test_a_drone_that_is_out_is_not_drawn(road, is_declared):
     assert (35.0, 5.0) in places(road, AGENTS)
     drone.alive = False
     assert (35.0, 5.0) not in places(road, AGENTS)
-
-
-def test_a_film_shows_the_last_way_and_then_the_cross_alone(road):
-    walker = road.agent.create_agent("walker", start_node_id=0, strategy=lambda state: state.update(action=1))
-    assert walker.alive
-    out_in_turn(road, 1, "walker")
-    frames = Frames(FrameSource(road, road.visual.drawing, road.visual.artists), (300, 60), {"background": "white"})
-    seen = {}
-
-    def spy(ctx, data):
-        artist = ctx.visual.artists.shown()["walker"]
-        seen[data["_alpha"]] = artist.data["agent_data"].current_position
-
-    road.visual.add_artist("spy", {"drawer": spy, "layer": 90})
-
-    def tell():
-        road.visual.drawing.motion.begin_turn()
-        for share in (0.5, 1.0):
-            frames.at(share)
-
-    road.visual.after_turn.append(tell)
-    road.game.run(1)
-    assert seen == {0.5: (5.0, 0.0), 1.0: None}
-    assert crosses(road) == 1
 
 
 def test_the_legend_and_the_picture_agree_on_the_teams_of_a_replay(road, tmp_path):

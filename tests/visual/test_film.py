@@ -54,22 +54,6 @@ def plain(ctx):
     return ctx
 
 
-@pytest.mark.parametrize("suffix", [".mp4", ".gif"])
-def test_each_turn_adds_its_frames_and_the_last_one_is_at_the_target(plain, tmp_path, suffix):
-    path = tmp_path / f"game{suffix}"
-    with plain.visual.film(path, fps=10, width=320, height=200, frames_per_turn=4, captions=False) as film:
-        move(plain, "red_0", 1)
-        assert film.frames == 4
-        assert not path.exists()
-    pictures, seconds = frames_of(path)
-    assert [name.name for name in tmp_path.iterdir()] == [path.name]
-    assert sum(seconds) == pytest.approx(1.4)
-    xs = [center_of(picture, (255, 0, 0))[0] for picture in pictures[:4]]
-    np.testing.assert_allclose(np.diff(xs), (xs[-1] - xs[0]) / 3, atol=1.5)
-    still = plain.visual.frame(320, 200)
-    assert center_of(still, (255, 0, 0)) == pytest.approx(center_of(pictures[-1], (255, 0, 0)), abs=1.5)
-
-
 def test_agents_glide_along_the_street_by_its_length(plain):
     plain.agent.get_agent("red_0").current_node_id = 1
     agent = plain.agent.get_agent("red_0")
@@ -110,18 +94,6 @@ def test_a_turn_takes_five_frames(plain, tmp_path):
         move(plain, "red_0", 1)
         move(plain, "red_0", 2)
         assert film.frames == 10
-
-
-def test_the_last_frame_is_held_for_a_second(plain, tmp_path):
-    for suffix in (".gif", ".mp4"):
-        with plain.visual.film(tmp_path / f"a{suffix}", fps=10, width=128, height=96, frames_per_turn=2) as film:
-            move(plain, "red_0", 1)
-            plain.agent.get_agent("red_0").current_node_id = 2  # which no turn has shown
-        assert film.frames == 2 + 10
-        pictures, seconds = frames_of(tmp_path / f"a{suffix}")
-        assert sum(seconds) == pytest.approx(1.2)
-        last = pictures[1].astype(int)
-        assert all(np.abs(picture - last).max() < 30 for picture in pictures[2:])
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".gif"])
@@ -264,21 +236,6 @@ def counted(ctx, name, artist_type, layer, color, x=5.0):
     artist = ctx.visual.add_artist(name, {"drawer": draw, "layer": layer})
     artist.set_artist_type(artist_type)
     return artist, calls
-
-
-def test_static_artists_are_asked_again_only_when_something_changes(plain):
-    artist, calls = counted(plain, "wall", ArtistType.STATIC, 12, (0, 0, 255))
-    for _ in range(3):
-        plain.visual.frame(100, 80)
-    assert len(calls) == 1
-    artist.data["x"] = 7.0
-    plain.visual.frame(100, 80)
-    assert len(calls) == 2
-    plain.graph.graph.add_node({"id": 9, "x": 5, "y": 5})
-    before = plain.visual.frame(100, 80)
-    assert len(calls) == 3
-    artist.set_visible(False)
-    assert (plain.visual.frame(100, 80) != before).any()
 
 
 def test_dynamic_artists_know_how_far_the_turn_is(plain, tmp_path):

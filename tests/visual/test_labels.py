@@ -147,20 +147,6 @@ def test_wrong_labels_are_refused(square, labels, error, words):
         square.visual.picture(".svg", labels=labels)
 
 
-@pytest.mark.parametrize("count", range(2, 7))
-@pytest.mark.parametrize("scale", [0.5, 40.0])
-def test_agents_on_one_node_are_seen_beside_each_other(square, count, scale):
-    add(square, [f"a{number}" for number in range(count)], node=5, team="red")
-    square.visual.draw_commands()
-    looks = [artist.data["agent_data"] for name, artist in square.visual.artists.shown().items() if name[0] == "a"]
-    dots = dots_of(looks, Camera(600, 600, 0.0, 30.0, scale))
-    for row in range(count):
-        others = np.delete(dots.centers, row, axis=0)
-        assert np.hypot(*(others - dots.centers[row]).T).min() > 0.9 * (dots.radii[row] - 1.5)
-    node = Camera(600, 600, 0.0, 30.0, scale).to_screen(np.array([(10.0, 10.0)]))[0]
-    assert np.allclose(dots.centers.mean(axis=0), node)
-
-
 def test_pixels_show_both_of_two_agents_on_one_node(square):
     pytest.importorskip("pygame")
     add(square, ["anna"], 5, "red")
@@ -200,23 +186,6 @@ def centers(ctx, share):
     ctx.visual.draw_commands(share)
     looks = [artists[name].data["agent_data"] for name in ctx.agent.agents]
     return dots_of(looks, Camera(400, 400, 0.0, 40.0, 10.0)).centers
-
-
-def test_labels_keep_their_sides_in_the_frames_of_a_film(square):
-    from gamms.visual.files import Frames, FrameSource
-
-    pytest.importorskip("pygame")
-    for number in range(4):
-        add(square, [f"agent_{number}"], number)
-    visual = square.visual
-    frames = Frames(FrameSource(square, visual.drawing, visual.artists), (400, 400), {"labels": True})
-    frames.at(1.0)
-    kept = dict(frames._labels._places)
-    assert len(kept) == 4
-    add(square, ["aaa"], 8)  # which comes first by name, but has no claim on places that are taken
-    frames.begin_turn()
-    frames.at(1.0)
-    assert {name: place for name, place in frames._labels._places.items() if name != "aaa"} == kept
 
 
 @pytest.mark.parametrize("count", [2, 10, 200])

@@ -8,7 +8,6 @@ from gamms.errors import BadType
 from gamms.ir.draw import DrawKind
 from gamms.visual.appearance import PAPER
 from gamms.visual.camera import Camera
-from gamms.visual.drawers.marks import TAG_TURNS
 from gamms.visual.legend import Legend, LegendRow, LegendRows, block_from_plain, grown, plain_block, together
 from gamms.visual.page import Page, PageStyle
 
@@ -172,34 +171,7 @@ def test_a_recorded_legend_is_the_same_block():
         assert block_from_plain(plain_block(block)) == block
 
 
-def test_what_sensors_see_is_explained_while_it_is_shown(ctx):
-    ctx.sensor.create_sensor("eyes", gamms.sensor.SensorType.RANGE, sensor_range=8.0)
-    agent = next(iter(ctx.agent.create_iter()))
-    agent.register_sensor("eyes", ctx.sensor.get_sensor("eyes"))
-    before = ctx.visual.picture(".svg").decode()
-    assert "field of view" not in before
-    agent.get_state()
-    after = ctx.visual.picture(".svg").decode()
-    assert ">field of view<" in after
-    assert "no agent" not in after
-
-
 def test_a_sensor_that_no_agent_carries_is_explained(ctx):
     eyes = ctx.sensor.create_sensor("eyes", gamms.sensor.SensorType.RANGE, sensor_range=8.0)
     eyes.sense(0)
     assert ">sensor of no agent<" in ctx.visual.picture(".svg").decode()
-
-
-def test_a_tag_is_explained_as_long_as_it_is_marked():
-    with gamms.create_context(seed=1) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 8))
-        for name, node in (("red", 0), ("blue", 1)):
-            ctx.agent.create_agent(f"{name}_0", start_node_id=node, team=name, strategy=lambda state: None)
-        ctx.game.add(gamms.rules.tag("red", "blue", hops=1))
-        ctx.game.step()
-        assert ">tagged<" in ctx.visual.picture(".svg").decode()
-        ctx.agent.get_agent("blue_0").current_node_id = 7
-        ctx.game.run(TAG_TURNS - 1)
-        assert ">tagged<" in ctx.visual.picture(".svg").decode()
-        ctx.game.step()
-        assert "tagged" not in ctx.visual.picture(".svg").decode()

@@ -70,21 +70,6 @@ def test_no_mark_touches_the_middle_of_a_disc(street, scale, then):
     assert np.hypot(*(corners - middles).T).min() > 6.0  # the least radius of an agent
 
 
-@pytest.mark.parametrize("then", ["eliminate", "respawn"])
-def test_two_victims_on_a_node_have_marks_apart_in_their_color_with_their_names(street, then):
-    ctx = chase(street, then)
-    blue = ctx.visual.drawing.group_colors()["blue"]
-    found = marks(ctx)
-    assert {mark.name for mark in found} == {"blue_0", "blue_1"}
-    assert {tuple(mark.color[:3]) for mark in found} == {blue}
-    (one, _), (other, _) = (np.multiply(mark.shift, mark.least_px) for mark in found)
-    assert abs(one - other) >= 17.0  # two rings
-    svg = ctx.visual.picture(".svg").decode()
-    words = re.findall(r">([^<>]+)</text>", svg)
-    times = 1 if then == "eliminate" else 2  # those who start again have names there, too
-    assert [words.count(name) for name in ("blue_0", "blue_1", "red_0")] == [times, times, 1]
-
-
 def test_who_is_out_has_one_mark_and_not_that_of_a_tag_besides(street):
     ctx = chase(street)
     words = re.findall(r">([^<>]+)</text>", ctx.visual.picture(".svg").decode())
@@ -125,24 +110,6 @@ def corners_of_marks(ctx):
     return [commands.points[commands.offsets[row] + 1 : commands.offsets[row + 1]] for row in rows_on(commands, MARKS)]
 
 
-def test_who_came_back_and_was_then_tagged_has_not_arrived(street):
-    ctx = street(robot=("robots", 2, 3), guard=("guards", 9))
-    ctx.game.add(arrive("robots", 3))
-    ctx.game.run(1)
-    assert {len(corners) for corners in corners_of_marks(ctx)} == {4}
-    ctx.game.respawn("robot")
-    ctx.game.step()
-    ctx.game.respawn("robot")
-    ctx.game.remove("arrive")
-
-    @ctx.game.add
-    def end(ctx):
-        ctx.game.eliminate("robot")
-
-    ctx.game.step()
-    assert {len(corners) for corners in corners_of_marks(ctx)} == {6}
-
-
 @pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf"])
 def test_a_recording_shows_the_same_marks_after_each_turn(street, tmp_path, suffix):
     ctx, live, path = home(street), [], tmp_path / f"picture{suffix}"
@@ -156,18 +123,6 @@ def test_a_recording_shows_the_same_marks_after_each_turn(street, tmp_path, suff
         for turn, picture in enumerate(live, 1):
             recording.save(path, turn)
             assert path.read_bytes() == picture
-
-
-def test_a_game_that_goes_on_from_a_recording_says_what_happens_then_alone(street, tmp_path):
-    ctx = home(street)
-    ctx.record.start(tmp_path / "game.ggr")
-    ctx.game.run(9)
-    ctx.record.stop()
-    with gamms.recorder.open(tmp_path / "game.ggr") as recording, recording.resume(2) as again:
-        assert [event["kind"] for event in again.visual.drawing.events.of_turn()] == ["arrive", "eliminated"]
-        again.game.step()
-        assert again.visual.drawing.events.of_turn() == []
-        assert {mark.name for mark in marks(again)} == {"robot_1", "thief"}
 
 
 def test_marks_at_the_lower_side_of_a_map_are_on_the_page(street):

@@ -1,6 +1,5 @@
 """Messages that arrive are arcs in the colours of their senders, in replays too; fog hides those of others."""
 
-import io
 import re
 
 import pytest
@@ -73,18 +72,6 @@ def test_the_legend_says_what_an_arc_is_while_there_is_one(street):
     assert not words()
     street.game.step()
     assert words()
-
-
-def test_a_replay_shows_the_same_arcs(street):
-    file = io.BytesIO()
-    street.record.start(file)
-    street.game.run(2)
-    street.record.stop()
-    drawn = {}
-    with gamms.create_context(logger_config={"level": "ERROR"}) as ctx:
-        for _ in ctx.record.replay(io.BytesIO(file.getvalue())):
-            drawn[ctx.game.turn] = arcs(ctx)
-    assert (drawn[1], drawn[2]) == (ALL, set())
 
 
 def test_the_fog_of_a_team_shows_what_its_agents_send_hear_and_overhear(street):

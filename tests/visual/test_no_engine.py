@@ -5,7 +5,7 @@ import logging
 import pytest
 
 from gamms.errors import BadType, ContextTerminated
-from gamms.typing import ArtistType, IVisualizationEngine
+from gamms.typing import IVisualizationEngine
 from gamms.visual import AgentData, Artist, Color, GraphData, NoEngine, Shape
 from gamms.visual.drawers import render_circle
 
@@ -16,19 +16,6 @@ def draw_nothing(ctx, data):
 
 def test_it_is_an_engine_and_swallows_options_of_others(ctx):
     assert isinstance(NoEngine(ctx, width=1980, height=1080, anything=1), IVisualizationEngine)
-
-
-def test_declared_visuals_lie_on_their_layers(ctx):
-    visual = ctx.visual
-    artists = [
-        visual.set_obstacle_visual(),
-        visual.set_graph_visual(width=1980, height=1080),
-        visual.set_agent_visual("nobody", color=(255, 0, 0), size=10, speed=3),
-        visual.set_sensor_visual("no_sensor", node_color=(1, 2, 3)),
-    ]
-    assert [artist.get_layer() for artist in artists] == [5, 10, 20, 40]
-    assert artists[1].get_artist_type() is ArtistType.STATIC
-    assert artists[2].get_artist_type() is ArtistType.DYNAMIC
 
 
 def test_declared_visuals_carry_their_data(ctx):

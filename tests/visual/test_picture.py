@@ -146,18 +146,6 @@ def test_a_failed_save_keeps_the_old_picture(ctx, tmp_path):
     assert path.read_text() == "old"
 
 
-@pytest.mark.parametrize("points", [[(0, 0), (10, 30)], [(5, 5), (5, 9)], [(7, 7), (7, 7)], [(1e9, 0), (1e9 + 1, 0)]])
-def test_the_camera_sees_everything_upright_and_undistorted(points):
-    commands = Commands()
-    commands.add_line(points, "red")
-    camera = fit_box(*bounds(commands.freeze()), 200, 100, (4, 20, 4, 4))
-    screen = camera.to_screen(np.array(points, float))
-    assert ((screen >= (0, 20 - 1e-6)) & (screen <= (200, 100))).all()
-    (left, low), (right, high) = points
-    steps = screen[1] - screen[0]
-    np.testing.assert_allclose(steps, ((right - left) * camera.scale, (low - high) * camera.scale), atol=1e-6)
-
-
 def test_the_camera_counts_the_radius_of_a_disc_but_not_sizes_in_pixels():
     commands = Commands()
     commands.add_circles([(0, 0)], 10, "red")

@@ -16,7 +16,7 @@ from gamms.visual.backends.pillow_backend import pixels_of, png_file
 from gamms.visual.backends.raster import painted
 from gamms.visual.backends.svg import svg
 from gamms.visual.camera import FAINTEST_PX, Camera
-from gamms.visual.drawing import Commands, Disc
+from gamms.visual.drawing import Commands
 
 WHITE = (255, 255, 255, 255)
 IN_PIXELS = Camera(100, 50, 0.0, 50.0, 1.0)  # world x, y is pixel x, 50 - y
@@ -112,20 +112,6 @@ def test_a_line_in_world_units_that_is_thinner_than_a_pixel_is_a_paler_one():
     assert 'stroke-width="0.7"' in svg(commands.freeze(), camera, title="", background=(255, 255, 255, 255)).decode()
 
 
-def test_colours_are_blended_as_their_alpha_says():
-    for name, arguments in (
-        ("add_circles", ([(50, 25)], 10, (255, 0, 0, 51))),
-        ("add_circles", ([(50, 25)], 300, (255, 0, 0, 51))),
-        ("add_polygon", ([(40, 10), (60, 10), (50, 45)], (255, 0, 0, 51))),
-        ("add_polygon", ([(-400, -100), (600, -100), (50, 900)], (255, 0, 0, 51))),
-        ("add_rectangle", (40, 40, 30, 30, (255, 0, 0, 51))),
-        ("add_line", ([(0, 25), (100, 25)], (255, 0, 0, 51), 9)),
-        ("add_lines", ([(0, 24.5), (100, 24.5)], [0, 2], (255, 0, 0, 51), 1)),
-    ):
-        picture = drawn(name, *arguments)
-        np.testing.assert_allclose(picture[25, 50], (255, 204, 204), atol=2, err_msg=name)
-
-
 def test_lines_of_one_style_count_once_where_they_cross():
     commands = Commands()
     commands.add_lines([(0, 25), (100, 25), (50, 0), (50, 50)], [0, 2, 4], (0, 0, 0, 128), 5)
@@ -147,34 +133,6 @@ def test_a_rectangle_hangs_from_its_upper_left_corner():
     picture = drawn("add_rectangle", 10, 40, 20, 5, RED)
     assert (picture[10:15, 10:30] == RED).all()
     assert ink(picture) == pytest.approx(100 * 2 / 3)
-
-
-def test_dark_text_has_a_light_edge_so_that_it_can_be_read_over_a_map():
-    commands = Commands()
-    commands.add_rectangle(0, 50, 100, 50, (120, 120, 120))
-    commands.add_text("Hello", 10, 40, "black", 24)
-    picture = pixels(commands)
-    assert picture.min() < 20
-    assert picture.max() > 240
-    rows, columns = np.nonzero(picture[:, :, 0] < 60)
-    assert 10 <= columns.min() <= 14
-    assert 10 <= rows.min() <= 18
-    assert drawn("add_text", "\x00\ud800\n", 10, 40, "black", 24).shape == (50, 100, 3)
-
-
-def test_an_image_is_fitted_and_turned(tmp_path):
-    from PIL import Image
-
-    path = str(tmp_path / "arrow.png")
-    half = np.zeros((20, 20, 4), np.uint8)
-    half[:10] = (255, 0, 0, 255)  # the upper half is red, the rest transparent
-    Image.fromarray(half).save(path)
-    upright = drawn("add_image", path, 50, 25, 10)
-    assert (upright[18, 50] == RED).all()
-    assert (upright[32, 50] == 255).all()
-    turned = drawn("add_image", path, 50, 25, 10, angle=90)
-    assert (turned[25, 43] == RED).all()
-    assert (turned[25, 57] == 255).all()
 
 
 def test_an_image_that_cannot_be_read_is_named(tmp_path):
@@ -240,21 +198,6 @@ def test_circles_out_of_sight_are_left_out_and_no_others(circles, view):
         alone.append(one)
     seen = [pixels(commands, camera)[:, :, 1] < 255 for commands in alone]
     assert ((pixels(together, camera)[:, :, 1] < 255) == np.any(seen, axis=0)).all()
-
-
-@pytest.mark.parametrize("scale", [0.1, 1.0, 1.2, 4.0])
-@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.6, -0.8)])
-def test_a_disc_is_painted_in_the_larger_of_its_sizes(scale, shift):
-    disc, camera = Disc(9.0, 10.0, RED, (0, 0, 255), 1.5), Camera(60, 60, -30.1 / scale, 30.1 / scale, scale)
-    places, moves = np.array([(0.0, 0.0), (3.25, 8.0)]), np.array([shift, (0.0, 0.0)])
-    both, larger = Commands(), Commands()
-    both.add_discs(places, [disc], np.zeros(2, np.int64), moves)
-    radius = max(9.0, 10.0 / scale)
-    for (x, y), (right, down) in zip(places.tolist(), moves.tolist(), strict=True):
-        at = [(x + right * radius, y - down * radius)]
-        larger.add_circles(at, radius, disc.edge, disc.edge_px)
-        larger.add_circles(at, radius, disc.color)
-    assert np.array_equal(pixels(both, camera), pixels(larger, camera))
 
 
 def test_painting_needs_no_display_and_leaves_no_trace():

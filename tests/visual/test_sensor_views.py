@@ -100,25 +100,6 @@ def test_all_published_names_are_the_one_drawing():
     assert {getattr(drawers, f"render_{name}") for name in names} == {drawers.render_sensor}
 
 
-def test_a_sensor_of_the_users_own_kind_is_drawn_from_its_view_back_to_front(ctx, sonar):
-    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
-    sonar.view = SensorView(
-        nodes=np.array([(0.0, 0.0)]),
-        lines=np.array([(0.0, 0.0), (10.0, 0.0)]),
-        offsets=np.array([0, 2]),
-        agents=np.array([(10.0, 10.0)]),
-        outline=SQUARE,
-    )
-    ctx.visual.set_sensor_visual("sonar", color="red", node_color="green", edge_color="blue", size=5.0)
-    commands = ctx.visual.draw_commands()
-    kinds = [DrawKind(kind).name for kind in commands.kind.tolist()]
-    assert kinds == ["POLYGON", "POLYGON", "LINE", *["CIRCLE"] * 4]
-    red, green, blue = [255, 0, 0], [0, 255, 0], [0, 0, 255]
-    assert commands.color[:, :3].tolist() == [red, red, blue, green, green, red, red]
-    assert commands.size.tolist() == [0, 0, 0, 1, 3, 5, 10]
-    assert commands.color[0, 3] < commands.color[1, 3] < 255
-
-
 def test_one_color_is_enough(ctx, sonar):
     ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     sonar.view = SensorView(nodes=SQUARE, lines=SQUARE, offsets=np.array([0, 4]), agents=SQUARE, outline=SQUARE)

@@ -77,18 +77,6 @@ def test_a_declared_sensor_shows_its_last_data_as_in_1_0_0(road):
     assert rings(road) == {(40.0, 0.0)}  # where ben was when anna looked
 
 
-def test_a_sensor_that_two_carry_is_drawn_for_both_in_their_colors(road):
-    eyes = road.sensor.create_sensor("shared", SensorType.RANGE, sensor_range=12.0)
-    for name in ("anna", "ben"):
-        agent = road.agent.get_agent(name)
-        agent.deregister_sensor(f"{name}_eyes")
-        agent.register_sensor("shared", eyes)
-    road.game.run(1)
-    commands = road.visual.draw_commands()
-    is_field = (commands.layer == SENSORS) & (commands.kind == DrawKind.POLYGON)
-    assert len(set(map(tuple, commands.color[is_field, :3].tolist()))) == 2
-
-
 def test_a_sensor_at_a_fixed_place_shows_who_is_there_now(road):
     for name in ("anna", "ben"):
         road.agent.get_agent(name).deregister_sensor(f"{name}_eyes")
@@ -146,27 +134,6 @@ def test_pictures_change_nothing_that_is_recorded(tmp_path):
     for is_drawn in (True, False):
         played(1, 4, is_drawn, tmp_path / str(is_drawn))
     assert (tmp_path / "True.ggr").read_bytes() == (tmp_path / "False.ggr").read_bytes()
-
-
-def test_what_is_drawn_is_what_is_seen_in_the_next_turn():
-    with gamms.create_context(seed=3, logger_config=QUIET) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(6, 6))
-        ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=40.0, detection=0.5)
-        seen = []
-        ctx.agent.create_agent(
-            "anna",
-            start_node_id=14,
-            sensors=["eyes"],
-            strategy=lambda state: (seen.append(set(state["sensor"]["eyes"][1])), state.update(action=14)),
-        )
-        for number in range(12):
-            ctx.agent.create_agent(f"b_{number}", start_node_id=3 * number, strategy=random_walk)
-        ctx.game.step()
-        for _ in range(4):
-            (sight,) = ctx.visual.drawing.carriers.sights(20)
-            ctx.game.step()
-            assert set(sight.view.names) == seen[-1]
-        assert len(set(map(frozenset, seen))) > 1
 
 
 # -- behind walls -------------------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ import pytest
 import gamms
 from gamms.bridge.driving import Drive
 from gamms.ir.draw import DrawKind
-from gamms.rules import capture_flag, tag
+from gamms.rules import capture_flag
 from gamms.strategies import stay
 from gamms.visual import legend
 from gamms.visual.constants import Layer
@@ -105,47 +105,3 @@ def test_the_home_of_a_flag_is_a_square_and_no_ring(met):
     met.game.add(capture_flag({"blue": 0, "red": 8}))
     met.game.run(1)
     assert circles(met, Layer.FLAGS) == []
-
-
-def test_of_several_tags_of_an_agent_the_latest_has_its_name():
-    def turn_by_turn(nodes):
-        return lambda state: state.update(action=nodes[state["turn"]])
-
-    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 6))
-        ctx.agent.create_agent("hunter", start_node_id=1, team="red", strategy=turn_by_turn([1, 2]))
-        ctx.agent.create_agent("prey", start_node_id=2, team="blue", strategy=turn_by_turn([1, 2]))
-        ctx.game.add(tag("red", "blue"))
-        ctx.game.run(2)
-        tags = ctx.visual.artists.shown()["tags"]
-        ctx.visual.draw_commands()
-        assert [event["node"] for event in ctx.game.events if event["kind"] == "tag"] == [1, 2]
-        named = [(mark.name, mark.current_position) for mark in marks.drawn_marks(tags)]
-        assert [name for name, _ in named] == ["prey"]
-        assert named[0][1][0] == 20.0
-
-
-@pytest.mark.parametrize("count", [1, 4])  # drawn one by one, and together
-def test_fields_of_view_are_centered_on_agents_also_while_these_glide(count):
-    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(30, 30))
-        for number in range(2 * count):
-            eyes = {"eyes": gamms.sensor.agent_range(range_m=12)}
-            node = 90 * number + 35
-            ctx.agent.create_agent(
-                f"a{number}",
-                start_node_id=node,
-                team="red",
-                sensors=eyes,
-                strategy=lambda state: state.update(action=max(state["legal"])),
-            )
-        ctx.game.run(1)
-        ctx.visual.drawing.motion.begin_turn()
-        for share in (0.0, 0.5, 1.0):
-            commands = ctx.visual.draw_commands(share)
-            fields = np.flatnonzero((commands.layer == Layer.SEEN) & (commands.kind == DrawKind.POLYGON))
-            shapes = [commands.points[commands.offsets[row] : commands.offsets[row + 1]] for row in fields]
-            middles = {tuple(np.round((one.min(axis=0) + one.max(axis=0)) / 2, 3).tolist()) for one in shapes}
-            agents = ctx.agent.agents
-            places = {tuple(np.round(ctx.visual.drawing.position_of(name, share), 3).tolist()) for name in agents}
-            assert middles == places, share

@@ -1,6 +1,5 @@
 """Themes and trails of pictures, frames, films and renders are those of the window."""
 
-import itertools
 import re
 
 import numpy as np
@@ -8,12 +7,9 @@ import pytest
 
 import gamms
 from gamms.errors import BadType, BadValue
-from gamms.rendering import RenderOptions, render
 from gamms.visual.appearance import TEAM_COLORS, is_dark
 from gamms.visual.shown_turn import MOST_TURNS
 from gamms.visual.themes import THEMES
-
-SUFFIXES = ".svg", ".png"
 
 
 def texts(svg):
@@ -24,36 +20,6 @@ def texts(svg):
 
 def hexadecimal(color):
     return "{:02x}{:02x}{:02x}".format(*color[:3])
-
-
-@pytest.mark.parametrize("name", THEMES)
-def test_a_theme_colors_the_background_the_map_words_and_teams(ctx, name):
-    theme = THEMES[name]
-    svg = ctx.visual.picture(".svg", theme=name, title="A title").decode()
-    assert f'<rect width="100%" height="100%" fill="#{hexadecimal(theme.background)}"/>' in svg
-    for color in (theme.map.streets, theme.map.nodes, theme.map.walls.wall, theme.teams[0], theme.teams[1]):
-        assert f"#{hexadecimal(color)}" in svg
-    inks, edges = texts(svg)
-    assert all(is_dark(tuple(bytes.fromhex(ink))) != is_dark(theme.background) for ink in inks)
-    assert edges == {hexadecimal(theme.background)}
-
-
-@pytest.mark.parametrize("name", THEMES)
-def test_frames_and_the_window_have_the_colors_of_pictures(ctx, name, monkeypatch):
-    pytest.importorskip("pygame")
-    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    frame = ctx.visual.frame(400, 300, theme=name)
-    assert tuple(frame[0, 0].tolist()) == THEMES[name].background[:3]
-    before = ctx.visual.frame(400, 300)
-    assert (ctx.visual.frame(400, 300, theme=name) == frame).all()
-    assert (ctx.visual.frame(400, 300) == before).all()
-    options = {"theme": name, "width": 400, "height": 300}
-    with gamms.create_context(vis_engine=gamms.visual.Engine.PYGAME, vis_kwargs=options) as shown:
-        shown.graph.add_nodes([0, 1], x=[0, 10], y=[0, 0])
-        shown.agent.create_agent("anna", start_node_id=0, team="red")
-        shown.visual.update()
-        assert tuple(shown.visual.screen.get_at((2, 150)))[:3] == THEMES[name].background[:3]
-        assert shown.visual.artists.shown()["anna"].data["agent_data"].color == THEMES[name].teams[1]
 
 
 def test_a_background_of_the_callers_wins_and_words_can_be_read_on_it(ctx):
@@ -177,36 +143,6 @@ def test_more_turns_than_are_remembered_are_refused(road, turns):
 def test_trails_are_a_number(road):
     with pytest.raises(BadType, match="trails"):
         road.visual.picture(".svg", trails="all")
-
-
-def test_a_film_shows_trails_that_grow(road, tmp_path):
-    pytest.importorskip("pygame")
-    from gamms.visual.files import Frames, FrameSource
-
-    visual = road.visual
-    frames = Frames(FrameSource(road, visual.drawing, visual.artists), (640, 120), {"trails": 5, "labels": False})
-    amounts = []
-    for _ in range(3):
-        road.game.step()
-        visual.drawing.motion.begin_turn_once()
-        frames.begin_turn()
-        for share in (0.5, 1.0):
-            pixels = frames.at(share).pixels().astype(int)
-            amounts.append(int((pixels[:, :, 0] - pixels[:, :, 2] > 40).sum()))
-    assert all(before < after for before, after in itertools.pairwise(amounts))
-
-
-def test_a_recording_is_rendered_with_theme_labels_and_trails(road, tmp_path):
-    road.record.start(tmp_path / "game.ggr")
-    road.game.run(6)
-    road.record.stop()
-    render(tmp_path / "game.ggr", tmp_path / "a.svg", RenderOptions(theme="dark", labels=True, trails=4))
-    svg = (tmp_path / "a.svg").read_text()
-    assert f'fill="#{hexadecimal(THEMES["dark"].background)}"/>' in svg
-    assert ">anna</text>" in svg
-    assert len(re.findall(f'stroke="#{hexadecimal(THEMES["dark"].teams[1])}" stroke-opacity', svg)) == 4
-    render(tmp_path / "game.ggr", tmp_path / "b.svg", RenderOptions(labels=False))
-    assert ">anna</text>" not in (tmp_path / "b.svg").read_text()
 
 
 @pytest.mark.parametrize("option", ["theme", "fit"])

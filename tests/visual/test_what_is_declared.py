@@ -1,7 +1,5 @@
 """What is declared adds to the default look; where the graph is declared, nothing else is drawn."""
 
-import io
-
 import pytest
 
 import gamms
@@ -11,11 +9,6 @@ from gamms.sensor import SensorType
 from gamms.visual.appearance import TEAM_COLORS
 
 TEAL, BLUE = (0, 128, 128), TEAM_COLORS[0]
-
-
-def default_size(ctx):
-    """The radius of agents of which nothing was declared."""
-    return ctx.visual.artists.shown()["blue_0"].data["agent_data"].size
 
 
 def legend_rows(svg):
@@ -95,25 +88,6 @@ def test_a_program_that_declares_the_graph_sees_what_it_declares_as_in_1_0_0(ctx
     assert set(ctx.visual.artists.shown()) == {"red_0", "sensor_spy"}
 
 
-def test_a_replay_fills_in_what_the_game_did(tmp_path):
-    with gamms.create_context(seed=1) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
-        for name in ("red", "blue"):
-            ctx.agent.create_agent(f"{name}_0", start_node_id=0, team=name)
-        ctx.visual.set_agent_visual("red_0", color=TEAL)
-        ctx.visual.draw_commands()
-        stream = io.BytesIO()
-        ctx.record.start(stream)
-        ctx.visual.simulate()
-        ctx.record.stop()
-        picture = ctx.visual.picture(".svg")
-    with gamms.create_context() as again:
-        for _ in again.record.replay(io.BytesIO(stream.getvalue())):
-            pass
-        assert again.visual.picture(".svg") == picture
-        assert again.visual.artists.shown()["red_0"].data["agent_data"].size == default_size(again)
-
-
 @pytest.fixture
 def game():
     """Two teams with flags and territories on a street."""
@@ -137,40 +111,6 @@ def test_a_teams_color_is_that_of_its_agents_territory_flag_and_row_of_the_legen
     assert legend_rows(svg) == ["red", "blue"]
     game.visual.artists.team_colors = {}
     assert game.visual.picture(".svg").decode() == before
-
-
-def test_a_replay_and_what_is_recorded_of_it_show_the_colors_of_teams(game):
-    first, second = io.BytesIO(), io.BytesIO()
-    game.visual.artists.team_colors = {"red": TEAL}
-    game.record.start(first)
-    game.game.run(1)
-    game.visual.artists.team_colors = {"red": (90, 0, 90), "gold": "yellow"}
-    game.game.run(2)
-    game.record.stop()
-    with gamms.create_context() as again:
-        again.record.start(second)
-        found = [dict(again.visual.artists.team_colors) for _ in again.record.replay(io.BytesIO(first.getvalue()))]
-        again.record.stop()
-        assert again.visual.picture(".svg") == game.visual.picture(".svg")
-    assert found[0] == {"red": TEAL}
-    assert found[-1] == {"red": (90, 0, 90), "gold": (255, 255, 0)}
-    assert second.getvalue() == first.getvalue()
-
-
-def test_colors_of_the_program_win_over_those_of_a_recording(game):
-    stream = io.BytesIO()
-    game.visual.artists.team_colors = {"red": TEAL, "blue": TEAL}
-    game.record.start(stream)
-    game.game.run(1)
-    game.record.stop()
-    with gamms.create_context() as again:
-        again.graph.attach_networkx_graph(gamms.graph.grid(1, 8))
-        again.agent.create_agent("x", start_node_id=0, team="red")
-        again.visual.artists.team_colors = {"red": "black"}
-        again.agent.delete_agent("x")
-        for _ in again.record.replay(io.BytesIO(stream.getvalue())):
-            pass
-        assert dict(again.visual.artists.team_colors) == {"red": (0, 0, 0), "blue": TEAL}
 
 
 @pytest.mark.parametrize(

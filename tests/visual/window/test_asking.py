@@ -141,18 +141,6 @@ def test_choices_are_apart_from_each_other_and_in_view(city, person):
     assert (seen[0] < (600, 320)).all()
 
 
-def test_a_person_who_has_zoomed_keeps_the_scale_and_is_taken_to_the_agent(city, person):
-    person.turn_wheel(1)
-    city.visual.update()
-    scale = city.visual.camera.scale
-    seen = []
-    city.visual.camera.camera_x = 1500.0
-    act(city, lambda: seen.append((city.visual.camera.scale, on_screen(city)[0].tolist())) or person.press("0") or [])
-    ask(city)
-    assert seen[0][0] == scale
-    assert seen[0][1] == pytest.approx([320, 180], abs=1)
-
-
 def test_the_camera_stays_where_choices_are_legible(city, person):
     city.visual.look_at(2.0, 1.0, 30.0)
     before = city.visual.get_viewport()

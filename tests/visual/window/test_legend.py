@@ -80,36 +80,6 @@ def test_it_hides_with_the_words(ctx, seen, person):
     assert not has_color(seen(ctx), YELLOW)
 
 
-def test_it_makes_way_for_a_broad_hud(open_window, seen):
-    ctx = open_window(height=480)
-    ctx.visual.set_values(**RISK)
-    ctx.visual.look_at(500.0, 500.0, 20.0)
-
-    def upper_end():
-        ctx.visual.update()
-        return np.flatnonzero((np.abs(seen(ctx).astype(int) - YELLOW).max(axis=2) < 8).any(axis=1))[:1].tolist()
-
-    [usual] = upper_end()
-    ctx.visual.hud = lambda ctx: ["a very long line " * 7]
-    [below] = upper_end()
-    assert below > usual + 20
-    ctx.visual.hud = lambda ctx: ["a very long line " * 7] * 9  # which leaves it no room
-    assert upper_end() == []
-
-
-def test_the_map_and_panels_leave_it_alone(open_window, seen, person):
-    ctx = open_window(width=400)
-    ctx.visual.set_values(**RISK)
-    ctx.visual.update()
-    place = ctx.visual._render_manager.world_to_screen(10.0, 10.0)
-    assert place[0] <= 400 - ctx.visual.overlay.hud.legend.width
-    before = corner(seen(ctx))
-    person.point(*place)
-    ctx.visual.update()
-    assert ctx.visual.overlay.pointed_at() is not None
-    assert (corner(seen(ctx))[:, 30:] == before[:, 30:]).all()
-
-
 def test_a_window_that_was_made_smaller_has_none_and_sees_the_whole_map(ctx, person):
     ctx.visual.set_values(**RISK)
     ctx.visual.update()

@@ -12,7 +12,6 @@ from time import sleep
 
 import pytest
 
-import gamms
 from gamms import recorder, recordings
 
 pytestmark = pytest.mark.skipif(
@@ -68,26 +67,6 @@ while not ctx.is_terminated():
 print(json.dumps({"turns": turns}))
 """
 
-TURNS = 40
-
-REPLAYED = """
-import json
-import sys
-import gamms
-
-shown = {"width": 640, "height": 360, "simulation_time_constant": 0.2}
-with gamms.create_context(vis_engine="PYGAME", vis_kwargs=shown, logger_config={"level": "ERROR"}) as ctx:
-
-    def watch(ctx):
-        bar = ctx.visual.overlay.timeline._bar
-        if bar[2] > 1:
-            print(json.dumps({"turn": ctx.visual.overlay.turns, "bar": bar}), flush=True)
-        return []
-
-    ctx.visual.hud = watch
-    for _ in ctx.record.replay(sys.argv[1]):
-        pass
-"""
 
 A_GAME = """
 import os
@@ -244,34 +223,6 @@ def test_closing_the_window_ends_the_loop_of_the_paper_and_its_recording_is_whol
         assert game.turns == last["turns"]
 
 
-def test_the_line_of_turns_is_dragged_and_a_turn_that_is_held_stands_still(screen, do, find, tmp_path):
-    with gamms.create_context(logger_config={"level": "ERROR"}) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
-        ctx.agent.create_agent("anna", start_node_id=0, strategy=gamms.strategies.random_walk)
-        ctx.record.start(tmp_path / "game")
-        ctx.game.run(max_turns=TURNS)
-    command = [sys.executable, "-c", REPLAYED, str(tmp_path / "game.ggr")]
-    with subprocess.Popen(command, env=screen, stdout=subprocess.PIPE, text=True) as player:
-        try:
-            left, top, width = heard(player)["bar"]
-            window, y = find(), top + 12
-
-            def is_shown(wanted):
-                return any(heard(player)["turn"] == wanted for _ in range(300))
-
-            do("mousemove", "--window", window, left + width // 8, y, "mousedown", 1)
-            for x in (left + width // 4, left + width // 2, left + width * 3 // 4, 639, left + width // 3):
-                do("mousemove", "--window", window, x, y)
-                assert is_shown(round(TURNS * min((x - left) / width, 1)))
-            do("mousemove", "--window", window, left + width // 2, -60)  # beside the window
-            assert is_shown(TURNS // 2)
-            assert {heard(player)["turn"] for _ in range(40)} == {TURNS // 2}  # in the time of three turns
-            do("mouseup", 1)
-            assert is_shown(TURNS // 2 + 1)
-        finally:
-            player.kill()
-
-
 @contextmanager
 def a_game(screen, case):
     """A program that plays a game in a window and does not end its context; where a person may be looking."""
@@ -322,46 +273,3 @@ def test_closing_the_window_in_a_question_ends_the_program(screen, find):
         close(screen, find())
         rest, errors = player.communicate(timeout=60)
         assert (player.returncode, rest, errors) == (0, "", "")
-
-
-@pytest.mark.skipif(find_library("X11") is None, reason="needs libX11")
-def test_a_window_that_is_resized_hidden_and_shown_again_plays_on(screen, do, find, tmp_path):
-    with played(screen, LOOP_OF_THE_PAPER, tmp_path / "game") as player:
-        heard(player)
-        window = find()
-        do("windowsize", "--sync", window, 300, 500)
-        for _ in range(50):
-            if (now := heard(player))["size"] == [300, 500]:
-                break
-        assert now["size"] == [300, 500]
-        assert all(0 < x < 300 and 0 < y < 500 for x, y in now["places"])  # all of the map is seen
-        do("windowunmap", "--sync", window)
-        hidden = [heard(player) for _ in range(5)][-1]
-        do("windowmap", "--sync", window)
-        shown = [heard(player) for _ in range(5)][-1]
-        assert shown["turns"] > hidden["turns"]
-        assert (shown["size"], shown["camera"]) == (now["size"], now["camera"])
-        close(screen, window)
-        _, errors = player.communicate(timeout=60)
-        assert (player.returncode, errors) == (0, "")
-    recordings.verify(tmp_path / "game.ggr")
-
-
-@pytest.mark.skipif(find_library("X11") is None, reason="needs libX11")
-def test_a_replay_opens_its_window_on_the_display_there_is_and_ends_when_it_is_closed(screen, find, tmp_path):
-    with gamms.create_context(logger_config={"level": "ERROR"}) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
-        ctx.agent.create_agent("anna", start_node_id=0)
-        ctx.visual.set_agent_visual("anna", color="red")
-        ctx.record.start(tmp_path / "game")
-        ctx.visual.simulate()
-    words = [sys.executable, "-m", "gamms", "replay", str(tmp_path / "game.ggr"), "--window", "--seconds", "0.1"]
-    unnamed = {name: value for name, value in screen.items() if name != "SDL_VIDEODRIVER"}
-    with subprocess.Popen(words, env=unnamed, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as player:
-        try:
-            close(screen, find())
-            printed, errors = player.communicate(timeout=60)
-        finally:
-            player.kill()
-    assert (player.returncode, "Traceback" in errors) == (0, False)
-    assert "1 turns" in printed

@@ -182,19 +182,6 @@ def test_a_game_that_is_played_after_a_replay_has_a_line_of_its_own(ctx, recordi
     assert not ctx.visual.overlay.timeline.can_seek
 
 
-def test_the_line_of_a_game_shows_how_far_it_is_as_far_as_that_is_known(ctx, open_window):
-    ctx = open_window()
-    ctx.game.step()
-    assert not ctx.visual.overlay.timeline.is_shown
-    ctx.game.run(max_turns=4)
-    timeline = ctx.visual.overlay.timeline
-    assert (timeline.turns, timeline.can_seek) == (5, False)
-    ctx.game.reset()
-    ctx.game.add(gamms.rules.time_limit(3))
-    ctx.game.step()
-    assert ctx.visual.overlay.timeline.turns == 3
-
-
 def test_a_drag_on_the_line_of_a_game_moves_neither_its_turns_nor_the_map(open_window, person):
     ctx = open_window()
     ctx.game.run(max_turns=4)
@@ -268,26 +255,6 @@ def test_the_card_of_the_end_covers_no_panel_in_a_small_window(open_window, reco
     *others, card = boxes[-1]
     assert len(others) >= 2
     assert all(panels._overlap(card, box) == 0 for box in others)
-
-
-def test_after_a_jump_only_that_turn_is_told(ctx, recording):
-    shown = {}
-
-    def look():
-        shown[ctx.visual.overlay.turns] = [line.words for line in ctx.visual.overlay.captions]
-        return []
-
-    ctx.visual.hud = lambda ctx: look()
-    for _ in ctx.record.replay(recording):
-        pass
-    assert shown[3] == ["bert is out"]
-    assert shown[2] == shown[4] == []
-    ctx.visual.seek(3)
-    ctx.visual.update()
-    assert shown[3] == ["bert is out"]
-    ctx.visual.seek(4)
-    ctx.visual.update()
-    assert shown[4] == []
 
 
 def test_the_map_lies_above_the_line_of_turns(open_window, recording):

@@ -2,12 +2,9 @@
 
 from time import monotonic
 
-import numpy as np
 import pytest
 
-from gamms.agent import AgentType
 from gamms.visual.artist import ArtistGroup
-from gamms.visual.window import display
 
 
 class Clock:
@@ -53,38 +50,6 @@ def test_agents_glide_along_the_road_from_where_they_were(play):
     assert [place for _, place in ctx.places] == [(10, 0), (11, 2.5), (12, 5), (11, 7.5), (10, 10)]
 
 
-def test_drones_glide_through_the_air(play):
-    ctx = play()
-    ctx.agent.create_agent("drone", start_node_id=0, type=AgentType.AERIAL, speed=5.0)
-    drone = ctx.agent.get_agent("drone")
-    drone.get_state()["action"] = (3.0, 4.0, 0.0)
-    drone.set_state()
-    seen = []
-    artist = {"drawer": lambda ctx, data: seen.append(ctx.visual.drawing.position_of("drone", data["_alpha"]))}
-    ctx.visual.add_artist("spy", artist)
-    ctx.visual.simulate()
-    assert np.asarray(seen) == pytest.approx(np.array([(0, 0), (0.75, 1), (1.5, 2), (2.25, 3), (3, 4)]))
-
-
-def test_frames_wait_in_simulate_and_human_input_only(play, person, monkeypatch):
-    waits = []
-    monkeypatch.setattr(display, "sleep", waits.append)
-    ctx = play(max_fps=30)
-    ctx.visual.update()
-    ctx.visual.update()
-    assert not waits
-    ctx.visual.simulate()
-    assert len(waits) >= 4
-    assert all(wait <= 6 / 30 for wait in waits)  # a sleep that does not sleep lets them add up
-    waits.clear()
-    person.press("0")
-    ctx.visual.human_input("walker", {"curr_pos": 1})
-    assert waits
-    waits.clear()
-    ctx.visual.update()
-    assert not waits
-
-
 @pytest.mark.parametrize("max_fps", [60, 100])
 def test_there_are_no_more_frames_per_second_than_allowed(open_window, max_fps):
     pace = open_window(max_fps=max_fps).visual.pace
@@ -104,22 +69,6 @@ def test_speed_changes_how_many_frames_a_turn_takes(play, person):
     person.press("MINUS", "MINUS", "MINUS")  # half as fast
     ctx.visual.simulate()
     assert len(ctx.places) == 9
-
-
-def test_a_pause_stands_still_until_it_ends(play, person):
-    ctx, frames = play(), []
-
-    def watch(ctx):
-        frames.append(ctx.visual.pace.is_paused)
-        if len(frames) == 4:
-            person.press("SPACE")
-        return []
-
-    ctx.visual.hud = watch
-    person.press("SPACE")
-    ctx.visual.simulate()
-    assert frames == [True] * 4 + [False] * 5
-    assert [share for share, _ in ctx.places][:5] == [0.0] * 5
 
 
 def test_a_pause_holds_turns_without_duration_too(play, person):

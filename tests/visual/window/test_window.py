@@ -284,23 +284,6 @@ def test_a_frame_after_which_nothing_changed_has_the_same_artists(ctx):
     assert ctx.visual.overlay.shown != shown
 
 
-@pytest.mark.parametrize(("theme", "tone"), [(name, theme.map.walls) for name, theme in THEMES.items()])
-def test_a_building_is_filled_in_the_tone_of_the_theme(open_window, seen, theme, tone):
-    ctx = open_window(theme=theme)
-    corners = [(2, 3), (8, 3), (8, 7), (2, 7)]
-    faces = [[(*a, 5), (*b, 5), (*a, 0), (*b, 0)] for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
-    ctx.graph.add_obstacles(faces)
-    ctx.visual.update()
-    x, y = ctx.visual._render_manager.world_to_screen(5.0, 5.0)
-    filled = seen(ctx)[int(y), int(x)]
-    assert all(min(ends) <= value <= max(ends) for value, *ends in zip(filled, tone.low, tone.high, strict=True))
-    ctx.visual.set_graph_visual()
-    ctx.visual.set_obstacle_visual(fill=True)
-    ctx.visual.look_at(5.0, 5.0, 20.0)
-    ctx.visual.update()
-    assert seen(ctx)[180, 320].tolist() == filled.tolist()
-
-
 def test_who_is_out_is_neither_shown_nor_found_nor_named_nor_followed_by_a_trail(open_window, person, seen):
     ctx = open_window(labels=True, trails=4)
     ctx.sensor.create_sensor("eyes", SensorType.RANGE, sensor_range=4.0)

@@ -28,18 +28,6 @@ def frame(ctx, said):
     return list(said)
 
 
-def test_turn_scores_and_frames_per_second_are_written(ctx, said):
-    assert "turn 0" in frame(ctx, said)
-    ctx.visual.simulate()
-    ctx.visual.simulate()
-    assert "turn 2" in frame(ctx, said)
-    ctx.game.scores["red"] = 3
-    ctx.game.step()
-    words = frame(ctx, said)
-    assert {"turn 1", "red 3 · blue 0"} <= set(words)
-    assert any(line.endswith(" fps") for line in words)
-
-
 def test_the_hud_can_be_replaced_or_left_out(ctx, said):
     ctx.visual.hud = lambda ctx: ["hello", 5]
     words = frame(ctx, said)
