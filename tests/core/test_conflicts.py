@@ -54,13 +54,15 @@ class Board:
             np.array([[move[k] for move in moves] for moves in games], kind).reshape(-1).data
             for k, kind in enumerate((np.int64, np.int64, np.uint8))
         )
-        stays = np.zeros(len(counts), np.uint8)
         requests = self.requests(starts, ends, counts, ranks)
-        found = conflicts.resolve_games(self.contests, requests, np.array(turns, np.int64).data, stays.data)
-        assert found == np.count_nonzero(stays)
-        assert (self.tables[0] == -1).all()
-        assert not self.tables[1].any()
-        return stays.reshape(len(games), -1).tolist()
+        stays = []
+        for game, turn in enumerate(turns):
+            found = conflicts.resolve(self.contests, requests, game, turn)
+            stays.append(self.stays.tolist())
+            assert found == np.count_nonzero(self.stays)
+            assert (self.tables[0] == -1).all()
+            assert not self.tables[1].any()
+        return stays
 
     def resolve(self, moves, ranks, turn=0):
         return self.resolve_games([moves], ranks, [turn])[0]

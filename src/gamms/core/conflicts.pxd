@@ -57,8 +57,7 @@ cdef int sift(Contests c, i64 begin, i64 number, i64 k) except -1 nogil
 cpdef int number_ids(const i64[::1] ids, i64[::1] keys, i32[::1] slots, i32[::1] used, i64[::1] numbers) except -1 nogil
 @cython.locals(at=i64, at_ranks=i64, found=i64, stopped=i64, i=i64)
 cpdef i64 resolve(Contests c, MoveRequests requests, i64 game, i64 turn) except -1 nogil
-@cython.locals(stopped=i64, here=i64, game=Py_ssize_t, i=i64)
-cpdef i64 resolve_games(Contests c, MoveRequests requests, const i64[::1] turns, u8[::1] stays) except -1 nogil
+
 
 @cython.final
 cdef class NodeNumbering:

@@ -449,25 +449,6 @@ def resolve(c: Contests, requests: MoveRequests, game: int, turn: int) -> int:
     return stopped
 
 
-def resolve_games(c: Contests, requests: MoveRequests, turns: memoryview[int], stays: memoryview[int]) -> int:
-    """Resolve the conflicts of several games; return the number of agents that stay.
-
-    Args:
-        c: working memory for one game.
-        requests: the moves of all games.
-        turns: (games,) the number of turns played.
-        stays: (rows,) bytes, all 0; set to `STAYS` or `NEEDS_RANK` for agents that stay.
-    """
-    stopped = 0
-    for game in range(len(turns)):
-        here = resolve(c, requests, game, turns[game])
-        if here > 0:
-            stopped += here
-            for i in range(c.agents):
-                stays[game * c.agents + i] = c.stays[i]
-    return stopped
-
-
 class NodeNumbering:
     """Numbers the nodes of the moves of one game from 0, in each turn.
 

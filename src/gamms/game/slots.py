@@ -1,6 +1,5 @@
 """Slots: the data of each living agent in the turn engine; in large teams, slots are made on demand."""
 
-from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cached_property
@@ -16,7 +15,6 @@ from gamms.game.settings import Settings
 from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import AgentSetChange, Selection
 from gamms.ir.game_state import GameState
-from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.readonly import copied
 from gamms.typing import AgentType
@@ -24,7 +22,6 @@ from gamms.typing.agent_engine import DeletedAgent, IAgent, TurnAccess
 from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import SensorType
 
-_FEW_MADE = 16  # if fewer than one in 16 slots are made, they are looked up by name
 COUNTED = ("moves", "blocked", "illegal", "errors", "overruns")
 
 
@@ -298,13 +295,6 @@ class LazySlots(Sequence[AgentSlot]):
     def made(self) -> list[AgentSlot]:
         """Return all slots made so far."""
         return list(self._made.values())
-
-    def made_of(self, which: BoolArray) -> list[AgentSlot]:
-        """Return the slots made so far among those selected by a mask, (agents,)."""
-        made, names = self._made, self.names
-        if _FEW_MADE * len(made) < len(names):  # NOTE: without a look at each of many names (benchmarks: teams)
-            return [slot for name, slot in made.items() if which[bisect_left(names, name)]]
-        return [made[name] for i in which.nonzero()[0].tolist() if (name := names[i]) in made]
 
     def is_made(self, i: int) -> bool:
         """Return whether the slot at an index was made."""

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from operator import itemgetter
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from gamms.core.agents import MoveColumns
 from gamms.deciding import DecidePhase
 from gamms.errors import UnknownName
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
-from gamms.game.conflicts import ArrayMoves, TurnConflicts, ranked, stopped_in_arrays
+from gamms.game.conflicts import TurnConflicts, ranked
 from gamms.game.decisions import Decisions
 from gamms.game.facts import PrivateForks
 from gamms.game.legality import Legality
@@ -25,7 +25,7 @@ from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, own_co
 from gamms.game.travel import ResolvedAction
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
-from gamms.ir.obstacles import BoolArray
+from gamms.ir.graph import IntArray
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code
 from gamms.typing.agent_engine import DeletedAgent, IAgent
@@ -35,6 +35,8 @@ from gamms.typing.game import AerialState, IConflicts, Move, State
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
+P = ParamSpec("P")
+T = TypeVar("T")
 CLOSED = "its way was closed"
 """Why an agent stays whose way a rule has closed."""
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
@@ -87,7 +89,6 @@ class TurnEngine:
         self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the current turn
         self.refusals: Refusals | None = None
         self._conflicts = TurnConflicts()
-        self._shared: dict[Any, Any] = {}  # tables of conflicts of many agents on the graph
         self.inboxes = Inboxes(ctx, state)
         self.outboxes = Outboxes(ctx, settings)
 
@@ -582,16 +583,39 @@ class TurnEngine:
 
     def _resolve(self, turn: TurnMoves) -> None:
         """Resolve conflicts, and stop the losers."""
-        are_stopped = self._stopped_in_arrays(turn) if turn.order.is_lazy else None
-        if are_stopped is not None:
-            stopped = np.flatnonzero(are_stopped)
-            self._state.blocked.add_conflicts(turn.order.names, stopped, np.asarray(turn.ends).take(stopped))
-            turn.stop_each(stopped)
-            for slot in cast("LazySlots", turn.slots).made_of(are_stopped):
-                slot.show_blocked()
+        losers = self._losers_among_many(turn) if turn.order.is_lazy else None
+        if losers is not None:
+            self._stop_each(turn, losers)
             return
         for i, end in self.lost(turn):
             self._block(turn.slots[i], in_conflict(end))
+
+    def _stop_each(self, turn: TurnMoves, losers: IntArray) -> None:
+        """Keep agents where they are that move between nodes, by their slots; no slots are made for them."""
+        self._state.blocked.add_conflicts(turn.order.names, losers, np.asarray(turn.ends).take(losers))
+        turn.stop_each(losers)
+        are_stopped = np.zeros(len(turn.slots), np.bool_)
+        are_stopped[losers] = True
+        for slot in made_slots(turn.slots):
+            if are_stopped[turn.order.index_of[slot.name]]:
+                slot.show_blocked()
+
+    def _losers_among_many(self, turn: TurnMoves) -> IntArray | None:
+        """Return the slots of the agents that lose conflicts, by the rows of their nodes.
+
+        None: this does not apply, because agents fly or have other actions than moves to nodes, a node is no longer on
+        the map, or a resolver function has to be called.
+        """
+        conflicts, order = ranked(self._settings.conflicts), turn.order
+        if conflicts is None or turn.actions or order.whole.on_ground is not None:
+            return None
+        streets = self._legality.streets
+        try:
+            nodes = streets.rows(np.asarray(turn.starts, np.int64)), streets.rows(np.asarray(turn.ends, np.int64))
+        except UnknownName:
+            return None
+        find = self._conflicts.losers_among_many
+        return self._noting_conflicts(find, conflicts, order, streets, nodes, self._state.turn, self._ctx.seed)
 
     def lost(self, turn: TurnMoves) -> list[tuple[int, Any]]:
         """Keep the agents where they are that lose conflicts; return their slots, and where they wanted to go."""
@@ -599,40 +623,6 @@ class TurnEngine:
         moves = None if turn.order.whole.paced else turn.in_core()
         losers = [(i, places[1][i]) for i in self._losers(turn.order, places, moves, turn.named)]
         return [(i, end) for i, end in losers if turn.stop(i)]
-
-    def _stopped_in_arrays(self, turn: TurnMoves) -> BoolArray | None:
-        """Return which agents stay, by slot, if columns of agents are arrays.
-
-        None: this form does not apply, because agents fly or have other actions than moves to nodes, a node is no
-        longer on the map, or a resolver function has to be called.
-        """
-        conflicts, order = ranked(self._settings.conflicts), turn.order
-        if conflicts is None or turn.actions or order.whole.on_ground is not None:
-            return None
-        streets, seed = self._legality.streets, self._ctx.seed
-        if self._shared.get("streets") is not streets:
-            self._shared = {"streets": streets}
-        try:
-            starts, ends = (streets.rows(np.asarray(nodes, np.int64))[None] for nodes in (turn.starts, turn.ends))
-        except UnknownName:
-            return None
-        moves = ArrayMoves(
-            order,
-            streets.columns,
-            starts,
-            ends,
-            has_edges=False,
-            counts=np.ones(starts.shape, np.bool_),
-            turns=np.array([self._state.turn]),
-            first_keys=lambda purpose: order.first_keys(seed, purpose)[None],
-            shared=lambda key, make: self._shared.setdefault(key, make()),
-        )
-        try:
-            found: BoolArray = stopped_in_arrays(conflicts, moves)[0]
-        except Exception as error:
-            self._note_in_conflicts(error)
-            raise
-        return found
 
     def _losers(
         self,
@@ -643,15 +633,16 @@ class TurnEngine:
     ) -> list[int]:
         """Return the slots of the agents that lose conflicts of moves between these places."""
         conflicts = cast("IConflicts", self._settings.conflicts)
-        try:
-            return self._conflicts.losers(conflicts, order, self._state.turn, places, moves, named, self._ctx)
-        except Exception as error:
-            self._note_in_conflicts(error)
-            raise
+        find = self._conflicts.losers
+        return self._noting_conflicts(find, conflicts, order, self._state.turn, places, moves, named, self._ctx)
 
-    def _note_in_conflicts(self, error: Exception) -> None:
-        """Add a note with the turn to an error of the conflict resolver."""
-        error.add_note(f"In the conflicts {as_code(self._settings.conflicts)}, in turn {self._state.turn}.")
+    def _noting_conflicts(self, find: Callable[P, T], *args: P.args, **keywords: P.kwargs) -> T:
+        """Call a function; add a note with the turn to an error of the conflict resolver."""
+        try:
+            return find(*args, **keywords)
+        except Exception as error:
+            error.add_note(f"In the conflicts {as_code(self._settings.conflicts)}, in turn {self._state.turn}.")
+            raise
 
     def _apply(self, turn: TurnMoves, part: TurnPart) -> None:
         """Write the moves of a part to the columns of the agents."""

@@ -925,9 +925,8 @@ class Cursor:
             self._leave("changes more of the map than which roads are open")
 
     def _note_events(self, entries: Sequence[dict[str, Any]]) -> None:
-        """Let the core find events that are in the log of a game already."""
+        """Count the agents that events stop which a function has added to the log of a game."""
         state, numbers = self._state, self._number_of
-        state.events.note(self._number, entries)
         for entry in entries:
             stopped = entry.get(STOPPED.get(entry["kind"], ""))
             if isinstance(stopped, str) and stopped in numbers:

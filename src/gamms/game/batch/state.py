@@ -13,7 +13,7 @@ from gamms import kernels
 from gamms.core import rules
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.batch.channels import MessageTraffic
-from gamms.game.batch.columns import AgentTable, Failure, GameLog, some_rows
+from gamms.game.batch.columns import AgentTable, Failure, GameLog
 from gamms.game.batch.deeds import DeclaredDeeds, DeedLog
 from gamms.game.batch.flights import Flights
 from gamms.game.batch.movement import Movement, Places
@@ -63,10 +63,6 @@ class EmittedEvents(NamedTuple):
         """Return the event of one log entry of a game."""
         fields = {name: [value] for name, value in entry.items() if name not in ("turn", "kind")}
         return cls(entry["kind"], np.array([game]), np.array([entry["turn"]]), fields)
-
-    def those(self, which: BoolArray) -> "EmittedEvents":
-        """Return the events selected by a mask."""
-        return some_rows(self, which)
 
 
 class CoreEvents(NamedTuple):
@@ -119,79 +115,64 @@ class EventLog(GameLog[EmittedEvents | CoreEvents]):
     def __init__(self, num_games: int, names: Sequence[str]) -> None:
         super().__init__(num_games)
         self._names = names
-        self._unread: dict[Hashable, list[EmittedEvents]] = {}  # reader -> its unread events
-        self._read_before: dict[Hashable, int] = {}  # reader -> the number of events it had read before the batch
+        self._read: dict[Hashable, IntArray] = {}  # reader -> (games,) the number of events that it has read
+        self._read_before: dict[Hashable, int] = {}  # the same of turns before the batch
 
     def begin(self, games: IntArray, entries: Sequence[dict[str, Any]]) -> None:
         """Start the empty logs of games with events of earlier turns."""
         super().begin(games, entries)
         for reader, number in self._read_before.items():
-            self._unread[reader] += [
-                EmittedEvents.of(game, entry) for game in games.tolist() for entry in entries[number:]
-            ]
+            self._read[reader][games] = number
 
     def read(self, reader: Hashable, number: int) -> None:
         """Register a reader that had read the first `number` events of each game before the batch."""
         self._read_before[reader] = number
-        self._unread[reader] = [
-            EmittedEvents.of(game, entry) for game in range(len(self._of_game)) for entry in self.of(game)[number:]
-        ]
+        self._read[reader] = np.full(len(self._of_game), number)
 
     def is_read_by(self, reader: Hashable) -> bool:
         """Return whether a reader is registered."""
-        return reader in self._unread
+        return reader in self._read
 
-    def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> EmittedEvents:
-        """Log and return events, one for each entry of `games`; the events of a game are in order."""
-        emitted = EmittedEvents(kind, games, turns, fields)
-        self._pending.append(emitted)
-        for unread in self._unread.values():
-            unread.append(emitted)
-        return emitted
+    def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> None:
+        """Log events, one for each entry of `games`; the events of a game are in order."""
+        self._pending.append(EmittedEvents(kind, games, turns, fields))
 
     def take(self, events: CoreEvents) -> None:
         """Log events of games in the core."""
         self._pending.append(events)
-        for unread in self._unread.values():
-            unread.extend(events.emitted(self._names))
-
-    def note(self, game: int, entries: Sequence[Mapping[str, Any]]) -> None:
-        """Add events that are already in the log of a game to the unread events of all readers."""
-        for unread in self._unread.values():
-            unread += [EmittedEvents.of(game, entry) for entry in entries]
 
     def new(self, reader: Hashable, games: IntArray) -> list[EmittedEvents]:
-        """Return the events of games that a reader has not read yet, and mark them as read."""
-        if reader not in self._unread:
-            self._unread[reader] = [
-                EmittedEvents.of(game, entry) for game in range(len(self._of_game)) for entry in self.of(game)
-            ]
-        known = [(one, np.isin(one.games, games)) for one in self._unread[reader]]
-        self._unread[reader] = [one.those(~is_new) for one, is_new in known if not is_new.all()]
-        return [one.those(is_new) for one, is_new in known if is_new.any()]
+        """Return the events of games that a reader has not read yet, game by game, and mark them as read."""
+        read = self._read.setdefault(reader, np.zeros(len(self._of_game), np.int64))
+        found = []
+        for game, number in zip(games.tolist(), read[games].tolist(), strict=True):
+            entries = self.of(game)
+            found += [EmittedEvents.of(game, entry) for entry in entries[number:]]
+            read[game] = len(entries)
+        return found
 
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that undoes all later changes."""
         undo_log = super().checkpoint()
-        unread = {reader: [*noted] for reader, noted in self._unread.items()}
+        read = {reader: numbers.copy() for reader, numbers in self._read.items()}
 
         def undo() -> None:
             undo_log()
-            self._unread = unread
+            self._read = read
 
         return undo
 
     def forget(self, games: IntArray) -> None:
         """Remove the events of games."""
         super().forget(games)
-        for unread in self._unread.values():
-            unread[:] = [emitted.those(~np.isin(emitted.games, games)) for emitted in unread]
+        for numbers in self._read.values():
+            numbers[games] = 0
 
     def clear(self) -> None:
         """Remove the events of all games."""
         super().clear()
-        for unread in self._unread.values():
-            unread.clear()
+        for numbers in self._read.values():
+            numbers[:] = 0
 
     def _entries(self, noted: EmittedEvents | CoreEvents) -> Iterator[tuple[int, dict[str, Any]]]:
         if isinstance(noted, CoreEvents):
