@@ -40,32 +40,12 @@ _SWATCH_PX = 7.0
 _BAR_PX = 16.0
 _BAR_HEIGHT_PX = 150.0
 _NAME_PX = 2.0 * _SWATCH_PX + 9.0  # where names begin
-_ASIDE, _MOST_ASIDE = (
-    1 / 3,
-    0.45,
-)  # of the width of a picture: so much is taken from the map, and of a small one at most
+# of the width of a picture: the maximum for a legend, and for one without signs
+_ASIDE = 1 / 3
+_MOST_ASIDE = 0.45
 _SMALLER = 0.8  # letters of a legend that has no room otherwise
 _MOST_ROWS = 12
 _DISC = "disc"
-_IMPORTANCE = (
-    "flag",
-    "goal",
-    "tag",
-    "cross",
-    "tick",
-    "band",
-    "field",
-    "base",
-    "arc",
-    "square",
-    "gauge",
-    "timer",
-    "plus",
-    "ring",
-    "curve",
-    "line",
-    "dot",
-)  # of signs, the most important first
 SIGN: Rgb = (110, 114, 120)  # signs have the colours of teams, and are explained in grey
 _SMALL_PX = 17.0
 _HEADING_PX = 17.0
@@ -193,8 +173,8 @@ def block_from_plain(plain: dict[str, Any]) -> Block:
 class Legend:
     """The layout of a legend: blocks, one below the other.
 
-    If the blocks do not fit a third of the width of the picture, the letters are smaller. If that is not enough, the
-    least important signs are omitted, one kind after the other; color scales may take 45 % of the width.
+    If the blocks do not fit a third of the width of the picture, the letters are smaller. If that is not enough, signs
+    are omitted, those of the lowest layers first; colors alone may take 45 % of the width.
 
     Args:
         blocks: the blocks from top to bottom.
@@ -226,9 +206,9 @@ class Legend:
                 self.least = least
                 break
 
-    def draw(self, pen: "Pen", left: float, top: float, ground: Rgba) -> None:
-        """Draw the legend on a background that covers the map."""
-        if self._blocks:
+    def draw(self, pen: "Pen", left: float, top: float, ground: Rgba | None) -> None:
+        """Draw the legend, on a background if it covers the map."""
+        if self._blocks and ground is not None:
             pen.rectangle(
                 left - _PAD_PX, top - _PAD_PX, self.width + 2.0 * _PAD_PX, self.height + 2.0 * _PAD_PX, ground
             )
@@ -245,10 +225,28 @@ class Legend:
 def _tries(blocks: tuple[Block, ...]) -> Iterator[tuple[tuple[Block, ...], float, float]]:
     """Yield layouts of a legend, with their size, and their share of the width of a picture, the best first."""
     yield blocks, 1.0, _ASIDE
-    yield blocks, _SMALLER, _ASIDE
-    for kinds in range(len(_IMPORTANCE) - 1, -1, -1):
-        yield _with_signs(blocks, _IMPORTANCE[:kinds]), _SMALLER, _ASIDE
-    yield _with_signs(blocks, ()), _SMALLER, _MOST_ASIDE
+    signs = sum(row.sign != _DISC for block in blocks if isinstance(block, LegendRows) for row in block.rows)
+    for fewer in range(signs + 1):
+        yield _without_signs(blocks, fewer), _SMALLER, _ASIDE
+    yield _without_signs(blocks, signs), _SMALLER, _MOST_ASIDE
+
+
+def _without_signs(blocks: tuple[Block, ...], count: int) -> tuple[Block, ...]:
+    """Return a legend without the first signs, those of the lowest layers."""
+    found = list[Block]()
+    for block in blocks:
+        if isinstance(block, ColorScale):
+            found.append(block)
+            continue
+        kept = list[LegendRow]()
+        for row in block.rows:
+            is_omitted = row.sign != _DISC and count > 0
+            count -= is_omitted
+            if not is_omitted:
+                kept.append(row)
+        if block.title or kept:
+            found.append(block._replace(rows=tuple(kept)))
+    return tuple(found)
 
 
 class Pen:
@@ -310,18 +308,6 @@ class Pen:
         """Write words whose small letters have their middle so far down."""
         place = self._place(x, middle - MIDDLE * font_px)
         self.commands.add_text(words, *place, ink or self._ink, self._zoom * font_px)
-
-
-def _with_signs(blocks: tuple[Block, ...], signs: tuple[str, ...]) -> tuple[Block, ...]:
-    """Return a legend of colors, and of these signs."""
-    kept = _DISC, *signs
-    few = [
-        block
-        if isinstance(block, ColorScale)
-        else block._replace(rows=tuple(row for row in block.rows if row.sign in kept))
-        for block in blocks
-    ]
-    return tuple(block for block in few if isinstance(block, ColorScale) or block.title or block.rows)
 
 
 def _draw_bar(pen: Pen, bar: ColorScale, top: float) -> None:
@@ -555,7 +541,8 @@ def checked(
         colors, places = colorized(cmap, values)
         low, high = _span(values, span)
         return ColoredValues(of, ids, tuple(colors), places, _key_of_function(cmap, values, low, high, title))
-    colors, (low, high) = list(table(cmap)), _span(values, span, is_even=cmap == DIVERGING)
+    colors = list(table(cmap))
+    low, high = _span(values, span, is_even=cmap == DIVERGING)
     bar = _bar(title, colors, low, high) if len(values) else None
     return ColoredValues(of, ids, tuple(colors), levels(values, low, high), bar)
 

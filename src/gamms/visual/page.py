@@ -194,7 +194,9 @@ class Page:
         pen = self.pen(camera)
         if style.title:
             pen.text(style.title, self._margin, 0.6 * _HEADER_PX, _TITLE_PX)
-        self.legend.draw(pen, *self._legend_at(corner), (*style.background[:3], _GROUND))
+        left, top = self._legend_at(corner)
+        is_beside = corner is not None and left > corner[0] / self._fine
+        self.legend.draw(pen, left, top, None if is_beside else (*style.background[:3], _GROUND))
         self._draw_foot(pen, faint, camera.scale / self._fine)
         return pen.commands.freeze()
 

@@ -19,6 +19,7 @@ class WallTones(NamedTuple):
 class GroundTones(NamedTuple):
     """The colors of the base map, which is drawn below everything else."""
 
+    land: Rgb  # of the rectangle of the map
     green: Rgb  # of parks and woods
     water: Rgb  # of areas of water
     waterway: Rgb  # of rivers and streams that are lines
@@ -62,7 +63,11 @@ THEMES = {
             nodes=(140, 143, 148),
             walls=WallTones(low=(240, 236, 228), high=(206, 197, 181), outline=(193, 184, 168), wall=(139, 128, 110)),
             ground=GroundTones(
-                green=(231, 239, 222), water=(213, 227, 236), waterway=(196, 215, 228), rail=(206, 198, 204)
+                land=(246, 245, 241),
+                green=(228, 238, 218),
+                water=(213, 227, 236),
+                waterway=(196, 215, 228),
+                rail=(206, 198, 204),
             ),
         ),
         fog=((235, 236, 237), (205, 207, 211), (135, 139, 146)),
@@ -77,7 +82,9 @@ THEMES = {
             streets=(112, 119, 132),
             nodes=(122, 129, 142),
             walls=WallTones(low=(37, 40, 45), high=(70, 68, 66), outline=(86, 84, 81), wall=(140, 130, 116)),
-            ground=GroundTones(green=(28, 38, 32), water=(26, 39, 54), waterway=(34, 51, 70), rail=(62, 58, 66)),
+            ground=GroundTones(
+                land=(29, 32, 38), green=(30, 43, 35), water=(26, 39, 54), waterway=(34, 51, 70), rail=(62, 58, 66)
+            ),
         ),
         fog=((42, 45, 51), (104, 109, 118), (206, 210, 216)),
         teams=((50, 114, 208), (230, 80, 68), (60, 172, 108), (222, 158, 204), (246, 190, 76), (150, 226, 252)),
@@ -94,7 +101,11 @@ THEMES = {
             nodes=(130, 130, 130),
             walls=WallTones(low=(244, 244, 244), high=(212, 212, 212), outline=(190, 190, 190), wall=(110, 110, 110)),
             ground=GroundTones(
-                green=(244, 247, 240), water=(224, 232, 238), waterway=(204, 216, 224), rail=(196, 192, 196)
+                land=(250, 250, 250),
+                green=(241, 246, 236),
+                water=(224, 232, 238),
+                waterway=(204, 216, 224),
+                rail=(196, 192, 196),
             ),
         ),
         fog=((232, 232, 232), (196, 196, 196), (110, 110, 110)),

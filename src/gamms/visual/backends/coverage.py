@@ -73,7 +73,7 @@ def strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, h
         part = slice(begin, begin + _AT_ONCE)
         corners = _outlines(starts[part], ends[part], half)
         offsets = np.arange(len(corners) + 1) * corners.shape[1]
-        _fill(patch, corners.reshape(-1, 2), offsets)
+        _fill(patch, corners.reshape(-1, 2), offsets, np.zeros(len(corners), np.int64))
     if width_px < 1.0:
         return patch._replace(coverage=np.rint(patch.coverage * width_px).astype(np.uint8))
     return patch
@@ -101,7 +101,7 @@ def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> 
     """
     patch = _empty_patch(points.min(axis=0), points.max(axis=0), width, height)
     if patch is not None:
-        _fill(patch, points, offsets)
+        _fill(patch, points, offsets, np.arange(len(offsets) - 1))
     return patch
 
 
@@ -114,10 +114,11 @@ def _empty_patch(low: FloatArray, high: FloatArray, width: int, height: int) -> 
     return Patch(np.zeros((bottom - top, right - left), np.uint8), left, top)
 
 
-def _fill(patch: Patch, points: FloatArray, offsets: IntArray) -> None:
-    """Add the coverage of polygons to a patch."""
+def _fill(patch: Patch, points: FloatArray, offsets: IntArray, groups: IntArray) -> None:
+    """Add the coverage of polygons to a patch; winding numbers are counted in each of `groups` (polygons,)."""
     rows, columns = patch.coverage.shape
-    place, turn = _crossings(points - (patch.left, patch.top), offsets, rows * _FINER, columns + 1)
+    first = np.repeat(groups * rows * _FINER, np.diff(offsets))
+    place, turn = _crossings(points - (patch.left, patch.top), offsets, first, rows * _FINER, columns + 1)
     order = np.argsort(place)
     place = place[order]
     turn = turn[order]
@@ -135,18 +136,17 @@ def _fill(patch: Patch, points: FloatArray, offsets: IntArray) -> None:
     np.maximum(patch.coverage, np.rint(np.clip(covered, 0, 255)).astype(np.uint8), out=patch.coverage)
 
 
-def _crossings(points: FloatArray, offsets: IntArray, lines: int, length: int) -> tuple[FloatArray, IntArray]:
+def _crossings(
+    points: FloatArray, offsets: IntArray, first: IntArray, lines: int, length: int
+) -> tuple[FloatArray, IntArray]:
     """Return the crossings of polygon sides and sample lines: place, and direction, downward (1) or upward (-1).
 
-    The place is x plus the length of all earlier lines. Opposite polygons must not cancel each other, so the lines of
-    clockwise polygons come after those of the others.
+    The place is x plus the length of all earlier lines; `first` (points,) is the first line of the group of each side.
     """
     following = np.arange(1, len(points) + 1)
     following[offsets[1:] - 1] = offsets[:-1]
     begin = points
     end = points[following]
-    area = np.add.reduceat(begin[:, 0] * end[:, 1] - begin[:, 1] * end[:, 0], offsets[:-1])
-    first = np.repeat(np.where(area < 0.0, lines, 0), np.diff(offsets))
     turn = np.sign(end[:, 1] - begin[:, 1]).astype(np.int64)
     is_down = (turn > 0)[:, None]
     high = np.where(is_down, begin, end)
@@ -154,7 +154,7 @@ def _crossings(points: FloatArray, offsets: IntArray, lines: int, length: int) -
     top = np.clip(np.ceil(high[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
     bottom = np.clip(np.ceil(low[:, 1] * _FINER - 0.5), 0, lines).astype(np.int64)
     side, line = kernels.expand_ranges(top, bottom)
-    with np.errstate(divide="ignore", invalid="ignore"):  # level sides cross no line
+    with np.errstate(all="ignore"):  # level sides cross no line
         slope = (low[:, 0] - high[:, 0]) / (low[:, 1] - high[:, 1])
     x = high[side, 0] + ((line + 0.5) / _FINER - high[side, 1]) * slope[side]
     return (line + first[side]) * length + np.clip(x, 0.0, length - 1.0), turn[side]

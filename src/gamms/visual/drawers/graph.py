@@ -265,10 +265,14 @@ _LINES_M = {SceneryKind.WATERWAY: 2.0, SceneryKind.TRAM: 0.5, SceneryKind.RAIL: 
 
 
 def render_base_map(ctx: IContext, data: dict[str, Any]) -> None:  # noqa: ARG001 - of every drawer
-    """Draw the areas and lines of the scenery: parks, water, then rails."""
+    """Draw the areas and lines of the scenery on the rectangle of the map: parks, water, then rails."""
     scenery = ctx.graph.scenery_columns()
     visual = drawing_of(ctx)
     tones = visual.theme.map.ground
+    if len(scenery.points):
+        left, low = scenery.points.min(axis=0).tolist()
+        right, high = scenery.points.max(axis=0).tolist()
+        visual.render_polygon([(left, low), (right, low), (right, high), (left, high)], tones.land)
     colors = {
         SceneryKind.GREEN: tones.green,
         SceneryKind.WATER: tones.water,

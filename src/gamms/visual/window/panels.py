@@ -270,7 +270,7 @@ class WindowLegend:
         canvas.surface.blit(card, (0, EDGE_PX))
         camera = Camera(canvas.width, canvas.height, 0.0, 0.0, 1.0)
         pen = Pen(camera, 1.0, theme.ink[:3])
-        self._legend.draw(pen, EDGE_PX, 2 * EDGE_PX, (0, 0, 0, 0))
+        self._legend.draw(pen, EDGE_PX, 2 * EDGE_PX, None)
         Painting(pen.commands.freeze()).paint(canvas, camera)
         return canvas.surface
 

@@ -48,6 +48,23 @@ export function paintCommands(to, commands, camera, shift) {
   }
 }
 
+/** Return the boxes of signs, which have sizes in pixels: left, top, right, bottom. @param {Commands} commands @param {Camera} camera @param {Shift} shift @returns {number[][]} */
+export function signBoxes({ kind, space, size, width, counts, points, agents, sides }, camera, shift) {
+  const found = [];
+  for (let row = 0, at = 0; row < kind.length; at += counts[row++]) {
+    if (kind[row] !== CIRCLE && (kind[row] !== POLYGON || space[row] !== SCREEN)) continue;
+    const moved = agents[row] || sides[row] ? shift(agents[row], sides[row], points[2 * at], points[2 * at + 1]) : [0, 0];
+    if (moved === null) continue;
+    const [x, y] = camera.toScreen(points[2 * at], points[2 * at + 1]);
+    const corners = counts[row] > 1 ? Array.from(points).slice(2 * at + 2, 2 * (at + counts[row])) : [0, 0];
+    const across = corners.filter((_, i) => i % 2 === 0), down = corners.filter((_, i) => i % 2 === 1);
+    const reach = (kind[row] === CIRCLE ? size[row] * (space[row] === SCREEN ? 1 : camera.scale) : 0) + width[row] / 2;
+    const [left, top] = [x + moved[0] - reach, y + moved[1] - reach], [right, bottom] = [x + moved[0] + reach, y + moved[1] + reach];
+    found.push([left + Math.min(...across), top + Math.min(...down), right + Math.max(...across), bottom + Math.max(...down)]);
+  }
+  return found;
+}
+
 /** Return the row behind the lines of one look that begin in a row: they are one stroke, blended once. */
 function endOfStroke(/** @type {Commands} */ { kind, space, width, style, agents, sides }, /** @type {number} */ row) {
   const same = (/** @type {number} */ i) => kind[i] === LINE && space[i] === space[row] && width[i] === width[row] && style[i] === style[row] && agents[i] === agents[row] && sides[i] === sides[row];

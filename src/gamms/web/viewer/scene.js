@@ -1,6 +1,7 @@
 // Paint one frame: the map, what teams know, drawings, sensors, trails, agents, messages, names and the scale bar.
 import { Camera } from "./camera.js";
-import { commandsOf, paintCommands, pointsOf } from "./draw_commands.js";
+import { commandsOf, paintCommands, pointsOf, signBoxes } from "./draw_commands.js";
+import { knotsOf, placeOf } from "./labels.js";
 import { paintScaleBar, paintWords } from "./lettering.js";
 import { MapLayer } from "./map_layer.js";
 import { placeOn } from "./motion.js";
@@ -9,6 +10,7 @@ import { paintMessages } from "./messages.js";
 import { THEMES, faded, isBright, rgba } from "./themes.js";
 
 const AGENT_LAYER = 20; // artists below it are behind the agents
+const SIGN_LAYER = 18; // artists from here on draw signs
 const BELOW_PX = 28; // how far signs reach below a disc
 const RADIUS = 0.22, MOST_RADIUS = 0.018; // of an agent: in lengths of a typical edge, and at most in widths of the map
 const AGENT_PX = 6, LEAST_PX = 3, MANY = 150; // radius of agents; more than so many are smaller
@@ -16,6 +18,7 @@ const MOST_PICTURES = 50;
 const SPREAD = [0, 0, 0.7, 0.85, 0.95, 1.0]; // how far so many discs on one node are moved, in radii
 const MOST_SPREAD = 6; // of more on one node, one stands for each team, with their number
 const MOST_NAMES = 30; // that are shown by themselves
+const MOST_SIGNS = 200; // commands of a drawing that names avoid
 const MOST_SIGHTS = 20; // agents whose sensors are shown by themselves
 const SEEN_ALPHA = 0.35;
 const VIRIDIS = ["#440154", "#46327e", "#365c8d", "#277f8e", "#1fa187", "#4ac16d", "#a0da39", "#fde725"];
@@ -25,7 +28,7 @@ const VIRIDIS = ["#440154", "#46327e", "#365c8d", "#277f8e", "#1fa187", "#4ac16d
  * @property {"light" | "dark"} theme @property {string | null} fog the team whose eyes are used @property {number} trails turns
  * @property {boolean | "auto"} labels @property {boolean} sensors @property {boolean} messages
  * @property {string | null} heat "" for visits of all, or a team @property {string | null} selected name of an agent @property {string | null} hovered
- * @typedef {{name: string, px: number, py: number, radius: number}} Mark what has a name, and how much around it is kept clear
+ * @typedef {{name: string, px: number, py: number, radius: number, color: string}} Mark what has a name, and how much around it is kept clear
  * @typedef {{name: string, side: string, x: number, y: number, px: number, py: number, radius: number, color: string, way: import("./motion.js").Way}} Disc
  */
 
@@ -42,6 +45,7 @@ export class Scene {
     this.ratio = 1;
     /** @type {Disc[]} */ this.discs = [];
     /** @type {Mark[]} */ this.marks = []; // of agents that are out or were tagged
+    /** @type {{lines: string[], box: number[]}[]} */ this.labels = []; // names on the map
     /** @type {WeakMap<object, import("./draw_commands.js").Commands & {theme: string, number: number}>} */ this.commands = new WeakMap(); // of drawings
     this.drawings = 0; // that were read
     /** @type {Map<string, HTMLCanvasElement>} */ this.pictures = new Map(); // of discs
@@ -96,8 +100,9 @@ export class Scene {
     if (look.messages) paintMessages(to, this, look);
     this.#paintAgents(look, theme);
     this.#paintDrawings(to, drawings.filter((one) => !below.includes(one)), look, share);
-    this.marks = drawings.flatMap((one) => this.#marksOf(one));
-    this.#paintNames(look, theme);
+    this.marks = drawings.flatMap((one) => this.#marksOf(one, colors));
+    const signs = drawings.filter((one) => one.get("layer") >= SIGN_LAYER).flatMap((one) => this.#signsOf(one, look));
+    this.#paintNames(look, theme, signs);
     if (this.world.isMetric) paintScaleBar(to, camera, theme);
     this.overlay?.(this);
     return isSharp;
@@ -232,14 +237,25 @@ export class Scene {
     for (const drawing of drawings) {
       const commands = this.#commandsOf(drawing, look), start = share < 1 && drawing.has("start") ? pointsOf(drawing, drawing.get("start")) : null;
       const points = start !== null ? Float64Array.from(commands.points, (end, i) => start[i] + share * (end - start[i])) : commands.points;
-      paintCommands(to, { ...commands, points }, this.camera, (agent, sides, x, y) => {
-        if (look.fog !== null && ((sides && !sides.includes(look.fog)) || this.#isHidden(agent))) return null;
-        const disc = agent && drawing.get("follows") ? this.discOf(agent) : undefined;
-        if (disc === undefined) return [0, 0];
-        const [px, py] = this.camera.toScreen(x, y);
-        return [disc.px - px, disc.py - py];
-      });
+      paintCommands(to, { ...commands, points }, this.camera, this.#shiftOf(drawing, look));
     }
+  }
+
+  /** Return how commands of a drawing are moved that belong to agents. @param {Map<string, any>} drawing @param {Look} look @returns {import("./draw_commands.js").Shift} */
+  #shiftOf(drawing, look) {
+    return (agent, sides, x, y) => {
+      if (look.fog !== null && ((sides && !sides.includes(look.fog)) || this.#isHidden(agent))) return null;
+      const disc = agent && drawing.get("follows") ? this.discOf(agent) : undefined;
+      if (disc === undefined) return [0, 0];
+      const [px, py] = this.camera.toScreen(x, y);
+      return [disc.px - px, disc.py - py];
+    };
+  }
+
+  /** Return the boxes of the signs of a drawing. @param {Map<string, any>} drawing @param {Look} look */
+  #signsOf(drawing, look) {
+    const commands = this.#commandsOf(drawing, look);
+    return commands.kind.length > MOST_SIGNS ? [] : signBoxes(commands, this.camera, this.#shiftOf(drawing, look));
   }
 
   /** Whether the fog hides an agent. @param {string | undefined} name */
@@ -247,14 +263,15 @@ export class Scene {
     return Boolean(name) && this.visible !== null && this.replay.state.agents.has(name ?? "") && !this.visible.has(name ?? "");
   }
 
-  /** Return the marks of a drawing that have names. @param {Map<string, any>} drawing @returns {Mark[]} */
-  #marksOf(drawing) {
+  /** Return the marks of a drawing that have names. @param {Map<string, any>} drawing @param {Map<string, string>} colors @returns {Mark[]} */
+  #marksOf(drawing, colors) {
     const marks = drawing.get("marks");
     if (marks === undefined) return [];
     const { camera } = this, [places, shifts] = [marks.get("places"), marks.get("shifts")];
     return marks.get("names").map((/** @type {string} */ name, /** @type {number} */ i) => {
       const [px, py] = camera.toScreen(places[2 * i], places[2 * i + 1]);
-      return { name, px: px + shifts[2 * i], py: py + shifts[2 * i + 1], radius: marks.get("radius") };
+      const color = colors.get(this.replay.state.agents.get(name)?.side ?? "") ?? "#888888";
+      return { name, px: px + shifts[2 * i], py: py + shifts[2 * i + 1], radius: marks.get("radius"), color };
     }).filter((/** @type {Mark} */ mark) => !this.#isHidden(mark.name));
   }
 
@@ -414,29 +431,43 @@ export class Scene {
     this.to.stroke();
   }
 
-  /** Write names beside agents, where they cover no other agent and no other name. @param {Look} look @param {import("./themes.js").Theme} theme */
-  #paintNames(look, theme) {
+  /** Write names beside agents, those of a knot as one label, where they cover no agent, sign or other name. @param {Look} look @param {import("./themes.js").Theme} theme @param {number[][]} signs boxes */
+  #paintNames(look, theme, signs) {
     const { to, camera } = this;
-    const isChosen = (/** @type {Disc} */ disc) => disc.name === look.selected || disc.name === look.hovered;
+    const isChosen = (/** @type {{name: string}} */ one) => one.name === look.selected || one.name === look.hovered;
     const areAll = look.labels === true || (look.labels === "auto" && this.discs.length <= MOST_NAMES);
-    const discs = this.discs.filter((disc) => areAll || isChosen(disc)).sort((a, b) => Number(isChosen(b)) - Number(isChosen(a)));
-    const named = [...discs.map((disc) => ({ ...disc, must: isChosen(disc) })), ...this.marks.filter(() => areAll).map((mark) => ({ ...mark, must: false, way: null }))];
-    /** @type {number[][]} */
-    const taken = this.discs.length <= 300 ? [...this.discs, ...this.marks].map(({ px, py, radius }) => [px - radius, py - radius, px + radius, py + radius]) : [];
+    const chosen = this.discs.filter(isChosen), others = areAll ? [...this.discs.filter((disc) => !isChosen(disc)), ...this.marks] : [];
+    const named = [...chosen, ...others].filter(({ px, py }) => px >= 0 && py >= 0 && px <= camera.width && py <= camera.height);
+    const discs = this.discs.length <= 300 ? [...this.discs, ...this.marks] : [];
     to.font = "12px system-ui, sans-serif";
     to.textBaseline = "middle";
     to.textAlign = "left";
-    for (const { px, py, radius, name, way, must } of named) {
-      if (px < 0 || py < 0 || px > camera.width || py > camera.height) continue;
-      const z = way?.agent.position?.[2] ?? 0, height = z > 0 ? ` ${z.toFixed(0)} m` : "";
-      const words = (name.length > 24 ? `${name.slice(0, 23)}…` : name) + height;
-      const width = to.measureText(words).width, far = radius + 4;
-      const places = [[px + far - 2, py - far - 4], [px + far, py + far + 3], [px - far - width, py - far - 4], [px - far - width, py + far + 3], [px + far + 2, py], [px - width / 2, py - far - 8]];
-      const place = places.find(([x, y]) => !taken.some((box) => x < box[2] && x + width > box[0] && y - 8 < box[3] && y + 8 > box[1])) ?? (must ? places[0] : null);
+    const taken = [...signs];
+    this.labels = [];
+    for (const knot of knotsOf(named)) {
+      const lines = knot.map((one) => this.#nameOf(one));
+      const place = placeOf(knot, lines.map(({ words }) => to.measureText(words).width), discs, taken, camera, chosen.includes(/** @type {Disc} */ (knot[0])));
       if (place === null) continue;
-      taken.push([place[0], place[1] - 8, place[0] + width, place[1] + 8]);
-      paintWords(to, words, place[0], place[1], theme);
+      const { box, leader, indent } = place;
+      taken.push(box);
+      this.labels.push({ lines: lines.map(({ words }) => words), box });
+      to.strokeStyle = theme.faint;
+      to.lineWidth = 1;
+      to.beginPath();
+      for (const [x, y] of leader) to.lineTo(x, y);
+      to.stroke();
+      place.middles.forEach((y, i) => {
+        const words = i === place.middles.length - 1 && lines.length > i + 1 ? `+${lines.length - i}` : lines[i].words;
+        if (indent && !words.startsWith("+")) paintDisc(to, box[0] + 4, y, 3.5, lines[i].color);
+        paintWords(to, words, box[0] + indent, y, theme);
+      });
     }
+  }
+
+  /** Return the name of an agent or a mark, with its height, and its color. */
+  #nameOf(/** @type {Mark & {way?: import("./motion.js").Way}} */ { name, color, way }) {
+    const z = way?.agent.position?.[2] ?? 0, height = z > 0 ? ` ${z.toFixed(0)} m` : "";
+    return { words: (name.length > 24 ? `${name.slice(0, 23)}…` : name) + height, color };
   }
 }
 

@@ -4,7 +4,7 @@
  * @typedef {object} Theme
  * @property {string} name @property {string} background @property {string} ink @property {string} faint @property {string} card
  * @property {string} streets @property {string} nodes @property {[number[], number[]]} walls of the lowest and the highest buildings
- * @property {string} outline @property {string} wall @property {string} green @property {string} water @property {string} waterway
+ * @property {string} outline @property {string} wall @property {string} land @property {string} green @property {string} water @property {string} waterway
  * @property {string} rail @property {string[]} fog of streets that a team has never seen, has seen, and sees
  */
 
