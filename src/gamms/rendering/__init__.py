@@ -24,7 +24,9 @@ from gamms.visual.fog import Fog
 
 __all__ = ["Fog", "RenderOptions", "render"]
 
-_VIEW_M, _VIEW_EDGES = 400.0, 30.0  # around the agent that is followed: on a real map, and on any other
+# around the agent that is followed: on a real map, and on any other
+_VIEW_M = 400.0
+_VIEW_EDGES = 30.0
 
 _AROUND = 1.4  # how much more than the places of agents a cropped picture shows
 _PAGE = ".html"
@@ -109,7 +111,8 @@ def render(
         recording is damaged; no file is written. MissingExtra (ImportError): a library is not installed.
         OSError: a file cannot be read or written.
     """
-    options, out = options or RenderOptions(), Path(out)
+    options = options or RenderOptions()
+    out = Path(out)
     if (suffix := out.suffix.lower()) != _PAGE and suffix not in FORMATS and suffix not in FILMS:
         raise BadValue(f"Cannot write {out.suffix or out.name!r}; there is: {', '.join((*FILMS, *FORMATS, _PAGE))}.")
     _refuse_unused(suffix, options)
@@ -167,7 +170,8 @@ def _save_page(
 
 def _checked_turns(path: str | os.PathLike[str], options: RenderOptions) -> int | None:
     """Return the number of turns of a recording; None for version 2, whose number is known only after a replay."""
-    first, last = options.first, options.last
+    first = options.first
+    last = options.last
     if (first is not None and first < 1) or (last is not None and last < (first or 0)):
         raise BadValue(f"Turns are counted from 1 on; there are none from {first or 1} to {last or 'the end'}.")
     if recordings.version_of(path) < 3:
@@ -260,7 +264,8 @@ class _Renderer:
 
     def _begin(self) -> None:
         """Make the declarations that need the map and the agents."""
-        ctx, options = self._ctx, self._options
+        ctx = self._ctx
+        options = self._options
         if options.fog is not None and self._fog is None:
             self._fog = Fog(ctx, options.fog)
         if self._fog is not None:
@@ -271,12 +276,14 @@ class _Renderer:
 
     def _crop(self) -> None:
         """Show the part of the map where the living agents are, unless that is nearly all of it."""
-        ctx, options = self._ctx, self._options
+        ctx = self._ctx
+        options = self._options
         living = [name for name, agent in ctx.agent.agents.items() if agent.alive]
         if not living:
             return
         places = np.array([ctx.visual.drawing.position_of(name) for name in living])
-        low, high = places.min(axis=0), places.max(axis=0)
+        low = places.min(axis=0)
+        high = places.max(axis=0)
         x, y = ((low + high) / 2).tolist()
         across, up = (high - low).tolist()
         shape = 1.0 if options.width is None or options.height is None else options.width / options.height

@@ -59,7 +59,9 @@ else:
         "engine": "NoEngine PictureEngine",
         "window.engine": "PygameVisualizationEngine WindowEngine",
     }
-    _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
+    _HOME_OF = dict[str, str]()
+    for _home, _names in _HOMES.items():
+        _HOME_OF.update(dict.fromkeys(_names.split(), _home))
 
     def __getattr__(name: str) -> _typing.Any:
         if name not in _HOME_OF:

@@ -292,7 +292,8 @@ class AgentLooks:
         """Record the positions at which the shown agents were drawn."""
         self.positions = np.full((len(self.names), 2), np.nan)
         self.shifts = np.zeros((len(self.names), 2))
-        self.positions[is_shown], self.shifts[is_shown] = positions, shifts
+        self.positions[is_shown] = positions
+        self.shifts[is_shown] = shifts
 
     def drawn(self) -> tuple[list[str], FloatArray]:
         """Return the names of drawn agents, and (agents, 6): position, shift, size and minimum radius."""

@@ -28,7 +28,7 @@ _SHAPES: dict[Shape, Drawer] = {Shape.Circle: render_circle, Shape.Rectangle: re
 
 
 class RenderMode(Enum):
-    """Whether a frame repaints an artist or shows it from a cache."""
+    """How a frame shows an artist: repainted, or from a cache."""
 
     CACHED = 1
     NON_CACHED = 2
@@ -119,7 +119,7 @@ class Artist(Guarded, IArtist):
 
     @property
     def layer_dirty(self) -> bool:
-        """Whether the layer changed since it was last painted."""
+        """Return whether the layer changed since it was last painted."""
         return self._layer_dirty
 
     @refused_while_deciding

@@ -37,7 +37,8 @@ def extent(starts: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray
 def inside(points: FloatArray, corners: FloatArray) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
     """Return which points (points, 2) are in a polygon (corners, 2), by crossings of a ray to the right."""
     x, y = points.T[:, :, None]
-    begin, end = corners, np.roll(corners, -1, axis=0)
+    begin = corners
+    end = np.roll(corners, -1, axis=0)
     crosses = (begin[:, 1] > y) != (end[:, 1] > y)
     rise = np.where(crosses, end[:, 1] - begin[:, 1], 1.0)
     is_left = x < begin[:, 0] + (y - begin[:, 1]) / rise * (end[:, 0] - begin[:, 0])
@@ -381,7 +382,8 @@ class WindowCamera:
 
     def look_at_box(self, low: FloatArray, high: FloatArray, margins: Margins = NO_MARGINS) -> None:
         """Show the box between two corners, centered if margins of these sizes in pixels allow it."""
-        (x, y), (across, up) = ((low + high) / 2).tolist(), (high - low).tolist()
+        (x, y) = ((low + high) / 2).tolist()
+        (across, up) = (high - low).tolist()
         left, top, right, bottom = margins
         across_px = max(self._width - left - right, 1.0)
         down_px = max(self._height - top - bottom, 1.0)
@@ -473,7 +475,8 @@ def is_near(camera: Camera, before: Camera) -> bool:
     """Return whether a camera has moved and zoomed so little that it may be on its way."""
     if not 1 / _STEADY <= camera.scale / before.scale <= _STEADY:
         return False
-    (x, y), (then_x, then_y) = _middle(camera), _middle(before)
+    (x, y) = _middle(camera)
+    (then_x, then_y) = _middle(before)
     right = abs(x - then_x) * camera.scale
     up = abs(y - then_y) * camera.scale
     return right <= _STEP * camera.width and up <= _STEP * camera.height

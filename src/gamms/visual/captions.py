@@ -217,8 +217,10 @@ def draw_card(pen: Pen, card: ResultCard, center: tuple[float, float], ground: R
     title = words_width(card.title, _TITLE_PX) + spot
     width = max(title, *(words_width(line, _FONT_PX) for line in card.lines)) + 2 * _PAD_PX
     height = _TITLE_PX + _CARD_PX * len(card.lines) + 1.6 * _PAD_PX
-    (x, y), edge = center, 1.0
-    left, top = x - width / 2, y - height / 2
+    (x, y) = center
+    edge = 1.0
+    left = x - width / 2
+    top = y - height / 2
     pen.rectangle(left - edge, top - edge, width + 2 * edge, height + 2 * edge, (*faint, 255))
     pen.rectangle(left, top, width, height, (*ground, 255))
     middle = top + 0.8 * _PAD_PX + 0.5 * _TITLE_PX

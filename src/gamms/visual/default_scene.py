@@ -256,13 +256,10 @@ def artists_of_sights(
     """
     artists = dict[str, Artist]()
     look = sizes_of_sights(unit)
-    together: list[tuple[Rgb, SensorView]] = [
-        (color, view)
-        for name, views in sights.items()
-        if f"sensor_{name}" not in declared
-        for color, view in views
-        if view is not None
-    ]
+    together = list[tuple[Rgb, SensorView]]()
+    for name, views in sights.items():
+        if f"sensor_{name}" not in declared:
+            together += [(color, view) for color, view in views if view is not None]
     if len(together) > _MOST_APART:
         artists["sights"] = artist = before.get("sights") or Artist(ctx, render_sights, Layer.SEEN)
         artist.data = {

@@ -4,6 +4,7 @@ The built-in sensors sense again, because recordings do not contain their views.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from typing import Any, cast
 
 import numpy as np
@@ -115,7 +116,9 @@ class Fog:
         """Sense with the team's sensors at the current positions, and hide the agents that they do not see."""
         carriers = drawing_of(self._ctx).carriers
         living = [agent for agent in self._own() if agent.alive]
-        sights = [carriers.sight(sensor, agent) for agent in living for sensor in _sensors_of(agent)]
+        sights = list[ShownView]()
+        for agent in living:
+            sights += [carriers.sight(sensor, agent) for sensor in _sensors_of(agent)]
         self._show_sights([sight for sight in sights if sight.sensor.type is not SensorType.NEIGHBOR])
         views = [sight.view or SensorView() for sight in sights]
         columns = self._ctx.graph.columns()
@@ -131,7 +134,7 @@ class Fog:
         turn = 0 if game is None else game.turn
         before = {node: since for node, since in self._seen.items() if since <= turn}  # a replay may go back
         self._seen = dict.fromkeys(self._now, turn) | before
-        found = {_rounded(place) for view in views for place in view.agents.tolist()}
+        found = set(map(_rounded, chain.from_iterable(view.agents.tolist() for view in views)))
         self.hidden = {agent.name for agent in self._others() if not self._is_found(agent, found)}
         cast("Any", self._ctx.visual).artists.fog = self
 

@@ -39,7 +39,7 @@ _BULLET_PX = 3.5  # radius
 _INDENT_PX = 11.0
 # from the discs to the label; a line leads to the last of these places
 _GAPS_PX = 3.0, 12.0, 28.0
-_CORNER = 0.75  # share of the distance at corners, where a disc does not fill its square
+_CORNER = 0.5**0.5  # share of the distance at corners, where a disc does not fill its square
 _DOTS_PX = 5.0  # from a label to other discs
 _APART_PX = 2.0  # from a label to signs and other labels
 _MOST_COUNTED = 5000  # agents; with more, agents at one place are not counted

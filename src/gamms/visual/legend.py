@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass
+from itertools import chain
 from math import cos, pi, sin
 from typing import Any, NamedTuple
 
@@ -157,7 +158,9 @@ def block_from_plain(plain: dict[str, Any]) -> Block:
     Raises:
         BadType, BadValue, KeyError, TypeError: it did not describe this.
     """
-    words = [plain["title"], *plain.get("ends", ()), *(word for _, *row in plain.get("rows", ()) for word in row)]
+    words = [plain["title"], *plain.get("ends", ())]
+    for _, *row in plain.get("rows", ()):
+        words += row
     words.append(plain.get("heading", ""))
     if not all(isinstance(word, str) for word in words):
         raise BadType("The words of a recorded legend must be str.")
@@ -225,7 +228,8 @@ class Legend:
 def _tries(blocks: tuple[Block, ...]) -> Iterator[tuple[tuple[Block, ...], float, float]]:
     """Yield layouts of a legend, with their size, and their share of the width of a picture, the best first."""
     yield blocks, 1.0, _ASIDE
-    signs = sum(row.sign != _DISC for block in blocks if isinstance(block, LegendRows) for row in block.rows)
+    rows = chain.from_iterable(block.rows for block in blocks if isinstance(block, LegendRows))
+    signs = sum(row.sign != _DISC for row in rows)
     for fewer in range(signs + 1):
         yield _without_signs(blocks, fewer), _SMALLER, _ASIDE
     yield _without_signs(blocks, signs), _SMALLER, _MOST_ASIDE

@@ -84,12 +84,13 @@ def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
     columns = ctx.graph.columns()
     theme = theme_called(options.get("theme", "light"))
     has_bar = in_metres(columns) if scale_bar is None else as_bool(scale_bar, "scale_bar")
+    unit = " m" if columns.crs else ""
     return PageStyle(
         title=as_text(options.get("title", ""), "title"),
         note=noted(ctx, options.get("note", "")),
         background=rgba(options.get("background") or theme.background),
         is_tight=fit == _FITS[1],
-        unit=(" m" if columns.crs else "") if has_bar else None,
+        unit=unit if has_bar else None,
         north=as_bool(options.get("north", False), "north"),
         theme=theme,
         labels=as_choice(ctx, options.get("labels", AUTO)),
@@ -190,7 +191,8 @@ class Page:
             camera: of the map.
             corner: the upper right corner of the map, beside which the legend stands; None: that of the page.
         """
-        style, (_, faint) = self._style, inks(self._style.background)
+        style = self._style
+        (_, faint) = inks(self._style.background)
         pen = self.pen(camera)
         if style.title:
             pen.text(style.title, self._margin, 0.6 * _HEADER_PX, _TITLE_PX)
@@ -228,7 +230,8 @@ class Page:
 
     def _free(self, corner: Point | None) -> tuple[Rectangle, list[Rectangle]]:
         """Return where words may be, and where the legend is."""
-        (width, height), (left, top) = self._size, self._legend_at(corner)
+        (width, height) = self._size
+        (left, top) = self._legend_at(corner)
         page = 2.0, _HEADER_PX if self._style.title else 2.0, width - 2.0, height - self._foot
         right = left + self.legend.width
         bottom = top + self.legend.height
@@ -237,18 +240,23 @@ class Page:
 
     def captions(self, camera: Camera, bar: CaptionBar, corner: Point | None) -> DrawCommands:
         """Return the captions of the turn, below the map, or on the map if the page has no free corner."""
-        (width, height), (left, *_, foot), lines = self._size, self._margins, self._lines
+        (width, height) = self._size
+        (left, *_, foot) = self._margins
+        lines = self._lines
         pen = self.pen(camera)
         top = height - foot + _GAP_PX
         if corner is None:
             pen.rectangle(0.0, top, width, lines * LINE_PX, (*self._style.background[:3], _GROUND))
-        scores, (_, faint) = not self.legend.width, inks(self._style.background)
+        scores = not self.legend.width
+        (_, faint) = inks(self._style.background)
         draw_caption_bar(pen, bar, (left, top, width - 2 * left), lines, faint, scores=scores)
         return pen.commands.freeze()
 
     def card(self, camera: Camera, card: ResultCard) -> DrawCommands:
         """Return how the game ended, on a card upon the map."""
-        pen, (left, top, right, bottom), (width, height) = self.pen(camera), self._margins, self._size
+        pen = self.pen(camera)
+        (left, top, right, bottom) = self._margins
+        (width, height) = self._size
         center = (left + width - right) / 2, top + 0.4 * (height - top - bottom)
         draw_card(pen, card, center, self._style.background[:3], inks(self._style.background)[1])
         return pen.commands.freeze()
@@ -268,7 +276,9 @@ class Page:
 
     def _draw_foot(self, pen: Pen, ink: Rgb, scale: float) -> None:
         """Draw the scale bar and north at the left, the note at the right, or below where they are too broad."""
-        (width, height), (mark_px, note_px), ground = self._size, self._feet, (*self._style.background[:3], _GROUND)
+        (width, height) = self._size
+        (mark_px, note_px) = self._feet
+        ground = (*self._style.background[:3], _GROUND)
         middle = height - 0.5 * _ROW_PX
         x = self._margin
         if note_px:
@@ -281,7 +291,8 @@ class Page:
         pen.rectangle(x - _EDGE_PX, middle - 0.4 * _ROW_PX, mark_px + _EDGE_PX, 0.8 * _ROW_PX, ground)
         if mark_px > _NORTH_PX:
             length = round_length(self._bar_px / scale)
-            end, low = x + length * scale, middle + 4.0
+            end = x + length * scale
+            low = middle + 4.0
             pen.line([(x, low - 5.0), (x, low), (end, low), (end, low - 5.0)], ink, 1.5)
             words = f"{length / 1000:g} km" if self._style.unit and length >= 1000 else f"{length:g}{self._style.unit}"
             pen.text(words, end + 6.0, middle, _NOTE_PX, ink)

@@ -1,6 +1,7 @@
 """Drawings of artists with custom drawers, as plain values for recordings and replays."""
 
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ class RecordedDrawer:
 
     @property
     def once_a_turn(self) -> bool:
-        """Whether it is the same in all frames of a turn."""
+        """Return whether the drawing is the same in all frames of a turn."""
         return self._name not in self._drawings.starts
 
     def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:
@@ -91,7 +92,8 @@ class RecordedDrawings:
         if not isinstance(legend, list):
             raise BadType("The legend of a recorded drawing must be a list.")
         start = None if "start" not in recorded else DrawCommands.from_plain({**commands, "points": recorded["start"]})
-        drawings = [one for known in (self.commands, self.starts) for other, one in known.items() if other != name]
+        drawn_before = chain(self.commands.items(), self.starts.items())
+        drawings = [one for other, one in drawn_before if other != name]
         points = sum(len(one.points) for one in (*drawings, drawn, start) if one is not None)
         refuse_above(_POINT_BYTES * points, "What the artists of this recording draw")
         self.legends[name] = [block_from_plain(block) for block in legend]

@@ -4,7 +4,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import islice, takewhile
+from itertools import chain, islice, takewhile
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -45,7 +45,8 @@ class MovePaths(NamedTuple):
         """Return the points (paths, 2) after a share of each path's length."""
         if len(self.points) == 0:
             return np.empty((0, 2))
-        first, last = self.offsets[:-1], self.offsets[1:] - 1
+        first = self.offsets[:-1]
+        last = self.offsets[1:] - 1
         end = first + np.clip(np.add.reduceat(self.shares <= share, first, dtype=np.int64), 1, last - first)
         start = self.points[end - 1]
         behind = share - self.shares[end - 1]
@@ -194,7 +195,8 @@ class LastMoves:
         for place in recent:
             entry = entries[place]
             if not isinstance(entry, MovedAgents):
-                (was, now), number = _by_name(entry), entry[2]
+                (was, now) = _by_name(entry)
+                number = entry[2]
                 steps = {name: (was.get(name, at), at) for name, at in now.items() if (number, name) not in placed}
                 entries[place] = self.moves_between({}, steps)
         return [moves for moves in reversed(entries) if isinstance(moves, MovedAgents)][:turns]
@@ -232,7 +234,7 @@ class LastMoves:
         if last is None or isinstance(last, MovedAgents):
             return {}
         listed = (places for places in (last[5], last[1]) if isinstance(places, list))  # arrays hold nodes alone
-        if not any(type(place) is Progress for places in listed for place in places):
+        if not any(type(place) is Progress for place in chain.from_iterable(listed)):
             return {}
         was, now = _by_name(last)
         found = {name: (was.get(name, at), at) for name, at in now.items() if name in steps}

@@ -42,7 +42,8 @@ def page_called(name: str) -> str:
 def _table_of(name: str) -> dict[str, Any]:
     """Return the colors of a theme for the viewer: as CSS, or as numbers if the viewer interpolates them."""
     theme = THEMES[name]
-    walls, ground = theme.map.walls, theme.map.ground
+    walls = theme.map.walls
+    ground = theme.map.ground
     return {
         "name": name,
         "background": css(theme.background),

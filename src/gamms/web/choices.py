@@ -4,6 +4,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from time import monotonic
 from types import NoneType
 from typing import Any
@@ -150,7 +151,8 @@ def deeds_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) -> di
             elif kind == "team":
                 given = [as_json(team) for team in ctx.agent.teams]
             elif kind == "sensor":
-                given = [one.sensor_id for name in own for one in ctx.agent.get_agent(name).sensors.values()]
+                carried = (ctx.agent.get_agent(name).sensors.values() for name in own)
+                given = [one.sensor_id for one in chain.from_iterable(carried)]
             offered[deed][key] = {"kind": kind, "choices": given, "is_required": is_required}
     return offered
 
@@ -274,7 +276,8 @@ def _check_messages(given: Plain, question: Question, ctx: Context | None) -> No
         raise RefusedChoice("illegal", f"Messages are a list of at most {_MOST_MESSAGES}, not {shown(given)}.")
     for message in given:
         values = message if isinstance(message, Mapping) else {}
-        name, to = values.get("channel"), values.get("to")
+        name = values.get("channel")
+        to = values.get("to")
         offered = question.channels.get(name) if isinstance(name, str) else None
         if offered is None:
             raise RefusedChoice("illegal", f"Agent {shown(question.agent)} has no channel for {shown(message)}.")
@@ -310,7 +313,8 @@ def choices_in(path: str | os.PathLike[str]) -> dict[tuple[int, str], list[Choic
 
 def _choice_of(event: Mapping[str, Plain]) -> Choice:
     """Convert an event, possibly from an untrusted file, to a choice."""
-    turn, seconds = event["turn"], event.get("seconds")
+    turn = event["turn"]
+    seconds = event.get("seconds")
     agent, person, outcome = (event.get(name) for name in ("agent", "person", "outcome"))
     action = event.get("action")
     if not all(isinstance(one, str) for one in (agent, person, outcome, action or "")) or type(seconds) is not float:

@@ -18,7 +18,10 @@ from gamms.plain import Plain
 from gamms.web.knowledge import SensedTurn
 
 MAGIC = b"GAMMSPLY"
-THERE, ALIVE, FLIES = 1, 2, 4  # bits of the status of an agent
+# bits of the status of an agent
+THERE = 1
+ALIVE = 2
+FLIES = 4
 _SHARES = 1 << 16  # parts of an edge
 _TURN = 256  # headings: parts of a full rotation
 _STEPS = 1 << 18  # coordinates: parts of the larger side of the map, some millimetres for a town
@@ -104,13 +107,22 @@ def part_of(
     names = list(dict.fromkeys(chain.from_iterable(turn.names for turn in turns)))
     row_of = {name: row for row, name in enumerate(names)}
     rows = [np.array([row_of[name] for name in turn.names], np.int64) for turn in turns]
+    captions = list[Plain]()
+    changes = list[Plain]()
+    facts = list[Plain]()
+    for at, turn in enumerate(turns):
+        captions += [{**caption, "turn": at} for caption in turn.captions]
+        for change in turn.changes:
+            changes += (at, *change)
+        for name, *fact in turn.facts:
+            facts += (at, row_of.get(name, name), *fact)
     body: dict[str, Plain] = {
         **_states(turns, rows, len(names)),
         "on_edges": _joined(turns, rows, _on_edges),
         "in_air": _joined(turns, rows, lambda turn: _in_air(turn, step)),
         "ways": _ways(turns, rows),
         "messages": _messages(turns, row_of),
-        "captions": [{**caption, "turn": at} for at, turn in enumerate(turns) for caption in turn.captions],
+        "captions": captions,
     }
     sensed = [turn.sensed for turn in turns] + [rest]
     if any(one is not None for one in sensed):
@@ -121,13 +133,8 @@ def part_of(
         "turns": len(turns),
         "is_whole": is_whole,
         "agents": names,
-        "changes": [one for at, turn in enumerate(turns) for change in turn.changes for one in (at, *change)],
-        "facts": [
-            one
-            for at, turn in enumerate(turns)
-            for name, *fact in turn.facts
-            for one in (at, row_of.get(name, name), *fact)
-        ],
+        "changes": changes,
+        "facts": facts,
         "columns": to_bytes(body, "A part of a page"),
     }
 
@@ -177,11 +184,9 @@ def _in_air(turn: Turn, step: float) -> tuple[IntArray, dict[str, Any]]:
 
 def _ways(turns: Sequence[Turn], rows: list[IntArray]) -> dict[str, Plain]:
     """Return the paths in `Turn.ways` as columns: `at`, see `_joined`, the counts of nodes, and the nodes."""
-    found = {
-        int(row[agent]) * len(turns) + at: way
-        for at, (turn, row) in enumerate(zip(turns, rows, strict=True))
-        for agent, way in turn.ways.items()
-    }
+    found = dict[int, Sequence[int]]()
+    for at, (turn, row) in enumerate(zip(turns, rows, strict=True)):
+        found |= {int(row[agent]) * len(turns) + at: way for agent, way in turn.ways.items()}
     ordered = dict(sorted(found.items()))
     nodes = list(chain.from_iterable(ordered.values()))
     return {
@@ -193,12 +198,11 @@ def _ways(turns: Sequence[Turn], rows: list[IntArray]) -> dict[str, Plain]:
 
 def _messages(turns: Sequence[Turn], row_of: Mapping[str, int]) -> "np.ndarray[Any, Any]":
     """Return the messages, (4, messages): turn in the part, row of the sender, row of the receiver, and fate."""
-    found = [
-        (at, row_of.get(sender, -1), row_of[receiver], fate)
-        for at, turn in enumerate(turns)
-        for sender, receiver, fate in turn.messages
-        if receiver in row_of
-    ]
+    found = list[tuple[int, int, int, int]]()
+    for at, turn in enumerate(turns):
+        for sender, receiver, fate in turn.messages:
+            if receiver in row_of:
+                found.append((at, row_of.get(sender, -1), row_of[receiver], fate))
     return narrow(np.array(found, np.int64).reshape(-1, 4).T)
 
 
@@ -222,9 +226,10 @@ def _sensed(sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> d
             sensor = sensors.setdefault((look.sensor, look.kind), len(sensors))
             sizes = len(look.nodes), len(look.edges), len(look.agents)
             looks.append((row_of.get(look.agent, -1), sensor, shape, *sizes))
-    every = [look for one in found for look in one.looks]
+    every = list(chain.from_iterable(one.looks for one in found))
     sides = dict.fromkeys(chain.from_iterable(one.sides for one in found))
-    pairs = [(row_of.get(name, -1), node) for look in every for name, node in look.agents]
+    agents = chain.from_iterable(look.agents for look in every)
+    pairs = [(row_of.get(name, -1), node) for name, node in agents]
     return {
         "looked": narrow([-1 if one is None else len(one.looks) for one in sensed]),
         "sensors": [list(sensor) for sensor in sensors],
@@ -241,7 +246,8 @@ def _sensed(sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> d
 def _sights(side: str, sensed: Sequence[SensedTurn | None], row_of: Mapping[str, int]) -> dict[str, Plain]:
     """Return the columns of a side's knowledge: the nodes whose visibility changes in each turn, and visible agents."""
     before = np.zeros(0, np.int64)
-    changed, agents = list[IntArray](), list[list[int]]()
+    changed = list[IntArray]()
+    agents = list[list[int]]()
     for one in sensed:
         sight = None if one is None else one.sides.get(side)
         now = before if sight is None else sight.nodes

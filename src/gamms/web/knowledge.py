@@ -5,6 +5,7 @@ sensors of a context that follows the game.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from math import inf, isfinite
 from typing import Any, NamedTuple
 
@@ -153,7 +154,7 @@ class KnowledgeTracker:
         nodes = self.rows("nodes", state.agents.columns["node"]).tolist()
         at = dict(zip(state.agents.columns["names"], nodes, strict=True))
         with reporting_damage("What was sensed is not right", with_type=True):
-            found = [pair for data in looked for pair in looks_of(data)]
+            found = list(chain.from_iterable(map(looks_of, looked)))
             looks = [self._seen(names[number], look, names, at) for number, look in found if number in names]
         return SensedTurn(looks, self._sides(looks, state))
 
@@ -358,8 +359,10 @@ class AgentFacts:
 
     def _of(self, row: int) -> Facts:
         """Return the lasting facts about the agent in a row: team, speed, strategy, sensors, memories, attributes."""
-        columns, game = self._state.agents.columns, self._state.game
-        name, team = columns["names"][row], columns["teams"][row]
+        columns = self._state.agents.columns
+        game = self._state.game
+        name = columns["names"][row]
+        team = columns["teams"][row]
         facts: Facts = {}
         strategy = columns["strategies"][row]
         if isinstance(strategy, str):

@@ -49,12 +49,14 @@ class Audience:
 
     @property
     def is_everything(self) -> bool:
-        """Whether the audience sees everything."""
+        """Return whether the audience sees everything."""
         return self.team is None and not self.agents
 
     def has(self, name: str, team: object) -> bool:
-        """Whether an agent belongs to the audience."""
-        return name in self.agents if self.agents else str(name if team is None else team) == self.team
+        """Return whether an agent belongs to the audience."""
+        if self.agents:
+            return name in self.agents
+        return str(name if team is None else team) == self.team
 
     def __str__(self) -> str:
         """Return a name for display: the team, the agents, or "everything"."""
@@ -96,7 +98,8 @@ class Links:
         """Return the grant of a token, in constant time; None if the token is unknown."""
         if not isinstance(token, str) or len(token) > 200:
             return None
-        digest, found = digest_of(token), None
+        digest = digest_of(token)
+        found = None
         with self._lock:
             for known, grant in self._grants.items():
                 if hmac.compare_digest(known, digest):

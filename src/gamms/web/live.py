@@ -505,7 +505,8 @@ class Live(Handle):
         _check_control(connection)
         if self.scenario is None:
             raise Refused("Only the program that plays this game can restart it.")
-        seed, chosen = message.get("seed"), message.get("numbers", {})
+        seed = message.get("seed")
+        chosen = message.get("numbers", {})
         if seed is not None and not (isinstance(seed, int) and not isinstance(seed, bool) and abs(seed) < 1 << 53):
             raise Refused("A seed is a whole number.")
         self.scenario = _with_numbers(self.scenario, chosen)
@@ -548,7 +549,7 @@ class Players:
         live.when_joined.append(self._joined)
 
     def open(self, ctx: Context) -> None:
-        """Let people join a new game."""
+        """Open a new game, so that people can join it."""
         self._people = People.open(ctx)
         self._people.changed.append(self._tell_all)
         for connection in self._live.connections:

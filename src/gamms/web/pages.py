@@ -33,7 +33,9 @@ _FEW_SIDES = 4  # sides that are listed in the default title
 _MOST_TRAILS = 200
 _LEVEL = 7  # of zlib; level 9 takes seven times as long and saves a tenth
 _PART_MOVES = 1 << 14  # moves in a part, which the viewer reads in some milliseconds
-_FEWEST_TURNS, _MOST_TURNS = 8, 64  # turns in a part
+# turns in a part
+_FEWEST_TURNS = 8
+_MOST_TURNS = 64
 _HEADER = ("format", "package", "seed", "created", "audience", "sides")
 
 

@@ -352,7 +352,8 @@ class Painter:
 
     def _drawing(self, name: str, artist: IArtist, first: Drawn, second: Drawn) -> Drawn:
         """Return a drawing in the format of pages, with the colors of both themes."""
-        drawer, step = artist.get_drawer(), self._step()
+        drawer = artist.get_drawer()
+        step = self._step()
         found: Drawn = {
             "artist": name,
             "layer": int(first["layer"]),
@@ -382,7 +383,8 @@ class Painter:
 
     def _captions(self, happened: Sequence[tuple[int, Any]]) -> Iterator[Drawn]:
         """Yield the captions of a turn: `words`, the `agent` or side, and whether it is `marked` and `major`."""
-        events, later = list[Any](), list[Drawn]()
+        events = list[Any]()
+        later = list[Drawn]()
         for kind, data in happened:
             if kind in (kinds.GAME_EVENT, kinds.USER_EVENT):
                 events.append(data)
@@ -415,7 +417,8 @@ def _step(columns: GraphColumns) -> float:
 def _headings(quat: FloatArray) -> FloatArray:
     """Return headings (agents,) in radians from quaternions (agents, 4); NaN: straight up or down, or undefined."""
     w, x, y, z = quat.T
-    cos, sin = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)
+    cos = 1.0 - 2.0 * (y * y + z * z)
+    sin = 2.0 * (x * y + w * z)
     with np.errstate(invalid="ignore"):
         found: FloatArray = np.where(np.hypot(cos, sin) > _LEAST, np.arctan2(sin, cos), np.nan)
     return found

@@ -205,7 +205,8 @@ class Participants:
         Raises:
             Refused: the code belongs to another browser, the browser has no secret, or the study is full.
         """
-        one, secret = self.by_code.get(code), message.get("secret")
+        one = self.by_code.get(code)
+        secret = message.get("secret")
         if one is not None and one.secret is not None:
             if not isinstance(secret, str) or not hmac.compare_digest(one.secret, digest_of(secret)):
                 raise Refused("This code is used in another browser. Go on there, or ask who gave it to you.")
@@ -244,7 +245,8 @@ class Participants:
                 one.came_at = None
             return None
         waiting.sort(key=lambda other: other.came_at or 0.0)
-        number, members = len(self.groups), waiting[: self._size]
+        number = len(self.groups)
+        members = waiting[: self._size]
         order = kernels.stream(self._seed, "people of a study", number).permutation(len(members)).tolist()
         place = self._next_place()
         group = Group(number, self.condition_of(place), tuple(members[one].code for one in order), place=place)
@@ -334,7 +336,7 @@ class RemovedCodes:
         return True
 
     def has(self, code: str) -> bool:
-        """Whether a code was removed."""
+        """Return whether a code was removed."""
         return any(fnmatchcase(code, pattern) for pattern in self._patterns)
 
 

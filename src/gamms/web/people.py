@@ -104,7 +104,7 @@ class People:
 
     @property
     def is_open(self) -> bool:
-        """Whether a server has opened the game."""
+        """Return whether a server has opened the game."""
         return self._ctx is not None
 
     @property
@@ -177,7 +177,7 @@ class People:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether a question is unanswered."""
+        """Return whether a question is unanswered."""
         with self._lock:
             return any(question.chosen is None for _, question in self._questions.values())
 
@@ -224,7 +224,8 @@ class People:
         Returns:
             The action, or None without an answer, and the choice to record.
         """
-        loop, woken = asyncio.get_running_loop(), asyncio.Event()
+        loop = asyncio.get_running_loop()
+        woken = asyncio.Event()
 
         def wake() -> None:
             with suppress(RuntimeError):  # the loop is closed: the game is over
@@ -241,7 +242,8 @@ class People:
             with self._lock:
                 question.is_over = True
         if question.chosen is not None:
-            outcome, took = CHOSEN, question.took_s
+            outcome = CHOSEN
+            took = question.took_s
         else:
             took = monotonic() - question.began
             outcome = "no choice in time" if person.is_here else "not there"
@@ -271,7 +273,8 @@ class People:
         latest = float("inf") if limit is None else max(limit - _MARGIN_S, limit / 2)
         with self._lock:
             now = monotonic()
-            until = 0.0 if self._is_let_go else now + min(seconds if person.is_here else joins_within, latest)
+            waits = seconds if person.is_here else joins_within
+            until = 0.0 if self._is_let_go else now + min(waits, latest)
             self._last += 1
             question = Question(
                 self._last,

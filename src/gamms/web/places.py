@@ -5,6 +5,7 @@ seed and up to a hundred other seeds. It needs no server.
 """
 
 import os
+from collections import ChainMap
 from collections.abc import Sequence
 from html import escape
 from typing import Any
@@ -89,12 +90,13 @@ def _starts_of(game: Scenario, seeds: Sequence[int]) -> dict[str, Any]:
             return {"names": [], "seeds": {str(seeds[0]): str(error)}}
     each = [_starts_of(game, [seed]) for seed in seeds]
     names = max((one["names"] for one in each), key=len)
-    return {"names": names, "seeds": {seed: nodes for one in each for seed, nodes in one["seeds"].items()}}
+    return {"names": names, "seeds": dict(ChainMap(*(one["seeds"] for one in reversed(each))))}
 
 
 def _options_of(game: Scenario, *, is_scenario: bool) -> dict[str, Any]:
     """Return the options of the page: title, teams, rules with nodes, and start nodes."""
-    plain, spec = game.to_dict(), game.spec
+    plain = game.to_dict()
+    spec = game.spec
     found: dict[str, Any] = {"title": spec.name or ("A scenario" if game.file is None else game.file.name)}
     if not is_scenario:
         teams = [{"name": name, "count": 0, "agents": []} for name in _TEAMS]

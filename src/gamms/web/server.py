@@ -54,16 +54,23 @@ _JOIN_S = 5.0  # the time to send the token
 _MOST_QUIET = 128  # idle HTTP connections
 _QUIET_S = 5.0  # the time that they may be idle
 _BODY_S = 10.0  # the time to send the body of a call
-_MOST_A_SECOND, _MOST_AT_ONCE = 20.0, 40.0  # frames of a client: the rate, and the burst
+# frames of a client: the rate, and the burst
+_MOST_A_SECOND = 20.0
+_MOST_AT_ONCE = 40.0
 _MOST_BAD = 20  # invalid messages after which a client is disconnected
 _MOST_BACKLOG = 64
 _MOST_DEPTH = 16  # of nested values
 _SHARE = 20  # sending takes at most a 20th of the time, so that spectators do not slow down the game
-_SHORTEST_S, _LONGEST_S = 0.01, 1.0  # the time between two rounds of sending
+# the time between two rounds of sending
+_SHORTEST_S = 0.01
+_LONGEST_S = 1.0
 _START_S = 10.0
 _MOST_S = 60.0  # the time of a request, including the response
 _MOST_STUCK_S = 30.0  # the time that a client may block sending
-_BAD_TOKEN, _TOO_MUCH, _TOO_MANY = 4401, 1008, 1013  # close codes of WebSockets
+# close codes of WebSockets
+_BAD_TOKEN = 4401
+_TOO_MUCH = 1008
+_TOO_MANY = 1013
 
 Json = dict[str, Plain]
 
@@ -466,7 +473,7 @@ class _Guard:
         await self._application(scope, receive, send_with_headers)
 
     def _is_own(self, scope: "Scope") -> bool:
-        """Whether a request is for this host, and has no origin or the origin of this host."""
+        """Return whether a request is for this host, and has no origin or the origin of this host."""
         headers = scope["headers"]
         hosts = [value.decode("latin-1") for name, value in headers if name == b"host"]
         origins = [value.decode("latin-1") for name, value in headers if name == b"origin"]
@@ -641,14 +648,16 @@ class _SiteRouter:
 
     async def _send_in_rounds(self) -> None:
         """Wake all connections when there is new data, at intervals that bound the share of time spent on sending."""
-        begun, spent = monotonic(), thread_time()
+        begun = monotonic()
+        spent = thread_time()
         while True:
             await self._news.wait()
             await asyncio.sleep(_SHORTEST_S)  # while the game thread ends its turn
             while (rest := min((thread_time() - spent) * _SHARE, _LONGEST_S) - (monotonic() - begun)) > 0.0:  # noqa: ASYNC110 - it is time that passes
                 await asyncio.sleep(rest)
             self._news.clear()
-            begun, spent = monotonic(), thread_time()
+            begun = monotonic()
+            spent = thread_time()
             for connection in self.open:
                 connection._woken.set()
 

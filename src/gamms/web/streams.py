@@ -263,7 +263,7 @@ class Streams:
 
     @property
     def have_cuts(self) -> bool:
-        """Whether an audience receives only a part of the game."""
+        """Return whether an audience receives only a part of the game."""
         return any(not audience.is_everything for audience in list(self._streams))
 
     def drop(self, audience: Audience) -> None:

@@ -15,6 +15,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from html import escape
+from itertools import chain
 from pathlib import Path
 from statistics import fmean, median
 from time import monotonic
@@ -262,12 +263,13 @@ class Study(Handle):
     def assigned(self) -> dict[str, int]:
         """Condition -> number of participants."""
         with self._lock:
-            there = self._known.by_code
-            conditions = [one.condition for one in self._known.groups for code in one.members if code in there]
-        return {name: conditions.count(name) for name in self._variants}
+            counts = dict.fromkeys(self._variants, 0)
+            for one in self._known.groups:
+                counts[one.condition] += sum(code in self._known.by_code for code in one.members)
+        return counts
 
     def release(self, code: str) -> None:
-        """Let the next browser that consents continue with a code, for example after its cookies were deleted.
+        """Give a code to the next browser that consents, for example after its cookies were deleted.
 
         Raises:
             UnknownName (KeyError): no participant has consented with this code.
@@ -331,9 +333,10 @@ class Study(Handle):
         """Stop the server and all games; unfinished rounds are played again when the study continues."""
         self._is_closed.set()
         with self._lock:
-            games = [live for one in self._known.groups for live in (one.live, one.ended) if live is not None]
+            games = list(chain.from_iterable((one.live, one.ended) for one in self._known.groups))
         for live in games:
-            live.close()
+            if live is not None:
+                live.close()
         for thread in self._threads:
             thread.join()
         self._ending.close()
@@ -359,7 +362,7 @@ class Study(Handle):
             return {"stage": "consent", "text": self._consent} if one is None else self._stage(one, message)
 
     def _is_known(self, grant: Grant, code: str) -> bool:
-        """Whether a link and a code belong to this study."""
+        """Return whether a link and a code belong to this study."""
         name = _ALL if self.codes is None else code
         return grant.name == f"participants {name}" and _CODE.fullmatch(code) is not None
 
@@ -450,7 +453,8 @@ class Study(Handle):
 
     def _finish(self, group: Group, live: Live, file: Path) -> None:
         """Wait until a round ends, and write its rows."""
-        error, result = None, None
+        error = None
+        result = None
         try:
             result = live.wait()
         except Exception as raised:  # noqa: BLE001 - the row contains any error of the game
@@ -529,11 +533,13 @@ class Study(Handle):
         for group in known.groups:
             there = [code for code in group.members if code in known.by_code] or group.members
             played = min(counts[code] for code in there)
-            group.played, group.attempts = played, group.attempts if group.played == played else 0
+            if group.played != played:
+                group.played = played
+                group.attempts = 0
         return known
 
     def _write_csv(self) -> None:
-        columns = list(dict.fromkeys(name for row in self._rows for name in row))
+        columns = list(dict.fromkeys(chain.from_iterable(self._rows)))
         with whole_file(self.folder / "rows.csv") as whole:
             write_csv(whole, columns, ([row.get(name) for name in columns] for row in self._rows))
 

@@ -133,7 +133,8 @@ class _Painter:
         self._page.drawPath(path, stroke=int(is_outline), fill=int(not is_outline), fillMode=_NON_ZERO)
 
     def _text(self, row: int) -> None:
-        size, ((x, y),) = int(self._sheet.size[row]) / 10, self._points(row)
+        size = int(self._sheet.size[row]) / 10
+        ((x, y),) = self._points(row)
         words = _UNWRITABLE.sub("\ufffd", self._sheet.text[row])
         if not words or size == 0.0:
             return
@@ -157,7 +158,9 @@ class _Painter:
             self._page.restoreState()
 
     def _image(self, row: int) -> None:
-        path, half, ((x, y),) = self._sheet.text[row], int(self._sheet.size[row]) / 10, self._points(row)
+        path = self._sheet.text[row]
+        half = int(self._sheet.size[row]) / 10
+        ((x, y),) = self._points(row)
         try:
             width, height = image_size(path)
         except OSError as error:

@@ -1,6 +1,7 @@
 """PNG and GIF files with Pillow, which no other file imports."""
 
 import io
+from itertools import chain, product
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -134,7 +135,7 @@ def _header(module: ModuleType, image: "Image", palette: "Image") -> list[bytes]
 
 def _palette(module: ModuleType, image: "Image") -> Any:
     own = (image.quantize(_OWN).getpalette() or [])[: 3 * _OWN]
-    spread = [value for red in _SPREAD for green in _SPREAD for blue in _SPREAD for value in (red, green, blue)]
+    spread = chain.from_iterable(product(_SPREAD, repeat=3))
     palette = module.new("P", (1, 1))
     palette.putpalette([*own, *[0] * (3 * _OWN - len(own)), *spread])
     return palette

@@ -190,7 +190,8 @@ class Canvas:
         warn_of_boxes(words)
         edge = self._paper if is_dark(color) != is_dark(self._paper) else None
         turned = _turned_text(words, font_px, color, edge, round(angle % 360.0, 1))
-        (x, y), turn = corner, radians(angle)
+        (x, y) = corner
+        turn = radians(angle)
         across = words_width(words, font_px) / 2
         down = _height(font_px) / 2
         x += across * cos(turn) + down * sin(turn) - turned.get_width() / 2

@@ -48,7 +48,8 @@ def svg(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba,
 
 
 def _opening(camera: Camera, dpi: float) -> str:
-    width, height = camera.width, camera.height
+    width = camera.width
+    height = camera.height
     sides = (f"{side}" if dpi == CSS_DPI else f"{side / dpi:.6g}in" for side in (width, height))
     physical = 'width="{}" height="{}"'.format(*sides)
     return (
@@ -95,7 +96,8 @@ def _lines(sheet: VectorCommands, begin: int, end: int) -> str:
             for to_x, to_y in reversed(lines[row]) if is_reversed else lines[row]:
                 if to_x != x or to_y != y or steps[-1] == "m":
                     steps.append(_step(to_x - x, to_y - y))
-                    x, y = to_x, to_y
+                    x = to_x
+                    y = to_y
     return _joined(steps)
 
 
@@ -112,7 +114,8 @@ def _chains(ends: Sequence[tuple[_Point, _Point]]) -> Iterator[list[tuple[int, b
         while rows:
             row = rows.pop()
             if is_left[row]:
-                is_left[row], (first, last) = False, ends[row]
+                is_left[row] = False
+                first, last = ends[row]
                 yield row, first != place
                 rows = at[place := first if first != place else last]
 
@@ -149,7 +152,8 @@ def _number(tenths: int) -> str:
 
 
 def _circle(sheet: VectorCommands, row: int) -> str:
-    (x, y), radius = sheet.points_of(row)[0], int(sheet.size[row])
+    (x, y) = sheet.points_of(row)[0]
+    radius = int(sheet.size[row])
     if radius < 10 * SMALLEST_RADIUS_PX:
         return ""
     return f'<circle cx="{_number(x)}" cy="{_number(y)}" r="{_number(radius)}"/>'
@@ -168,7 +172,8 @@ def _polygon(sheet: VectorCommands, row: int) -> str:
 
 
 def _text(sheet: VectorCommands, row: int) -> str:
-    ((x, y),), size = sheet.points_of(row), int(sheet.size[row])
+    ((x, y),) = sheet.points_of(row)
+    size = int(sheet.size[row])
     baseline = _number(y + round(ASCENT * size))
     place = f'x="{_number(x)}" y="{baseline}" font-size="{_number(size)}"{_turned(sheet, row)}{_halo(sheet, row)}'
     return f"<text {place}>{as_xml(sheet.text[row])}</text>"
@@ -176,7 +181,8 @@ def _text(sheet: VectorCommands, row: int) -> str:
 
 def _turned(sheet: VectorCommands, row: int) -> str:
     """Return the attribute that rotates an element around its point."""
-    ((x, y),), angle = sheet.points_of(row), float(sheet.angle[row])
+    ((x, y),) = sheet.points_of(row)
+    angle = float(sheet.angle[row])
     return f' transform="rotate({-angle:.6g} {_number(x)} {_number(y)})"' if angle else ""
 
 
@@ -185,7 +191,8 @@ def _halo(sheet: VectorCommands, row: int) -> str:
 
 
 def _image(sheet: VectorCommands, row: int) -> str:
-    ((x, y),), half = sheet.points_of(row), int(sheet.size[row])
+    ((x, y),) = sheet.points_of(row)
+    half = int(sheet.size[row])
     turned = _turned(sheet, row)
     side = _number(2 * half)
     return (

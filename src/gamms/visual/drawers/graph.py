@@ -1,5 +1,6 @@
 """Drawers of the map: values of nodes and edges, choices of a person, obstacles and the base map."""
 
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -159,7 +160,7 @@ def footprints(faces: ObstacleColumns) -> Footprints:
             row_of[slice(*rings[ring])] = row
     outer = first[np.array([bundle[0] for bundle in bundles], np.int64)]
     return Footprints(
-        points=np.array([point for polygon in polygons for point in polygon]).reshape(-1, 2),
+        points=np.array(list(chain.from_iterable(polygons))).reshape(-1, 2),
         offsets=np.cumsum([0, *map(len, polygons)]),
         heights=_above_ground(faces.corners[outer]),
         types=faces.types[outer],

@@ -5,7 +5,7 @@ They read only `ctx.game.data`, because replays have no rules. Flags are `{"base
 """
 
 from collections.abc import Iterable, Mapping
-from itertools import islice
+from itertools import chain, islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -75,7 +75,7 @@ def goals_in(ctx: IContext) -> dict[Any, str]:
 def teams_of_rules(ctx: IContext) -> set[str]:
     """Return the teams of flags, territories and goals, by their text."""
     owned = [flags["bases"] for flags in flags_in(ctx).values()] + [*territories_in(ctx).values(), goals_in(ctx)]
-    return {text_of(team) for teams in owned for team in teams}
+    return {text_of(team) for team in chain.from_iterable(owned)}
 
 
 def _first(items: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:

@@ -1,6 +1,7 @@
 """Drawers of sensor views, transparent so that the map stays visible."""
 
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -69,9 +70,9 @@ def render_sights(ctx: IContext, data: dict[str, Any]) -> None:
         _fields_of_view(ctx, outlines, color, alpha)
     visual = drawing_of(ctx)
     for color, of_color in views.items():
-        lines = {
-            line.tobytes(): line for view in of_color for line in np.split(view.lines, view.offsets[1:-1]) if len(line)
-        }
+        lines = dict[bytes, FloatArray]()
+        for view in of_color:
+            lines |= {line.tobytes(): line for line in np.split(view.lines, view.offsets[1:-1]) if len(line)}
         if lines:
             offsets = np.cumsum([0, *map(len, lines.values())])
             visual.render_lines(np.concatenate([*lines.values()]), offsets, _faint(color, _MANY_ALPHA), _MANY_PX)
@@ -186,7 +187,7 @@ def _fields_of_view(ctx: IContext, outlines: list[FloatArray], color: AnyColor, 
     bounded = [rings_of(polygon) for polygon in polygons]
     lines = [seamed(rings) for rings in bounded]
     visual.render_polygons(np.concatenate(lines), np.cumsum([0, *map(len, lines)]), _faint(color, alpha))
-    rims = [_closed_or_cut(ring[:-1], box) for rings in bounded for ring in rings]
+    rims = [_closed_or_cut(ring[:-1], box) for ring in chain.from_iterable(bounded)]
     offsets = np.concatenate([[0], *(np.diff(ends) for _, ends in rims)])
     visual.render_lines(np.concatenate([points for points, _ in rims]), np.cumsum(offsets), _faint(color, _RIM_ALPHA))
 
@@ -229,7 +230,8 @@ def _around_the_map(columns: GraphColumns) -> tuple[FloatArray, FloatArray] | No
     xy = columns.xy
     if len(xy) == 0:
         return None
-    low, high = xy.min(axis=0), xy.max(axis=0)
+    low = xy.min(axis=0)
+    high = xy.max(axis=0)
     spill = _SPILL * float((high - low).max())
     return (low - spill, high + spill) if spill > 0.0 else None
 

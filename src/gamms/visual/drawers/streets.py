@@ -234,7 +234,8 @@ def median(lengths: FloatArray) -> float:
     if len(lengths) == 0:
         return 0.0
     # NOTE: not np.median, which first loads masked arrays for 15 ms (first frame of 100,000 edges).
-    low, high = (len(lengths) - 1) // 2, len(lengths) // 2
+    low = (len(lengths) - 1) // 2
+    high = len(lengths) // 2
     return float(np.partition(lengths, (low, high))[[low, high]].mean())
 
 
@@ -250,7 +251,8 @@ def polylines(columns: GraphColumns, rows: IntArray) -> tuple[FloatArray, IntArr
         return columns.xy[ends], offsets
     points = np.empty((offsets[-1], 2))
     is_of_bend = np.repeat(is_bent, counts)
-    points[is_of_bend], points[~is_of_bend] = np.concatenate(bends), columns.xy[ends]
+    points[is_of_bend] = np.concatenate(bends)
+    points[~is_of_bend] = columns.xy[ends]
     return points, offsets
 
 

@@ -166,7 +166,7 @@ class FrameTiming:
 
     @property
     def is_halted(self) -> bool:
-        """Whether the playback is paused."""
+        """Return whether the playback is paused."""
         return self.is_held or (self.is_paused and not self.is_stepping)
 
     def faster(self, steps: int) -> None:

@@ -457,7 +457,9 @@ class WindowEngine(WindowNames, PictureEngine):
         if self.ctx.is_terminated():
             return
         self.input.handle(load().event.get())
-        wanted, self._wanted = self._wanted, None  # the last one of all that a hand went over
+        # the last one of all that a hand went over
+        wanted = self._wanted
+        self._wanted = None
         if wanted is not None and wanted != self.overlay.turns and not self.ctx.is_terminated():
             self.seek(wanted)
 

@@ -1,6 +1,7 @@
 """Input by keys, mouse and window buttons, and the questions that a person answers."""
 
 from collections.abc import Callable, Mapping
+from itertools import product
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -195,7 +196,9 @@ class Input:
             pygame.K_UP: (0, 1, 0), pygame.K_DOWN: (0, -1, 0), pygame.K_LEFT: (-1, 0, 0), pygame.K_RIGHT: (1, 0, 0),
             pygame.K_PAGEUP: (0, 0, -1), pygame.K_PAGEDOWN: (0, 0, 1),
         }  # fmt: skip
-        self._digits = {getattr(pygame, f"K_{prefix}{digit}"): digit for digit in range(10) for prefix in ("", "KP")}
+        self._digits = {
+            getattr(pygame, f"K_{prefix}{digit}"): digit for prefix, digit in product(("", "KP"), range(10))
+        }
 
     def _event_actions(self, pygame: ModuleType) -> dict[int, Callable[[Any], None]]:
         return {

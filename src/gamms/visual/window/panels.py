@@ -89,7 +89,8 @@ class Hud:
         lines = [shortened(line.words, FONT_PX, widest) for line in captions]
         width, height = _size(tuple(lines))
         low = self.taken[-1][1] if has_prompt else canvas.height - max(foot_px, _ABOVE_NOTE_PX)
-        left, top = EDGE_PX, round(low) - EDGE_PX - height
+        left = EDGE_PX
+        top = round(low) - EDGE_PX - height
         newest = max(line.turns for line in captions)
         panel = plain_panel(width + _SPOT_PX, height, self.theme.card, self.theme.border)
         canvas.surface.blit(panel, (left, top))
@@ -113,7 +114,8 @@ class Hud:
 
     def paint_facts(self, canvas: Canvas, facts: list[str], at: Point, beside_px: float, foot_px: int) -> None:
         """Paint facts beside a point, where they cover no other panel; of a point outside below the lines."""
-        (x, y), lines = at, _wrapped(tuple(map(_short, facts)), canvas.width)
+        (x, y) = at
+        lines = _wrapped(tuple(map(_short, facts)), canvas.width)
         width, height = _size(lines)
         last = canvas.width - EDGE_PX - width, canvas.height - EDGE_PX - foot_px - height
         places = [(x + beside_px, y - height / 2), (x - beside_px - width, y - height / 2)]

@@ -90,7 +90,7 @@ class Timeline:
 
     @property
     def is_shown(self) -> bool:
-        """Whether the line is painted."""
+        """Return whether the line is painted."""
         return self.turns > 0
 
     def place_at(self, at: Point) -> float | None:
@@ -127,7 +127,8 @@ class Timeline:
         self, canvas: Canvas, theme: Theme, colors: Mapping[str, Rgb], turn: int, done: float, *, is_running: bool
     ) -> None:
         """Paint the timeline above the lower edge; `done` is the number of shown turns, which may be fractional."""
-        left, top = EDGE_PX, canvas.height - _ABOVE_EDGE_PX - HEIGHT_PX
+        left = EDGE_PX
+        top = canvas.height - _ABOVE_EDGE_PX - HEIGHT_PX
         width = canvas.width - 2 * EDGE_PX
         if width < HEIGHT_PX:
             return
