@@ -43,7 +43,6 @@ def test_no_sign_has_two_meanings(monkeypatch):
         meanings.setdefault(row.sign, set()).add(row.name)
     assert [names for names in meanings.values() if len(names) > 1] == []
     assert meanings.keys() | {"disc"} == legend._SIGNS.keys()
-    assert meanings.keys() == set(legend._IMPORTANCE)
 
 
 def test_a_robot_is_explained_by_a_sign_of_its_own():
