@@ -277,16 +277,13 @@ def test_what_plain_functions_remember_is_in_no_columns():
     [
         lambda ctx: ctx.graph.graph.update_edge({"id": 1, "length": 7.0}),
         lambda ctx: ctx.graph.graph.remove_node(24),
-        lambda ctx: ctx.agent.create_agent(f"new_{ctx.game.turn}", start_node_id=0, team="red"),
         lambda ctx: setattr(ctx.agent.get_agent("red_0"), "speed", 2),
         lambda ctx: setattr(ctx.game, "conflicts", Conflicts(1)),
         lambda ctx: ctx.game.add(count, name="later"),
         lambda ctx: ctx.game.observation("red_0")["draw"].random(),
-        lambda ctx: ctx.agent.get_agent("red_0").get_state(),
         lambda ctx: setattr(ctx.agent.get_agent("red_0"), "team", "blue"),
         lambda ctx: ctx.game.scores.update(red=True),
         lambda ctx: vars(ctx.agent.get_agent("red_0")).update(tired=True),
-        lambda ctx: ctx.rng.integers(9),
         lambda ctx: ctx.game.memories,
     ],
 )

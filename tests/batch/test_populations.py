@@ -158,3 +158,25 @@ def test_actions_that_were_given_before_an_agent_came_are_given_again():
                 games.step({"red": wanted * 0})
             assert (games.observe("red")["curr_pos"] == node).all()
             assert "a" in games.result(1).agents
+
+
+@pytest.mark.parametrize(
+    "act",
+    [
+        lambda ctx: setattr(ctx.agent.get_agent("red_0"), "strategy", timid),
+        lambda ctx: setattr(ctx.agent.get_agent("red_0"), "strategy", None),
+        lambda ctx: ctx.agent.get_agent("blue_1").deregister_sensor("near"),
+        lambda ctx: ctx.agent.get_agent("red_1").register_sensor(
+            "far", ctx.sensor.create_sensor(f"far {ctx.game.turn}", "AGENT_RANGE", sensor_range=90.0)
+        ),
+        lambda ctx: ctx.game.scores.update(luck=int(ctx.rng.integers(9))),
+        lambda ctx: ctx.game.scores.update(seen=len(ctx.agent.get_agent("red_0").get_state()["sensor"]["near"][1])),
+    ],
+)
+def test_rules_change_strategies_and_sensors_draw_and_look_in_some_games(act):
+    def rule(ctx):
+        if ctx.game.turn % 4 == 2 and (ctx.seed + ctx.game.turn) % 3:
+            act(ctx)
+
+    for strategies in ({}, {"red": timid, "blue": timid}):
+        check(made(), [(rule, "after"), (look_around, "after"), (tag("red", "blue"), "after")], strategies=strategies)

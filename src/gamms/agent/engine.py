@@ -41,7 +41,7 @@ from gamms.errors import ContextTerminated, Duplicate, GammsError, MissingKey, U
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.journal import CLOSED, MutedJournal
+from gamms.ir.journal import CLOSED, PLAIN, MutedJournal
 from gamms.ir.positions import Positions
 from gamms.ir.schema import VECTORS
 from gamms.readonly import ReadOnlyMapping
@@ -476,6 +476,10 @@ class AgentStorage(Guarded):
         for members in teams_in(self._engine._stored()).values():
             members.strategy = own(members.strategy)
 
+    def part(self) -> None:
+        """Let the present set of agents change alone, if `share` has returned it."""
+        self._engine._part()
+
     def share(self) -> AgentSet:
         """Return the present set of agents, for `show`; when agents are created or deleted, it stays as it is."""
         engine = self._engine
@@ -493,9 +497,12 @@ class AgentStorage(Guarded):
         engine._positions = agents.positions
         engine._agents.clear()  # the same dict, which a function may hold
         engine._agents |= agents.by_name
-        for row, agent in enumerate(agents.members):
+        journal, agents.block.journal = agents.block.journal, PLAIN
+        for row, (agent, equipment) in enumerate(zip(agents.members, agents.equipment, strict=True)):
             agent._block = agents.block
             agent._row = row
+            _equip_as(agent, *equipment)
+        agents.block.journal = journal
 
     def snapshot(self) -> AgentsSnapshot:
         """Return the present state of all agents, for `restore`."""

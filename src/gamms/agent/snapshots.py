@@ -55,6 +55,7 @@ class AgentSet:
     Attributes:
         block, by_name, positions: as given.
         members: the agents, in the order of the rows.
+        equipment: the strategy and the sensors of each.
     """
 
     def __init__(self, block: AgentBlock, by_name: dict[str, BaseAgent], positions: Positions) -> None:
@@ -62,6 +63,7 @@ class AgentSet:
         self.by_name = by_name
         self.positions = positions
         self.members = [*by_name.values()]
+        self.equipment = [(agent.strategy, agent._sensor_list.copy()) for agent in self.members]
 
 
 @dataclass(eq=False)

@@ -14,6 +14,7 @@ from gamms.errors import GammsError
 from gamms.game.batch.channels import MessageTraffic, radio_of
 from gamms.game.batch.columns import (
     AgentTable,
+    ComingAgent,
     Failure,
     NewAgents,
     PlayedGame,
@@ -1008,8 +1009,8 @@ class ArrayEngine:
         nodes, roster, cursor = state.streets.ids(state.node[game]).tolist(), state.roster, on_map.cursor
         own = None if cursor is None else cursor.agents(game)
         if own is None:
-            own = [agent for agent, is_first in zip(roster.agents, roster.is_first, strict=True) if is_first]
-        ends = {agent.name: agent.team for agent in own}
+            own = [(agent, agent.strategy) for agent in roster.agents if not isinstance(agent, ComingAgent)]
+        ends = {agent.name: agent.team for agent, _ in own}
         gone = on_map.game.internals.state.departed if cursor is None else cursor.departed(game)
         agents = {}
         for number, name in enumerate(roster.names):
@@ -1021,7 +1022,10 @@ class ArrayEngine:
                     **{kind: int(counts[game, number]) for kind, counts in state.counts.items()},
                 }
         plans = on_map.game.settings()["plans"]
-        strategies = {agent.name: strategy_name(function_in(decider_of(agent, plans), game)) for agent in own}
+        deciders = {
+            agent.name: plans[agent.team].function if agent.team in plans else strategy for agent, strategy in own
+        }
+        strategies = {name: strategy_name(function_in(one, game)) for name, one in deciders.items()}
         over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
         return Result(
             turns=int(state.turn[game]),

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import chain
@@ -10,6 +11,7 @@ from typing import Any, NamedTuple, NoReturn
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.random import Generator
 
 from gamms.core.copies import copied, copied_values
 from gamms.deciding import phase_of
@@ -17,7 +19,7 @@ from gamms.game.batch.channels import MessageTraffic
 from gamms.game.batch.columns import AgentTable, ComingAgent, Failure, NewAgents, PlayedGame, decider_of, kept_in
 from gamms.game.batch.courses import Routes
 from gamms.game.batch.flights import Flights
-from gamms.game.batch.forms import decides_in_arrays
+from gamms.game.batch.forms import decides_in_arrays, strategy_spec_of
 from gamms.game.batch.in_core import CoreGames, called_rules, core_form_of
 from gamms.game.batch.own_functions import FunctionPerGame, some_function
 from gamms.game.batch.pointed import PointedContext, Population
@@ -36,7 +38,15 @@ from gamms.game.settings import NamedRule
 from gamms.game.slots import COUNTED
 from gamms.game.turn import CLOSED
 from gamms.ir.agents import AgentBlock
-from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE, AGENT_CREATE, AGENT_DELETE
+from gamms.ir.events import (
+    AERIAL_AGENT_FLIGHT,
+    AERIAL_AGENT_TURN,
+    AGENT_ATTRIBUTE,
+    AGENT_CREATE,
+    AGENT_DELETE,
+    AGENT_SENSOR_DEREGISTER,
+    AGENT_SENSOR_REGISTER,
+)
 from gamms.ir.game_state import BlockedAgents, GameState, Scores, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import Journal
@@ -45,7 +55,6 @@ from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
 from gamms.plain import is_plain, is_same
 from gamms.text import as_code, shown
 from gamms.typing.agent_engine import IAgent
-from gamms.typing.sensor_engine import owner_of
 
 # made when they are read
 _READ = ("began", "counts", "data", "deeds", "errors", "events", "memories", "messages", "moves", "scores")
@@ -53,6 +62,7 @@ _OWN = ("agent_facts", "departed", "over", "start", "team_facts", "team_memories
 _PrivateFacts = tuple[dict[Any, dict[str, Any]], dict[Any, dict[str, Any]]]  # of agents, of teams
 _NUMBERS = [column.name for column in NUMBERS]
 _CHANGING = {CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS)}
+_EQUIPPING = {AGENT_CREATE, AGENT_DELETE, AGENT_SENSOR_REGISTER, AGENT_SENSOR_DEREGISTER}
 _TURNED = CHANGE_EVENTS["heading"].code
 _CHANGING |= {AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE, _TURNED}
 _OF_ONE = ("__contains__", "__delitem__", "__getitem__", "__setitem__", "get", "pop", "setdefault")
@@ -239,12 +249,14 @@ class _PopulationCaches:
         lasts: the last states of agents, and the last data of sensors, each a list of one item.
         notices: of the sensors that count their looks.
         sees_world_only: whether all sensors that are called look only at the graph and the agents.
+        are_plain: whether all sensors do, and show the same whenever they are asked.
         living_of: returns the order of the agents that live, by row, and know the same facts or not.
     """
 
     lasts: list[list[Any]]
     notices: list[Any]
     sees_world_only: bool
+    are_plain: bool
     living_of: Callable[[bytes, bool], _LivingOrder]
 
 
@@ -328,6 +340,8 @@ class Cursor:
         self._undone: dict[int, dict[str, str]] = {}  # agent -> why it did not do what it wanted, but for conflicts
         self._first = _StartValues.of(parts.state)
         self._new_agents: list[IAgent] = []  # that have no rows
+        self._start = parts.state.start
+        self._rngs: list[Generator | None] = [None for _ in games]  # `ctx.rng` of each game; None: it was not used
         self._data_before: dict[int, dict[Any, Any] | None] = {}  # of games whose data were read since the checkpoint
         self.forget(np.arange(len(state)))
 
@@ -359,7 +373,7 @@ class Cursor:
         self._take_first_values()
         self._phase.before_reading = self._own_attributes
         self._own_of_ctx = vars(self._ctx)
-        self._own_of_ctx["_rng"] = None  # `release` restores it
+        self._has_drawn = self._own_of_ctx["_rng"] is not None  # when the games were made, differently for each seed
         values.__class__ = _PointedState
         values.start = _StartOfGame(self._read_field, self._replace_data, self._began, self._leave)
         values.has_begun = True
@@ -420,7 +434,7 @@ class Cursor:
         """Return the numbers and objects that only the turn engine may change."""
         phase, graph = self._phase, self._ctx.graph
         return (
-            *(phase.setting_changes, phase.sensor_changes, phase.strategy_changes),
+            phase.setting_changes,
             *(graph.obstacle_revision, graph.storage.has_placed),
             *(id(self._parts.rules.rules), self._ctx.is_terminated()),
         )
@@ -454,19 +468,17 @@ class Cursor:
         counting = {id(one): one.notice for one, look in looks if look is not None and not look.is_plain}
         notices = [counting[id(one)] for one in carried if id(one) in counting]
         sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
-        return _PopulationCaches(lasts, notices, sees_world_only, lru_cache(1024)(self._new_living))
+        are_plain = not counting and all(getattr(one, "sees_world_only", False) for one in sensors)
+        return _PopulationCaches(lasts, notices, sees_world_only, are_plain, lru_cache(1024)(self._new_living))
 
     def _refuse_changes(self) -> None:
         """Leave the core if a function has changed a value that all games share."""
         if self._why:
             raise NotInCore(self._why)
-        owners = [*map(owner_of, self._population.sensors.sensors)]
-        if self._what_is_fixed() != self._fixed or owners != [*self._population.sensors.owners]:
-            self._leave("changes the map, settings, rules, sensors or strategies")
+        if self._what_is_fixed() != self._fixed:
+            self._leave("changes the map, settings or rules")
         if self._are_shared and not is_same(self._shared_attributes, self._first_attributes):
             self._leave("changes the __dict__ of agents")
-        if self._own_of_ctx["_rng"] is not None:
-            self._leave("draws from ctx.rng")
 
     def _forget_looks(self) -> None:
         for last in self._cached.lasts:
@@ -484,6 +496,8 @@ class Cursor:
             for own in self._own_functions:
                 own.number = number
             self._read.clear()
+            self._own_of_ctx["_rng"] = self._rngs[number]
+            self._changes = self._phase.strategy_changes, self._phase.sensor_changes
             values.team_memories = self._team_memories[number]
             values.over = self._over = state.over[number]
             private = self._private_facts[number] or self._nothing_private
@@ -544,12 +558,22 @@ class Cursor:
         undone = {name: why for name, why in first.blocked.items() if name in asked}
         for number in games.tolist():
             self._data[number] = self._facts_of[number] = self._attributes[number] = None
+            self._rngs[number] = self._first_rng(number)
             self._private_facts[number] = copied(first.private_facts) if any(first.private_facts) else None
             self._memories[number] = defaultdict(dict, copied(first.memories))
             self._team_memories[number] = copied(first.team_memories)
             self._collectors[number] = self._new_collectors()
             self._undone[number] = undone.copy()
             self._inboxes.pop(number, None)
+
+    def _first_rng(self, number: int) -> Generator | None:
+        """Return `ctx.rng` of a game that begins; None: it begins when it is used."""
+        state = None if self._start is None else self._start.rng_of(self._state.seeds[number])
+        if state is None:
+            return None
+        rng: Generator = self._ctx.stream("context")
+        rng.bit_generator.state = state
+        return rng
 
     def _new_inboxes(self) -> Inboxes:
         """Return the inboxes of the agents of a game."""
@@ -829,7 +853,7 @@ class Cursor:
                 if table.begun != begun:
                     self._leave("draws by the streams of agents")
                 if any(last[0] is not self._looks for last in self._cached.lasts):
-                    self._leave("asks sensors")
+                    self._forget_asking()
         except Exception as error:
             if not isinstance(error, NotInCore):
                 self._refuse_changes()
@@ -845,6 +869,12 @@ class Cursor:
             raise NewAgents(self._new_agents)
         self._state.now.clear()
 
+    def _forget_asking(self) -> None:
+        """Forget what a function has asked sensors for, as if it had not."""
+        if not self._cached.are_plain:
+            self._leave("asks sensors that err, or of classes of their own")
+        self._forget_looks()
+
     def _named(self) -> str:
         return f"In game {self._number} of a batch, with the seed {self._state.seeds[self._number]}."
 
@@ -852,7 +882,8 @@ class Cursor:
         """Write the changes of a game into the columns."""
         number, over, journal = self._number, self._values.over, self._journal
         block = None
-        if self._pointed.has_other_agents():
+        self._take_rng()
+        if self._has_other_agents():
             block = self._take_population()
             if block is None:
                 return
@@ -873,6 +904,19 @@ class Cursor:
             self._private_facts[number] = self._nothing_private
             self._nothing_private = {}, {}
 
+    def _has_other_agents(self) -> bool:
+        """Whether a function has created or deleted agents, or changed their strategies or sensors."""
+        changes = self._phase.strategy_changes, self._phase.sensor_changes
+        if changes != self._changes or self._journal.log:
+            self._pointed.part_from_others()
+        return self._pointed.has_other_agents()
+
+    def _take_rng(self) -> None:
+        """Keep the random stream of a game."""
+        self._rngs[self._number] = rng = self._own_of_ctx["_rng"]
+        if rng is not None and self._has_drawn:
+            self._leave("draws from ctx.rng, as the code of the scenario does")
+
     def _take_population(self) -> AgentBlock | None:
         """Let a game have the agents that a function has created or deleted.
 
@@ -881,10 +925,15 @@ class Cursor:
         """
         number, before = self._number, self._population
         agents = self._ctx.agent.agents
+        roster = self._state.roster
         known = {agent.name: agent for agent in before.agents.members}
+        first = dict(zip(self._pointed.first.agents.members, self._pointed.first.agents.equipment, strict=True))
         new = [agent for name, agent in agents.items() if known.get(name) is not agent]
+        changed = [agent for agent, own in first.items() if own != (agent.strategy, agent.sensors)]
         self._turns.note_departed()
-        unfit = [agent for agent in new if not self._state.roster.can_hold(agent)]
+        self._refuse_other_forms([agent for agent in changed if agents.get(agent.name) is agent], first)
+        unfit = [agent for agent in new if not roster.can_hold(agent)]
+        unfit += [agent for agent in changed if not roster.varies[self._number_of[agent.name]]]
         if unfit:
             self._new_agents += unfit
             before.renew_journal()
@@ -901,12 +950,16 @@ class Cursor:
             self._core.enter(number, self._number_of[agent.name], agent.current_node_id)
         attributes = {agent.name: agent.__dict__ for agent in agents.values()}
         found = self._pointed.take_population(number)
-        if not found.is_equipped_as(before):
-            self._leave("changes the sensors or strategies of agents")
         self._take_shown()
         self._attributes[number] = [attributes[agent.name] for agent in self._agents]
         self._fixed = self._what_is_fixed()
         return found.block
+
+    def _refuse_other_forms(self, changed: Sequence[Any], first: Mapping[Any, tuple[Any, Any]]) -> None:
+        """Leave the core if agents have other strategies now, and functions of arrays have decided for them."""
+        for agent in changed:
+            if strategy_spec_of(agent.strategy).array_form is not strategy_spec_of(first[agent][0]).array_form:
+                self._leave("changes a strategy to or from an array strategy")
 
     def _take_logs(self, read: dict[str, Any]) -> None:
         """Write the changes of the scores and the events of a game that were read."""
@@ -954,7 +1007,7 @@ class Cursor:
         journal.progressed.clear()
         if AGENT_ATTRIBUTE in kinds:
             self._take_attributes()
-        if not kinds <= _CHANGING | ({AGENT_CREATE, AGENT_DELETE} if changed else set()):
+        if not kinds <= _CHANGING | (_EQUIPPING if changed else set()):
             self._leave("changes agents otherwise than by putting them elsewhere or out of the game")
         numbers = self._population.numbers
         for name in progressed:
@@ -1205,10 +1258,13 @@ class Cursor:
 
     # -- turns --------------------------------------------------------------------------------------------------
 
-    def agents(self, game: int) -> list[Any] | None:
-        """Return the agents of a game; None: those of the start."""
+    def agents(self, game: int) -> list[tuple[Any, Any]] | None:
+        """Return the agents of a game and their strategies; None: those of the start."""
         population = self._pointed.population_of[game]
-        return None if population is None else population.agents.members
+        if population is None:
+            return None
+        strategies = [strategy for strategy, _ in population.agents.equipment]
+        return [*zip(population.agents.members, strategies, strict=True)]
 
     def departed(self, game: int) -> dict[str, tuple[Any, int]]:
         """Return the agents that were deleted in a game, with their teams and nodes."""
@@ -1221,6 +1277,7 @@ class Cursor:
         private_facts = [one and copied(one) for one in self._private_facts]
         attributes = copied(self._attributes)
         undo_pointed = self._pointed.checkpoint()
+        rngs = [rng and deepcopy(rng) for rng in self._rngs]
         memories = [{name: copied(one) for name, one in each.items() if one} for each in self._memories]
         team_memories = [{team: copied(one) for team, one in each.items()} for each in self._team_memories]
         undone = copied(self._undone)
@@ -1235,6 +1292,7 @@ class Cursor:
             self._private_facts[:] = private_facts
             self._attributes[:] = attributes
             undo_pointed()
+            self._rngs[:] = rngs
             self._memories[:] = [defaultdict(dict, each) for each in memories]
             self._team_memories[:] = team_memories
             self._undone = undone

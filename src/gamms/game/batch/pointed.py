@@ -37,7 +37,6 @@ class Population:
         flying: the places, among the flying agents of the batch, of those that fly.
         rows_in_air: their rows.
         first_headings: the headings that agents have if none is known of them, by row.
-        equipment: the strategy and the sensors of each agent.
         journal: what functions change.
     """
 
@@ -46,7 +45,6 @@ class Population:
         self.agents = storage.share()
         self.sensors = game.ctx.sensor.storage.share()
         self.block: AgentBlock = self.agents.block
-        self.equipment = [(one.strategy, {**one.sensors}) for one in self.agents.members]
         number_of = {name: number for number, name in enumerate(state.roster.names)}
         self.numbers: IntArray = np.array([number_of[name] for name in self.block.names], np.int64)
         row_of = {number: row for row, number in enumerate(self.numbers.tolist())}
@@ -66,18 +64,12 @@ class Population:
     @property
     def key(self) -> tuple[Any, ...]:
         """What makes two sets the same: names, kinds, teams, speeds, strategies and sensors."""
-        each = zip(self.agents.members, self.equipment, strict=True)
+        each = zip(self.agents.members, self.agents.equipment, strict=True)
         agents = [
             (one.name, one.type, one.team, one.speed, id(strategy), *own, *map(id, own.values()))
             for one, (strategy, own) in each
         ]
         return (*agents, *map(id, self.sensors.sensors), *self.sensors.owners)
-
-    def is_equipped_as(self, before: "Population") -> bool:
-        """Whether agents that were in another set have the strategies and sensors that they had there."""
-        known = dict(zip(before.agents.members, before.equipment, strict=True))
-        now = zip(self.agents.members, self.equipment, strict=True)
-        return all(known.get(agent, own) == own for agent, own in now)
 
 
 class PointedContext:
@@ -189,6 +181,19 @@ class PointedContext:
         self.population = population
         self.alive = b""
         self.headings = None
+
+    @property
+    def first(self) -> Population:
+        """The agents of the start."""
+        return self._first
+
+    def part_from_others(self) -> None:
+        """Let the context have a set of agents of its own, if their strategies or sensors were changed."""
+        sensors, known = self._game.ctx.sensor.storage.share(), self.population.sensors
+        are_same = sensors is known or (sensors.sensors, sensors.keywords) == (known.sensors, known.keywords)
+        each = zip(self.population.agents.members, self.population.agents.equipment, strict=True)
+        if not are_same or any((agent.strategy, agent.sensors) != own for agent, own in each):
+            self._game.ctx.agent.storage.part()
 
     def has_other_agents(self) -> bool:
         """Whether agents were created or deleted since a set of agents was shown."""
