@@ -104,7 +104,7 @@ def test_a_page_leaves_out_a_game_whose_library_is_missing(folder, monkeypatch):
 
 def test_what_cannot_be_meant_is_refused():
     assert "Unknown game 'patrl'. Did you mean 'patrol'?" in run("gallery", "patrl").stderr
-    assert "add its name" in run("gallery", "--seed", 3).stderr
+    assert "needs the name of a game" in run("gallery", "--seed", 3).stderr
 
 
 class Model(BaseHTTPRequestHandler):

@@ -164,7 +164,7 @@ def test_an_option_of_the_window_without_a_window_is_refused(folder, option):
     done = run("replay", "out/game.ggr", *option)
     assert done.exit_code == 2
     assert option[0] in done.stderr
-    assert "add --window" in done.stderr
+    assert "needs --window" in done.stderr
 
 
 @pytest.mark.parametrize("option", [["--port", "8000"], ["--host", "::1"], ["--allow-network"], ["--watch"]])
@@ -172,7 +172,7 @@ def test_an_option_of_games_in_browsers_without_web_is_refused(option):
     done = run("run", "game.yaml", *option)
     assert done.exit_code == 2
     assert option[0] in done.stderr
-    assert "add --web" in done.stderr
+    assert "needs --web" in done.stderr
 
 
 def test_a_folder_that_holds_a_recording_and_a_recording_that_is_to_be_played_say_so(folder):

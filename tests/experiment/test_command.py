@@ -76,7 +76,7 @@ def test_a_file_is_played_and_its_summary_printed(folder, monkeypatch):
     assert "teams.red.count" not in together
     (folder / "results" / "rows.parquet").touch()  # of a run where the library was installed
     again = run("hunts.yaml", "--workers", 0)
-    assert again.stdout.splitlines()[0] == "results has 12 games already; it goes on from there."
+    assert again.stdout.splitlines()[0] == "results already has 12 games; the run continues from there."
     assert "rows.parquet: pip install" not in again.stdout
 
 

@@ -303,7 +303,7 @@ def test_a_refusal_of_the_server_is_a_fallback(server, strategy_of):
 def test_a_strategy_is_not_a_plan(strategy_of):
     with new_game(None) as ctx:
         ctx.game.command("red", strategy_of())
-        with pytest.raises(TypeError, match="not a plan"):
+        with pytest.raises(TypeError, match="not as a plan"):
             ctx.game.run(1)
 
 

@@ -46,7 +46,7 @@ def test_a_wrong_argument_is_an_error_at_once(given, kind, message):
 def test_a_wrong_client_is_an_error_at_once():
     import openai
 
-    with pytest.raises(TypeError, match="make it an AsyncOpenAI"):
+    with pytest.raises(TypeError, match=r"use openai\.AsyncOpenAI"):
         Strategy(openai.OpenAI(api_key="none"), "m", "Go.")
     with pytest.raises(ValueError, match="has its key already"):
         Strategy(openai.AsyncOpenAI(api_key="none"), "m", "Go.", key_variable="KEY")

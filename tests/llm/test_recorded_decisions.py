@@ -121,7 +121,7 @@ BAD = {
 def test_a_file_of_another_kind_is_refused_and_left_alone(tmp_path, content):
     file = tmp_path / "calls.jsonl"
     file.write_bytes(content)
-    with pytest.raises(gamms.errors.BadFile, match="holds no decisions of language models, in line"):
+    with pytest.raises(gamms.errors.BadFile, match="is not a file of decisions of language models, in line"):
         replaying(file)
     assert file.read_bytes() == content
 
@@ -152,7 +152,9 @@ def test_events_of_another_kind_in_a_recording_are_refused(tmp_path):
         ctx.record.start(tmp_path / "game.ggr")
         ctx.game.add(lambda ctx: ctx.game.emit("llm", agent="anna"))
         ctx.game.run(1)
-    with pytest.raises(gamms.errors.BadFile, match=r"game\.ggr' holds no decisions of language models, in turn 1"):
+    with pytest.raises(
+        gamms.errors.BadFile, match=r"game\.ggr' is not a file of decisions of language models, in turn 1"
+    ):
         replaying(tmp_path / "game.ggr")
 
 

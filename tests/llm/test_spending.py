@@ -93,7 +93,7 @@ def test_one_strategy_plays_one_game_at_a_time(strategy_of):
     strategy = strategy_of()
     with new_game(strategy) as ctx, new_game(strategy) as other:
         ctx.game.run(1)
-        with pytest.raises(ValueError, match="another context already"):
+        with pytest.raises(ValueError, match="already used in another context"):
             other.game.run(1)
     with new_game(strategy) as later:
         assert outcomes(later.game.run(1)) == ["answer"]

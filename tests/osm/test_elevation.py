@@ -91,7 +91,7 @@ def test_voids_at_the_rim_of_a_file_are_filled_from_inside(heights):
 
 
 def test_a_file_of_voids_only_is_refused(heights):
-    with pytest.raises(BadValue, match="void around column 600, row 600 from the south"):
+    with pytest.raises(BadValue, match="lacks heights around column 600, row 600 from the south"):
         Elevation(heights(lambda column, row: column * 0 + VOID)).heights(np.array([(24.5, 60.5)]))
 
 
@@ -106,7 +106,7 @@ def test_a_small_void_is_filled_from_its_rim_and_a_large_one_is_refused(heights)
     elevation = Elevation(heights(of))
     places = np.array([(24 + 600.4 / 1200, 60 + 600.4 / 1200), (24 + 305 / 1200, 60 + 305 / 1200)])
     assert elevation.heights(places).tolist() == [100.0, 100.0]
-    with pytest.raises(BadValue, match="void around column 850, row 850"):
+    with pytest.raises(BadValue, match="lacks heights around column 850, row 850"):
         elevation.heights(np.array([(24 + 850 / 1200, 60 + 850 / 1200)]))
 
 

@@ -92,7 +92,7 @@ def test_the_shipped_map_goes_into_an_empty_context_only():
         streets = gamms.osm.helsinki(ctx, resolution=50.0)
         assert len(streets) == len(ctx.graph.graph) > 2500
         assert (ctx.graph.crs, ctx.graph.attribution[:15]) == ("EPSG:32635", "© OpenStreetMap")
-        with pytest.raises(ValueError, match="has a graph or obstacles already"):
+        with pytest.raises(ValueError, match="already has a graph or obstacles"):
             gamms.osm.helsinki(ctx)
 
 

@@ -283,7 +283,7 @@ def test_masses_of_near_lines_are_refused(write, monkeypatch):
     monkeypatch.setattr(geojson, "_FEW_NEAR", 100)
     monkeypatch.setattr(geojson, "_MOST_NEAR", 1)
     file = write(collection(*(line([24.94 + 1e-9 * k, 60.17], [24.941, 60.17 + 1e-9 * k]) for k in range(40))))
-    with pytest.raises(BadFile, match="too many lines lie within 5 m"):
+    with pytest.raises(BadFile, match="too many lines are within 5 m"):
         load(file, snap=5.0)
 
 

@@ -201,9 +201,9 @@ def test_a_function_that_closes_both_directions_closes_the_way(make_map, cross):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("[cart", "is no TOML file"),
+        ("[cart", "is not a TOML file"),
         ("cart = 5", "mode 'cart' must be a table"),
-        ('[cart]\nextends = "drve"', "extends 'drve', which is not a mode above it.*'drive'"),
+        ('[cart]\nextends = "drve"', "extends 'drve', which is not an earlier mode.*'drive'"),
         ('[cart]\nextends = "drive"\nhighway = {}', "has no field 'highway'.*'highways'"),
         ("[cart]\nrefused = []", "missing required field"),
         ('[cart]\nextends = "drive"\nhighways = { residential = "fast" }', "Expected `float`, got `str`"),
@@ -271,7 +271,7 @@ def test_without_a_mode_only_strong_looks_at_directions(make_map, cross):
 
 def test_streets_without_a_way_back_are_refused(make_map, cross):
     path = make_map(cross, ([1, 2, 3], street(oneway="yes")))
-    with pytest.raises(BadFile, match=r"no two places with a way there and back.*strong=False"):
+    with pytest.raises(BadFile, match=r"no two places with a route in both directions.*strong=False"):
         graph_from_file(path, osm_type="drive")
 
 
@@ -311,7 +311,7 @@ def test_the_report_of_ones_own_mode_needs_the_mode(make_map, cross):
 
     path = trap(make_map, cross)
     graph = graph_from_file(path, 10.0, osm_type=mine)
-    with pytest.raises(BadValue, match="for the mode 'mine', which is yours"):
+    with pytest.raises(BadValue, match="for the custom mode 'mine'"):
         report(graph, path)
     assert report(graph, path, osm_type=mine).is_faithful
 

@@ -133,7 +133,7 @@ def test_a_filter_that_is_a_function_has_to_be_given_again(streets):
         return tags["highway"] == "residential"
 
     graph = graph_from_file(streets, retain_all=True, filter=is_residential, **WHOLE)
-    with pytest.raises(BadValue, match=r"'is_residential', a function of yours. Give report\(…, filter=\)"):
+    with pytest.raises(BadValue, match=r"by the function 'is_residential'. Give it again: report\(…, filter=…\)"):
         report(graph, streets)
     assert report(graph, streets, filter=is_residential).is_faithful
     assert not report(graph, streets, filter=lambda tags: True).is_faithful

@@ -53,19 +53,19 @@ def of_element(kind, change):
 ANYWHERE = {  # what either server may do
     "html": (
         says(b"<html><b>Log in</b> to the hotel</html>", kind="text/html"),
-        "with 'Log in to the hotel'.*login page",
+        "'Log in to the hotel'.*login page",
     ),
-    "nothing": (says(b""), "did not answer with JSON data"),
-    "broken JSON": (says(b'{"elements": [}'), "did not answer with JSON data"),
-    "truncated JSON": (cuts_its_json, "did not answer with JSON data"),
-    "no text": (says(b"\xff\xfe\x00\x01"), "did not answer with JSON data"),
-    "deep JSON": (says(b"[" * 200_000), "did not answer with JSON data"),
-    "a number": (says(b"7"), "is of no use"),
-    "null": (says(b"null"), "is of no use"),
-    "numbers": (says(b"[1, 2, 3]"), "is of no use"),
-    "an error in JSON": (says(b'{"error": "down"}'), "is of no use"),
-    "breaks off": (breaks_off, "cannot be reached, or broke off"),
-    "hangs up": (hangs_up, "cannot be reached, or broke off"),
+    "nothing": (says(b""), "instead of JSON"),
+    "broken JSON": (says(b'{"elements": [}'), "instead of JSON"),
+    "truncated JSON": (cuts_its_json, "instead of JSON"),
+    "no text": (says(b"\xff\xfe\x00\x01"), "instead of JSON"),
+    "deep JSON": (says(b"[" * 200_000), "instead of JSON"),
+    "a number": (says(b"7"), "cannot be used"),
+    "null": (says(b"null"), "cannot be used"),
+    "numbers": (says(b"[1, 2, 3]"), "cannot be used"),
+    "an error in JSON": (says(b'{"error": "down"}'), "cannot be used"),
+    "breaks off": (breaks_off, "cannot be reached, or the connection was lost"),
+    "hangs up": (hangs_up, "cannot be reached, or the connection was lost"),
     "429": (is_busy(429), "answers 429 Too Many Requests, saying 'Too busy'.*busy, after 3 tries"),
     "503": (is_busy(503), "answers 503 .* busy, after 3 tries"),
     "504": (is_busy(504), "answers 504 .* busy, after 3 tries"),
@@ -151,8 +151,8 @@ def test_an_address_that_is_none_is_named(server, settings, monkeypatch, setting
     [
         ("Atlantis", "no place 'Atlantis', or its boundary is not on the map .*knows 0 places.*Check the spelling"),
         ("The station", "no place 'The station', or its boundary .*graph_from_point"),
-        ("A bow tie", "boundary of 'A bow tie' is of no use: its outline"),
-        ("All of Finland", "boundary of 'All of Finland' is of no use: it has .* km², and 20000 km² are the most"),
+        ("A bow tie", "boundary of 'A bow tie' cannot be used: its outline"),
+        ("All of Finland", "boundary of 'All of Finland' cannot be used: it has .* km², more than 20000 km²"),
         ("The open sea", "no streets of the type 'drive' in 'The open sea'.*another osm_type"),
     ],
 )
@@ -176,7 +176,7 @@ def test_a_filter_that_the_server_does_not_understand_is_one_clear_error(server,
 
 REMARK = 'runtime error: Query timed out in "query" at line 1 after 180 seconds.'
 MAPS = {  # nonsense in the shape of a map
-    "a remark": (changes(lambda data: data.update(remark=REMARK)), "incomplete, .*Query timed out"),
+    "a remark": (changes(lambda data: data.update(remark=REMARK)), "incomplete; .*Query timed out"),
     "a remark and nothing": (changes(lambda data: data.update(remark=REMARK, elements=[])), "incomplete"),
     "no elements": (changes(lambda data: data.pop("elements")), "no list of elements"),
     "an element that is none": (changes(lambda data: data["elements"].append("way")), "is not an element"),
@@ -223,7 +223,7 @@ PLACES = {  # nonsense in the shape of a place
 @pytest.mark.parametrize("what", PLACES)
 def test_a_place_of_nonsense_is_one_clear_error(server, tmp_path, what):
     server.misbehaviour["search"] = changes(PLACES[what])
-    is_refused(NetworkError, "is of no use: a place has")
+    is_refused(NetworkError, "cannot be used: a place has")
     assert nothing_is_kept(tmp_path)
 
 

@@ -207,7 +207,7 @@ def test_version_2_becomes_version_3_that_is_its_own_replay(name, tmp_path):
     is_whole = name != "unfinished"
     assert done.stdout == f"Wrote {tmp_path / 'out.ggr'}.\n"
     assert done.exit_code == (not is_whole)
-    assert ("All before that has been converted" in done.stderr) == (not is_whole)
+    assert ("Everything before was converted" in done.stderr) == (not is_whole)
     assert run("verify", tmp_path / "out.ggr").exit_code == 0
 
 
@@ -344,7 +344,7 @@ def test_conversions_that_make_no_sense_are_refused(game, tmp_path):
         ((game, tmp_path / "out.ggr"), "has version 3 already"),
         ((old, tmp_path / "out.jsonl"), "to a .ggr of version 3 first"),
         ((old, tmp_path / "out.csv"), "to a .ggr of version 3 first"),
-        ((game, tmp_path / "out.jsonl", "--map", tmp_path / "map.gamms"), "version 2 only"),
+        ((game, tmp_path / "out.jsonl", "--map", tmp_path / "map.gamms"), "only for recordings of version 2"),
         ((old, game), "already exists"),
         ((old, tmp_path / "out.ggr", "--map", game), "is not a graph"),
     ):

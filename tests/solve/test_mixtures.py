@@ -106,7 +106,7 @@ def test_bounds_get_narrower_until_they_are_the_value():
 
 
 def test_it_is_refused_that_teams_see_too_much_for_one_best_response():
-    with pytest.raises(TooLarge, match="more than max_nodes=5 different things"):
+    with pytest.raises(TooLarge, match="more than max_nodes=5 different observations"):
         double_oracle(CHASE, max_nodes=5)
     with pytest.raises(BadValue, match="max_nodes must be at least 1"):
         double_oracle(CHASE, max_nodes=0)

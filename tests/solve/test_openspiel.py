@@ -161,7 +161,7 @@ def test_games_that_openspiel_cannot_have_are_refused(monkeypatch):
     with pytest.raises(BadValue, match="turns="):
         openspiel(scene("pair", TEAMS, ["solved_games:pennies"], sensors=EYES))
     narrow = in_turns("red", "blue").replace(conflicts={"capacity": 1, "resolve": {"by_priority": ["blue", "red"]}})
-    with pytest.raises(BadValue, match="unset conflicts"):
+    with pytest.raises(BadValue, match="remove conflicts"):
         openspiel(narrow)
     with pytest.raises(BadValue, match="A game of 3 teams cannot become a game of OpenSpiel"):
         openspiel(scene("pair", {**TEAMS, "green": {"count": 1}}, ["solved_games:pennies"], turns=1, sensors=EYES))

@@ -116,7 +116,7 @@ def test_what_a_method_cannot_treat_is_refused_by_name():
         best_response(PENNIES, team="green", against=stay)
     with pytest.raises(UnknownName, match="green"):
         nash_conv(PENNIES, {"green": stay})
-    with pytest.raises(BadValue, match="against names team 'red', which answers"):
+    with pytest.raises(BadValue, match="against contains team 'red', which responds"):
         best_response(PENNIES, team="red", against={"red": stay, "blue": stay})
     with pytest.raises(BadValue, match="both teams"):
         nash_conv(PENNIES, {"red": stay})

@@ -83,7 +83,7 @@ def test_matching_pennies_are_drawn_with_the_shares_of_the_equilibrium():
 def test_a_policy_is_that_of_the_first_turn_unless_another_is_named():
     solution = solve(scene("pair", TEAMS, ["solved_games:pennies"], turns=1))
     assert solution.policy("red") == solution.policy("red", turn=0)
-    with pytest.raises(BadValue, match=r"does not go on .* in turn 1"):
+    with pytest.raises(BadValue, match=r"does not continue .* in turn 1"):
         solution.policy("red", turn=1)
 
 
@@ -184,7 +184,7 @@ def test_values_are_given_for_each_place_of_an_agent():
     solution = solve(pursuit("path", [0], [4], settings=TURNS), team="cops", reward="turns")
     assert solution.values("robber_0") == {1: -1.0, 2: -4.0, 3: -4.0, 4: -4.0}
     assert solution.value_at({"cop_0": 2, "robber_0": 4}) == -2.0
-    with pytest.raises(BadValue, match="does not go on"):
+    with pytest.raises(BadValue, match="does not continue"):
         solution.value_at({"robber_0": 0})
     with pytest.raises(UnknownName, match="cop_0"):
         solution.value_at({"copp": 0})
@@ -205,7 +205,7 @@ def test_a_state_has_no_value_for_more_turns_than_are_left_when_the_game_gets_th
             assert solution.value_at({"robber_0": node}, turn) == 0.0
         for turn in range(first):
             for ask in (solution.value_at, lambda places, when: solution.policy("robbers", places, when)):
-                with pytest.raises(BadValue, match=rf"gets there in turn {first} at first.* Give turn={first}"):
+                with pytest.raises(BadValue, match=rf"reaches it in turn {first} at the earliest.* Give turn={first}"):
                     ask({"robber_0": node}, turn)
     assert solution.values("robber_0", turn=5) == dict.fromkeys(range(2, 8), 0.0)
     assert solve(flight(2, 6), team="robbers", reward="win").value == 1.0  # which the longer game does not show
@@ -220,7 +220,7 @@ def test_a_strategy_does_not_play_where_the_solved_game_does_not_get_to_so_early
     solution = solve(flight(7, 7), reward="win")
     strategies = {team: solution.strategy(team) for team in ("cops", "robbers")}
     assert flight(7, 7).play(strategies=strategies).winner == "robbers"
-    with pytest.raises(BadValue, match="In turn 0 agents are where the solved game does not get to"):
+    with pytest.raises(BadValue, match="In turn 0 agents are at positions that the solved game never reaches"):
         flight(2, 7).play(strategies=strategies)
 
 
@@ -265,7 +265,7 @@ def test_a_game_that_is_too_large_is_refused_before_it_is_played():
 
 def test_a_game_whose_rules_remember_too_much_is_refused():
     scenario = scene("pair", TEAMS, ["solved_games:toll", "solved_games:pennies"], turns=7)
-    with pytest.raises(TooLarge, match="more than max_states=10 states, of only 4 joint"):
+    with pytest.raises(TooLarge, match="more than max_states=10 states, but only 4 joint"):
         solve(scenario, max_states=10)
 
 
@@ -354,7 +354,7 @@ def test_rewards_by_score_say_which_wins_count_nothing(caplog):
     ]
     game = scene("path", {"guards": guard, "runners": runner}, rules, turns=4)
     solve(game)
-    assert "counts nothing that team 'runners' wins" in caplog.text
+    assert "a win of team 'runners' is worth nothing" in caplog.text
     assert "reward='win'" in caplog.text
     caplog.clear()
     solve(game, reward="win")

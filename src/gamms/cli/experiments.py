@@ -65,7 +65,7 @@ def run(
     warn(planned.scenario)
     before = len(rows_in(part / JOURNAL))
     if before:
-        echo(f"{part} has {before:,} games already; it goes on from there.")
+        echo(f"{part} already has {before:,} games; the run continues from there.")
     try:
         rows = experiment.run(
             planned.scenario,

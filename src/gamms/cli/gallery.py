@@ -95,7 +95,7 @@ def gallery(
     elif name is not None:
         _play(name, seed, out or Path(f"gamms-{name}"))
     elif seed is not None or out is not None:
-        raise typer.BadParameter("this is for one game: add its name.", param_hint="--out" if out else "--seed")
+        raise typer.BadParameter("this option needs the name of a game.", param_hint="--out" if out else "--seed")
     else:
         _print_list()
 

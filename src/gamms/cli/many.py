@@ -39,7 +39,7 @@ def parsed_seeds(text: str) -> Sequence[int]:
     if not 0 < count <= _MOST:
         raise typer.BadParameter(f"{text!r}: give 1 to {_MOST:,} seeds, such as 0:50.", param_hint="--seeds")
     if not colon and len(set(numbers)) < count:
-        raise typer.BadParameter(f"{text!r}: a seed is given twice; it plays the same game.", param_hint="--seeds")
+        raise typer.BadParameter(f"{text!r}: a seed occurs twice, and would play the same game.", param_hint="--seeds")
     return range(*numbers) if colon else numbers
 
 

@@ -184,7 +184,7 @@ def write_page(file: Path, page: bytes) -> None:
         BadValue: the file name does not end in .html, such as that of the recording shown.
     """
     if file.suffix.lower() not in (".html", ".htm"):
-        raise BadValue(f"A page is a file .html: give such a name instead of {str(file)!r}.")
+        raise BadValue(f"A page is an .html file: give such a name instead of {str(file)!r}.")
     write_whole(file, page, through_links=True)
     echo(f"Wrote {file}.")
 

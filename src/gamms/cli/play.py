@@ -155,7 +155,7 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
     if not web:
         served = {"--port": port != 0, "--host": host != HERE, "--allow-network": allow_network, "--watch": watch}
         for option in (name for name, is_given in served.items() if is_given):
-            raise typer.BadParameter("this is for a game that browsers show: add --web.", param_hint=option)
+            raise typer.BadParameter("this option needs --web.", param_hint=option)
     given = _changes(changes or []) | ({} if max_turns is None else {"max_turns": max_turns})
 
     def load() -> "Scenario":
@@ -204,7 +204,7 @@ def _play_one(
         result.save(without_link(out / "result.json"))
         pictures = save_pictures(ctx, out, title=name, captions=True)
         echo(f"\n{name}: {result}")
-        made = [f"{out / 'result.json'} (what came of it)", f"{recording} (every move; gamms replay)"]
+        made = [f"{out / 'result.json'} (the result)", f"{recording} (every move; gamms replay)"]
         if film is not None:
             made.append(f"{film} (the game as a film)")
         if pictures:

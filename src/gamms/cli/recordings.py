@@ -33,7 +33,7 @@ _Map = Annotated[
 
 
 def info(file: _File, as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
-    """Say what is in a recording."""
+    """Show the contents of a recording."""
     from gamms import plain, recordings
 
     version = recordings.version_of(file)
@@ -113,7 +113,7 @@ def convert(
     made, warning = _converted(file, out, map, turn_seconds) if team is None else ([_cut(file, out, team)], None)
     echo(f"Wrote {in_words(made) if made else 'nothing: there are no rows'}.")
     if warning:
-        echo(f"gamms: {warning} All before that has been converted.", err=True)
+        echo(f"gamms: {warning} Everything before was converted.", err=True)
         raise typer.Exit(1)
 
 
@@ -124,16 +124,16 @@ def _converted(file: Path, out: Path, map: Path | None, turn_seconds: float) -> 
     is_old = recordings.version_of(file) < 3
     form = out.suffix.lower()
     if is_old and form in (".jsonl", ".csv", ".gpx", ".geojson"):
-        raise BadValue(f"{str(file)!r} has version 2: convert it to a .ggr of version 3 first, and that to {form}.")
+        raise BadValue(f"{str(file)!r} has format version 2: convert it to a .ggr of version 3 first, then to {form}.")
     if map is not None and not is_old:
-        raise BadValue("--map is for recordings of version 2 only: others hold their map.")
+        raise BadValue("--map is only for recordings of version 2: later ones contain their map.")
     if form == ".csv":
         return recordings.to_csv(file, out, turn_seconds=turn_seconds)
     if form == ".jsonl":
         return [out], recordings.to_json_lines(file, out)
     if form in (".gpx", ".geojson"):
         if out.exists():
-            raise FileExistsError(f"There is a file {str(out)!r} already; choose another name or delete it first.")
+            raise FileExistsError(f"The file {str(out)!r} already exists; choose another name or delete it first.")
         with recorder.open(file) as recording:
             recording.export(out, turn_seconds=turn_seconds)
             return [out], recording.warning
@@ -145,7 +145,7 @@ def _cut(file: Path, out: Path, team: str) -> Path:
     from gamms import recorder, recordings
 
     if out.suffix.lower() not in (".ggr", ""):
-        raise BadValue(f"--team makes a recording: give a .ggr instead of {str(out)!r}, and convert that.")
+        raise BadValue(f"--team writes a recording: give a .ggr instead of {str(out)!r}, then convert it.")
     with recorder.open(file) as recording:
         recordings.with_sensed(recording).cut(out, team)
     return out if out.suffix else Path(f"{out}.ggr")
@@ -160,8 +160,8 @@ def _record_tracks(file: Path, out: Path, map: Path | None, turn_seconds: float)
     for found in recording_from_tracks([file], map, out, turn_seconds=turn_seconds):
         parts = "" if found.parts == 1 else f" in {found.parts} parts"
         echo(
-            f"{printable_line(found.agent)}: {found.points} points{parts}, on average {found.off_m:.1f} m beside their "
-            f"roads; {found.off_road} are off all roads."
+            f"{printable_line(found.agent)}: {found.points} points{parts}, on average {found.off_m:.1f} m from their "
+            f"roads; {found.off_road} are far from every road."
         )
     echo(f"Wrote {out if out.suffix == '.ggr' else f'{out}.ggr'}.")
 
@@ -189,7 +189,7 @@ def replay(  # noqa: PLR0913, PLR0917 - one argument per option
     if not window and look != usual:
         option = next(name for name, value in usual.items() if look[name] != value)
         hint = f"--{'no-' if option == 'captions' else ''}{option}"
-        raise typer.BadParameter("this is of the window: add --window.", param_hint=hint)
+        raise typer.BadParameter("this option needs --window.", param_hint=hint)
     ctx = recordings.context_for(
         file, map, visual.Engine.PYGAME if window else visual.Engine.NO_VIS, **(look if window else {})
     )

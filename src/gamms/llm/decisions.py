@@ -179,6 +179,6 @@ def _refusing(path: Path | None, place: str) -> Iterator[None]:
         yield
     except (ValueError, RecursionError) as error:
         raise BadFile(
-            f"{str(path)!r} holds no decisions of language models, in {place}: {reason(error)}. Give calls= the name "
-            "of a new file, or of one that gamms.llm has written."
+            f"{str(path)!r} is not a file of decisions of language models, in {place}: {reason(error)}. Set calls= "
+            "to a new file, or to one written by gamms.llm."
         ) from None

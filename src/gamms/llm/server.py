@@ -97,7 +97,7 @@ def as_client(client: object) -> "AsyncOpenAI":
     """
     openai = _library()
     if isinstance(client, openai.OpenAI):
-        raise BadType("client is an openai.OpenAI, which would stop the game while it waits: make it an AsyncOpenAI.")
+        raise BadType("client is an openai.OpenAI, which would block the game while it waits: use openai.AsyncOpenAI.")
     if not isinstance(client, openai.AsyncOpenAI):
         raise BadType(
             "client must be an openai.AsyncOpenAI, the address of a server such as 'http://localhost:11434/v1', or "
@@ -206,7 +206,7 @@ def _key_in(variable: object) -> str:
             "(Your value is not shown.)"
         )
     if not os.environ.get(variable):
-        raise MissingKey(f"The environment variable {_cut_name(variable)} holds no key: set it first.")
+        raise MissingKey(f"The environment variable {_cut_name(variable)} is empty or not set: set it to the key.")
     return os.environ[variable]
 
 

@@ -117,7 +117,7 @@ class Strategy:
             BadValue: the strategy plays in another context.
         """
         if self._ctx is not None and self._ctx is not ctx and not self._ctx.is_terminated():
-            raise BadValue(f"{self!r} plays in another context already: make another gamms.llm.Strategy for this one.")
+            raise BadValue(f"{self!r} is already used in another context: make a new gamms.llm.Strategy for this one.")
         self._ctx = ctx
         rules = [named.rule for named in ctx.game.rules]
         known = [rule for rule in rules if isinstance(rule, UsageAccount) and rule.name == self._account.name]
@@ -133,7 +133,7 @@ class Strategy:
             MissingDecision: there is no client and no recorded decision.
         """
         if "curr_pos" not in state:
-            raise BadType("A gamms.llm.Strategy decides for one agent: make it the strategy of each, not a plan.")
+            raise BadType("A gamms.llm.Strategy decides for one agent: register it for each agent, not as a plan.")
         question = question_of(state, self._ctx, self._template)
         request = self._request(question)
         key = digest([self._seed(), state.get("turn", 0), state.get("name", ""), request])

@@ -230,7 +230,7 @@ def _plane(
     if crs is not None:
         name, in_degrees = crs_of(crs)
         if in_degrees:
-            raise BadValue(f"crs is {name}, which counts in degrees. Give one in metres, such as ctx.graph.crs.")
+            raise BadValue(f"crs is {name}, which is in degrees. Give a CRS in meters, such as ctx.graph.crs.")
 
     def plane(points: FloatArray) -> MetricPlane:
         # The caller's CRS may belong to another part of the world.
@@ -280,13 +280,13 @@ def _barrier_heights(barriers: Barriers) -> dict[str, float]:
     if isinstance(barriers, Mapping):
         heights = {str(kind): as_float(height, f"barriers[{kind!r}]") for kind, height in barriers.items()}
         if min(heights.values(), default=1.0) <= 0.0:
-            raise BadValue(f"The heights of barriers must be more than 0 metres, not {shown(barriers)}.")
+            raise BadValue(f"The heights of barriers must be more than 0 m, not {shown(barriers)}.")
         return heights
     kinds = [barriers] if isinstance(barriers, str) else as_items(barriers, "barriers", "values of `barrier`")
     for kind in kinds:
         if not isinstance(kind, str) or kind not in BARRIER_HEIGHTS:
             raise BadValue(
-                f"barriers names {shown(kind)}, whose height is not known.{nearest(kind, BARRIER_HEIGHTS)} "
-                "Give a dict with heights in metres."
+                f"barriers has the unknown kind {shown(kind)}.{nearest(kind, BARRIER_HEIGHTS)} "
+                "Give a dict with heights in meters."
             )
     return {kind: BARRIER_HEIGHTS[kind] for kind in kinds}

@@ -103,7 +103,7 @@ def _corner_of(file: Path) -> IntArray:
     """Return (west, south) from the name of a file."""
     match = _NAME.fullmatch(file.name)
     if match is None:
-        raise BadFile(f"{str(file)!r} is not named as a file of heights. {_WAY_OUT}")
+        raise BadFile(f"{str(file)!r} does not have the name of a height file. {_WAY_OUT}")
     south = int(match[2]) * (-1 if match[1] in "sS" else 1)
     return np.array((int(match[4]) * (-1 if match[3] in "wW" else 1), south))
 
@@ -112,7 +112,7 @@ def _read(file: Path) -> "np.ndarray[Any, np.dtype[np.int16]]":
     """Return the heights in a file (posts, posts), from south to north."""
     size = file.stat().st_size
     if size not in _POSTS:
-        raise BadFile(f"{str(file)!r} has {size} bytes, and {' or '.join(map(str, _POSTS))} are right. {_WAY_OUT}")
+        raise BadFile(f"{str(file)!r} has {size} bytes; a height file has {' or '.join(map(str, _POSTS))}. {_WAY_OUT}")
     return np.fromfile(file, ">i2").reshape(_POSTS[size], _POSTS[size])[::-1]
 
 
@@ -140,8 +140,8 @@ def _nearest_known(posts: "np.ndarray[Any, np.dtype[np.int16]]", at: FloatArray,
     rows, columns = np.nonzero(around != _VOID)
     if not len(rows):
         raise BadValue(
-            f"{str(file)!r} has a void around column {column}, row {row} from the south, wider than {_REACH} posts. "
-            "Take a file whose voids are filled."
+            f"{str(file)!r} lacks heights around column {column}, row {row} from the south, over more than {_REACH} "
+            "posts. Use a file without gaps."
         )
     nearest = np.hypot(rows + south - at[1], columns + west - at[0]).argmin()
     return float(around[rows[nearest], columns[nearest]])
@@ -181,7 +181,7 @@ def add_elevation(graph: "nx.Graph[Any]", elevation: "ElevationPath | Elevation"
     heights = elevation if isinstance(elevation, Elevation) else Elevation(elevation)
     crs = graph.graph.get("crs")
     if crs is None:
-        raise BadValue("The graph has no CRS, so nothing says where it is: set graph.graph['crs'].")
+        raise BadValue("The graph has no CRS, so its location is unknown. Set graph.graph['crs'].")
     row_of = {node: row for row, node in enumerate(graph)}
     try:
         xy = np.array([(data["x"], data["y"]) for _, data in graph.nodes(data=True)], np.float64).reshape(-1, 2)
@@ -204,7 +204,7 @@ def _is_structure(tags: Mapping[str, Any]) -> bool:
 
 def _ground(xy: FloatArray, crs: str | None, elevation: Elevation) -> FloatArray:
     if crs is None:
-        raise BadValue("The graph has no CRS, so nothing says where it is.")
+        raise BadValue("The graph has no CRS, so its location is unknown.")
     return elevation.heights(project(xy, crs, WGS84))
 
 

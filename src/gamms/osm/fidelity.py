@@ -338,7 +338,7 @@ def _selection(
     if osm_type is not None:
         return selection_of(recipe, as_mode(osm_type))
     if name and name not in modes():
-        raise BadValue(f"The graph is for the mode {name!r}, which is yours. Give report(…, osm_type=), as before.")
+        raise BadValue(f"The graph was made for the custom mode {name!r}. Give it again: report(…, osm_type=…).")
     if name:
         return selection_of(recipe, modes()[name])
     kind = OSMType[classic] if classic else None

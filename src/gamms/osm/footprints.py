@@ -213,7 +213,7 @@ def _checked_estimates(estimates: object) -> dict[tuple[str, str], tuple[float, 
             raise BadType(f"{name} must be (height in meters, type), not {shown(estimate)}.") from None
         metres = as_float(height, f"The height in {name}")
         if metres <= 0.0:
-            raise BadValue(f"The height in {name} must be more than 0 metres, not {metres}.")
+            raise BadValue(f"The height in {name} must be more than 0 m, not {metres}.")
         checked[row] = (metres, as_int(type, f"The type in {name}"))
     return checked
 

@@ -198,7 +198,9 @@ def _nearest_lines(
         others = numbers[near]
         total += len(rows)
         if total > _FEW_NEAR + _MOST_NEAR * (first + len(part)):
-            raise ValueError(f"too many lines lie within {metres:g} m of each other; snap less, or thin them out")
+            raise ValueError(
+                f"too many lines are within {metres:g} m of each other; use a smaller snap, or fewer lines"
+            )
         is_other = np.flatnonzero(others != np.array([line for line, _ in part])[rows])
         for pair in is_other[np.argsort(-off[is_other], kind="stable")].tolist():
             found[part[rows[pair]]] = int(others[pair])  # the last one is the nearest

@@ -252,7 +252,7 @@ def _area_of(clip: object) -> "Polygon | None":
         clip = [(west, south), (east, south), (east, north), (west, north)]
     region = region_of(clip, "clip", lambda lonlat: lonlat)
     if (np.abs(np.reshape(region.bounds, (2, 2))) > (180.0, 90.0)).any():
-        raise BadValue(f"clip counts in degrees of longitude and latitude, and reaches to {shown(region.bounds)}.")
+        raise BadValue(f"clip must be in degrees of longitude and latitude; its bounds are {shown(region.bounds)}.")
     return region
 
 
@@ -473,7 +473,7 @@ def recipe_of(
     Raises:
         BadType, BadValue: a resolution or tolerance is impossible.
     """
-    metres = as_positive(resolution, "resolution", hint=" metres. The default is 10.")
+    metres = as_positive(resolution, "resolution", hint=" meters. The default is 10.")
     both = osm_type in (None, OSMType.WALK) if bidirectional is None else as_bool(bidirectional, "bidirectional")
     retain_all = as_bool(retain_all, "retain_all")
     simplify = as_bool(simplify, "simplify")
@@ -522,8 +522,7 @@ def read_network(file: Path, show: Show, selection: RoadSelection, read: _Reader
         )
     if not len(segments.sources):
         raise BadFile(
-            f"{str(file)!r} has roads, but not the nodes that they lead through. "
-            "Export it with all nodes (in Overpass: (._;>;); out;)."
+            f"{str(file)!r} has roads without their nodes. Export it with all nodes (in Overpass: (._;>;); out;)."
         )
     show(f"Projecting {len(segments.lonlat)} nodes")
     if selection.retain_all:
@@ -532,8 +531,8 @@ def read_network(file: Path, show: Show, selection: RoadSelection, read: _Reader
         network = network_of_part(segments, ways.tags, strong=selection.strong)
     if not len(network.sources):
         raise BadFile(
-            f"{str(file)!r} has no two places with a way there and back: its streets are one-way. "
-            "Take them with strong=False, or let agents go against the traffic by bidirectional=True."
+            f"{str(file)!r} has no two places with a route in both directions, because its streets are one-way. "
+            "Load them with strong=False, or allow travel against the traffic with bidirectional=True."
         )
     if ways.nodes is None and network.left_out.other_parts_m:
         lost = network.left_out.other_parts_m / (network.left_out.other_parts_m + float(network.lengths.sum()))
@@ -567,7 +566,7 @@ def helsinki(
     """
     graph = as_context(ctx, "helsinki").graph.graph
     if [*graph.get_nodes(), *ctx.graph.get_obstacle_faces()]:
-        raise BadValue("The context has a graph or obstacles already. Load the map into a new context.")
+        raise BadValue("The context already has a graph or obstacles. Load the map into a new context.")
     recipe = recipe_of(resolution, 0.0, bidirectional)
     pieces, columns = _pieces_of_helsinki(recipe.resolution, bidirectional=recipe.bidirectional)
     streets = to_digraph(pieces, _about(recipe, pieces), columns)

@@ -154,7 +154,7 @@ def _read(file: Path, known: Mapping[str, dict[str, Any]]) -> dict[str, Mode]:
     try:
         tables = tomllib.loads(file.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
-        raise BadFile(f"{where} is no TOML file: {str(error)[:200]}.") from None
+        raise BadFile(f"{where} is not a TOML file: {str(error)[:200]}.") from None
     result = {}
     for name, table in tables.items():
         found[name] = _complete(table, found, f"{where}, mode {name!r}")
@@ -173,7 +173,7 @@ def _complete(table: object, known: Mapping[str, dict[str, Any]], where: str) ->
     names = [field.name for field in fields(Mode) if field.name != "name"]
     base = given.pop("extends", None)
     if base is not None and base not in known:
-        raise BadFile(f"{where} extends {shown(base)}, which is not a mode above it.{nearest(base, known)}")
+        raise BadFile(f"{where} extends {shown(base)}, which is not an earlier mode.{nearest(base, known)}")
     for field in given:
         if field not in names:
             raise BadFile(f"{where} has no field {field!r}.{nearest(field, names)}")
@@ -303,9 +303,7 @@ def filter_of_words(text: str) -> WayFilter | None:
         BadValue: it was a function, of which only the name is known.
     """
     if text and not text.startswith("{"):
-        raise BadValue(
-            f"The graph was filtered by {shown(text)}, a function of yours. Give report(…, filter=), as before."
-        )
+        raise BadValue(f"The graph was filtered by the function {shown(text)}. Give it again: report(…, filter=…).")
     return json.loads(text) if text else None
 
 

@@ -474,7 +474,7 @@ def _length(u: object, v: object, data: Mapping[str, Any]) -> float:
     if value is not None and not 0.0 <= length < math.inf:
         raise BadValue(
             f"Edge ({shown(u)}, {shown(v)}) has the length {shown(value)}. "
-            "Give metres, or leave 'length' out and it follows from the geometry."
+            "Give meters, or omit 'length' to use the length of the geometry."
         )
     return length
 

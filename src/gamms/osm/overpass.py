@@ -138,7 +138,7 @@ def _boundary(servers: MapServers, location: Location) -> "BaseGeometry":
     fault = _fault_of(boundary)
     if fault:
         raise PlaceError(
-            f"The boundary of {shown(location)} is of no use: {fault}. Name a part of it, or use graph_from_bbox."
+            f"The boundary of {shown(location)} cannot be used: {fault}. Name a part of it, or use graph_from_bbox."
         )
     return boundary
 
@@ -351,7 +351,7 @@ def _fault_of(polygon: "BaseGeometry") -> str:
     if max(-west, east) > _FARTHEST[0] or max(-south, north) > _FARTHEST[1]:
         return f"its bounds {polygon.bounds} are not degrees of longitude and latitude"
     km2 = polygon.area * _KM_PER_DEGREE**2 * math.cos(math.radians((south + north) / 2.0))
-    return f"it has {km2:.0f} km², and {_MOST_KM2:.0f} km² are the most" if km2 > _MOST_KM2 else ""
+    return f"it has {km2:.0f} km², more than {_MOST_KM2:.0f} km²" if km2 > _MOST_KM2 else ""
 
 
 # -- formats of answers, with the required fields ---------------------------------------------------------------
@@ -437,7 +437,7 @@ def read_elements(answer: Json, most_cut: float) -> list[_Element]:
     except msgspec.ValidationError:
         raise ValueError("it has no list of elements") from None
     if given.get("remark"):
-        raise ValueError(f"it is incomplete, for the server remarks {str(given['remark'])[:200]!r}")
+        raise ValueError(f"it is incomplete; the server reports {str(given['remark'])[:200]!r}")
     elements = [element for one in listed if (element := _element(one)) is not None]
     nodes = {element.id for element in elements if isinstance(element, _Node)}
     ways = [element for element in elements if isinstance(element, _Way)]

@@ -244,7 +244,7 @@ def _circle(lat: float, lon: float, radius_m: float) -> FloatArray:
     if not (abs(latitude) <= 90.0 and abs(longitude) <= 180.0):
         raise BadValue(f"lat={latitude}, lon={longitude} is not a position: they are degrees up to 90 and 180.")
     if not 0.0 < radius <= _MOST_RADIUS_M:
-        raise BadValue(f"radius_m must be more than 0 and at most {_MOST_RADIUS_M:.0f} metres, not {radius}.")
+        raise BadValue(f"radius_m must be more than 0 and at most {_MOST_RADIUS_M:.0f} m, not {radius}.")
     centre = np.array([[longitude, latitude]])
     crs = utm_crs(centre)
     turn = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)

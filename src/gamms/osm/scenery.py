@@ -158,7 +158,7 @@ def _place_of(ctx: IContext) -> tuple[str, "BaseGeometry"]:
         raise BadValue("The context has no streets with a CRS. Load them first: ctx.graph.attach_networkx_graph(…).")
     crs, in_degrees = crs_of(columns.crs)
     if in_degrees:
-        raise BadValue(f"The streets are in {crs}, which counts in degrees; scenery needs metres.")
+        raise BadValue(f"The streets are in {crs}, which is in degrees; scenery needs a CRS in meters.")
     low = columns.xy.min(axis=0) - _MARGIN_M
     high = columns.xy.max(axis=0) + _MARGIN_M
     return crs, shapely.box(*low.tolist(), *high.tolist())

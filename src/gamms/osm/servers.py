@@ -41,7 +41,7 @@ _MOST_PAUSES = 60
 _LOCAL_PAUSE_S = 0.1  # a server on this computer needs no politeness
 _MEMORY_PER_BYTE = 8  # memory for the values of a JSON answer
 _CHUNK = 4096
-_LATER = "Try again later; what was downloaded before works with offline=True."
+_LATER = "Try again later; earlier downloads work with offline=True."
 _ONE_AT_A_TIME = RLock()  # threads take turns at the servers
 
 Json: TypeAlias = Any
@@ -129,10 +129,10 @@ class MapServers:
             except (OSError, ValueError, RecursionError) as error:
                 damage = str(error)
         if self._offline:
-            what = f"what was kept of it is damaged ({damage})" if damage else "it was never downloaded"
+            what = f"its stored copy is damaged ({damage})" if damage else "it was never downloaded"
             raise PlaceError(
-                f"There is no map of {self._name} on this computer: {what}. Run this once without offline=True, with "
-                f"a connection and otherwise the same arguments and settings; answers are kept in '{self._folder}'."
+                f"There is no map of {self._name} on this computer: {what}. Download it once, without "
+                f"offline=True and with the same arguments and settings; answers are stored in '{self._folder}'."
             )
         with _ONE_AT_A_TIME:
             answer = ask(url, asked)
@@ -152,7 +152,7 @@ class MapServers:
             write_whole(path, content)
         except OSError as error:
             warnings.warn(
-                f"The map of {self._name} cannot be kept in {str(self._folder)!r} for later: {error}. "
+                f"The map of {self._name} cannot be stored in {str(self._folder)!r}: {error}. "
                 "Set gamms.osm.settings.cache_folder to a folder that you may write into.",
                 RuntimeWarning,
                 stacklevel=2,
@@ -188,7 +188,7 @@ class MapServers:
         self._pauses += 1
         self._paused_s += seconds
         if self._paused_s > _MOST_PAUSE_S or self._pauses > _MOST_PAUSES:
-            raise NetworkError(f"{_host(url)} is busy, and would have us wait for {self._paused_s:.0f} s. {_LATER}")
+            raise NetworkError(f"{_host(url)} is busy: it asks for a total wait of {self._paused_s:.0f} s. {_LATER}")
         if seconds > 1.0:
             self._show(f"{_host(url)} is busy: waiting {seconds:.0f} s")
         time.sleep(seconds)
@@ -260,8 +260,8 @@ def _read(
         if isinstance(reason, TimeoutError) or "timed out" in str(error):
             raise _timeout_error(url, patience_s) from error
         raise NetworkError(
-            f"{_host(url)} cannot be reached, or broke off: {reason}. Check the connection and the address {url!r} "
-            "(gamms.osm.settings); what was downloaded before works with offline=True."
+            f"{_host(url)} cannot be reached, or the connection was lost: {reason}. Check the connection and the "
+            f"address {url!r} (gamms.osm.settings); earlier downloads work with offline=True."
         ) from error
 
 
@@ -272,7 +272,7 @@ def _checked(url: str, answer: _HttpAnswer, read: Read[T]) -> tuple[Json, T]:
     if answer.status >= HTTPStatus.BAD_REQUEST:
         refusal = f"{host} answers {answer.status} {answer.reason}, saying {said!r}."
         if answer.status == HTTPStatus.BAD_REQUEST:
-            raise PlaceError(f"{refusal} It does not understand the question: check location, custom_filter and tags.")
+            raise PlaceError(f"{refusal} It cannot parse the query: check location, custom_filter and tags.")
         if answer.status in _BUSY:
             raise NetworkError(f"{refusal} It is busy, after {len(_PAUSES_S) + 1} tries. {_LATER}")
         raise NetworkError(f"{refusal} Check the address {url!r} (gamms.osm.settings). {_LATER}")
@@ -280,13 +280,13 @@ def _checked(url: str, answer: _HttpAnswer, read: Read[T]) -> tuple[Json, T]:
         data = _parsed(answer.content)
     except (ValueError, RecursionError) as error:
         raise NetworkError(
-            f"{host} did not answer with JSON data, but with {shown(said)} ({error}). "
-            f"It was cut short, or comes from a login page between you and {url!r}. {_LATER}"
+            f"{host} answered {shown(said)} instead of JSON ({error}). "
+            f"The answer was truncated, or a login page intercepted {url!r}. {_LATER}"
         ) from error
     try:
         return data, read(data)
     except ValueError as error:
-        raise NetworkError(f"The answer of {host} is of no use: {error}. Choose a smaller area. {_LATER}") from None
+        raise NetworkError(f"The answer of {host} cannot be used: {error}. Choose a smaller area. {_LATER}") from None
 
 
 def _parsed(content: bytes) -> Json:
@@ -310,7 +310,7 @@ def _seconds_to_slot(status: str) -> float:
 
 def _timeout_error(url: str, patience_s: float) -> NetworkError:
     return NetworkError(
-        f"{_host(url)} timed out: an answer must begin within {patience_s:g} s and be there within "
+        f"{_host(url)} timed out: an answer must begin within {patience_s:g} s and be complete within "
         f"{_ANSWER_FACTOR * patience_s:g} s (gamms.osm.settings.requests_timeout). Choose a smaller area. {_LATER}"
     )
 

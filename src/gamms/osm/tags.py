@@ -35,10 +35,10 @@ def as_tags(tags: object) -> tuple[str, ...]:
             raise BadType(f"tags must be a list of names of tags, such as ['surface'], not of {shown(name)}.")
         if name in OWN_NAMES or not 0 < len(name) <= _LONGEST_TAG:
             raise BadValue(
-                f"tags cannot have {shown(name)}, which is not a tag, or is the name of an attribute of GAMMS."
+                f"tags contains {shown(name)}, which is not a valid tag, or is reserved for an attribute of GAMMS."
             )
     if len(names) > _MOST_TAGS:
-        raise BadValue(f"tags has {len(names)} names, and {_MOST_TAGS} are the most.")
+        raise BadValue(f"tags has {len(names)} names; the limit is {_MOST_TAGS}.")
     return names
 
 

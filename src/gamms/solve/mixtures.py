@@ -70,7 +70,7 @@ def matrix_game(payoffs: ArrayLike) -> MatrixGame:
         )
     if not np.isfinite(matrix).all():
         row, column = np.argwhere(~np.isfinite(matrix))[0].tolist()
-        raise BadValue(f"payoffs[{row}][{column}] is {matrix[row, column]}: all have to be finite numbers.")
+        raise BadValue(f"payoffs[{row}][{column}] is {matrix[row, column]}: payoffs must be finite numbers.")
     values, rows, columns = kernels.solve_matrix_games(matrix[None].astype(np.float64))
     return MatrixGame(float(values[0]), rows[0], columns[0])
 
@@ -173,8 +173,8 @@ def double_oracle(  # noqa: PLR0913 - what `solve` takes, and two limits
     nodes = as_count(max_nodes, "max_nodes")
     if len(teams) != 2:
         raise BadValue(
-            f"double_oracle is for games of two teams, not of {len(teams)} ({', '.join(map(shown, teams))}): let all "
-            "but one play strategies, and use best_response."
+            f"double_oracle is for games of two teams, not of {len(teams)} ({', '.join(map(shown, teams))}): give "
+            "strategies to all teams but one, and use best_response."
         )
     table = explore(
         setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states),
@@ -271,8 +271,8 @@ class _StrategyGame:
         self._nodes += 1
         if self.max_nodes is not None and self._nodes > self.max_nodes:
             raise TooLarge(
-                f"In this game teams can see more than max_nodes={self.max_nodes:,} different things: use fewer "
-                "turns=, a smaller map, more max_nodes=, or solve."
+                f"In this game teams can make more than max_nodes={self.max_nodes:,} different observations: use fewer "
+                "turns=, a smaller map, a larger max_nodes=, or solve."
             )
 
     def reward(self, turn: int, row: int) -> float:

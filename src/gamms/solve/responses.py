@@ -115,7 +115,7 @@ def best_response(
     teams = teams_of(scenario, team)
     others = _by_team(against, teams[1:])
     if team in others:
-        raise BadValue(f"against names team {shown(team)}, which answers: give the strategies of the others.")
+        raise BadValue(f"against contains team {shown(team)}, which responds: give the strategies of the other teams.")
     first = as_int(0 if seed is None else seed, "seed")
     cut = _cut(scenario, turns)
     if method != "exact":

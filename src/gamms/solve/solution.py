@@ -132,8 +132,8 @@ class TableStrategy(ABC):
             found = [number for number in found if number in later] or found
         if not found:
             raise BadValue(
-                f"In turn {turn} agents are where the solved game does not get to: {table.named(nodes)}. Its start is "
-                f"that of seed={table.setup.seed}, and its rules and other strategies those that were given to solve."
+                f"In turn {turn} agents are at positions that the solved game never reaches: {table.named(nodes)}. It "
+                f"was solved from the start of seed={table.setup.seed}, with the rules and strategies given to solve."
             )
         return found[0]
 
@@ -179,12 +179,12 @@ class SolvedStrategy(TableStrategy):
         table = stages.table
         if stages.counts_down(self._side):
             raise BadValue(
-                f"{self!r} plays by how many turns are left of a game without a last turn. Solve it with turns= or "
-                "discount=, so that there is a best response."
+                f"{self!r} counts down the turns of a game without a last turn. Solve it with turns= or "
+                "discount=, so that a best response exists."
             )
         if looks_at_winners(reward) and not table.by_winner:
             raise BadValue(
-                f"{self!r} is from a game that was solved without looking at who wins: solve it by reward='win'."
+                f"{self!r} is from a game that was solved without regard to the winner: solve it with reward='win'."
             )
         rewards = rewards_of(table, reward, stages.rewards.discount, of)
         answers = BestResponseValues(table, rewards, stages.tolerance, stages, side)
@@ -336,13 +336,15 @@ class Solution:
         first = None if found else self.table.first_turn(nodes)
         if first is not None and turn < first:
             raise BadValue(
-                f"There is no value of {where} in turn {turn}: the game gets there in turn {first} at first, and what "
-                f"follows is known for the turns that are left then. Give turn={first}, or solve the game begun there."
+                f"There is no value of {where} in turn {turn}: the game reaches it in turn {first} at the earliest, "
+                f"and values are known from then on. Give turn={first}, or solve a game that starts there."
             )
         if not found:
-            raise BadValue(f"The game does not go on with {where} in turn {turn}: it does not get there, or is over.")
+            raise BadValue(f"The game does not continue from {where} in turn {turn}: it never reaches it, or is over.")
         if len(found) > 1:
-            raise BadValue(f"There are {len(found)} states with {where}, because rules or strategies remember more.")
+            raise BadValue(
+                f"There are {len(found)} states with {where}, because rules or strategies store more than positions."
+            )
         return found[0]
 
     def _side_of(self, team: str) -> int:
@@ -428,7 +430,7 @@ def solve(
     if len(teams) != 2:
         raise BadValue(
             f"A game of {len(teams)} teams ({', '.join(map(shown, teams))}) cannot be solved: solve needs two teams. "
-            "Let all but one play strategies, and use best_response."
+            "Give strategies to all teams but one, and use best_response."
         )
     setup = setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
     return solved(setup, reward, discount, teams[0])
@@ -524,8 +526,8 @@ def _warn_of_worthless_wins(table: Table, usual: FloatArray, last: FloatArray | 
         given = [rewards[winner == number] for winner, rewards in turns]
         if any(map(len, given)) and not any(map(np.any, given)):
             getLogger("gamms").warning(
-                f"With reward='score' it counts nothing that team {shown(team)} wins: the rules that end the game then "
-                "give no points. With reward='win' a win counts 1, and a loss -1."
+                f"With reward='score' a win of team {shown(team)} is worth nothing, because the rules that end the "
+                "game give no points for it. With reward='win' a win counts 1, and a loss -1."
             )
 
 

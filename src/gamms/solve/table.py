@@ -326,7 +326,7 @@ class _Explorer:
             turn += 1
         why_not = self._world.why_not()
         if why_not:
-            raise BadValue(f"This game is not solved: {why_not}")
+            raise BadValue(f"This game cannot be solved: {why_not}")
         self._check_again()
         return self._found
 
@@ -409,8 +409,8 @@ class _Explorer:
         others = [team for team in roster.teams if team not in self._setup.teams]
         whose = f", a conflict or a strategy of {', '.join(map(shown, others))}" if others else " or a conflict"
         raise BadValue(
-            f"This game is not solved, because a rule{whose} draws: with another seed turn {turn} goes differently "
-            f"({where}). Use what decides without draws, such as gamms.rules.by_priority, or estimate by playing many "
+            f"This game cannot be solved, because a rule{whose} draws random numbers: turn {turn} differs with another "
+            f"seed ({where}). Use deterministic rules, such as gamms.rules.by_priority, or estimate by playing many "
             "games: scenario.batch(…)."
         )
 
@@ -443,10 +443,10 @@ class _Explorer:
     def _too_many(self) -> str:
         places = {tuple(one) for one in np.column_stack((self._found.nodes, self._found.alive)).tolist()}
         return (
-            f"This game has more than {self._setup.limit}={self._setup.max_states:,} states, of only {len(places):,} "
-            "joint positions: its rules or strategies remember more than where agents are"
-            f"{', and the turn counts' * self._by_turn}. Use rules that remember less, fewer turns=, a smaller map, or "
-            f"a larger {self._setup.limit}= if there are time and memory."
+            f"This game has more than {self._setup.limit}={self._setup.max_states:,} states, but only {len(places):,} "
+            "joint positions: its rules or strategies store more than positions"
+            f"{', and states include the turn' * self._by_turn}. Use rules that store less, fewer turns=, a smaller "
+            f"map, or a larger {self._setup.limit}=."
         )
 
     def _check_again(self) -> None:
@@ -477,6 +477,6 @@ class _Explorer:
                 if changed or self._known.get(key) != outcomes.after[at]:
                     where = dict(zip(self._world.roster.names, states.nodes[0].tolist(), strict=True))
                     raise BadValue(
-                        f"This game is not solved: from {where} a turn goes differently after another history, and "
-                        "ctx.game.data does not say why. Keep the memory of rules there."
+                        f"This game cannot be solved: from {where} a turn has other outcomes after another history, "
+                        "although ctx.game.data is equal. Store the memory of rules there."
                     )

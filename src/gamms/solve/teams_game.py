@@ -45,8 +45,8 @@ class _SharedModel:
         with observing(table) as observer:
             if self.first is not None and observer.may_stop_moves:
                 raise BadValue(
-                    "Where conflicts or rules may stop moves, it is not known what the team that moves second sees: "
-                    "unset conflicts and rules of the phase 'deeds', or the order of play."
+                    "If conflicts or rules can stop moves, the observation of the team that moves second is undefined: "
+                    "remove conflicts and rules of the phase 'deeds', or the order of play."
                 )
             for state in range(len(table)):
                 seen = observer.observe(state)

@@ -246,10 +246,10 @@ def _positions(ctx: Context, setup: GameSetup) -> int:
         fitting = next(n for n in range(len(reached), -1, -1) if prod(sorted(reached)[:n]) <= setup.max_states)
         nodes = int(setup.max_states ** (1 / len(reached)))
         raise TooLarge(
-            f"This game has up to {joint:,} joint positions ({len(reached)} agents that get to "
+            f"This game has up to {joint:,} joint positions ({len(reached)} agents that can reach "
             f"{' x '.join(map(str, reached))} nodes), and {setup.limit}={setup.max_states:,} is allowed: "
             f"{fitting} of these agents on this map would fit, or {len(reached)} agents on {nodes} nodes. A smaller "
-            f"map, fewer turns=, or a larger {setup.limit}= if there are time and memory."
+            f"map, fewer turns=, or a larger {setup.limit}= would help."
         )
     return joint
 
@@ -273,16 +273,20 @@ def _refuse(game: Game) -> None:
     """Refuse games whose joint states or actions cannot be listed."""
     settings = game.settings()
     reasons = [
-        (settings["speed_unit"] != "edges", "agents travel by metres, and are anywhere on edges: use speeds in edges"),
-        (bool(settings["deeds"]), f"agents may do {', '.join(settings['deeds'])} besides moving: leave the deeds out"),
-        (settings["time_budget"] is not None, "a time budget makes it depend on the clock: leave time_budget out"),
+        (
+            settings["speed_unit"] != "edges",
+            "agents travel in meters and can be anywhere on an edge: set speeds in edges",
+        ),
+        (bool(settings["deeds"]), f"agents may do {', '.join(settings['deeds'])} besides moving: remove the deeds"),
+        (settings["time_budget"] is not None, "its time_budget makes results depend on the clock: remove it"),
     ]
     reasons += [
-        (one.type is AgentType.AERIAL, f"agent {shown(one.name)} flies: let it go on the ground") for one in game.agents
+        (one.type is AgentType.AERIAL, f"agent {shown(one.name)} flies: use an agent on the ground")
+        for one in game.agents
     ]
     for is_there, reason in reasons:
         if is_there:
-            raise BadValue(f"This game is not solved, because {reason}.")
+            raise BadValue(f"This game cannot be solved, because {reason}.")
 
 
 class BatchSimulator:
