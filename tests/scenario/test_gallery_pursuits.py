@@ -49,3 +49,33 @@ def test_hunters_in_fog_never_exclude_the_node_of_a_deer():
             known = belief.belief_of(ctx, "hunters_0")
             for deer in ctx.agent.teams["deer"]:
                 assert deer.current_node_id in known.reachable(deer.name) or not deer.alive
+
+
+def test_saboteurs_close_bridges_alone_and_these_open_again_after_twenty_turns():
+    closed_in, opened_in = {}, {}
+    with scenario.from_gallery("sabotage").build() as ctx:
+        bridges = {id for id in ctx.graph.get_edges() if ctx.graph.get_edge(id).length > 20}
+        while not ctx.game.is_over:
+            ctx.game.step()
+            closed = set(ctx.graph.closed_roads)
+            closed_in.update(dict.fromkeys(closed - closed_in.keys(), ctx.game.turn))
+            opened_in.update(dict.fromkeys(closed_in.keys() - closed - opened_in.keys(), ctx.game.turn))
+    assert closed_in.keys() <= bridges
+    assert opened_in
+    assert {opened_in[id] - closed_in[id] for id in opened_in} == {20}
+
+
+def test_drones_find_a_hiker_but_a_robot_has_to_get_there():
+    result = scenario.from_gallery("search_by_drones").play()
+    (found,) = [event for event in result.events if event["kind"] == "tag"]
+    assert found["agent"].startswith("robot")
+    assert result.winner == "searchers"
+
+
+def test_the_dog_wins_when_fifteen_sheep_are_in_the_pen():
+    with scenario.from_gallery("herding").build() as ctx:
+        result = ctx.game.run()
+        nodes = [ctx.graph.get_node(event["node"]) for event in result.events if event["kind"] == "penned"]
+    assert all(node.x**2 + (node.y - 120) ** 2 <= 35**2 for node in nodes)
+    assert result.winner == "dogs"
+    assert len(nodes) == result.scores["dogs"] >= 15
