@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import Enum
-from itertools import groupby, pairwise, product, takewhile
+from itertools import groupby, product, takewhile
 from operator import is_, itemgetter
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -50,8 +50,6 @@ _AHEAD = 1  # tiles around the view that are painted before they are seen
 _MOST_TILES = 800
 _MOST_VIEWS = 4
 _SPILL_PX = 64.0  # how far outside the box of a painting something sized in pixels may reach
-_SLOW = 0.0025  # seconds of a row of tiles; then rows become shorter
-_LONGEST_ROW = 16  # tiles
 # how many times coarser or finer a level may be that tiles are cut out of
 _COARSEST = 16.0
 _FINEST = 4.0
@@ -156,10 +154,8 @@ class Tiles:
         self.painting = painting
         self.background = background
         self._pool = pool
-        # seconds that a row of tiles took, and how many it has
         self._box = box
-        self._cost = 0.0
-        self._at_once = 1
+        self._cost = 0.0  # seconds that the last tile took
         self._flags = load().BLEND_PREMULTIPLIED if background is None else 0
         self._levels: dict[_Grid, _Level] = {}  # the one that was used last is the last
 
@@ -210,8 +206,9 @@ class Tiles:
             return False
         if may_cut_out:
             missing = self._cut_out(level, missing)
-        for rectangle in _rectangles(missing):
-            self._paint(level, rectangle)
+        for row, places in groupby(sorted(missing, key=itemgetter(1, 0)), itemgetter(1)):
+            columns = [column for column, _ in places]
+            self._paint(level, _Area(columns[0], row, columns[-1] + 1, row + 1))
         return True
 
     def _is_empty(self, level: _Level, place: Place) -> bool:
@@ -237,33 +234,14 @@ class Tiles:
             level.tiles[place] = _part(surface, tiles, place)
             level.rough.discard(place)
 
-    def _paint_rows(self, level: _Level, wanted: list[Place], budget: FrameBudget) -> None:
-        """Paint tiles in order, each together with wanted tiles to its right, until the time is over."""
-        waiting = set(wanted)
-        for place in wanted:
-            if place in waiting:
-                if not budget.has_time(self._cost):
-                    return
-                row = self._row(place, waiting)
-                waiting.difference_update(row.places())
-                self._paint_timed(level, row)
-
-    def _row(self, place: Place, waiting: set[Place]) -> _Area:
-        """Return a tile, and as many tiles to its right as one frame has time for."""
-        column, row = place
-        end = column + 1
-        while (end, row) in waiting and end - column < self._at_once:
-            end += 1
-        return _Area(column, row, end, row + 1)
-
-    def _paint_timed(self, level: _Level, row: _Area) -> None:
-        began = perf_counter()
-        self._paint(level, row)
-        self._cost = perf_counter() - began
-        if self._cost > _SLOW:
-            self._at_once = max(self._at_once // 2, 1)
-        elif self._cost < _SLOW / 2:
-            self._at_once = min(self._at_once * 2, _LONGEST_ROW)
+    def _paint_in_time(self, level: _Level, wanted: Iterable[Place], budget: FrameBudget) -> None:
+        """Paint tiles in order until the time is over."""
+        for column, row in wanted:
+            if not budget.has_time(self._cost):
+                return
+            began = perf_counter()
+            self._paint(level, _Area(column, row, column + 1, row + 1))
+            self._cost = perf_counter() - began
 
     def _painted(self, camera: Camera) -> Any:
         if self.background is None:
@@ -281,7 +259,7 @@ class Tiles:
         middle = (tiles.left + tiles.right - 1) / 2, (tiles.top + tiles.bottom - 1) / 2
         rough = level.rough.intersection(tiles.places()) if level.rough else set()
         outwards = sorted(rough, key=lambda place: abs(place[0] - middle[0]) + abs(place[1] - middle[1]))
-        self._paint_rows(level, outwards, budget)
+        self._paint_in_time(level, outwards, budget)
 
     def paint_ahead(self, camera: Camera, budget: FrameBudget) -> None:
         """Paint tiles around the view until the time is over, unless the camera zooms."""
@@ -290,7 +268,7 @@ class Tiles:
         level = self._levels[_grid_of(camera)]
         around = level.view(camera).tiles().wider(_AHEAD)
         missing = (place for place in around.places() if place not in level.tiles and not self._is_empty(level, place))
-        self._paint_rows(level, sorted({*missing, *level.rough.intersection(around.places())}), budget)
+        self._paint_in_time(level, sorted({*missing, *level.rough.intersection(around.places())}), budget)
 
     # -- other levels ----------------------------------------------------------------------------------------
 
@@ -376,24 +354,6 @@ def _grid_of(camera: Camera) -> _Grid:
 def _around(places: list[Place]) -> _Area:
     columns, rows = zip(*places, strict=True)
     return _Area(min(columns), min(rows), max(columns) + 1, max(rows) + 1)
-
-
-def _rectangles(places: list[Place]) -> Iterator[_Area]:
-    """Partition tile positions into rectangular areas, and yield these."""
-    rows: dict[tuple[int, int], list[int]] = {}  # rows with exactly this range of columns
-    for row, there in groupby(sorted(places, key=itemgetter(1, 0)), itemgetter(1)):
-        for stretch in _stretches([column for column, _ in there]):
-            rows.setdefault(stretch, []).append(row)
-    for (left, right), its_rows in rows.items():
-        for top, bottom in _stretches(its_rows):
-            yield _Area(left, top, right, bottom)
-
-
-def _stretches(numbers: list[int]) -> Iterator[tuple[int, int]]:
-    """Yield the first and last number + 1 of numbers, in order, that follow each other."""
-    breaks = [place for place in range(1, len(numbers)) if numbers[place] > numbers[place - 1] + 1]
-    for first, end in pairwise([0, *breaks, len(numbers)]):
-        yield numbers[first], numbers[end - 1] + 1
 
 
 def _part(surface: "Surface", tiles: _Area, place: Place) -> Any:

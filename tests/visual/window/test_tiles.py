@@ -1,14 +1,10 @@
 """Tiles: what was painted once and shifted is what would be painted now."""
 
-from itertools import chain
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import gamms
-from gamms.visual.scene import FrameBudget, SurfacePool, _rectangles
+from gamms.visual.scene import FrameBudget, SurfacePool
 
 
 def grid(ctx, side):
@@ -127,18 +123,6 @@ def test_what_was_done_already_takes_the_time_of_the_first_thing():
     budget = FrameBudget(-1.0)
     budget.spend()
     assert not budget.has_time(0.0)
-
-
-@given(st.sets(st.tuples(st.integers(-4, 4), st.integers(-4, 4))))
-def test_rectangles_hold_each_missing_tile_once_and_no_other(places):
-    held = list(chain.from_iterable(area.places() for area in _rectangles(list(places))))
-    assert len(held) == len(places)
-    assert set(held) == places
-
-
-def test_a_ring_of_missing_tiles_is_four_rectangles():
-    ring = [(x, y) for x in range(6) for y in range(5) if x in {0, 5} or y in {0, 4}]
-    assert len(list(_rectangles(ring))) == 4
 
 
 def test_a_sheet_is_used_again_for_the_same_use_only():
