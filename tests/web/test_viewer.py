@@ -226,6 +226,27 @@ def test_a_damaged_recording_is_said_to_be_so(chromium, game, tmp_path):
     assert "damaged" in chromium.value("document.querySelector('.failure').textContent")
 
 
+def test_names_of_a_knot_share_a_label_which_covers_no_flag(chromium, tmp_path):
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        for name, node in (("anna", 12), ("bert", 12), ("carl", 12), ("dora", 3)):
+            ctx.agent.create_agent(name, start_node_id=node, team="red", strategy=lambda state: None)
+        ctx.agent.create_agent("enemy", start_node_id=24, team="blue", strategy=lambda state: None)
+        ctx.game.add(gamms.rules.capture_flag({"red": 3, "blue": 13}))
+        ctx.record.start(tmp_path / "knot.ggr")
+        ctx.game.run(max_turns=1)
+    with recorder.open(tmp_path / "knot.ggr") as recording:
+        recording.save(tmp_path / "knot.html", labels=True)
+    chromium.open(tmp_path / "knot.html")
+    chromium.settle()
+    labels = chromium.value("gamms.views[0].scene.labels.map(({lines, box}) => [lines, box])")
+    assert sorted(lines for lines, _ in labels) == [["anna", "bert", "carl"], ["dora"], ["enemy"]]
+    flags = chromium.value("[[3, 0], [3, 2]].map(([x, y]) => gamms.views[0].scene.camera.toScreen(10 * x, 10 * y))")
+    for _, (left, top, right, bottom) in labels:
+        for x, y in flags:
+            assert not (left < x + 8 and right > x and top < y and bottom > y - 12)
+
+
 def test_hostile_names_execute_nothing(chromium, tmp_path):
     name = "</script><img src=x onerror='window.attacked=true'>"
     with gamms.create_context(seed=1) as ctx:
