@@ -382,8 +382,8 @@ class WindowCamera:
 
     def look_at_box(self, low: FloatArray, high: FloatArray, margins: Margins = NO_MARGINS) -> None:
         """Show the box between two corners, centered if margins of these sizes in pixels allow it."""
-        (x, y) = ((low + high) / 2).tolist()
-        (across, up) = (high - low).tolist()
+        x, y = ((low + high) / 2).tolist()
+        across, up = (high - low).tolist()
         left, top, right, bottom = margins
         across_px = max(self._width - left - right, 1.0)
         down_px = max(self._height - top - bottom, 1.0)
@@ -475,8 +475,8 @@ def is_near(camera: Camera, before: Camera) -> bool:
     """Return whether a camera has moved and zoomed so little that it may be on its way."""
     if not 1 / _STEADY <= camera.scale / before.scale <= _STEADY:
         return False
-    (x, y) = _middle(camera)
-    (then_x, then_y) = _middle(before)
+    x, y = _middle(camera)
+    then_x, then_y = _middle(before)
     right = abs(x - then_x) * camera.scale
     up = abs(y - then_y) * camera.scale
     return right <= _STEP * camera.width and up <= _STEP * camera.height

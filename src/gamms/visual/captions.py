@@ -217,7 +217,7 @@ def draw_card(pen: Pen, card: ResultCard, center: tuple[float, float], ground: R
     title = words_width(card.title, _TITLE_PX) + spot
     width = max(title, *(words_width(line, _FONT_PX) for line in card.lines)) + 2 * _PAD_PX
     height = _TITLE_PX + _CARD_PX * len(card.lines) + 1.6 * _PAD_PX
-    (x, y) = center
+    x, y = center
     edge = 1.0
     left = x - width / 2
     top = y - height / 2

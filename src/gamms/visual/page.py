@@ -192,7 +192,7 @@ class Page:
             corner: the upper right corner of the map, beside which the legend stands; None: that of the page.
         """
         style = self._style
-        (_, faint) = inks(self._style.background)
+        _, faint = inks(self._style.background)
         pen = self.pen(camera)
         if style.title:
             pen.text(style.title, self._margin, 0.6 * _HEADER_PX, _TITLE_PX)
@@ -230,8 +230,8 @@ class Page:
 
     def _free(self, corner: Point | None) -> tuple[Rectangle, list[Rectangle]]:
         """Return where words may be, and where the legend is."""
-        (width, height) = self._size
-        (left, top) = self._legend_at(corner)
+        width, height = self._size
+        left, top = self._legend_at(corner)
         page = 2.0, _HEADER_PX if self._style.title else 2.0, width - 2.0, height - self._foot
         right = left + self.legend.width
         bottom = top + self.legend.height
@@ -240,7 +240,7 @@ class Page:
 
     def captions(self, camera: Camera, bar: CaptionBar, corner: Point | None) -> DrawCommands:
         """Return the captions of the turn, below the map, or on the map if the page has no free corner."""
-        (width, height) = self._size
+        width, height = self._size
         (left, *_, foot) = self._margins
         lines = self._lines
         pen = self.pen(camera)
@@ -248,7 +248,7 @@ class Page:
         if corner is None:
             pen.rectangle(0.0, top, width, lines * LINE_PX, (*self._style.background[:3], _GROUND))
         scores = not self.legend.width
-        (_, faint) = inks(self._style.background)
+        _, faint = inks(self._style.background)
         draw_caption_bar(pen, bar, (left, top, width - 2 * left), lines, faint, scores=scores)
         return pen.commands.freeze()
 
@@ -256,7 +256,7 @@ class Page:
         """Return how the game ended, on a card upon the map."""
         pen = self.pen(camera)
         (left, top, right, bottom) = self._margins
-        (width, height) = self._size
+        width, height = self._size
         center = (left + width - right) / 2, top + 0.4 * (height - top - bottom)
         draw_card(pen, card, center, self._style.background[:3], inks(self._style.background)[1])
         return pen.commands.freeze()
@@ -276,8 +276,8 @@ class Page:
 
     def _draw_foot(self, pen: Pen, ink: Rgb, scale: float) -> None:
         """Draw the scale bar and north at the left, the note at the right, or below where they are too broad."""
-        (width, height) = self._size
-        (mark_px, note_px) = self._feet
+        width, height = self._size
+        mark_px, note_px = self._feet
         ground = (*self._style.background[:3], _GROUND)
         middle = height - 0.5 * _ROW_PX
         x = self._margin

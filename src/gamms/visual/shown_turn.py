@@ -195,7 +195,7 @@ class LastMoves:
         for place in recent:
             entry = entries[place]
             if not isinstance(entry, MovedAgents):
-                (was, now) = _by_name(entry)
+                was, now = _by_name(entry)
                 number = entry[2]
                 steps = {name: (was.get(name, at), at) for name, at in now.items() if (number, name) not in placed}
                 entries[place] = self.moves_between({}, steps)

@@ -117,8 +117,8 @@ def _tries(parts: _StraightParts, camera: Camera, page: Rectangle) -> Iterator[S
     is_back = half[:, 0] < _UPRIGHT * half[:, 1]  # of names that are nearly upright, all read upwards
     half[is_back] *= -1.0
     for place in np.flatnonzero(is_inside).tolist():
-        (x, y) = middles[place].tolist()
-        (across, down) = half[place].tolist()
+        x, y = middles[place].tolist()
+        across, down = half[place].tolist()
         yield StreetName(parts.words[row[place]], x, y, degrees(atan2(-down, across)))
 
 

@@ -190,7 +190,7 @@ class Canvas:
         warn_of_boxes(words)
         edge = self._paper if is_dark(color) != is_dark(self._paper) else None
         turned = _turned_text(words, font_px, color, edge, round(angle % 360.0, 1))
-        (x, y) = corner
+        x, y = corner
         turn = radians(angle)
         across = words_width(words, font_px) / 2
         down = _height(font_px) / 2

@@ -329,8 +329,8 @@ class _Command(NamedTuple):
 
 
 def _rectangle(canvas: Canvas, camera: Camera, command: _Command) -> None:  # noqa: ARG001 - as of all kinds
-    (x, y) = command.points[0].tolist()
-    (width, height) = command.extent.tolist()
+    x, y = command.points[0].tolist()
+    width, height = command.extent.tolist()
     if command.width == 0.0:
         canvas.rectangle(x, y, width, height, command.color)
         return
@@ -366,7 +366,7 @@ def _reach(command: _Command) -> float:
 
 
 def _image(canvas: Canvas, camera: Camera, command: _Command) -> None:
-    (x, y) = command.points[0].tolist()
+    x, y = command.points[0].tolist()
     reach = 1.5 * command.size
     is_seen = -reach < x < camera.width + reach and -reach < y < camera.height + reach
     if is_seen and command.size >= _SMALLEST_RADIUS_PX:

@@ -152,7 +152,7 @@ def _number(tenths: int) -> str:
 
 
 def _circle(sheet: VectorCommands, row: int) -> str:
-    (x, y) = sheet.points_of(row)[0]
+    x, y = sheet.points_of(row)[0]
     radius = int(sheet.size[row])
     if radius < 10 * SMALLEST_RADIUS_PX:
         return ""

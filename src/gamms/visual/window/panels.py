@@ -114,7 +114,7 @@ class Hud:
 
     def paint_facts(self, canvas: Canvas, facts: list[str], at: Point, beside_px: float, foot_px: int) -> None:
         """Paint facts beside a point, where they cover no other panel; of a point outside below the lines."""
-        (x, y) = at
+        x, y = at
         lines = _wrapped(tuple(map(_short, facts)), canvas.width)
         width, height = _size(lines)
         last = canvas.width - EDGE_PX - width, canvas.height - EDGE_PX - foot_px - height
@@ -246,7 +246,7 @@ class WindowLegend:
 
     @property
     def height(self) -> int:
-        """Scroll the panel down."""
+        """The height in pixels from the upper edge of the window; 0 without a legend, or if it does not fit."""
         return round(self._legend.height) + 3 * EDGE_PX if self._legend.height else 0
 
     def explain(self, blocks: tuple[Block, ...], width: int, height: int) -> None:
