@@ -17,7 +17,7 @@ from gamms.errors import BadType, BadValue, GammsError, nearest
 from gamms.game.facts import KnownFacts
 from gamms.game.legality import IllegalAction, Legality
 from gamms.game.order import PlannedAgents, TurnPart
-from gamms.game.random_streams import TeamDraws
+from gamms.game.random_streams import ArrayDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.game.streets import LegalNodes
@@ -70,7 +70,7 @@ class TeamArrays:
         self._chosen: IntArray | None = None
         self.facts = facts
         self.team_memory = team_memory
-        self.draw = TeamDraws(partial(commanded.draw_keys, seed), turn)
+        self.draw = ArrayDraws(partial(commanded.draw_keys, seed), np.array([turn]))
         self._seed = seed
 
     @cached_property

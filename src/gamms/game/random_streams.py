@@ -1,6 +1,5 @@
 """Random streams of the agents of a game, which restart in each turn."""
 
-from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from copy import copy, deepcopy
 from functools import wraps
@@ -119,11 +118,20 @@ class Draws(TurnStream):
 
 
 class ArrayDraws:
-    """Keyed draws of many agents: each call returns one number per agent."""
+    """The keyed draws of many agents, in one game or in several: each call returns one number per agent.
 
-    @abstractmethod
-    def bits(self) -> BitArray:
-        """Return 64 random bits for each agent."""
+    They are equal to the draws of `state["draw"]` of each agent in the same turn of the same game, call by call.
+
+    Args:
+        first_keys: returns the keys of the agents; see `kernels.first_key_rows`.
+        turns: the number of turns played, which broadcasts with the keys.
+    """
+
+    def __init__(self, first_keys: Callable[[], BitArray], turns: IntArray) -> None:
+        self._of = first_keys, turns
+        self._keys: BitArray | None = None  # of this turn
+        self._count: IntArray | int = 0  # the number of draws in this turn, for all agents or for each
+        self._among: tuple[ArrayDraws, BoolArray] | None = None
 
     def random(self) -> FloatArray:
         """Return a number in [0, 1) for each agent."""
@@ -141,42 +149,11 @@ class ArrayDraws:
         bits = self.bits()
         return kernels.below_many(*as_one_shape({"draw": bits, "n": bounds}) if bounds.ndim else (bits, bounds))
 
-
-class TeamDraws(ArrayDraws):
-    """The keyed draws of the agents of a team: each call returns one number per agent, (agents,).
-
-    They are equal to the draws of `state["draw"]` of each agent in the same turn, call by call.
-
-    Args:
-        first_keys: returns the keys of the agents, (agents,); see `kernels.first_key_rows`.
-        turn: the number of turns played.
-    """
-
-    def __init__(self, first_keys: Callable[[], BitArray], turn: int) -> None:
-        self._first_keys = first_keys
-        self._turn = turn
-        self._keys: BitArray | None = None  # of this turn
-        self._count = 0
-
-    def bits(self) -> BitArray:
-        """Return 64 random bits for each agent."""
-        if self._keys is None:
-            self._keys = kernels.turn_key_rows(self._first_keys(), np.array([self._turn]))
-        self._count += 1
-        return kernels.bits_at_rows(self._keys, self._count - 1)
-
-
-class ViewDraws(ArrayDraws):
-    """The keyed draws of the agents of a batch view: each call returns one number per agent, (games, agents).
-
-    They are equal to the draws of `state["draw"]` in the same turn of the same game, call by call.
-    """
-
-    def __init__(self, first: BitArray, turns: IntArray, count: IntArray | int = 0) -> None:
-        self._of = first, turns
-        self._keys: BitArray | None = None
-        self._count = count  # the number of draws in this turn
-        self._among: tuple[ViewDraws, BoolArray] | None = None
+    def after(self, count: IntArray) -> Self:
+        """Return draws of agents that have drawn some numbers of times in this turn."""
+        later = copy(self)
+        later._count = count
+        return later
 
     def only(self, asked: BoolArray) -> Self:
         """Return draws that count only for the agents in `asked`, (games, agents); for all others, nothing is drawn."""
@@ -202,8 +179,8 @@ class ViewDraws(ArrayDraws):
         if self._among is not None:
             return self._among[0].bits_of(counted)
         if self._keys is None:
-            first, turns = self._of
-            self._keys = kernels.turn_key_rows(first, turns[:, None])
+            first_keys, turns = self._of
+            self._keys = kernels.turn_key_rows(first_keys(), turns)
         count = self._count
         self._count = self._count + counted
         return kernels.bits_at_rows(self._keys, count)

@@ -36,7 +36,6 @@ from gamms.typing.sensor_engine import SensorType
 # distances whose squares neither vanish nor overflow
 _LEAST = 1e-150
 _MOST = 1e150
-_MANY = 256  # number of looks from which neighbors are read from arrays of all edges
 
 
 class GroundSensor(Sensor):
@@ -268,10 +267,7 @@ class NeighborSensor(Sensor):
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are ids of nodes. `data` is unchanged."""
-        near = self._neighborhoods
         nodes = as_ids(node_ids, "node_ids")
-        if len(nodes) < _MANY:
-            return LookResults(*ragged([[*near[node_id]] for node_id in nodes]))
         graph = self.ctx.graph
         offsets, targets = graph.routes.neighborhoods()
         places, ends = kernels.chosen_runs(offsets, graph.routes.rows(nodes))

@@ -27,12 +27,9 @@ from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import Line, PassedNode
 
 _SLACK = 1e-6  # map units: tolerance for boxes, because places on an edge are rounded
-_MOST_COMPARED = 1000  # number of agents above which looks in 3D between moves only examine nearby agents
 _MOST_RADII = 64  # radii for which agents are stored in cells
 _MOST_NODES = 1 << 20  # nodes whose positions are cached
 _SHARE_MOVED = 8  # if one agent in this many has moved, all are entered again
-_LOOKS_OF_SOME = 8  # looks in 3D between two moves after which the positions of all agents are computed
-_LOOKS_WITHOUT_CELLS = 8  # looks in 3D at one moment below which scanning all agents is cheaper than a grid
 
 
 class Coordinates(NamedTuple):
@@ -78,13 +75,8 @@ class NearbyAgents:
         self._key: tuple[Positions | None, int, int | None] = (None, 0, None)
         self._places: FloatArray | None = None
         self._coordinates: Coordinates | None = None  # at these places
-        self._living = np.zeros(0, np.int64)  # their rows
-        self._cells: kernels.CellIndex | None = None  # of these
-        self._looks_in_space = 0  # at these coordinates
-        self._moved: tuple[Positions | None, int] = (None, 0)  # when agents moved last
-        self._looks_since = 0  # of those in space
         self._travellers = AgentsOnEdges(ctx)
-        self._positions: Positions | None = None  # of which the cells are
+        self._positions: Positions | None = None  # that were entered last
         self._moved_since: ChangeLog | None = None
         self._version = 0  # of these
         self._moment: object = None  # the moment at which the index was last checked
@@ -130,9 +122,6 @@ class NearbyAgents:
             is_flying = np.zeros(len(xy), np.bool_)
             xyz[positions.flyers], is_flying[positions.flyers] = positions.flyer_xyz, True
             self._coordinates = Coordinates(xyz, is_flying, is_on_surface | is_flying)
-            self._living = positions.living
-            self._cells = None
-            self._looks_in_space = 0
         return self._coordinates
 
     def living_near(self, x: float, y: float, radius: float) -> IntArray:
@@ -141,20 +130,18 @@ class NearbyAgents:
         Raises:
             UnknownName (KeyError): the node of an agent was removed.
         """
-        if self._is_moving(self._ctx.agent.positions):
-            return self._living_above(self._catch_up(), x, y, radius)
-        xyz = self.coordinates().xyz
-        living = self._living
-        self._looks_in_space += 1
-        if self._looks_in_space > _LOOKS_WITHOUT_CELLS and self._cells is None:
-            self._cells = kernels.build_cells(xyz[living, :2])
-        rows = None if self._cells is None else kernels.candidate_rows(self._cells, x, y, radius)
-        return living if rows is None else living[np.sort(rows)]
+        positions = self._catch_up()
+        reach = kernels.widened(radius)
+        rows = set(self._rows_within(positions, (x, y), reach))
+        is_near = (np.abs(positions.flyer_xyz[:, :2] - (x, y)) <= reach).all(axis=1)
+        rows.update(positions.flyers[is_near].tolist())
+        return np.array(sorted(rows.difference(positions.inactive)), np.int64)
 
     def in_space(self, rows: IntArray) -> Coordinates:
         """Return the 3D positions of some agents, (rows,)."""
         positions = self._ctx.agent.positions
-        if not self._is_moving(positions):
+        # While agents decide, results are shared by many looks; otherwise one agent may move after each look.
+        if self._phase.moment is not None or self._are_places_known(positions):
             return self.coordinates().of(rows)
         listed: list[int] = rows.tolist()
         xyz, is_on_surface = on_ground(self._ctx, positions.node_ids_of(listed), self.xy(listed))
@@ -163,25 +150,6 @@ class NearbyAgents:
         is_flying = np.append(flyers, -1)[places] == rows
         xyz[is_flying] = positions.flyer_xyz[places[is_flying]]
         return Coordinates(xyz, is_flying, is_on_surface | is_flying)
-
-    def _is_moving(self, positions: Positions) -> bool:
-        """Return whether single look-ups pay off, because one of many agents may move after each look."""
-        if self._phase.moment is not None or positions.travellers or len(positions.names) <= _MOST_COMPARED:
-            return False
-        if self._moved != (positions, positions.version):
-            self._moved = (positions, positions.version)
-            self._looks_since = 0
-        self._looks_since += 1
-        return self._looks_since <= _LOOKS_OF_SOME and not self._are_places_known(positions)
-
-    def _living_above(self, positions: Positions, x: float, y: float, radius: float) -> IntArray:
-        reach = kernels.widened(radius)
-        rows = self._sight(reach).rows(x, y)
-        flyers = positions.flyers
-        inactive = positions.inactive
-        is_near = (np.abs(positions.flyer_xyz[:, :2] - (x, y)) <= reach).all(axis=1)
-        flying = [row for row in flyers[is_near].tolist() if row not in inactive]
-        return np.array(sorted({*rows, *flying}), np.int64)
 
     def xy(self, rows: list[int]) -> FloatArray:
         """Return the map positions of some agents (rows, 2)."""

@@ -26,7 +26,6 @@ from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView, asked_view
 from gamms.game.deeds import checked_value
 from gamms.game.moves import TurnMoves
-from gamms.game.random_streams import ViewDraws
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -237,8 +236,7 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
         here, drawn = _deciding_now(ctx, block, state)
     view = asked_view(block, _ONE, agents, here)
     view._may_aim = True
-    keys = block.chosen(block.draw_keys(), _ONE, agents)
-    view.draw = ViewDraws(keys, view.turn, drawn[:, agents]).only(view.mask)
+    view.draw = view.draw.after(drawn[:, agents]).only(view.mask)
     given = function(view)
     if view.flies:
         given = as_flights(given, f"{name}: what an agent that flies does", view.node.shape)

@@ -51,7 +51,6 @@ from gamms.game.deeds import checked_value
 from gamms.game.legality import IllegalAction
 from gamms.game.messages import ANTENNA, MessagePositions
 from gamms.game.order import left_out
-from gamms.game.random_streams import ViewDraws
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan
 from gamms.ir.game_state import PHASES
@@ -184,7 +183,7 @@ class GamesOnOneMap:
             yield self.state.checkpoint(self.core.moves)
 
     def asks_at_arrivals(self, *, is_given: bool) -> bool:
-        """Whether functions are called where agents arrive, or actions from outside are taken there."""
+        """Return whether functions are called where agents arrive, or actions from outside are taken there."""
         return self._at_arrivals and (is_given or self.asks_functions or self._has_conflicts)
 
     @property
@@ -291,9 +290,7 @@ class GamesOnOneMap:
                 view = asked_view(self.state, some, agents, here)
                 rows = np.ix_(some, agents)
                 if here is not None:
-                    view.draw = ViewDraws(
-                        self.state.chosen(self.state.draw_keys(), some, agents), view.turn, self._drawn[rows]
-                    ).only(view.mask)
+                    view.draw = view.draw.after(self._drawn[rows]).only(view.mask)
                 try:
                     actions[rows] = self._actions(view, group)
                     self._take_acts(view)
@@ -876,7 +873,7 @@ class ArrayEngine:
                 one.core.end_arrivals(is_played=is_played)
 
     def _has_gone_on(self, turning: tuple[int, int, Any]) -> bool:
-        """Whether an agent of a game that has chosen a heading where it has arrived was not stopped there."""
+        """Return whether an agent of a game that has chosen a heading where it has arrived was not stopped there."""
         game, agent, _ = turning
         losers = self._maps[self._map_of[game]].core.losers(np.array([game]))
         return not losers[0, agent] and (game, agent) not in self._block.waiting
@@ -1059,7 +1056,7 @@ def movement_in_core(game: PlayedGame, roster: AgentTable) -> Movement:
 
 
 def decides_at_arrivals(movement: Movement) -> bool:
-    """Whether agents decide where they arrive."""
+    """Return whether agents decide where they arrive."""
     return isinstance(movement, MetricMovement) and movement.terms.decides_at_arrivals
 
 

@@ -329,7 +329,7 @@ class AgentTable(NamedTuple):
         return {agent.name: agent for agent in self.agents if isinstance(agent, ComingAgent)}
 
     def can_hold(self, agent: IAgent) -> bool:
-        """Whether an agent that was created in a game can take the row of its name."""
+        """Return whether an agent that was created in a game can take the row of its name."""
         if agent.name not in self.names:
             return False
         number = self.names.index(agent.name)

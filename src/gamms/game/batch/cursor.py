@@ -905,7 +905,7 @@ class Cursor:
             self._nothing_private = {}, {}
 
     def _has_other_agents(self) -> bool:
-        """Whether a function has created or deleted agents, or changed their strategies or sensors."""
+        """Return whether a function has created or deleted agents, or changed their strategies or sensors."""
         changes = self._phase.strategy_changes, self._phase.sensor_changes
         if changes != self._changes or self._journal.log:
             self._pointed.part_from_others()
@@ -1314,18 +1314,18 @@ def _functions_of_rules(game: PlayedGame, roster: AgentTable) -> Iterator[Callab
 
 
 def has_function_of_conflicts(game: PlayedGame) -> bool:
-    """Whether a function decides conflicts, and not ranks."""
+    """Return whether a function decides conflicts, and not ranks."""
     conflicts = game.settings()["conflicts"]
     return conflicts is not None and ranked(conflicts) is None
 
 
 def acts_before_moves(game: PlayedGame) -> bool:
-    """Whether functions are called between the decisions of agents and their moves."""
+    """Return whether functions are called between the decisions of agents and their moves."""
     return game.internals.parts.rules.now.act_before_moves or has_function_of_conflicts(game)
 
 
 def is_plain_rule(rule: NamedRule) -> bool:
-    """Whether a rule is a function of the context alone."""
+    """Return whether a rule is a function of the context alone."""
     return rule.spec.core_form is None and not rule.spec.is_array_function
 
 
@@ -1355,7 +1355,7 @@ def asked_of(game: PlayedGame, roster: AgentTable) -> list[int]:
 
 
 def is_asked(settings: Mapping[str, Any], roster: AgentTable, number: int) -> bool:
-    """Whether the strategy of an agent, or the plan of its team, is called game by game."""
+    """Return whether the strategy of an agent, or the plan of its team, is called game by game."""
     decider = decider_of(roster.agents[number], settings["plans"])
     return core_form_of(settings, roster, number) is None and not decides_in_arrays(decider, settings)
 

@@ -17,7 +17,6 @@ from gamms.limits import max_memory, refuse_above
 from gamms.text import shown
 
 _MOST_DENSE = 1 << 28  # nodes in masks
-_AT_ONCE = 1 << 22  # nodes that one call searches, summed over its sources
 _BYTES_PER_ROW = 8  # of walks
 
 
@@ -144,9 +143,9 @@ class Flows:
         """
         places, most = self._streets.checked(nodes, "nodes"), as_range(limit, "limit")
         starts, which = np.unique(places, return_inverse=True)
-        runs = self._in_reach(starts, most, as_key(weight, "weight"))
-        none = np.zeros(0, np.int64)
-        lines, rows = (np.concatenate([none, *(run[side] for run in runs)]) for side in (0, 1))
+        arcs = self._streets.ways(as_key(weight, "weight"))
+        tree = kernels.route_trees(arcs, starts, np.arange(self._streets.num_nodes), most)
+        lines, rows = tree.lines, tree.rows
         known = np.bincount(lines, minlength=len(starts))
         counts = known[which]
         ends = np.concatenate(([0], np.cumsum(counts)))
@@ -178,12 +177,3 @@ class Flows:
         if as_key(weight, "weight") not in self._searches:
             self._searches[weight] = RouteTable(self._streets, weight, from_sources=True)
         return self._searches[weight].distances(targets, sources)
-
-    def _in_reach(self, starts: IntArray, limit: float, weight: str | None) -> list[tuple[IntArray, IntArray]]:
-        """Return the nodes within `limit` of each start, in chunks: indices into `starts`, and rows of nodes."""
-        arcs, nodes, found = self._streets.ways(weight), len(self._streets.counts), list[tuple[IntArray, IntArray]]()
-        size = max(1, _AT_ONCE // max(nodes, 1))
-        for first in range(0, len(starts), size):
-            tree = kernels.route_trees(arcs, starts[first : first + size], np.arange(nodes), limit)
-            found.append((tree.lines + first, tree.rows))
-        return found

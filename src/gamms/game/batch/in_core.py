@@ -372,7 +372,7 @@ def core_form_of(settings: Mapping[str, Any], roster: AgentTable, number: int) -
 
 
 def is_function(rule: NamedRule) -> bool:
-    """Whether a rule is a function that is called, of arrays or of the context, and no rule of the core."""
+    """Return whether a rule is a function that is called, of arrays or of the context, and no rule of the core."""
     return rule.spec.is_array_function or rule.spec.core_form is None
 
 

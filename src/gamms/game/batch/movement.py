@@ -183,7 +183,7 @@ class Movement:
         self.clear(games, agents)
 
     def are_plain(self, agents: IntArray) -> bool:
-        """Whether to some agents, by their numbers in the roster, what `streets` has is legal, whatever the game."""
+        """Return whether the legal moves of agents, by their numbers, are those of `streets` in all games."""
         return self.is_plain and self.roads is None
 
     def places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:

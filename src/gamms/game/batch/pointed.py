@@ -196,7 +196,7 @@ class PointedContext:
             self._game.ctx.agent.storage.part()
 
     def has_other_agents(self) -> bool:
-        """Whether agents were created or deleted since a set of agents was shown."""
+        """Return whether agents were created or deleted since a set of agents was shown."""
         changed: bool = self._game.ctx.agent.block is not self.population.block
         return changed
 
@@ -314,7 +314,7 @@ class PointedContext:
         self._revision, self._road_changes = self._graph.revision, self._game.ctx.graph.storage.road_changes
 
     def has_changed_map(self) -> bool:
-        """Whether the graph of the context was changed since the game was shown."""
+        """Return whether the graph of the context was changed since the game was shown."""
         changed: bool = self._graph.revision != self._revision
         return changed
 

@@ -118,7 +118,7 @@ def names_of(agents: Sequence[IAgent], numbers: IntArray, kinds: Collection[Sens
 
 
 def turns_with_agent(sensor: ISensor) -> bool:
-    """Whether a sensor has a field of view that turns with the agent that carries it."""
+    """Return whether a sensor has a field of view that turns with the agent that carries it."""
     return bool(getattr(sensor, "turns_with_agent", False))
 
 

@@ -31,7 +31,7 @@ _REMEMBERED = {"follow": {"at": -1}, "wander": {"target": -1, "left": 0}}  # by 
 
 
 def always_act(steps: Sequence[CoreStep]) -> bool:
-    """Whether an agent acts in any case that decides by some steps; `chase`, say, may give no action."""
+    """Return whether an agent acts in any case that decides by some steps; `chase`, say, may give no action."""
     if not steps:
         return False
     first, rest = steps[0], steps[1:]
@@ -55,7 +55,7 @@ def _plain_look(sensor: ISensor) -> AgentLook | None:
 
 
 def has_plain_looks(agent: IAgent) -> bool:
-    """Whether `looks_of` has all that the sensors of an agent show of others."""
+    """Return whether `looks_of` has all that the sensors of an agent show of others."""
     sensors = getattr(agent, "sensors", {}).values()
     return all(_plain_look(sensor) is not None for sensor in sensors if sensor.type in ON_GROUND | IN_AIR)
 

@@ -30,9 +30,10 @@ from gamms.game.batch.state import Arrays, GameArrays, NotInCore
 from gamms.game.batch.strategy_steps import looks_of, made_looks
 from gamms.game.batch.vectors import Encoder, Vectors, legal_of, write_vectors
 from gamms.game.conflicts import flat
-from gamms.game.random_streams import ViewDraws
+from gamms.game.random_streams import ArrayDraws
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.kernels.draws import BitArray
 from gamms.readonly import locked
 from gamms.text import shown
 
@@ -80,9 +81,14 @@ class ArrayView(Mapping[str, Any]):
         self.mask: BoolArray = state.chosen(state.alive, games, agents)
         self.turn = state.turn[games]
         self._known = dict[str, IntArray]()
-        self.draw = ViewDraws(state.chosen(state.draw_keys(), games, agents), self.turn)
+        self.draw = ArrayDraws(self._draw_keys, self.turn[:, None])
         self._whole = self.mask
         self._sights = dict[Hashable, VisibleAgentPairs]()
+
+    def _draw_keys(self) -> BitArray:
+        """Return the keys of the draws of the agents, (games, agents)."""
+        keys: BitArray = self._state.chosen(self._state.draw_keys(), self.games, self.agents)
+        return keys
 
     def _lock(self) -> None:
         """Make the arrays read-only for strategies."""
