@@ -392,16 +392,6 @@ def test_registering_a_sensor_that_refuses_changes_nothing(ctx, camera, anna):
 # -- coming, going, the end -------------------------------------------------------------------------------------
 
 
-def test_a_deleted_flyer_stays_usable(ctx, kite):
-    kite.quat = (0, 0, 0, 1)
-    act(kite, (0, 0, 1))
-    ctx.agent.delete_agent("kite")
-    assert where(kite) == ((1.0, 1.0, 1.0), (1.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0), 4, 4)
-    act(kite, (1, 0, 0))
-    assert (kite.position, kite.current_node_id) == ((2.0, 1.0, 1.0), 5)
-    assert ctx.agent.positions.flyers.tolist() == []
-
-
 def test_after_the_end_a_flyer_rests(ctx, kite):
     kite.position = (2.0, 2.0, 5.0)
     state = kite.get_state()

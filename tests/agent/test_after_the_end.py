@@ -22,17 +22,6 @@ def test_a_loop_in_which_the_context_ends_is_played_to_its_end_quietly(ctx):
     assert [agent.current_node_id for agent in agents] == [5, 5, 4]
 
 
-def test_a_strategy_may_end_the_context_in_the_middle_of_its_step(ctx, anna):
-    def strategy(state):
-        state["action"] = 5
-        ctx.terminate()
-
-    anna.register_strategy(strategy)
-    anna.step()
-    anna.step()
-    assert anna.current_node_id == 4
-
-
 def test_the_last_state_is_handed_out_again(ctx, anna):
     last = anna.get_state()
     ctx.terminate()

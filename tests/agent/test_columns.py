@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.ir.agents import AgentBlock
-from gamms.ir.columns import AgentSetChange, Selection
-from gamms.ir.journal import CLOSED, Journal
+from gamms.ir.columns import Selection
+from gamms.ir.journal import Journal
 from gamms.ir.positions import Positions
 from gamms.ir.schema import BY_ROW
 
@@ -63,17 +63,6 @@ def test_columns_are_empty_once_all_are_removed(columns, positions):
     assert columns.add("new", 1) == 0
 
 
-def test_arrays_follow_moves_and_agents_that_come_and_go(columns, positions):
-    _ = positions.node_ids
-    for node in (7, 8):
-        columns.move(3, node)
-        assert positions.node_ids[3] == node
-    columns.add("new", 7)
-    assert positions.node_ids.tolist() == list(columns.node)
-    remove_all_but(columns, "a5", "a2")
-    assert positions.node_ids.tolist() == [102, 105]
-
-
 def test_every_subscriber_reads_its_own_log_of_changes(columns):
     one, other = columns.subscribe(), columns.subscribe()
     assert (one.take(), other.take()) == (None, None)
@@ -90,17 +79,6 @@ def test_an_agent_that_is_not_alive_is_not_among_the_living(columns, positions):
     assert (2 in positions.living, list(positions.inactive), positions.nodes[2]) == (False, [2], 102)
     columns.set(2, "alive", value=True)
     assert 2 in positions.living
-
-
-def test_a_closed_block_is_not_written_to(columns):
-    columns.journal = CLOSED
-    before = read(columns)
-    columns.move(0, 7)
-    columns.set(0, "teams", "red")
-    columns.fly(0, (0.0, 0.0, 0.0))
-    columns.turn(0, (1.0, 0.0, 0.0, 0.0))
-    columns.move_all(Selection([0, 1]), [5, 5])
-    assert read(columns) == before
 
 
 def read(columns):
@@ -174,25 +152,6 @@ def test_restored_columns_are_those_of_then_and_a_copy_goes_on_alone(verbs, late
     block.restore(values, structure)
     assert (read(block), positions.node_ids.tolist(), block.placed) == (before, nodes, placed)
     assert block.inactive == {row for row, lives in enumerate(before["alive"]) if not lives}
-
-
-def test_a_deletion_is_noted_by_name_and_the_rows_of_others_as_they_are_then():
-    block = AgentBlock()
-    for row, name in enumerate("dacb"):
-        block.add(name, row)
-    version = block.structure.version
-    block.set(3, "teams", "red")
-    block.remove(0)
-    block.remove(2)
-    block.close_up()
-    block.add("c", 7)
-    noted, closed = block.structure.since(version)
-    assert (noted, closed) == ([1, "d", "c", 2], [[0, 2]])
-    change = AgentSetChange(list("abcd"), noted, block.names, block.inactive, closed)
-    assert (change.gone, change.rows, change.places) == ([1, 2, 3], [1, 2], [1, 2])
-    assert change.of(list("abcd"), ["b'", "c'"]) == ["a", "b'", "c'"]
-    assert Selection([1, 3, 2, 0]).after(change).rows == [0, 1, 2]
-    assert block.structure.since(version - 1) is None
 
 
 MANY = 5000

@@ -24,16 +24,6 @@ def test_an_agent_starts_on_its_node_with_nothing_else(ctx):
     assert isinstance(agent, gamms.typing.IAgent)
 
 
-def test_other_keywords_become_attributes(ctx):
-    meta = {"team": 1}
-    agent = ctx.agent.create_agent("a", start_node_id=0, meta=meta, team=1, color=(255, 0, 0), size=10, goal="exit")
-    assert (agent.meta, agent.team, agent.color, agent.size, agent.goal) == (meta, 1, (255, 0, 0), 10, "exit")
-    assert agent.meta is meta
-    agent.color = "red"
-    agent.fuel = 3
-    assert (agent.color, agent.fuel) == ("red", 3)
-
-
 def test_keywords_that_are_settable_are_set(ctx):
     agent = ctx.agent.create_agent("a", start_node_id=0, current_node_id=2, prev_node_id=1)
     assert (agent.current_node_id, agent.prev_node_id) == (2, 1)
@@ -240,16 +230,6 @@ def test_only_sensors_can_be_registered(anna, thing):
     with pytest.raises(TypeError, match="A sensor is an object with"):
         anna.register_sensor("x", thing)
     assert list(anna._sensor_list) == ["near"]
-
-
-@pytest.mark.parametrize("name", ["rest", "leave", "share", "live_in", "_color"])
-def test_the_names_of_our_own_steps_are_free_for_attributes(ctx, name):
-    agent = ctx.agent.create_agent("a", start_node_id=0, sensors=["near"], **{name: 3})
-    setattr(agent, name, 4)
-    ctx.agent.create_agent("b", start_node_id=0, sensors=["near"])
-    ctx.agent.delete_agent("a")
-    assert getattr(agent, name) == 4
-    ctx.terminate()
 
 
 def test_an_agent_that_cannot_carry_its_sensors_is_not_created(ctx):

@@ -2,8 +2,6 @@
 
 import pytest
 
-from gamms.sensor import SensorType
-
 
 @pytest.fixture
 def team(ctx):
@@ -28,16 +26,6 @@ def test_a_loop_may_delete_the_agent_it_is_at(ctx, team):
     assert names(ctx) == []
 
 
-def test_a_loop_does_not_meet_agents_that_were_deleted_before_their_turn(ctx, team):
-    met = []
-    for agent in ctx.agent.create_iter():
-        met.append(agent.name)
-        if agent.name == "a":
-            ctx.agent.delete_agent("c")
-            ctx.agent.delete_agent("a")
-    assert met == ["a", "b", "d"]
-
-
 def test_a_loop_does_not_meet_agents_that_were_created_meanwhile(ctx, team):
     met = []
     for agent in ctx.agent.create_iter():
@@ -45,16 +33,6 @@ def test_a_loop_does_not_meet_agents_that_were_created_meanwhile(ctx, team):
         ctx.agent.create_agent(agent.name * 2, start_node_id=0)
     assert met == ["a", "b", "c", "d"]
     assert names(ctx) == ["a", "b", "c", "d", "aa", "bb", "cc", "dd"]
-
-
-def test_a_deleted_agent_that_is_created_again_meanwhile_is_not_met(ctx, team):
-    met = []
-    for agent in ctx.agent.create_iter():
-        met.append(agent.name)
-        if agent.name == "a":
-            ctx.agent.delete_agent("b")
-            ctx.agent.create_agent("b", start_node_id=0)
-    assert met == ["a", "c", "d"]
 
 
 def test_what_create_iter_gives_can_be_kept_counted_and_looped_over_again(ctx, team):
@@ -93,16 +71,6 @@ def test_a_deleted_agent_stays_usable_and_touches_no_other(ctx, anna, team):
         ctx.agent.get_agent("anna")
 
 
-def test_the_sensors_of_a_deleted_agent_lose_their_owner_and_sense_on(ctx, anna):
-    arc = ctx.sensor.create_sensor("arc", SensorType.AGENT_ARC, fov=1.0)
-    anna.register_sensor("arc", arc)
-    anna.register_sensor("near", ctx.sensor.get_sensor("near"))
-    ctx.agent.delete_agent("anna")
-    assert (arc._owner, ctx.sensor.get_sensor("near")._owner) == (None, None)
-    arc.sense(4)
-    assert arc.data == {}
-
-
 def test_deleting_an_agent_leaves_the_sensor_that_another_one_carries_by_now(ctx, anna):
     near = ctx.sensor.get_sensor("near")
     berta = ctx.agent.create_agent("berta", start_node_id=0, sensors=["near"])
@@ -121,16 +89,6 @@ def test_a_name_can_be_used_again_and_the_two_agents_are_strangers(ctx, anna):
     anna.current_node_id = 8
     assert (second.current_node_id, second.team, anna.current_node_id, anna.team) == (0, "blue", 8, None)
     assert ctx.agent.get_agent("anna") is second
-
-
-def test_agents_keep_their_places_when_many_others_are_deleted(ctx):
-    agents = [ctx.agent.create_agent(f"agent_{i}", start_node_id=i % 9, team=i) for i in range(40)]
-    for i in range(40):
-        if i % 7:
-            ctx.agent.delete_agent(f"agent_{i}")
-    assert [(a.name, a.current_node_id, a.team) for a in agents] == [(f"agent_{i}", i % 9, i) for i in range(40)]
-    assert ctx.agent.positions.node_ids.tolist() == [i % 9 for i in range(0, 40, 7)]
-    assert len(ctx.agent.block) == 6
 
 
 def test_a_change_of_team_is_a_new_version(ctx, team):

@@ -48,16 +48,6 @@ def test_what_was_set_stays_whatever_the_agent_does(anna):
     assert anna.orientation == (0.0, -1.0)
 
 
-def test_none_makes_the_orientation_follow_the_moves_again(anna):
-    move(anna, {"node_id": 5, "orientation": (0, 1)})
-    assert anna.orientation == (0.0, 1.0)
-    anna.orientation = None
-    assert anna.orientation == (1.0, 0.0)
-    move(anna, {"node_id": 4, "orientation": [0, 1]})
-    move(anna, {"node_id": 5, "orientation": None})
-    assert anna.orientation == (1.0, 0.0)
-
-
 def test_an_action_without_an_orientation_leaves_it_alone(anna):
     anna.orientation = (0, 1)
     move(anna, {"node_id": 5})

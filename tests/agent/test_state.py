@@ -20,17 +20,6 @@ def test_before_the_first_look_the_state_is_empty(anna):
     assert anna.state == {}
 
 
-def test_every_state_is_a_fresh_one_and_the_last_one_is_kept(anna):
-    first = anna.get_state()
-    first["sensor"]["near"][1].clear()
-    first["sensor"].clear()
-    second = anna.get_state()
-    assert second is not first
-    assert second is anna.state
-    assert second["sensor"]["near"][1] == [4, 5, 3, 7, 1]
-    assert "action" not in second
-
-
 def test_sensors_appear_in_the_order_of_their_registration_under_the_name_given_there(ctx, anna):
     for name in ("z", "a"):
         ctx.sensor.create_sensor(name, SensorType.AGENT)
@@ -152,17 +141,6 @@ def test_a_strategy_that_raises_leaves_the_agent_where_it_is(anna):
     assert where(anna) == (4, 4, (0.0, 0.0))
 
 
-def test_an_agent_is_put_back_by_setting_both_nodes(anna):
-    anna.get_state()["action"] = 5
-    anna.set_state()
-    anna.current_node_id = 0
-    assert (anna.current_node_id, anna.prev_node_id) == (0, 4)
-    anna.prev_node_id = 0
-    assert where(anna) == (0, 0, (0.0, 0.0))
-    anna.current_node_id = np.int64(2)
-    assert type(anna.current_node_id) is int
-
-
 @pytest.mark.parametrize(("node", "error"), [(99, KeyError), ("4", TypeError), (True, TypeError), (4.0, TypeError)])
 @pytest.mark.parametrize("attribute", ["current_node_id", "prev_node_id"])
 def test_an_agent_cannot_be_put_on_what_is_no_node(anna, attribute, node, error):
@@ -193,13 +171,3 @@ def test_a_keyword_that_agents_have_as_a_method_says_what_a_keyword_may_be(ctx, 
     with pytest.raises(ReservedName, match=f"'{name}' cannot be a keyword of create_agent: .* may be alive, .*own"):
         ctx.agent.create_agent("anna", start_node_id=0, **{name: 1})
     assert "anna" not in ctx.agent.agents
-
-
-@pytest.mark.parametrize("name", ["name", "type", "state", "sensors"])
-def test_an_attribute_that_agents_have_is_not_set(ctx, name):
-    agent = ctx.agent.create_agent("anna", start_node_id=0)
-    before = getattr(agent, name)
-    for _ in range(2):
-        with pytest.raises(AttributeError, match=f"agent.{name} cannot be set; alive, .*, team and other names can"):
-            setattr(agent, name, "bert")
-    assert getattr(agent, name) == before

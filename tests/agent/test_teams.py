@@ -16,29 +16,9 @@ def ctx():
         yield ctx
 
 
-def one_by_one(ctx, name, nodes, **more):
-    return [
-        ctx.agent.create_agent(f"{name}_{i}", start_node_id=node, team=name, **more) for i, node in enumerate(nodes)
-    ]
-
-
 def described(agents):
     fields = ("name", "team", "current_node_id", "prev_node_id", "alive", "speed", "orientation", "strategy", "type")
     return [tuple(getattr(agent, field) for field in fields) for agent in agents]
-
-
-def test_members_are_agents_as_if_they_were_created_one_by_one(ctx):
-    strategy = gamms.strategies.random_walk
-    team = ctx.agent.create_team("red", [3, 4, 3], strategy=strategy)
-    with gamms.create_context(seed=4, logger_config={"level": "CRITICAL"}) as other:
-        other.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
-        agents = one_by_one(other, "red", [3, 4, 3], strategy=strategy)
-        assert described(team) == described(agents)
-        assert ctx.agent.teams["red"] == team.agents
-        for context in (ctx, other):
-            context.game.add(gamms.rules.time_limit(9))
-        assert ctx.game.run() == other.game.run()
-        assert described(team) == described(agents)
 
 
 def test_sensors_and_columns_are_those_of_the_members(ctx):
@@ -289,22 +269,6 @@ def test_one_plan_of_arrays_decides_for_a_large_team(ctx):
     last = [ctx.graph.graph.neighborhoods[node][-1] for node in team.node_ids.tolist()]
     ctx.game.step()
     assert team.node_ids.tolist() == last
-
-
-def test_moves_of_a_snapshot_stay_when_a_member_is_put_elsewhere_before_it_moves(ctx):
-    team = ctx.agent.create_team("red", [0, 1, 2])
-    ctx.game.command("red", lambda arrays: arrays.choose(arrays.counts - 1), arrays=True)
-    ctx.game.step()
-    snapshot, nodes = ctx.game.snapshot(), team.node_ids.tolist()
-
-    def put(ctx):
-        ctx.agent.get_agent("red_1").current_node_id = 24
-
-    ctx.game.add(put, phase="deeds")
-    ctx.game.step()
-    assert ctx.agent.get_agent("red_1").current_node_id == 24
-    ctx.game.restore(snapshot)
-    assert [move.end for move in ctx.game.moves.values()] == nodes
 
 
 def test_a_team_that_comes_while_a_recording_runs_is_in_arrays_and_recorded_as_agents_are_one_by_one(tmp_path):

@@ -1,6 +1,5 @@
 """Agents that rules create in batches: where they are observed, they take rows that were reserved for them."""
 
-import numpy as np
 import pytest
 from batch_scenes import scene
 
@@ -8,17 +7,6 @@ from gamms.errors import BadValue, TooLarge, UnknownName
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 NEAR = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
-
-
-def reinforce(ctx):
-    """Let agents of a team come, in an order that is not that of their names, like the first of it."""
-    turn = ctx.game.turn
-    name = ("blue_4", "blue_3", "blue_5")[min(turn // 3, 2)]
-    if (turn + ctx.seed) % 3 == 0 and name not in ctx.agent.agents:
-        like = ctx.agent.get_agent("blue_0")
-        ctx.agent.create_agent(
-            name, start_node_id=turn, team="blue", strategy=like.strategy, sensors=dict(like.sensors), since=turn
-        )
 
 
 def made(**options):
@@ -45,18 +33,6 @@ def late(state):
 def test_rows_that_cannot_be_reserved_are_refused(most, error, message):
     with made().build(seed=1) as ctx, pytest.raises(error, match=message):
         ctx.game.batch(2, most_agents=most)
-
-
-def test_games_that_are_played_one_by_one_have_the_same_rows():
-    scenario = made()
-    with scenario.build(seed=1) as ctx:
-        ctx.game.add(reinforce)
-        with ctx.game.batch(seeds=[3], most_agents={"blue": 6}) as games:
-            assert games.slow == "the rule 'reinforce'"
-            for _ in range(4):
-                view = games.observe("blue")
-                games.step({"blue": np.zeros(view.mask.shape, np.int64)})
-            assert games.observe("blue").mask.tolist() == [[True, True, True, True, False, False]]
 
 
 def test_agents_that_have_not_come_have_begun_nowhere():

@@ -159,22 +159,6 @@ def test_what_it_keeps_goes_with_snapshots():
         assert plain(ctx.game.result()) == first
 
 
-def test_what_it_keeps_is_in_recordings(tmp_path):
-    with scene([TAG], side=4, max_turns=10).build(seed=1) as ctx:
-        ctx.game.add(tolls())
-        ctx.record.start(tmp_path / "whole.ggr")
-        ctx.game.run()
-        ctx.record.stop()
-        whole = ctx.game.result()
-    walks = dict.fromkeys(["red", "blue"], gamms.strategies.random_walk)
-    with gamms.recorder.open(tmp_path / "whole.ggr") as recording, recording.resume(4, strategies=walks) as ctx:
-        ctx.game.add(gamms.rules.tag("red", "blue"))
-        ctx.game.add(tolls())
-        later = ctx.game.run(whole.turns - 4)
-    assert (later.scores, later.events) == (whole.scores, whole.events)
-    assert whole.turns > 5
-
-
 def test_a_scenario_names_it_and_records_the_same_bytes(tmp_path):
     (tmp_path / "rules.py").write_text(
         "import gamms\n\n\n@gamms.array_rule\ndef pay(turn):\n"
@@ -312,18 +296,6 @@ def test_a_verb_says_what_is_wrong_with_what_it_got(mistake, play):
         play(rule)
 
 
-def test_an_agent_that_is_eliminated_twice_at_once_is_eliminated_once():
-    @gamms.array_rule
-    def rule(turn):
-        turn.eliminate([0, 0], [1, 1])
-
-    with scene().build(seed=1) as ctx:
-        ctx.game.add(rule)
-        with ctx.game.batch(1) as games:
-            games.step()
-            assert [event["kind"] for event in games.result(0).events] == ["eliminated"]
-
-
 def test_verbs_take_lists_and_one_agent_for_several_games():
     @gamms.array_rule
     def rule(turn):
@@ -337,15 +309,3 @@ def test_verbs_take_lists_and_one_agent_for_several_games():
         turn.end(at, ["late"] * len(at), ("red",) * len(at))
 
     same_in_both(scene(), rule)
-
-
-def test_events_may_name_agents_that_are_not_there():
-    @gamms.array_rule
-    def rule(turn):
-        at = range(len(turn.games))
-        turn.emit("respawned", [*at], values={"agent": ["blue_00"] * len(at), "node": [3] * len(at)})
-
-    red = {"count": 2, "strategy": "gamms.strategies:follow_belief", "sensors": ["eye"]}
-    blue = {"count": 2, "strategy": "gamms.strategies:random_walk"}
-    eyes = {"eye": {"type": "AGENT_RANGE", "sensor_range": 15.0}}
-    same_in_both(scene(max_turns=4, teams={"red": red, "blue": blue}, sensors=eyes), rule)

@@ -1,7 +1,5 @@
 """Strategies that are written in arrays alone play the same in games alone and in batches."""
 
-import functools
-
 import numpy as np
 import pytest
 from batch_scenes import BEYOND, beyond_core, plain, scene
@@ -36,32 +34,6 @@ def hunt(view):
 def test_an_array_strategy_plays_the_same_alone_and_in_batches(same_as_one_by_one):
     tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
     same_as_one_by_one(scene([tag], **SEEING), [1, 2, 3], {"red": hunt})
-
-
-@gamms.array_strategy
-def heed(view):
-    """Walk by how many agents and nodes the sensors of all show, and where."""
-    everyone = view.of([*range(6)])
-    agents, nodes = everyone.seen(), everyone.seen_nodes()
-    shown = np.concatenate((agents.nodes, nodes.nodes)) + 1
-    count = np.bincount(np.concatenate((agents.at, nodes.at)), shown, minlength=len(view.games)).astype(np.int64)
-    return (view.draw.below(view.counts) + count[:, None]) % view.counts
-
-
-@pytest.mark.parametrize(
-    "sensor",
-    [
-        {"type": "AGENT_RANGE", "delay_turns": 1},
-        {"type": "AGENT_ARC", "fov": 2.0},
-        {"type": "ARC", "fov": 2.0},
-        {"type": "AERIAL_AGENT", "at": [20.0, 20.0, 15.0]},
-    ],
-    ids=["late", "that turn", "of nodes that turn", "in the air"],
-)
-def test_it_is_shown_what_the_sensors_of_others_show(sensor, same_as_one_by_one):
-    sensors = {"eye": {"sensor_range": 25.0, **sensor}}
-    teams = {name: {**team, "sensors": ["eye"]} for name, team in SEEING["teams"].items()}
-    same_as_one_by_one(scene(sensors=sensors, teams=teams), [1, 2], {"red": heed})
 
 
 @gamms.array_strategy
@@ -109,17 +81,6 @@ def test_it_knows_who_is_alive(same_as_one_by_one):
     same_as_one_by_one(scene([OUT]), [1, 2], {"blue": count})
 
 
-def test_games_with_it_go_on_from_snapshots_and_resets():
-    with scene(**SEEING).build(seed=1, strategies={"red": hunt}) as ctx:
-        ctx.game.run(6)
-        before = ctx.game.snapshot()
-        ctx.game.run(6)
-        first = plain(ctx.game.result())
-        ctx.game.restore(before)
-        ctx.game.run(6)
-        assert plain(ctx.game.result()) == first
-
-
 def test_what_it_cannot_do_is_refused():
     with pytest.raises(BadType, match="An array strategy must be a function of a view"):
         gamms.array_strategy(3)
@@ -155,16 +116,6 @@ def test_a_function_beside_the_form_is_refused():
         gamms.array_rule(lambda turn, ends: None)
 
 
-def test_a_function_that_wraps_a_strategy_is_asked_itself():
-    @functools.wraps(gamms.strategies.random_walk)
-    def last(state):
-        state["action"] = state["legal"][-1]
-
-    with scene().batch(2, strategies={"red": last}) as games:
-        games.run()
-        assert plain(games.result(1)) == plain(scene().play(seed=1, strategies={"red": last}))
-
-
 def test_forms_that_remember_outside_of_their_games_are_refused():
     calls, turns = [], {"storm": 0}
 
@@ -187,19 +138,6 @@ def test_forms_that_remember_outside_of_their_games_are_refused():
             pytest.raises(BadValue, match=r"'turns' of storm\(\) .* turn\.keep\("),
         ):
             games.run()
-
-
-def test_a_form_may_use_what_changes_between_turns():
-    weights = np.zeros(4)
-
-    @gamms.array_strategy
-    def last(view):
-        return np.minimum(view.counts - 1, int(weights.sum()))
-
-    with scene().batch(2, strategies={"red": last}) as games:
-        for _ in range(5):
-            games.step()
-            weights += 1.0
 
 
 def test_with_a_time_budget_it_is_asked_game_by_game_in_the_core(same_as_one_by_one):

@@ -79,6 +79,63 @@ def test_actions_from_outside_are_taken_at_each_arrival_as_alone():
             assert plain(games.result(number)) == plain(games.context(number).game.result())
 
 
+def seek(state):
+    """Go somewhere by lot, and say where and when it was asked, what it saw and what it knew."""
+    number = state["memory"]["asked"] = state["memory"].get("asked", 0) + 1
+    known = [state[name] for name in ("time", "curr_pos", "edge", "xy", "blocked", "sensor", "team_memory", "inbox")]
+    state["team_memory"][state["name"]] = number
+    state["outbox"].append({"channel": "radio", "to": None, "body": repr([number, *known])[:900]})
+    node = state["draw"].choice(state["legal"])
+    does = state["draw"].random() < 0.3 or state["rng"].random() < 0.1
+    state["action"] = {"node_id": node, "do": {"scan": None}} if does else node
+
+
+class FirstCome(Conflicts):
+    """Let the agents stay that are not the first by name to enter a place."""
+
+    def resolve(self, moves, ctx):
+        ctx.game.emit("asked", when=ctx.game.turn, at=[agent.xy for agent in ctx.game.agents])
+        first = {}
+        for name, move in moves.items():
+            if move.start != move.end:
+                first.setdefault(move.end, name)
+        return {name for name, move in moves.items() if move.start != move.end and first[move.end] != name}
+
+
+IN_PARTS = [["blue"], ["red", "green"]]
+
+
+@pytest.mark.parametrize(
+    ("conflicts", "order"),
+    [
+        (None, None),
+        (Conflicts(1, edge_capacity=1), None),
+        (FirstCome(), None),
+        (None, IN_PARTS),
+        (Conflicts(1), IN_PARTS),
+    ],
+    ids=["free", "ranks", "own conflicts", "in parts", "in parts with conflicts"],
+)
+def test_plain_strategies_are_asked_where_agents_arrive_as_alone(conflicts, order):
+    eyes = {"type": "AGENT_RANGE", "sensor_range": 25.0, "detection": 0.6, "position_noise_m": 2.0}
+    sensors = {"eyes": eyes, "late": {"type": "AGENT", "delay_turns": 1, "false_alarm_rate": 0.4}}
+    team = {"count": 3, "strategy": WALK, "speed": 17.0, "sensors": ["eyes", "late"]}
+    walkers = {"count": 2, "strategy": WALK, "speed": 9.0}
+    settings = {"speed_unit": "metres", "decide": "arrival", "deeds": {"scan": {}}}
+    settings |= {} if order is None else {"order": order}
+    teams = {"red": team, "blue": team | {"speed": 23.0}, "green": walkers}
+    radio = {"range_m": 30.0, "loss": 0.2}
+    made = scene(teams=teams, max_turns=6, settings=settings, sensors=sensors, channels={"radio": radio})
+    with made.build(seed=1, strategies={"red": seek, "blue": seek}) as ctx:
+        ctx.game.conflicts = conflicts
+        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert games.is_in_arrays, games.slow
+            for number, seed in enumerate(SEEDS):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
 def test_a_strategy_that_raises_at_an_arrival_leaves_all_games_where_the_turn_began():
     def fail(state):
         if state["time"] > 0.5 and state["turn"] == 2:

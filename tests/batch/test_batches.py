@@ -179,16 +179,6 @@ def test_plans_that_differ_with_the_seed_are_called_in_the_core_on_several_maps(
             assert plain(games.result(number)) == plain(alone.play(seed=seed))
 
 
-def test_run_says_once_why_many_games_are_played_one_by_one(caplog):
-    with beyond_core(scene([], max_turns=1)).batch(16) as games:
-        for _ in range(2):
-            games.run()
-            games.reset()
-    assert [record.message for record in caplog.records if "one game after the other" in record.message] == [
-        f"A batch is played one game after the other, because of {BEYOND}."
-    ]
-
-
 @pytest.mark.parametrize(("number", "is_warned"), [(16, True), (15, False)])
 def test_run_warns_once_of_a_rule_beyond_the_core_in_many_games(number, is_warned, caplog):
     with scene([TAG], max_turns=1).build() as ctx:

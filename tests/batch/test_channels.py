@@ -121,21 +121,6 @@ def test_games_with_channels_on_several_maps_are_those_of_their_maps(team):
             assert plain(games.result(number)) == plain(alone)
 
 
-def test_a_game_goes_on_in_a_batch_with_the_messages_that_are_under_way():
-    scenario = scene([OUT], max_turns=8, channels=channels(delay_turns=2))
-    with scenario.build(seed=1, strategies={"red": TOLD, "blue": TOLD}) as ctx:
-        for _ in range(3):
-            ctx.game.step()
-        with ctx.game.batch(seeds=[4, 5]) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            assert games.is_in_arrays
-            games.reset([1])
-            games.run()
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
-
-
 def test_an_array_strategy_sends_and_hears_in_games_alone():
     told = gamms.array_strategy(talk_in_arrays)
     scenario = scene([OUT], max_turns=6, channels=channels())

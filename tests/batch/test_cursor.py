@@ -110,35 +110,6 @@ def test_a_rule_changes_in_each_game_what_it_changes_in_the_game_alone(phase, ot
         check(ctx, seeds=[1, 5, 9, 13])
 
 
-def test_rules_see_what_those_before_them_have_done():
-    with build([OUT, BACK]) as ctx:
-        for name, phase in (("first", "before"), ("second", "after"), ("third", "after")):
-            ctx.game.add(count, phase=phase, name=name)
-        ctx.game.add(change)
-        ctx.game.add(gamms.rules.tag("blue", "red"))
-        ctx.game.add(count, name="last")
-        check(ctx)
-
-
-@pytest.mark.parametrize("publishes", [True, False])
-def test_plain_functions_read_who_carries_the_flags(publishes):
-    def carry(state):
-        carriers = [flag["carrier"] for flag in state["facts"]["flags"].values()]
-        goes_first = state["name"] in carriers or None in carriers
-        state["action"] = state["legal"][(0 if goes_first else state["turn"]) % len(state["legal"])]
-
-    def note(ctx):
-        flags = {team: dict(flag) for team, flag in ctx.game.facts["flags"].items()}
-        ctx.game.emit("flags", **flags)
-        if publishes:
-            ctx.game.publish(**{f"turn {ctx.seed}": ctx.game.turn})
-
-    with build([OUT, BACK, FLAGS], {"red": carry, "blue": gamms.strategies.random_walk}, max_turns=30) as ctx:
-        ctx.game.add(note)
-        check(ctx, seeds=range(12))
-        assert any(flag["carrier"] for event in ctx.game.run().events for flag in event.values() if type(flag) is dict)
-
-
 def test_a_plain_rule_that_publishes_the_flags_itself_is_played_game_by_game():
     with build([FLAGS], max_turns=20) as ctx:
         ctx.game.add(lambda ctx: ctx.game.publish(flags={"lost": ctx.seed}))
@@ -297,28 +268,6 @@ def test_games_in_which_a_rule_does_something_else_go_on_as_games_alone(act):
         ctx.game.publish(alarm=0)
         ctx.game.add(rule)
         check(ctx, stays=False)
-
-
-def whisper(ctx):
-    """Publish facts to single agents and teams, and note what each of them knows."""
-    game = ctx.game
-    for agent in game.agents:
-        if (agent.current_node_id + game.turn + ctx.seed) % 3 == 0:
-            game.publish(to=agent, secret=game.turn)
-            game.publish(to=agent.team, heard=agent.current_node_id)
-    game.emit("told", known=[repr(game.facts_of(to)) for to in ("red", "blue", "red_0", "blue_1")])
-
-
-@pytest.mark.parametrize("phase", ["before", "after"])
-@pytest.mark.parametrize("to", [None, "red", "blue_1"])
-def test_facts_of_agents_and_teams_are_those_of_their_games(to, phase):
-    with build([OUT, BACK], {"red": decide, "blue": decide}) as ctx:
-        ctx.game.on_illegal = "stay"
-        ctx.game.publish(alarm=0)
-        if to is not None:
-            ctx.game.publish(to=to, secret=5)
-        ctx.game.add(whisper, phase=phase)
-        check(ctx, seeds=range(40))
 
 
 class Load:

@@ -80,20 +80,6 @@ def test_games_with_deeds_are_played_in_the_core(does, rule, order, phase):
                 assert plain(games.result(number)) == plain(alone.game.run())
 
 
-def test_games_with_deeds_on_several_maps_are_those_of_their_maps():
-    scenario = deed_scene(max_turns=6)
-    maps = [{"grid": {"width": 4, "height": 4}}, {"grid": {"width": 7, "height": 3}}]
-    both = {"red": busy, "blue": busy}
-    with scenario.batch(6, maps=maps, strategies=both) as games:
-        games.run()
-        assert games.is_in_arrays
-        for number, seed in enumerate(games.seeds):
-            alone = scenario.replace(map=maps[games.maps[number]]).play(
-                seed=seed, strategies={"red": busy, "blue": busy}
-            )
-            assert plain(games.result(number)) == plain(alone)
-
-
 @pytest.mark.parametrize(
     ("deed", "fields", "kind", "message"),
     [

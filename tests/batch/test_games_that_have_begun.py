@@ -1,7 +1,7 @@
 """Batches that begin in the middle of a game, in arrays: what agents remember there, and how they moved last."""
 
 import pytest
-from batch_scenes import beyond_core, plain, scene
+from batch_scenes import plain, scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -138,17 +138,6 @@ def test_games_go_on_where_rules_still_know_of_agents_that_were_deleted(delete, 
         assert check(ctx, rounds=1) == why
 
 
-def test_what_was_put_into_memories_before_the_first_turn_counts_in_arrays():
-    with remembering(["patrol"]) as ctx:
-        for name in ctx.agent.agents:
-            ctx.game.observation(name)["memory"]["patrol [3, 3, 12, 5]"] = 2
-        assert check(ctx, rounds=1) is None
-        with ctx.game.batch(1) as games, remembering(["patrol"]) as other, other.game.batch(1) as others:
-            games.step()
-            others.step()
-            assert games.result(0).agents != others.result(0).agents
-
-
 def test_a_memory_that_the_strategy_has_not_written_is_left_to_the_turn_engine():
     with remembering(["patrol", "unblock"]) as ctx:
         ctx.game.step()
@@ -194,14 +183,3 @@ def test_rules_before_turns_look_along_no_node_that_was_removed():
         ctx.graph.graph.remove_node(passed)
         with ctx.game.batch(1) as games:
             assert games.slow == f"Unknown node {passed}."
-
-
-def test_games_that_are_observed_before_their_next_turn_keep_what_has_happened():
-    with beyond_core(scene()).build(seed=1) as ctx:
-        ctx.game.add(lambda ctx: ctx.game.emit("bell"))
-        ctx.game.run(2)
-        with ctx.game.batch(3) as games:
-            games.observe("red")
-            games.step()
-            assert not games.is_in_arrays
-            assert [[event["turn"] for event in games.result(number).events] for number in range(3)] == [[1, 2, 3]] * 3

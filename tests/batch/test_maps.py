@@ -49,19 +49,6 @@ def fails(ctx):
 '''
 
 
-@gamms.array_strategy
-def last_of_legal(view):
-    """Go to the last legal node."""
-    return view.counts - 1
-
-
-@gamms.array_strategy
-def drawn(view):
-    """Draw one of the nodes that are legal, on the one map of the view."""
-    assert (view["curr_pos"] < view.streets.num_nodes).all()
-    return view.draw.below(view.counts)
-
-
 @pytest.fixture
 def with_code(tmp_path):
     """Make scenarios with rules of a user."""
@@ -74,38 +61,6 @@ def assert_as_alone(scenario, games, strategies=None):
     for number, (seed, of_map) in enumerate(zip(games.seeds, games.maps.tolist(), strict=True)):
         alone = scenario.replace(map=MAPS[of_map]).play(seed=seed, strategies=strategies)
         assert plain(games.result(number)) == plain(alone)
-
-
-SPEEDS = {
-    "teams": {
-        team: {"count": 2, "strategy": "gamms.strategies:random_waypoints", "speed": 7.0} for team in ("red", "blue")
-    }
-}
-IN_CORE = {
-    "rules of the library": (scene([TAG, LIMIT]), {}),
-    "array strategies": (scene([TAG]), {"red": drawn, "blue": last_of_legal}),
-    "by metres": (scene([TAG], settings={"speed_unit": "metres"}, **SPEEDS), {}),
-}
-
-
-@pytest.mark.parametrize("name", IN_CORE)
-def test_games_in_the_core_equal_those_alone_on_their_maps(name):
-    scenario, strategies = IN_CORE[name]
-    with scenario.batch(20, seed=3, strategies=strategies, maps=MAPS) as games:
-        assert games.is_in_arrays
-        assert {*games.maps.tolist()} == {0, 1, 2, 3}
-        games.run(threads=2)
-        assert_as_alone(scenario, games, strategies)
-
-
-def test_games_one_by_one_equal_those_alone_on_their_maps(with_code):
-    scenario = with_code({"rule": "mine:count_meetings"})
-    with scenario.batch(12, maps=MAPS) as games, scenario.batch(12, maps=MAPS) as stepped:
-        games.run()
-        assert_as_alone(scenario, games)
-        while stepped.step().any():
-            pass
-        assert_as_alone(scenario, stepped)
 
 
 def test_the_map_of_a_game_follows_from_its_seed_alone():

@@ -314,22 +314,6 @@ def test_a_game_that_becomes_another_kind_of_game_leaves_others_as_they_are():
         check(ctx, range(1, 7), restart=5)
 
 
-def test_games_in_which_agents_go_take_actions_and_are_observed():
-    with scene([TAG], max_turns=9).build(seed=1) as ctx:
-        ctx.game.add(deserts)
-        with ctx.game.batch(seeds=[2, 3, 4]) as games:
-            for turn in range(6):
-                view = games.observe("red")
-                games.step({"red": (turn + np.arange(3)) % view.counts})
-            assert games.turn.tolist() == [6, 6, 6]
-            assert games.observe("red").mask.tolist() == [[True] * 3, [False, True, True], [True] * 3]
-            assert games.observe("red").counts[1, 1] > 5  # along two edges
-            assert "red_0" not in [one["agent"] for one in games.result(1).events if one["turn"] > 3]
-            games.reset([1])
-            games.run()
-            assert games.is_over.all()
-
-
 def build_walls(ctx):
     """Build walls in some games."""
     if ctx.game.turn == 2 and ctx.seed % 2:
@@ -428,32 +412,6 @@ def test_a_batch_is_played_by_one_thread_at_a_time():
             assert games.turn.tolist() == [1, 1]
 
 
-def test_the_context_of_a_batch_is_pointed_at_its_game_again_after_each_turn():
-    def fall(ctx):
-        if (ctx.game.turn, ctx.seed) == (3, 6):
-            raise ZeroDivisionError("fell")
-        if ctx.game.turn == 4 and ctx.seed == 5:
-            ctx.game.end("fell asleep")
-
-    with scene([TAG]).build(seed=1) as ctx:
-        ctx.game.add(fall, phase="before")
-        with ctx.game.batch(3, seed=5) as games:
-            shown = games.context(0)
-            for turn in (1, 2, 3):
-                games.step()
-                assert (shown.seed, shown.game.turn) == (5, turn)
-            with pytest.raises(ZeroDivisionError):
-                games.step()
-            assert (shown.seed, shown.game.turn) == (5, 3)
-            assert games.turn.tolist() == [3, 3, 3]
-        ctx.game.remove(fall)
-        ctx.game.add(lambda ctx: ctx.game.turn == 4 and ctx.game.end("late"), name="late")
-        with ctx.game.batch(3, seed=5) as games:
-            shown = games.context(1)
-            games.run()
-            assert (shown.seed, shown.game.turn, shown.game.over["reason"]) == (6, 4, "late")
-
-
 class Counting:
     """A conflict resolver that remembers how often it was asked."""
 
@@ -480,16 +438,6 @@ def test_checks_and_resolvers_that_remember_outside_of_the_game_are_refused():
         ctx.game.conflicts = Counting()
         with ctx.game.batch(3) as games, pytest.raises(BadValue, match="times"):
             games.run()
-
-
-def test_plain_rules_are_called_where_sensors_report_late():
-    late = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0, "delay_turns": 2}}
-    red = {"count": 3, "strategy": "gamms.strategies:chase", "sensors": ["near"]}
-    blue = {"count": 2, "strategy": "gamms.strategies:random_walk"}
-    with scene([TAG], max_turns=9, teams={"red": red, "blue": blue}, sensors=late).build(seed=1) as ctx:
-        for rule in (bonus, strike):
-            ctx.game.add(rule)
-        check(ctx, [1, 2, 3], restart=3)
 
 
 def test_values_are_collected_in_the_turns_in_which_they_are_due():

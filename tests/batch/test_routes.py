@@ -140,17 +140,6 @@ def test_what_was_asked_before_changes_no_answer(edges, asked, most):
         assert table.distances(sources, targets).tolist() == far.tolist()
 
 
-def test_a_table_is_made_for_each_target_once(grid_of_streets):
-    streets = StreetGraph(grid_of_streets.graph.columns(), grid_of_streets.graph.routes)
-    table, nodes = RouteTable(streets, "length"), np.arange(len(streets.counts))
-    table.distances(nodes, np.zeros(len(nodes), np.int64))
-    small = table.nbytes
-    table.actions(nodes, np.zeros(len(nodes), np.int64))
-    assert table.nbytes == small
-    table.distances(nodes, np.ones(len(nodes), np.int64))
-    assert table.nbytes == 2 * small
-
-
 ROWS = {
     "a row that is not there": (99, BadValue, "99 is out of range; the 25 nodes"),
     "a negative row": (-1, BadValue, "-1 is out of range; the 25 nodes"),

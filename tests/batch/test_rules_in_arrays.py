@@ -18,9 +18,6 @@ def rule(name, /, **arguments):
     return {"rule": name, "with": arguments}
 
 
-OUT = rule("tag", taggers="red", tagged="blue", mutual=True, then="eliminate", score=0)
-
-
 @pytest.mark.parametrize("empty", ["stay", "eliminate"])
 def test_moves_that_cost_too_much_are_refused(empty, same_as_one_by_one):
     fuel = rule("resource", name="fuel", start=40, per_metre=1, recharge={5: 20, 6: 20}, empty=empty)
@@ -70,20 +67,6 @@ def test_an_agent_that_is_put_where_its_own_path_ends_has_not_come_there_by_it(u
         with ctx.game.batch(2) as games:
             games.step()
             assert [event["kind"] for event in games.result(1).events] == ["tag", "respawned"]
-
-
-def test_carriers_of_flags_are_known_as_numbers_of_agents():
-    scenario = scene([rule("capture_flag", flags={"red": 6, "blue": 18}, goal=None)])
-    with scenario.batch(seeds=SEEDS) as games:
-        games.run()
-        blue, red = games.observe("blue"), games.observe("red")
-        known, names = red["facts"]["flags"], [*blue["name"], *red["name"], None]
-        for number, seed in enumerate(SEEDS):
-            with scenario.build(seed=seed) as ctx:
-                ctx.game.run()
-                for team, flag in ctx.game.facts["flags"].items():
-                    assert known[team]["node"] == flag["node"]
-                    assert names[known[team]["carrier"][number]] == flag["carrier"]
 
 
 @pytest.mark.parametrize("resolve", ["at_random", "nobody", {"by_priority": ["blue", "red"]}])
@@ -140,17 +123,6 @@ def test_a_game_of_agents_of_no_team_is_over_for_the_last_team():
         with ctx.game.batch(2) as games:
             games.run()
             assert games.table()["reason"].tolist() == ["last team"] * 2
-
-
-def test_agents_may_be_out_and_have_scores_from_the_start():
-    with scene([OUT, rule("respawn", after=4)], side=4).build(seed=1) as ctx:
-        ctx.game.eliminate("red_0")
-        ctx.game.scores["red"] = 2.5
-        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
 
 
 @pytest.mark.parametrize("more", [[rule("time_limit", turns=2)], []])

@@ -99,22 +99,6 @@ def test_all_sensors_together_show_each_agent_once_and_none_itself():
                 view.seen("fra")
 
 
-def test_of_several_sensors_the_last_counts_also_in_games_alone():
-    with scene().build(seed=1) as ctx:
-        kinds = {"noisy": {"position_noise_m": 9.0}, "exact": {}, "late": {"delay_turns": 1, "position_noise_m": 9.0}}
-        for name, keywords in kinds.items():
-            eye = ctx.sensor.create_sensor(name, "AGENT_RANGE", sensor_range=25.0, **keywords)
-            ctx.agent.get_agent("red_1").register_sensor(name, eye)
-        games = ctx.game.batch(2)
-        ctx.game.add(UNUSED)
-        with games, ctx.game.batch(2) as slow:
-            for batch in (games, slow):
-                batch.step()
-            assert not slow.is_in_arrays
-            found = [batch.observe("red").seen(*names) for batch in (games, slow) for names in ((), [*kinds][::-1])]
-            assert len({str([column.tolist() for column in one[1:]]) for one in found}) == 1
-
-
 def test_a_mask_that_takes_too_much_memory_is_refused():
     none = np.zeros(0, np.int64)
     with pytest.raises(TooLarge, match="Use the pairs"):

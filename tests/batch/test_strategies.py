@@ -5,7 +5,6 @@ from batch_scenes import plain, scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-import gamms
 from gamms import belief
 from gamms.game import IllegalAction
 from gamms.scenario import Scenario
@@ -156,44 +155,3 @@ SIGHTS = st.sampled_from(
 @given(red=st.sampled_from([*MADE]), blue=st.sampled_from([*MADE]), seed=st.integers(0, 1000), sight=SIGHTS)
 def test_any_strategies_play_the_same_with_any_sight(red, blue, seed, sight, same_as_one_by_one):
     same_as_one_by_one(hunted(sight=sight), [seed], {"red": MADE[red], "blue": MADE[blue]})
-
-
-def test_an_agent_on_the_first_edge_of_a_map_is_there_in_arrays_too():
-    anna = {
-        "name": "anna",
-        "node": 0,
-        "speed": 4.0,
-        "strategy": {"function": "gamms.strategies:goto", "with": {"target": 1}},
-    }
-    map = {"grid": {"width": 3, "height": 1}}
-    scenario = Scenario(map=map, teams={"red": {"agents": [anna]}}, max_turns=9, settings={"speed_unit": "metres"})
-    with scenario.batch(seeds=[1, 2]) as games, scenario.build(seed=1) as ctx:
-        games.step()
-        ctx.game.step()
-        alone, view = ctx.agent.get_agent("anna"), games.observe("red")
-        assert alone.edge[2] == ctx.graph.columns().edge_ids[0]
-        assert view["edge"][:, 0].tolist() == [list(alone.edge)] * 2
-        assert view["offset_m"][:, 0].tolist() == [alone.offset_m] * 2
-        assert view["xy"][:, 0].tolist() == [[*alone.xy]] * 2
-
-
-def along_the_bend(state):
-    state["action"] = [1]
-
-
-def test_a_pursuer_takes_the_edge_of_its_target_though_another_way_to_its_end_is_shorter():
-    with gamms.create_context(seed=1) as ctx:
-        ctx.graph.add_nodes(range(3), [0.0, 10.0, 5.0], [0.0, 0.0, 5.0])
-        for number, (one, other, length) in enumerate([(0, 1, 100.0), (0, 2, 20.0), (2, 1, 20.0)]):
-            for id, source, target in ((2 * number, one, other), (2 * number + 1, other, one)):
-                ctx.graph.graph.add_edge({"id": id, "source": source, "target": target, "length": length})
-        ctx.sensor.create_sensor("all", "AGENT_RANGE", sensor_range=99.0)
-        ctx.agent.create_agent("anna", start_node_id=2, team="red", speed=30.0, sensors=["all"], strategy=chase(ctx))
-        ctx.agent.create_agent("ben", start_node_id=0, team="blue", speed=31.0, strategy=along_the_bend)
-        ctx.game.speed_unit = "metres"
-        with ctx.game.batch(1) as games, ctx.game.fork(0).ctx as alone:
-            for x in (0.0, 3.0, 6.0):
-                games.step()
-                alone.game.step()
-                assert games.observe_agent("anna")["xy"][0, 0].tolist() == pytest.approx([x, 0.0])
-                assert alone.agent.get_agent("anna").xy == pytest.approx((x, 0.0))

@@ -363,17 +363,6 @@ def test_agents_believe_what_bayes_rule_gives_over_nodes_and_parts_of_edges(seed
         assert found == pytest.approx(expected, abs=1e-9)
 
 
-def test_an_edge_of_two_turns_is_gone_along_in_two():
-    with street() as ctx:
-        filter = belief.Filter(ctx, belief.to_goals({0: 1}, wander=0.0), ["a"], metres=5.0)
-        filter.update(found={"a": 2})
-        found = []
-        for _ in range(4):
-            filter.predict()
-            found.append(filter.probability("a"))
-        assert found == [{2: 1.0}, {1: 1.0}, {1: 1.0}, {0: 1.0}]
-
-
 def test_a_likelihood_of_nodes_counts_on_an_edge_by_the_greater_one_of_its_ends():
     with street() as ctx:
         filter = belief.Filter(ctx, belief.random_walk(), ["a"], metres=4.0)

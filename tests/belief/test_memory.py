@@ -44,17 +44,6 @@ def hunt(turns=30, seed=1, path=None, **keywords):
     return ctx
 
 
-def test_who_was_seen_last_where_when_and_by_whom(make_ctx, add):
-    ctx = make_ctx(6)
-    add(ctx, "a", 0, "red", sight=15.0, strategy=noting(ctx))
-    add(ctx, "b", 5, "red", sight=15.0, strategy=noting(ctx, stay=True))
-    add(ctx, "prey", 1, "blue", strategy=lambda state: state.update(action=min(5, state["curr_pos"] + 1)))
-    ctx.game.run(1)
-    assert belief.belief_of(ctx, "b").last_seen == {"prey": Sighting(1, 0, "a")}
-    ctx.game.run(5)
-    assert belief.belief_of(ctx, "a").last_seen == {"prey": Sighting(5, 5, "b")}
-
-
 def test_it_is_known_where_on_an_edge_an_agent_was_seen(make_ctx, add):
     ctx = make_ctx(3, game={"speed_unit": "metres"})
     add(ctx, "a", 0, "red", sight=50.0)
@@ -125,16 +114,6 @@ def test_drones_tell_of_agents_on_the_ground(make_ctx, add):
     assert known[0].reachable("far") == {3, 4, 5}
 
 
-def test_a_respawned_agent_is_where_it_was_put(make_ctx, add):
-    ctx = make_ctx(6)
-    add(ctx, "a", 0, "red", sight=0.0, strategy=noting(ctx))
-    add(ctx, "prey", 5, "blue")
-    ctx.game.run(1)
-    ctx.game.respawn("prey", 3)
-    ctx.game.run(1)
-    assert belief.belief_of(ctx, "a").last_seen == {"prey": Sighting(3, 1, "a")}
-
-
 def test_what_only_the_program_knows_can_be_noted(make_ctx, add):
     ctx = make_ctx(6)
 
@@ -169,18 +148,6 @@ def test_what_is_shared_is_what_merged_memories_say(turns):
         merged = belief.merge(*(alone.game.memories[f"h{i}"] for i in range(3)))
         assert belief.merge(shared.game.team_memories["red"]) == merged
         assert alone.game.team_memories == {}
-
-
-def test_memories_are_plain_and_short_and_forget_old_looks():
-    with hunt(turns=200, horizon=20) as ctx:
-        memory = ctx.game.memories["h0"]
-        assert is_plain(memory)
-        known = belief.belief_of(ctx, "h0").last_seen
-        old = [key for key in belief.merge(memory) if key[1] < 160]
-        assert all("looks" not in memory[key] for key in old)
-        assert len(old) <= len(known)
-        assert len(memory) <= 42 + len(known)
-        assert max(len(text) for text in belief.merge(memory).values()) < 300
 
 
 def test_the_memory_of_a_team_has_few_entries(make_ctx):

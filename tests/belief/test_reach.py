@@ -1,7 +1,5 @@
 """The set of nodes on which a target can be holds the one on which it is, and no more than was seen allows."""
 
-from math import inf
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -113,38 +111,6 @@ def test_the_truth_is_always_in_the_set(world):
             assert where in reachable or (where is None and not reachable), turn
 
 
-def test_a_target_gets_one_edge_farther_in_each_turn(make_ctx, add):
-    ctx = make_ctx(9)
-    add(ctx, "spy", 4, "red", sight=0.0)
-    add(ctx, "prey", 4, "blue")
-    state = {"name": "spy", "team": "red", "memory": {}, "sensor": {}, "curr_pos": 4}
-    belief.note(ctx, state | {"turn": 0}, "prey", 4)
-    sizes = [belief.believed(ctx, state | {"turn": turn}).reachable("prey") for turn in range(3)]
-    assert sizes == [{4}, {3, 4, 5}, {2, 3, 4, 5, 6}]
-    assert belief.believed(ctx, state | {"turn": 1}).reachable("prey", speed=3) == {1, 2, 3, 4, 5, 6, 7}
-
-
-@pytest.mark.parametrize(
-    ("speed", "unit", "reach"),
-    [
-        (2.0, "edges", [0, 2, 4]),
-        (1.5, "edges", [0, 2, 3]),  # it may have covered half of an edge before it was seen
-        (0.5, "edges", [0, 1, 1]),
-        (0.0, "edges", [0, 0, 0]),
-        (25.0, "metres", [0, 3, 5]),
-        (10.0, "metres", [0, 1, 2]),
-        (inf, "metres", [0, 8, 8]),
-    ],
-)
-def test_how_far_it_gets_follows_from_its_speed(make_ctx, add, speed, unit, reach):
-    ctx = make_ctx(9, game={"speed_unit": unit})
-    add(ctx, "spy", 0, "red")
-    add(ctx, "prey", 0, "blue").speed = speed
-    state = {"name": "spy", "team": "red", "memory": {}, "sensor": {}, "curr_pos": 0}
-    belief.note(ctx, state | {"turn": 0}, "prey", 0)
-    assert [max(belief.believed(ctx, state | {"turn": turn}).reachable("prey")) for turn in range(3)] == reach
-
-
 def watching(ctx, found, name="prey"):
     def watch(state):
         found.append(belief.observe(ctx, state).reachable(name))
@@ -181,41 +147,6 @@ def test_an_edge_that_was_closed_at_the_first_node_counts_as_any_other(make_ctx,
 
     ctx.game.run(2)
     assert found == [{1}, {0, 2}]
-
-
-def test_an_edge_that_was_open_long_ago_is_not_forgotten_with_what_was_seen_then(make_ctx, add):
-    ctx, found = make_ctx(4), []
-
-    def watch(state):
-        found.append(belief.observe(ctx, state, horizon=4).reachable("prey"))
-        state["action"] = state["curr_pos"]
-
-    add(ctx, "spy", 0, "red", sight=0.0, strategy=watch)
-    add(ctx, "prey", 0, "blue", strategy=lambda state: state.update(action=min(3, state["curr_pos"] + 1)))
-
-    @ctx.game.add(phase="before")
-    def close(ctx):
-        if ctx.game.turn == 4:
-            for id in (4, 5):  # between nodes 2 and 3
-                ctx.graph.graph.remove_edge(id)
-
-    ctx.game.run(24)
-    assert found[-1] == {1, 2, 3}
-
-
-def test_a_map_that_changed_while_it_was_not_known_lets_a_target_be_anywhere(make_ctx, add):
-    ctx, found = make_ctx(4), []
-    add(ctx, "spy", 0, "red", sight=0.0, strategy=watching(ctx, found))
-    add(ctx, "prey", 0, "blue")
-    ctx.game.run(1)
-    ctx.game.memories["spy"]["belief map"] = "of another program"
-    ctx.game.run(1)
-    assert found == [{0}, {0}]
-    add(ctx, "other", 1, "green")
-    ctx.agent.get_agent("prey").current_node_id = 3  # by a rule that publishes nothing
-    ctx.game.memories["spy"]["belief map"] = "of another program"
-    ctx.game.run(2)
-    assert found[2:] == [{1, 2, 3}, {1, 2, 3}]
 
 
 def test_a_target_that_cannot_be_anywhere_is_looked_for_everywhere(make_ctx, add):
@@ -287,21 +218,3 @@ def test_an_agent_that_was_respawned_is_no_longer_believed_where_it_was_seen(mak
     ctx.game.add(put, phase=phase)
     ctx.game.run(14)
     assert checked == [(True, True)] * 14
-
-
-@pytest.mark.parametrize("order", [None, [["red"], ["blue"]], [["blue"], ["red"]]])
-def test_a_respawn_counts_also_where_the_agent_did_not_observe_in_that_turn(make_ctx, add, order):
-    ctx, checked = make_ctx(40), []
-
-    def watch(state):
-        if not 3 <= state["turn"] <= 7:
-            node = ctx.agent.get_agent("prey").current_node_id
-            checked.append((state["turn"], node in belief.observe(ctx, state).reachable("prey")))
-        state["action"] = state["curr_pos"]
-
-    add(ctx, "spy", 20, "red", sight=25.0, strategy=watch)
-    add(ctx, "prey", 20, "blue", strategy=lambda state: state.update(action=state["curr_pos"] + 1))
-    ctx.game.add(lambda ctx: ctx.game.turn == 5 and ctx.game.respawn("prey", 2), name="put")
-    ctx.game.order = order
-    ctx.game.run(12)
-    assert checked == [(turn, True) for turn in (0, 1, 2, 8, 9, 10, 11)]

@@ -176,19 +176,6 @@ def test_an_agent_is_put_on_the_last_node_that_its_late_robot_has_passed():
         assert robot.sent[-1]["points"][0] == pytest.approx([240, 0])  # not back to the node
 
 
-def test_a_robot_that_was_carried_elsewhere_is_sent_to_the_end_of_the_move_from_there(ctx):
-    robot = Scripted(SimulatedClock(), (200.0, 120.0), (200.0, 120.0), (200.0, 120.0), (100.0, 0.0))
-    ctx.game.add(drive("anna", robot, checks=FixChecks(max_speed=1000.0), limit_s=5.0))
-    ctx.game.step()
-    assert robot.sent[0]["points"] == [[200, 120], [200, 100], [200, 0], [100, 0]] or robot.sent[0]["points"] == [
-        [200, 120],
-        [200, 100],
-        [100, 100],
-        [100, 0],
-    ]
-    assert ctx.game.events == []
-
-
 def test_in_games_by_metres_the_way_of_a_robot_ends_on_the_edge():
     with gamms.create_context(seed=1, game={"speed_unit": "metres"}, logger_config={"level": "ERROR"}) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 3, spacing=100.0))
@@ -307,16 +294,6 @@ def test_an_agent_that_is_out_of_the_game_is_not_waited_for(ctx):
     ctx.game.eliminate("anna")
     ctx.game.step()
     assert clock.now() == 0.0
-
-
-def test_the_picture_is_drawn_again_while_a_turn_waits(ctx, monkeypatch, caplog):
-    seen = []
-    ctx.game.add(drive("anna", SimulatedRobot(ctx, "anna", speed=100.0)))
-    monkeypatch.setattr(type(ctx.visual), "update", lambda visual: seen.append(visual.draw_commands()))
-    ctx.game.step()
-    assert len(seen) == pytest.approx(20, abs=1)
-    assert "could not be drawn" not in caplog.text
-    assert len({commands.points.tobytes() for commands in seen}) == len(seen)
 
 
 def test_wrong_arguments_say_what_is_right(ctx):

@@ -29,16 +29,6 @@ def places_of(path, agent="anna"):
         return np.array(found)
 
 
-def test_agents_go_along_the_roads_as_their_tracks_say(town, tmp_path):
-    walk = fixes((3, 4), (40, -6), (70, 5), (160, 3), (203, 20), (196, 90), (204, 190))
-    (report,) = recording_from_tracks({"anna": walk}, town, tmp_path / "game.ggr", turn_seconds=10.0)
-    found = places_of(tmp_path / "game.ggr")
-    assert found[1:] == pytest.approx(np.array([(40, 0), (70, 0), (160, 0), (200, 20), (200, 90), (200, 190)]), abs=4.0)
-    assert report.agent == "anna"
-    assert (report.points, report.off_road, report.parts) == (7, 0, 1)
-    assert 3.0 < report.off_m < 6.0
-
-
 def test_what_is_read_from_a_recording_gives_that_recording_again(tmp_path):
     def ride(state):
         state["action"] = state["draw"].choice(state["legal"])

@@ -103,17 +103,6 @@ def test_a_message_goes_to_an_agent_a_team_or_all():
     assert heard == {"ann": {}, "bob": {1: [2, 3]}, "eve": {1: [2, 3]}, "cat": {1: [1, 3, 4]}, "dan": {1: [3, 4]}}
 
 
-def test_positions_after_the_moves_of_the_turn_count():
-    with world(ROAD, plan=once([send(None)])) as ctx:
-        ctx.agent.get_agent("ann").register_strategy(
-            lambda state: state.update(action=1, outbox=[send(None)] * (state["turn"] == 0))
-        )
-        ctx.game.add_channel("radio", range_m=10)
-        ctx.agent.get_agent("cat").current_node_id = 2  # 20 m away before the move
-        ctx.game.run(2)
-        assert inboxes(ctx, "cat") == {1: ["hello"]}
-
-
 def test_each_channel_reaches_as_many_edges_as_it_says():
     with world(ROAD, plan=once([send(None, "near"), send(None, "far", channel="loud")])) as ctx:
         ctx.game.add_channel("radio", hops=1)
@@ -132,17 +121,6 @@ def test_a_delay_counts_turns_and_moves_later_change_nothing():
         assert inboxes(ctx, "bob") == {3: ["hello"]}
 
 
-def test_with_an_order_of_play_nobody_hears_a_message_in_its_turn():
-    teams = {"ann": "red", "bob": "blue", "cat": "red"}
-    plan = lambda name, turn: [send(None, f"{name} {turn}")]
-    with world(dict.fromkeys(teams, 0), teams=teams, plan=plan, order=[["blue"], ["red"]]) as ctx:
-        ctx.game.add_channel("radio", range_m=0)
-        ctx.game.run(2)
-        assert [inbox for turn, _, inbox in ctx.heard if turn == 0] == [[], [], []]
-        assert inboxes(ctx, "cat") == {1: ["ann 0", "bob 0"]} or inboxes(ctx, "cat") == {1: ["bob 0", "ann 0"]}
-        assert inboxes(ctx, "bob") == {1: ["ann 0", "cat 0"]}
-
-
 def test_the_dead_neither_send_nor_hear():
     plan = lambda name, turn: [send(None, name)]
     with world(dict.fromkeys(ROAD, 0), plan=plan) as ctx:
@@ -154,20 +132,6 @@ def test_the_dead_neither_send_nor_hear():
         ctx.agent.delete_agent("bob")
         ctx.game.run(1)
         assert inboxes(ctx, "cat") == {1: ["ann", "bob"], 2: ["bob"], 3: ["bob"]}
-
-
-def test_a_channel_is_for_its_teams():
-    teams = {"ann": "red", "bob": "red", "cat": "blue"}
-    plan = lambda name, turn: [send(None, name)] if turn == 0 else []
-    with world(dict.fromkeys(teams, 0), teams=teams, plan=plan) as ctx:
-        ctx.game.add_channel("radio", range_m=0, teams="red")
-        result = ctx.game.run(2)
-        assert (inboxes(ctx, "bob"), inboxes(ctx, "cat")) == ({1: ["ann"]}, {})
-        assert "Channel 'radio' is not for team 'blue'." in result.errors[0]["message"]
-        ctx.agent.get_agent("ann").register_strategy(
-            lambda state: state.update(action=0, outbox=[send("cat"), send("blue")])
-        )
-        assert "Channel 'radio' is not for 'cat'." in ctx.game.run(1).errors[1]["message"]
 
 
 # -- what is refused ----------------------------------------------------------------------------------------------
@@ -264,16 +228,6 @@ def test_the_receiver_may_be_a_team_of_which_a_misspelt_name_is_told():
     with world(ROAD, teams={"cat": "green"}, plan=once([send("gren")])) as ctx:
         ctx.game.add_channel("radio", range_m=10)
         assert "'gren'. Did you mean 'green'?" in ctx.game.run(1).errors[0]["message"]
-
-
-def test_a_body_may_have_all_the_bytes_of_a_turn():
-    def messages(most):
-        with world(ROAD, plan=once([send("bob")])) as ctx:
-            ctx.game.add_channel("radio", range_m=10, max_bytes_per_turn=most)
-            return ctx.game.run(1).messages
-
-    size = messages(None)[0]["size"]
-    assert [len(messages(most)) for most in (size, size - 1)] == [1, 0]
 
 
 @pytest.mark.parametrize("flaw", ["raises", "is late", "moves where it may not", "does not act"])
@@ -461,25 +415,6 @@ def test_only_named_relays_pass_on_and_they_need_not_hear():
         assert inboxes(ctx, "bob") == {}
 
 
-def test_a_jammer_is_a_place_an_agent_or_a_team():
-    places = {"ann": 0, "bob": 1, "cat": 3, "dan": 5, "eve": 7, "jam": 7, "joe": 9}
-    jammers = [
-        {"at": 3, "radius_m": 0},
-        {"at": (10.0, 1.0), "radius_m": 1},
-        {"agent": "jam", "radius_m": 1},
-        {"team": "noise", "radius_m": 5},
-        {"agent": "nobody", "radius_m": 1000},
-    ]
-    with world(places, teams={"joe": "noise"}) as ctx:
-        ctx.game.add_channel("radio", range_m=1000, jammers=jammers)
-        ctx.game.add(lambda ctx: ctx.game.eliminate("jam") if ctx.game.turn == 1 else None)
-        assert reach_of(ctx) == {"dan": 2}
-        assert ctx.game.messages[0]["jammed"] == ["bob", "cat", "eve", "jam", "joe"]
-        ctx.agent.get_agent("ann").register_strategy(lambda state: state.update(action=0, outbox=[send("eve")]))
-        ctx.game.run(1)
-        assert ctx.game.messages[1]["heard"] == {"eve": 3}  # a dead jammer jams nothing
-
-
 @settings(max_examples=8)
 @given(st.integers(0, 10**9))
 def test_an_eavesdropper_hears_what_it_would_hear_if_all_were_meant_for_it(seed):
@@ -637,16 +572,6 @@ def noisy(seed=7, places=PLACES, **more):
     return ctx
 
 
-def test_a_reset_begins_with_empty_inboxes_and_repeats_all():
-    with noisy() as ctx:
-        first, heard = ctx.game.run(6), list(ctx.heard)
-        ctx.game.reset()
-        assert ctx.game.messages == []
-        del ctx.heard[:]
-        assert ctx.game.run(6) == first
-        assert ctx.heard == heard
-
-
 def test_a_fork_goes_on_with_what_is_under_way_and_with_chance_of_its_own():
     with noisy() as ctx:
         ctx.game.run(4)
@@ -659,17 +584,6 @@ def test_a_fork_goes_on_with_what_is_under_way_and_with_chance_of_its_own():
         assert ctx.game.messages == before
         ctx.game.run(20)
         assert [one["lost"] for one in fork.messages] != [one["lost"] for one in ctx.game.messages]
-
-
-def test_an_observation_shows_the_inbox_of_the_turn_that_comes():
-    with world(ROAD, plan=once([send("bob")])) as ctx:
-        ctx.game.add_channel("radio", range_m=10)
-        assert ctx.game.observation("bob")["inbox"] == []
-        ctx.game.run(1)
-        assert [one["body"] for one in ctx.game.observation("bob")["inbox"]] == ["hello"]
-        assert [one["body"] for one in ctx.game.observation("bob")["inbox"]] == ["hello"]
-        ctx.game.run(1)
-        assert ctx.game.observation("bob")["inbox"] == []
 
 
 @settings(max_examples=8)
@@ -704,24 +618,6 @@ def recorded(turns=8):
         result = ctx.game.run(turns)
         ctx.record.stop()
         return file.getvalue(), result, list(ctx.heard)
-
-
-def test_a_recording_has_the_table_of_messages_and_a_replay_the_same():
-    data, result, _ = recorded()
-    with gamms.recorder.open(io.BytesIO(data)) as recording:
-        mine, theirs = recording.table("messages"), result.table("messages")
-        assert list(mine) == list(theirs)
-        assert all(mine[key].tolist() == theirs[key].tolist() for key in mine)
-        assert recording.table("messages", 0, 0)["turn"].tolist() == []
-    with gamms.create_context() as ctx:
-        copy = io.BytesIO()
-        ctx.record.start(copy)
-        for _ in ctx.record.replay(io.BytesIO(data)):
-            pass
-        assert ctx.game.messages == result.messages
-        ctx.record.stop()
-    with gamms.recorder.open(io.BytesIO(copy.getvalue())) as recording:
-        assert recording.table("messages")["outcome"].tolist() == result.table("messages")["outcome"].tolist()
 
 
 def test_a_hostile_entry_of_a_recording_is_refused():

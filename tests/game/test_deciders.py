@@ -256,27 +256,6 @@ def later(seconds, then=wander):
     return strategy
 
 
-@pytest.mark.parametrize("order", [(0.0, 0.002, 0.004), (0.004, 0.002, 0.0)])
-def test_the_order_of_completion_does_not_matter(grid, order):
-    with grid() as waiting, grid() as plain:
-        for ctx, delays in ((waiting, order), (plain, (None, None, None))):
-            for name, delay in zip("abc", delays, strict=True):
-                team(ctx, name, strategy=wander if delay is None else later(delay))
-            ctx.game.conflicts = Conflicts(capacity=1)
-        assert waiting.game.run(5) == plain.game.run(5)
-        assert waiting.game.team_memories == plain.game.team_memories
-
-
-def test_anything_that_can_be_awaited_may_be_returned(ctx):
-    class Answer:
-        def __await__(self):
-            yield from asyncio.sleep(0).__await__()
-
-    team(ctx, "a", strategy=lambda state: (state.update(action=6), Answer())[-1])
-    ctx.game.step()
-    assert nodes(ctx) == {"a": 6}
-
-
 def test_at_the_deadline_the_default_action_counts(ctx):
     ended = []
 

@@ -641,13 +641,3 @@ def test_a_published_array_may_be_written_to_afterwards_and_the_fact_stays(grid)
         ctx.game.publish(heat=heat)
         heat[0] = 9
         assert ctx.game.facts["heat"].tolist() == [0, 0, 0]
-
-
-def test_a_subclass_of_an_engine_may_set_attributes_before_it_begins():
-    class Engine(gamms.agent.AgentEngine):
-        def __init__(self, ctx):
-            self.purpose = "research"
-            super().__init__(ctx)
-
-    with gamms.create_context() as ctx:
-        assert Engine(ctx).purpose == "research"

@@ -31,29 +31,6 @@ def attack(target, **more):
     return {"do": {"attack": {"target": target, **more}}}
 
 
-def test_one_that_is_put_elsewhere_by_a_deed_stays_there(road):
-    road.plans = {"ann": [attack("bob")], "bob": [8]}
-    road.game.add(
-        lambda ctx: [ctx.game.respawn(one.values["target"], 4) for one in ctx.game.performed()], phase="deeds"
-    )
-    road.game.step()
-    assert road.agent.get_agent("bob").current_node_id == 4
-    assert [track[:2] for track in road.game.tracks(road.game.agents)] == [((0,), (0.0,)), ((4,), (0.0,))]
-
-
-def test_an_agent_that_a_deed_makes_is_there_and_moves_from_the_next_turn_on(road):
-    road.plans["ann"] = [{"node_id": 1, "do": {"attack": "bob"}}]
-
-    def split(ctx):
-        for deed in ctx.game.performed("attack"):
-            ctx.agent.create_agent("amy", start_node_id=5, team=deed.team, strategy=gamms.strategies.goto(ctx, 9))
-            ctx.agent.delete_agent("bob")
-
-    road.game.add(split, phase="deeds")
-    result = road.game.run(2)
-    assert {name: one["node"] for name, one in result.agents.items()} == {"amy": 6, "ann": 1, "bob": 9}
-
-
 def test_a_deed_may_place_move_and_remove_a_fixed_sensor(road):
     road.game.deeds = {
         "place": {"where": "node"},

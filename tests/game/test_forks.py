@@ -3,7 +3,6 @@
 import copy
 import random
 import threading
-from functools import partial
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -85,17 +84,6 @@ def test_copies_of_games_with_teams_and_strategies_of_the_context_play_the_same_
             assert twin.game.run(turns + 9) == ctx.game.run(turns + 9)
             assert places(twin.game) == places(ctx.game)
             assert twin.agent.get_agent("red_0").current_node_id != 0
-
-
-def test_a_game_with_a_team_whose_agents_were_deleted_is_restored_and_copied_after_a_fork(grid):
-    with grid() as ctx:
-        ctx.agent.create_team("red", [0, 1, 2], strategy=gamms.strategies.random_walk)
-        ctx.game.run(1)
-        ctx.agent.delete_agent("red_1")
-        ctx.game.fork(1)  # which copies what the agent has drawn from
-        snapshot, twin = ctx.game.snapshot(), copy.deepcopy(ctx)
-        ctx.game.restore(snapshot)
-        assert twin.game.run(3) == ctx.game.run(3)
 
 
 def test_a_fork_leaves_the_game_alone(game):
@@ -241,34 +229,6 @@ def test_a_game_changes_its_own_map_in_place_once_its_forks_are_gone(grid, colle
 # -- what functions hold --------------------------------------------------------------------------------------------
 
 
-def test_functions_that_close_over_the_context_see_the_fork(grid):
-    with grid() as ctx:
-        seen = []
-        target = ctx.agent.create_agent("target", start_node_id=0)
-        others = [target]
-
-        def look(state):
-            found = [agent.current_node_id for agent in others]
-            seen.append((ctx.game.turn, target.current_node_id, found, game is ctx.game))
-            state["action"] = state["curr_pos"]
-
-        game = ctx.game
-        ctx.agent.create_agent("eyes", start_node_id=5, strategy=look)
-        ctx.agent.create_agent("more", start_node_id=5, strategy=partial(lambda one, state: one(state), look))
-
-        @ctx.game.add
-        def count(_):
-            ctx.game.data["count"] = ctx.game.data.get("count", 0) + 1
-
-        fork = ctx.game.fork(1)
-        fork.turn = 10
-        fork.ctx.agent.get_agent("target").current_node_id = 15
-        fork.step()
-        assert seen == [(10, 15, [15], True)] * 2
-        assert (fork.data, ctx.game.data) == ({"count": 1}, {})
-        assert fork.moves.keys() == {"target", "eyes", "more"}
-
-
 def test_objects_are_copied_and_what_cannot_be_copied_is_shared(grid):
     class Strategy:
         def __init__(self, *held):
@@ -364,21 +324,6 @@ def test_forks_belong_to_the_program_that_runs_the_game(grid):
             ctx.game.fork("one")
     with pytest.raises(ContextTerminated):
         ctx.game.fork(1)
-
-
-def test_a_recording_goes_on_while_forks_are_played(grid, tmp_path):
-    bytes_of = []
-    for forks in (0, 3):
-        path = tmp_path / f"{forks}.ggr"
-        with build(grid) as ctx:
-            ctx.record.start(path)
-            for _ in range(4):
-                ctx.game.step()
-                for seed in range(forks):
-                    ctx.game.fork(seed).run(2)
-            ctx.record.stop()
-        bytes_of.append(path.read_bytes())
-    assert bytes_of[0] == bytes_of[1]
 
 
 @settings(max_examples=10, suppress_health_check=list(HealthCheck))

@@ -37,17 +37,6 @@ def test_a_team_without_a_strategy_is_named_once(ctx, heard):
     assert heard == [NOBODY_DECIDES.format("team 'blue', agents without a team")]
 
 
-@pytest.mark.parametrize("decide", ["strategy", "of one", "plan"])
-def test_a_team_for_which_something_decides_is_not_named(ctx, heard, decide):
-    team = ctx.agent.create_team("blue", [1, 2], strategy=stay if decide == "strategy" else None)
-    if decide == "of one":
-        team.agents[0].strategy = stay
-    if decide == "plan":
-        ctx.game.command("blue", lambda states: None)
-    ctx.game.run(1)
-    assert [one for one in heard if "No strategy" in one] == []
-
-
 def test_a_team_that_comes_later_is_named_by_itself(ctx, heard):
     ctx.agent.create_agent("anna", start_node_id=0, team="red")
     ctx.game.run(1)

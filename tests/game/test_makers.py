@@ -50,48 +50,6 @@ def test_what_returns_a_function_of_the_context_makes_strategies(agent, maker):
     agent._ctx.game.run(1)
 
 
-CALLS = []
-
-
-def without_action(s):
-    CALLS.append(s)
-
-
-def with_action(s):
-    CALLS.append(s)
-    s["action"] = s["curr_pos"]
-    return s
-
-
-def with_keyword(s):
-    return CALLS.append(s) or s.update(action=s["curr_pos"])
-
-
-async def awaited(s):
-    CALLS.append(s)
-    return s.update({"action": s["curr_pos"]})
-
-
-class Counting:
-    def __call__(self, s):
-        CALLS.append(s)
-
-
-STRATEGIES = [without_action, with_action, with_keyword, awaited, Counting(), CALLS.append, partial(with_action)]
-
-
-@pytest.mark.parametrize("strategy", STRATEGIES)
-def test_a_strategy_is_called_with_states_alone(agent, strategy):
-    CALLS.clear()
-    agent.register_strategy(strategy)
-    assert agent.strategy is strategy
-    agent._ctx.game.fork(1)
-    assert not CALLS
-    agent._ctx.game.run(2)
-    agent._ctx.game.reset()
-    assert [state["name"] for state in CALLS] == ["ann", "ann"]
-
-
 def test_a_function_that_cannot_be_told_is_refused_at_once(agent):
     agent.strategy = lambda s: s.get("nothing")  # it fails with a context, as strategies do
     with pytest.raises(

@@ -11,17 +11,6 @@ from gamms.core.copies import copied
 from gamms.game.team_memory import merged_memory as merged
 
 
-def test_a_memory_is_an_agents_own_and_lasts(ctx):
-    def count(state):
-        state["memory"]["turns"] = state["memory"].get("turns", 0) + 1
-        state["action"] = state["curr_pos"]
-
-    for name in "ab":
-        ctx.agent.create_agent(name, start_node_id=0, strategy=count)
-    ctx.game.run(3)
-    assert ctx.game.memories == {"a": {"turns": 3}, "b": {"turns": 3}}
-
-
 def test_what_is_nested_in_a_teams_memory_is_a_copy_too(ctx):
     def tell(state):
         state["team_memory"].setdefault("seen", {"nodes": []})["nodes"].append(state["name"])

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.errors import BadType, BadValue
-from gamms.rules import Conflicts, contacts, reach, tag
+from gamms.rules import Conflicts, contacts, tag
 from gamms.scenario import Scenario
 
 
@@ -68,17 +68,6 @@ def test_agents_on_an_edge_are_on_no_node_while_another_team_moves():
         ]
 
 
-@pytest.mark.parametrize(("order", "winner"), [([["cops"], ["robber"]], "cops"), ([["robber"], ["cops"]], "robber")])
-def test_who_moves_first_decides(order, winner):
-    with road(order) as ctx:
-        player(ctx, "cop", "cops", 2, 3)
-        player(ctx, "rob", "robber", 3, 4)
-        ctx.game.add(tag("cops", "robber", then="eliminate", score=1))
-        ctx.game.add(reach("robber", 4))
-        result = ctx.game.run(1)
-        assert (result.winner == "robber", result.scores.get("cops", 0)) == (winner == "robber", winner == "cops")
-
-
 def test_an_edge_gone_along_one_after_the_other_is_no_meeting_without_passing():
     with road([["cops"], ["robber"]]) as ctx:
         player(ctx, "cop", "cops", 2, 3)
@@ -96,16 +85,6 @@ def test_agents_that_pass_each_other_in_one_part_of_the_turn_meet_at_its_end_wit
         ctx.game.step()
         (contact,) = contacts(ctx, "cops", "robber", passing=False)
         assert contact[:6] == ("cop", "rob", 0.0, 1.0, 3, 2)
-
-
-@pytest.mark.parametrize("form", [{}, {"hops": 0}, {"metres": 0}, {"euclid": 0}])
-def test_an_agent_that_waits_meets_who_stays_on_its_node_as_the_turn_begins(form):
-    with road([["cops"], ["robber"]]) as ctx:
-        player(ctx, "cop", "cops", 3, 3)
-        player(ctx, "rob", "robber", 3, 4)
-        player(ctx, "late", "cops", 2, 3)
-        ctx.game.step()
-        assert [(one.a, one.time) for one in contacts(ctx, "cops", "robber", **form)] == [("cop", 0.0), ("late", 0.5)]
 
 
 def test_who_is_matched_under_an_order_of_play_does_not_depend_on_how_the_distance_is_given():
@@ -126,17 +105,6 @@ def test_who_is_matched_under_an_order_of_play_does_not_depend_on_how_the_distan
     red, blue = (sum(score.get(team, 0) for score in played) for team in ("red", "blue"))
     assert red + blue > 1000
     assert 0.9 < red / blue < 1.1
-
-
-def test_conflicts_count_those_who_have_moved_and_those_who_have_not():
-    with road([["first"], ["second"]]) as ctx:
-        ctx.game.conflicts = Conflicts(capacity=1)
-        player(ctx, "a", "first", 1, 2)
-        player(ctx, "b", "second", 3, 2)
-        player(ctx, "c", "first", 4, 3)
-        result = ctx.game.run(1)
-        assert {name: one["node"] for name, one in result.agents.items()} == {"a": 2, "b": 3, "c": 4}
-        assert {name: one["blocked"] for name, one in result.agents.items()} == {"a": 0, "b": 1, "c": 1}
 
 
 def test_a_game_that_ends_between_two_teams_asks_no_more():
@@ -242,17 +210,6 @@ def test_a_scenario_with_an_impossible_order_or_deed_names_the_place(given, mess
     }
     with pytest.raises(gamms.scenario.ScenarioError, match=message):
         gamms.scenario.Scenario(**spec)
-
-
-def test_a_part_of_an_edge_is_covered_in_ones_own_part_of_the_turn():
-    with road([["cops"], ["robber"]]) as ctx:
-        cop = player(ctx, "cop", "cops", 0, 9, 9, 9, 9, speed=1.5)
-        player(ctx, "rob", "robber", 9, 9)
-        nodes = []
-        for _ in range(4):
-            ctx.game.step()
-            nodes.append(cop.current_node_id)
-        assert nodes == [1, 3, 4, 6]
 
 
 @pytest.mark.parametrize("speed", [None, 1.5])

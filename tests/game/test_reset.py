@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import gamms
 from gamms.agent import AgentType
 from gamms.sensor import SensorType
 
@@ -70,16 +69,6 @@ def test_another_seed_is_another_game_that_equals_a_fresh_one(grid):
         assert ctx.game.run() == first
 
 
-def test_the_start_is_that_before_the_first_turn_not_that_of_the_creation(ctx, play):
-    agent = play("a", 0, 1)
-    agent.current_node_id = 5
-    ctx.game.data["n"] = 1
-    ctx.game.step()
-    ctx.game.data["n"] = 2
-    ctx.game.reset()
-    assert (agent.current_node_id, ctx.game.data) == (5, {"n": 1})
-
-
 def test_a_graph_that_did_not_change_keeps_its_indexes(ctx, play):
     play("a", 0, 1)
     ctx.game.run(2)
@@ -94,32 +83,6 @@ def test_a_reset_before_the_first_turn_sets_the_seed(grid):
         ctx.game.reset(9)
         assert ctx.seed == 9
         assert ctx.rng.random() == other.rng.random()
-
-
-def test_a_sensor_of_the_users_own_is_asked_to_begin_again(ctx, play):
-    class Counter:
-        sensor_id, type, data = "counter", SensorType.CUSTOM, 0
-
-        def sense(self, node_id):
-            self.data += 1
-
-        def update(self, data):
-            pass
-
-        def set_owner(self, owner):
-            pass
-
-        def reset(self):
-            self.data = 0
-
-    counter = ctx.sensor.custom("COUNTER_TEST")(Counter)()
-    ctx.sensor.add_sensor(counter)
-    agent = play("a", 0)
-    agent.register_sensor("counter", counter)
-    ctx.game.run(3)
-    assert counter.data == 3
-    ctx.game.reset()
-    assert counter.data == 0
 
 
 def test_attributes_that_cannot_be_copied_are_kept(ctx, play):
@@ -227,17 +190,6 @@ def test_what_the_program_changes_between_turns_is_taken_back(calm):
     assert settled(calm) == before
 
 
-def test_what_is_changed_before_the_first_turn_is_part_of_the_start(calm):
-    calm.game.run(1)
-    calm.game.reset()
-    upset(calm)
-    before = settled(calm)
-    first = calm.game.run()
-    calm.game.reset()
-    assert settled(calm) == before
-    assert calm.game.run() == first
-
-
 def test_a_reset_without_a_seed_repeats_the_game_that_was_played_last(grid):
     with build(grid) as ctx:
         ctx.rng.random()  # what the program draws before the first turn belongs to the game
@@ -250,28 +202,6 @@ def test_a_reset_without_a_seed_repeats_the_game_that_was_played_last(grid):
         ctx.game.reset(3)
         ctx.game.reset()
         assert (ctx.seed, ctx.game.run()) == (3, first)
-
-
-def test_an_agent_that_comes_with_a_sensor_in_mid_game_can_come_again(ctx, play, tmp_path):
-    play("a", 0, 1, 2, 3)
-
-    @ctx.game.add
-    def reinforce(ctx):
-        if ctx.game.turn == 2:
-            ctx.sensor.create_sensor("new", SensorType.AGENT)
-            ctx.agent.create_agent("b", start_node_id=3, sensors=["new"])
-
-    ctx.record.start(tmp_path / "game")
-    first = ctx.game.run(3)
-    ctx.game.reset()
-    assert ctx.game.run(3) == first
-    ctx.record.stop()
-    with gamms.recorder.open(tmp_path / "game") as recording:
-        assert recording.turns == 6
-        assert [recording.state(turn).agents["name"].tolist() for turn in (1, 2, 4, 5)] == [["a"], ["a", "b"]] * 2
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as replayed:
-        list(replayed.record.replay(tmp_path / "game.ggr"))
-        assert list(replayed.agent.agents) == ["a", "b"]
 
 
 @pytest.mark.parametrize("phase", ["before", "after"])

@@ -102,17 +102,6 @@ def test_tables_of_a_game_in_which_nothing_happened_are_empty(ctx, play):
         assert all(len(column) == 0 for column in result.table(name).values())
 
 
-def test_a_result_is_saved_as_json(ctx, play, tmp_path):
-    result = played(ctx, play)
-    result.save(tmp_path / "r.json")
-    kept = json.loads((tmp_path / "r.json").read_text())
-    assert kept.pop("format") == "gamms result 1"
-    assert kept == {name: value for name, value in result.to_dict().items() if name != "timings"}
-    assert kept["events"][0]["at"] == [1, 2]
-    with pytest.raises(FileNotFoundError, match="no folder"):
-        result.save(tmp_path / "missing" / "r.json")
-
-
 def test_a_saved_result_is_loaded_as_it_was(ctx, play, tmp_path):
     result = played(ctx, play)
     result.save(tmp_path / "r.json")
@@ -279,17 +268,6 @@ def test_numbers_beyond_64_bits_make_a_column_of_objects(ctx, play):
     ctx.game.collect("big", lambda ctx: 2**80)
     column = ctx.game.run(1).table("big")["value"]
     assert (column.dtype, column.tolist()) == (np.dtype(object), [2**80])
-
-
-def test_teams_are_listed_with_their_agents(ctx):
-    for name, team in (("c", "red"), ("a", "blue"), ("b", "red"), ("n", None)):
-        ctx.agent.create_agent(name, start_node_id=0, team=team)
-    teams = ctx.agent.teams
-    assert [(team, [agent.name for agent in agents]) for team, agents in teams.items()] == [
-        (None, ["n"]),
-        ("blue", ["a"]),
-        ("red", ["c", "b"]),
-    ]
 
 
 def test_a_context_shows_its_seed_its_size_and_its_turn(grid):

@@ -13,7 +13,6 @@ from gamms.ir.game_state import log_at
 from gamms.rules import Conflicts, capture_flag
 from gamms.sensor import SensorType
 from gamms.typing import AgentType
-from gamms.typing.sensor_engine import owner_of
 
 
 def wander(state):
@@ -166,48 +165,6 @@ def test_what_an_agent_draws_between_two_turns_is_restored(grid):
         assert (state["draw"].random(), state["rng"].random()) == more != drawn
 
 
-def test_values_that_are_one_object_stay_one(grid):
-    with grid() as ctx:
-        both = [1]
-        ctx.game.data.update(a=both, b={"c": both})
-        snapshot = ctx.game.snapshot()
-        both.append(2)
-        ctx.game.restore(snapshot)
-        assert ctx.game.data["a"] is ctx.game.data["b"]["c"]
-        assert ctx.game.data["a"] == [1]
-
-
-def test_a_sensor_of_the_users_own_takes_part_by_two_methods(grid):
-    class Counter:
-        type, sensor_id, data, count = SensorType.CUSTOM, "counter", None, 0
-
-        def sense(self, node_id):
-            self.count += 1
-
-        def set_owner(self, owner):
-            pass
-
-        def update(self, data):
-            pass
-
-        def snapshot(self):
-            return self.count
-
-        def restore(self, count):
-            self.count = count
-
-    with grid() as ctx:
-        counter = Counter()
-        ctx.sensor.add_sensor(counter)
-        ctx.agent.create_agent("a", start_node_id=0, sensors=["counter"], strategy=lambda s: s.update(action=0))
-        ctx.game.run(2)
-        snapshot = ctx.game.snapshot()
-        ctx.game.run(2)
-        assert counter.count == 4
-        ctx.game.restore(snapshot)
-        assert counter.count == 2
-
-
 def test_a_snapshot_is_refused_where_it_cannot_be_restored_exactly(grid, tmp_path):
     with build(grid) as ctx, build(grid) as other:
         snapshot = ctx.game.snapshot()
@@ -227,17 +184,6 @@ def test_a_snapshot_is_refused_where_it_cannot_be_restored_exactly(grid, tmp_pat
             ctx.game.run(1)
     with pytest.raises(gamms.errors.ContextTerminated):
         ctx.game.snapshot()
-
-
-def test_an_agent_that_came_after_a_snapshot_is_deleted_when_it_is_restored(grid):
-    with build(grid) as ctx:
-        snapshot = ctx.game.snapshot()
-        eye = ctx.sensor.create_sensor("eye", "AGENT")
-        ctx.agent.create_agent("late", start_node_id=0, sensors=["eye"])
-        ctx.game.restore(snapshot)
-        assert "late" not in ctx.agent.agents
-        assert owner_of(eye) is None
-        assert owner_of(ctx.sensor.get_sensor("eyes0")) == "a0"
 
 
 def test_a_copy_of_a_context_restores_its_own_copy_of_a_snapshot(grid):

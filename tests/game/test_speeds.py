@@ -181,16 +181,6 @@ def test_an_agent_that_is_blocked_begins_its_edge_again(ctx, play):
     assert places(agent, ctx.game.run(5)) == [5, 5, 5, 5, 6, 6]
 
 
-def test_a_target_is_walked_to_on_the_edge_that_was_begun_where_that_is_as_short(ctx, play):
-    agent = play("a", 0, [4, 8], 5, speed=1.5)  # two edges lead to 5: by 1, the lowest id, and by 4
-    assert places(agent, ctx.game.run(1)) == [0, 4]
-    ctx.game.reset()
-    agent = play("b", 0, [4], 5, 5, speed=0.75)
-    ctx.game.run(2)
-    assert agent.seen[1]["legal"] == (0, 1, 4)
-    assert ctx.game.moves["b"].path == (0, 4)
-
-
 def test_legal_has_what_the_part_of_an_edge_brings_into_reach(ctx, play):
     agent = play("a", 0, [4, 8, 12], [4, 8, 12], 12, speed=0.5)
     other = play("b", 0, [1, 2, 3], [2, 3], speed=1.5)

@@ -1,15 +1,8 @@
 """States: dicts whose keys are attributes, too."""
 
-import copy
-import json
-import pickle
-
-import msgspec
 import pytest
 
 from gamms.agent import AgentType
-from gamms.plain import to_plain
-from gamms.readonly import copied, frozen
 from gamms.typing import AerialState, State
 
 
@@ -33,17 +26,6 @@ def seen(grid):
         yield found
 
 
-def test_the_keys_of_a_state_are_attributes(seen):
-    state = seen["state"]
-    assert type(state) is State
-    node, legal, turn, name, team, sensors, sensor = seen["read"]
-    assert (node, legal, turn, name, team) == (0, state["legal"], 0, "a", "red")
-    assert sensors == {"near": list(legal), "eyes": {"b": 2}}
-    assert sensor is state["sensor"]
-    for key in ("draw", "rng", "memory", "team_memory", "facts", "blocked", "fork"):
-        assert getattr(state, key) is state[key]
-
-
 def test_an_action_may_be_set_as_an_attribute(seen):
     assert seen["node"] == seen["state"]["action"] == seen["state"].action == seen["state"].legal[1]
 
@@ -63,20 +45,6 @@ def test_an_attribute_of_a_key_that_is_not_there_names_those_that_are():
     assert not hasattr(state, "action")
     assert not hasattr(state, "nonsense")
     assert getattr(state, "inbox", None) is None
-
-
-def test_a_state_is_copied_and_written_as_a_dict_is():
-    state = State(curr_pos=3, sensor={"near": (1, [3, 4])}, legal=(3, 4))
-    plain = dict(state)
-    assert state == plain
-    assert type(state.copy()) is type(state | {}) is dict
-    for twin in (copy.copy(state), copy.deepcopy(state), pickle.loads(pickle.dumps(state)), copied(state)):
-        assert (type(twin), twin, twin.legal) == (State, plain, (3, 4))
-        assert twin is not state
-    assert json.dumps(state) == json.dumps(plain)
-    assert msgspec.msgpack.encode(state) == msgspec.msgpack.encode(plain)
-    assert to_plain(state) == to_plain(plain)
-    assert frozen(state) == frozen(plain)
 
 
 def test_a_flyer_has_a_place_and_no_node(grid):

@@ -68,16 +68,6 @@ def test_draws_of_a_turn_follow_from_seed_name_turn_and_count_alone(grid):
     assert drawn("ca", skipped=(0, 2)) == {key: everything[key] for key in everything if key[0] in "ac" and key[1] % 2}
 
 
-def test_what_is_drawn_equals_the_kernels_numbers(grid):
-    drawn = []
-    with grid(seed=5) as ctx:
-        strategy = lambda state: drawn.extend(state["draw"].bits() for _ in range(3))
-        ctx.agent.create_agent("a", start_node_id=0, strategy=strategy)
-        ctx.game.step()
-        purpose = kernels.purpose_key(ctx.seed, "agent")
-    assert drawn == [kernels.draw_bits(purpose, kernels.name_key("a"), 0, k) for k in range(3)]
-
-
 @pytest.mark.parametrize("n", [0, -1, 2**32 + 1])
 def test_numbers_below_nothing_are_refused(grid, n):
     with grid() as ctx:

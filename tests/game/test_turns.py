@@ -5,7 +5,6 @@ import random
 import numpy as np
 import pytest
 
-from gamms.agent import AgentType
 from gamms.errors import GammsError
 from gamms.game import IllegalAction, IllegalMutation
 
@@ -221,32 +220,6 @@ def test_who_is_deleted_between_two_turns_is_asked_no_longer(ctx, play):
     ctx.game.step()
     assert (left.current_node_id, len(gone.seen)) == (3, 1)
     assert ctx.game.agents == [left]
-
-
-def test_flyers_move_by_their_direction_and_take_part_in_all_else(ctx):
-    drone = ctx.agent.create_agent("d", type=AgentType.AERIAL, start_node_id=0, speed=5.0)
-    seen = []
-    actions = [(3, 0, 4), {"quat": (0, 0, 0, 1)}, (1, 0), "up", {"direction": [0, 0, -1]}]
-
-    def strategy(state):
-        seen.append(state)
-        state["action"] = actions[state["turn"]]
-
-    drone.register_strategy(strategy)
-    result = ctx.game.run(5)
-    assert (seen[0]["curr_pos"], seen[0]["legal"], seen[0]["quat"]) == ((0.0, 0.0, 0.0), (), (1.0, 0.0, 0.0, 0.0))
-    assert drone.position == pytest.approx((3.0, 0.0, -1.0))
-    assert drone.quat == (0.0, 0.0, 0.0, 1.0)
-    assert result.agents["d"] == {
-        "team": None,
-        "alive": True,
-        "node": 0,
-        "moves": 2,
-        "blocked": 0,
-        "illegal": 2,
-        "errors": 0,
-        "overruns": 0,
-    }
 
 
 def test_after_the_end_of_the_context_a_step_does_nothing(ctx, play):

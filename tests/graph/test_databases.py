@@ -41,27 +41,6 @@ def test_a_database_holds_everything_at_the_end(reopened, fill, everything):
     assert everything(reopened()) == before
 
 
-def test_what_was_loaded_is_in_the_database(reopened, fill, everything, ctx, tmp_path):
-    fill(ctx)
-    ctx.graph.save(tmp_path / "map.gamms")
-    first = reopened()
-    first.graph.graph.add_node({"id": 999, "x": 0.0, "y": 0.0})
-    first.graph.load(tmp_path / "map.gamms")
-    first.terminate()
-    assert everything(reopened()) == everything(ctx)
-
-
-def test_awkward_text_is_kept(reopened):
-    ctx = reopened()
-    names = {"quotes": "'\"`; DROP TABLE nodes", "half a pair": "\ud800", "nul": "a\0b", "\ud800": 1, "": ""}
-    ctx.graph.graph.add_node({"id": 1, "x": 0.0, "y": 0.0, **names})
-    ctx.graph.graph.crs = "'; --"
-    ctx.terminate()
-    again = reopened()
-    assert again.graph.node_attributes(1) == names
-    assert again.graph.crs == "'; --"
-
-
 # -- an attribute that cannot be saved --------------------------------------------------------------------------
 
 

@@ -207,27 +207,6 @@ def test_callers_arrays_are_not_kept(graph):
     assert [graph.get_node(id) for id in graph.get_nodes()] == [(0, 0.0, 0.0), (1, 0.0, 0.0), (2, 0.0, 0.0)]
 
 
-@pytest.mark.parametrize("kind", [np.int8, np.int64, np.uint16])
-def test_numpy_numbers_become_plain_ones(any_ctx, kind):
-    graph = any_ctx.graph.graph
-    graph.add_node({"id": kind(1), "x": kind(3), "y": np.float32(0.5)})
-    graph.add_edge({"id": kind(2), "source": kind(1), "target": kind(1), "length": kind(4)})
-    node, edge = graph.get_node(kind(1)), graph.get_edge(kind(2))
-    assert [type(value) for value in node] == [int, float, float]
-    assert [type(value) for value in edge[:4]] == [int, int, int, float]
-    assert all(type(id) is int for id in (*graph.get_nodes(), *graph.get_edges(), *graph.get_neighbors(1)))
-
-
-def test_a_removed_id_is_free_again(any_ctx):
-    graph = any_ctx.graph.graph
-    graph.add_nodes([1, 2, 3], [1.0, 2.0, 3.0], [0.0] * 3)
-    graph.update_node({"id": 2, "name": "old"})
-    graph.remove_node(2)
-    graph.add_node({"id": 2, "x": 9.0, "y": 9.0})
-    assert list(graph.get_nodes()) == [1, 3, 2]
-    assert graph.node_attributes(2) == {}
-
-
 def test_removing_a_node_removes_the_edges_at_it(any_ctx, fill):
     graph = fill(any_ctx)
     graph.remove_node(2)
@@ -235,16 +214,6 @@ def test_removing_a_node_removes_the_edges_at_it(any_ctx, fill):
     assert list(graph.get_neighbors(1)) == []
     graph.remove_node(-7)
     assert list(graph.get_edges()) == []
-
-
-def test_a_graph_may_be_changed_while_it_is_listed(any_ctx, fill):
-    graph = fill(any_ctx)
-    for id in graph.get_edges():
-        graph.remove_edge(id)
-    for id in graph.get_nodes():
-        graph.remove_node(id)
-        graph.add_node({"id": id + 1000, "x": 0.0, "y": 0.0})
-    assert list(graph.get_nodes()) == [1001, 1002, 993, 1040]
 
 
 def test_parallel_edges_are_distinguished(any_ctx, fill):
@@ -287,14 +256,3 @@ def test_an_old_polyline_does_not_lead_to_a_new_end(any_ctx, fill):
     graph.update_edge({"id": 2, "linestring": [(0, 0), (1, 9), (6, 0)]})
     graph.update_edge({"id": 2, "target": -7, "length": 8})
     assert graph.get_edge(2).points == (0.0, 0.0, 1.0, 9.0, 6.0, 0.0)
-
-
-def test_extra_keys_are_attributes(any_ctx):
-    graph = any_ctx.graph.graph
-    graph.add_node({"id": 1, "x": 0.0, "y": 0.0, "kind": "stop", "lines": [1, 2]})
-    graph.add_edge({"id": 1, "source": 1, "target": 1, "length": 0.0, "highway": "path", "name": None})
-    graph.update_node({"id": 1, "kind": "station"})
-    graph.update_edge({"id": 1, "oneway": True})
-    assert any_ctx.graph.node_attributes(1) == {"kind": "station", "lines": [1, 2]}
-    assert any_ctx.graph.edge_attributes(1) == {"highway": "path", "name": None, "oneway": True}
-    assert graph.get_node(1) == (1, 0.0, 0.0)

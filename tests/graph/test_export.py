@@ -1,7 +1,5 @@
 """Graphs as files of other programs, and as tables."""
 
-import csv
-import io
 import json
 import sqlite3
 import struct
@@ -89,17 +87,6 @@ def test_a_geopackage_holds_nodes_and_edges(town, tmp_path):
     assert bounds[0] <= line[:, 0].min() <= line[:, 0].max() <= bounds[2]
     assert database.execute("SELECT big, lanes FROM edges WHERE id = 12").fetchone() == (2.0**70, 2.0)
     database.close()
-
-
-def test_tables_have_latitude_and_longitude(town, tmp_path):
-    files = town.graph.export(tmp_path / "town.csv")
-    assert [file.name for file in files] == ["town_nodes.csv", "town_edges.csv"]
-    nodes, edges = (list(csv.DictReader(io.StringIO(file.read_bytes().decode()))) for file in files)
-    lat, lon = town.graph.to_latlon(385_000, 6_672_000)
-    assert (float(nodes[0]["lat"]), float(nodes[0]["lon"])) == pytest.approx((lat, lon), abs=1e-8)
-    assert nodes[0]["note"] == 'a "quoted", <text> & \x07 bell'
-    assert (edges[1]["id"], edges[1]["Name"], edges[3]["geom_2"]) == ("11", '["a", "b"]', '{"x": [1]}')
-    assert edges[0]["geometry"].startswith(f"LINESTRING ({nodes[0]['lon']} {nodes[0]['lat']}, ")
 
 
 def test_a_graph_without_a_crs_has_map_units_only(tmp_path):
@@ -201,17 +188,6 @@ def test_frames_of_arrays_and_pandas(town):
     nodes, edges = town.graph.frames.to_pandas()
     assert edges.source.tolist() == [5, 6, 6, 6]
     assert nodes.signal.tolist() == [True, None, None]
-
-
-def test_frames_of_polars_and_igraph(town):
-    pytest.importorskip("polars")
-    pytest.importorskip("igraph")
-    nodes, edges = town.graph.frames.to_polars()
-    assert (nodes.height, edges["target"].to_list()) == (3, [6, 5, 7, 7])
-    graph = town.graph.frames.to_igraph()
-    assert graph.vs["id"] == [5, 6, 7]
-    assert graph.es[0].tuple == (0, 1)
-    assert graph.is_directed()
 
 
 @pytest.mark.parametrize("library", ["pandas", "polars", "igraph"])

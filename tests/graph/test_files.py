@@ -128,17 +128,6 @@ def test_an_attribute_that_no_node_has_any_more_does_not_spoil_the_file(ctx, gra
     assert list(graph.get_nodes()) == []
 
 
-def test_a_map_that_several_contexts_have_copied_is_packed_once(ctx, fill, open_ctx):
-    fill(ctx)
-    snapshot = ctx.graph.storage.snapshot()
-    with open_ctx() as one, open_ctx() as other:
-        for copy in (one, other):
-            copy.graph.storage.copy_from(snapshot)
-        packed = one.graph.storage.pack()
-        assert packed == map_file.encode(ctx.graph.storage.contents())
-        assert other.graph.storage.pack() is ctx.graph.storage.pack() is packed
-
-
 @pytest.mark.parametrize(
     "change",
     [
@@ -255,17 +244,6 @@ def ordered(value):
     return value.hex() if isinstance(value, bytes) else value
 
 
-@pytest.mark.parametrize("name", ["", ":", "a:rows", "rows", "values", "\ud800", "\n", "node:a", "x" * 5000, Color.RED])
-def test_an_attribute_may_have_any_name(open_ctx, tmp_path, name):
-    names = {name: 1, "a": 2, "a:rows:rows": 3}
-    for engine in Engine:
-        with open_ctx(engine) as ctx:
-            ctx.graph.graph.add_node({"id": 1, "x": 0, "y": 0, **names})
-            ctx.graph.save(tmp_path / "map")
-            ctx.graph.load(tmp_path / "map")
-            assert ctx.graph.node_attributes(1) == names
-
-
 @pytest.mark.parametrize("value", [5, 1.5, b"EPSG:3879", ["a"], True, object(), {}])
 def test_what_says_of_the_map_is_text(any_ctx, value):
     graph = any_ctx.graph.graph
@@ -316,18 +294,6 @@ def test_an_attribute_that_cannot_be_saved_is_named_and_the_old_file_stays(ctx, 
         ctx.graph.save(saved)
     assert saved.read_bytes() == before
     assert [path.name for path in saved.parent.iterdir()] == ["map.gamms"]
-
-
-def test_an_attribute_that_is_nested_too_deeply_is_named(ctx, graph, tmp_path):
-    deep = []
-    for _ in range(100_000):
-        deep = [deep]
-    with pytest.raises(BadValue, match="levels deep"):
-        graph.add_node({"id": 1, "x": 0.0, "y": 0.0, "deep": deep})
-    graph.add_node({"id": 1, "x": 0.0, "y": 0.0, "deep": Nested([Nested([])])})
-    graph.node_attributes(1)["deep"][0].append(graph.node_attributes(1)["deep"])
-    with pytest.raises(BadValue, match="'deep'"):
-        ctx.graph.save(tmp_path / "map")
 
 
 def test_a_place_that_cannot_be_written_is_an_os_error(ctx, fill, tmp_path):
@@ -646,7 +612,3 @@ def test_a_shared_list_is_not_copied_into_a_bomb(ctx, tmp_path):
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 2_000_000
-
-
-class Nested(list):
-    """A list that is kept as it is."""

@@ -127,17 +127,6 @@ def test_no_answer_depends_on_what_was_built_when(graph, model, name):
     programme.look_at_all()
 
 
-def test_a_graph_that_is_taken_down_node_by_node_stays_right(graph, model):
-    programme = LongProgramme(graph, model(), seed=1)
-    while len(programme.model.nodes) > 1:
-        programme.remove_node()
-        programme.look()
-    programme.remove_node()
-    assert list(graph.get_nodes()) == list(graph.get_edges()) == []
-    programme.add_node()
-    programme.look_at_all()
-
-
 def test_making_room_for_new_values_loses_no_old_ones(graph, monkeypatch):
     monkeypatch.setattr(indexes, "_MOST_KEPT", 20)
     graph.add_nodes(range(12), range(12), [0.0] * 12)

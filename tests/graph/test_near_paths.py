@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import gamms
 from gamms.errors import BadValue, NoPath
 from gamms.graph import Graph, routes
 
@@ -144,16 +143,6 @@ def test_after_many_searches_for_a_goal_its_table_is_made(city):
     while not city._routes._has_table(target, "length"):
         city.distance(next(nodes), target)
     assert city._routes._goals["length", target].visited > 22500
-
-
-def test_an_edit_is_seen_by_the_next_search():
-    with gamms.create_context() as ctx, mock.patch.object(routes.CachedRoutes, "_left", searched):
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(6, 6, spacing=10.0))
-        assert ctx.graph.shortest_path(0, 12) == [0, 6, 12]
-        edge = next(id for id in ctx.graph.graph.get_edges() if ctx.graph.graph.get_edge(id)[1:3] == (0, 6))
-        ctx.graph.graph.update_edge({"id": edge, "length": 100.0})
-        assert ctx.graph.shortest_path(0, 12) == [0, 1, 7, 6, 12]
-        assert ctx.graph.distance(0, 12) == 40.0
 
 
 def test_a_path_that_is_cut_by_its_weight_is_no_path():

@@ -51,16 +51,6 @@ def test_every_kind_of_graph_is_attached(any_ctx, kind):
     assert (any_ctx.graph.crs, any_ctx.graph.attribution) == ("EPSG:32635", "© us")
 
 
-@pytest.mark.parametrize("kind", [nx.MultiGraph, nx.MultiDiGraph])
-def test_parallel_edges_stay_parallel(graph, kind):
-    G = kind()
-    G.add_edge(1, 2, id=10)
-    G.add_edge(1, 2, id=20)
-    graph.attach_networkx_graph(G)
-    assert {10, 20} <= set(graph.get_edges())
-    assert len(list(graph.get_edges())) == (2 if G.is_directed() else 4)
-
-
 def test_given_edge_ids_are_kept_and_missing_ones_are_free_ones(graph):
     graph.add_node({"id": 0, "x": 0.0, "y": 0.0})
     graph.add_edge({"id": 50, "source": 0, "target": 0, "length": 0.0})

@@ -2,7 +2,6 @@
 
 import pickle
 from copy import deepcopy
-from itertools import groupby
 
 import numpy as np
 import pytest
@@ -248,32 +247,6 @@ def test_a_saved_map_with_closed_roads_that_are_none_is_refused(town):
         data = map_file.encode(contents._replace(closed={13: {**contents.closed[13], **change}}))
         with pytest.raises(BadFile):
             map_file.decode(data)
-
-
-def test_rules_close_roads_and_snapshots_and_replays_open_them(town, tmp_path):
-    def roadworks(ctx):
-        if ctx.game.turn == 1:
-            ctx.graph.close_roads(name="High Street")
-        elif ctx.game.turn == 3:
-            ctx.graph.open_roads()
-
-    town.agent.create_agent("a", start_node_id=0, strategy=lambda state: state.update(action=1))
-    town.game.add(roadworks, phase="before")
-    town.record.start(tmp_path / "game.ggr")
-    before, at = None, []
-    for turn in range(5):
-        if turn == 2:
-            before = town.game.snapshot()
-        town.game.step()
-        at.append(len(town.graph.closed_roads))
-    town.record.stop()
-    town.game.restore(before)
-    assert town.graph.closed_roads == [10, 11, 12]
-    counts = []
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
-        counts.extend(len(ctx.graph.closed_roads) for _ in ctx.record.replay(tmp_path / "game.ggr"))
-    assert at == [0, 3, 3, 0, 0]
-    assert [count for count, _ in groupby(counts)] == [0, 3, 0]
 
 
 def test_strategies_cannot_close_roads(town):

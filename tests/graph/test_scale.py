@@ -40,16 +40,6 @@ def test_everything_is_seen_from_anywhere(large):
     assert large.neighborhoods[89_999] == (89_999, 89_998, 89_699)
 
 
-def test_a_large_grid_goes_through_a_file(large, ctx, tmp_path):
-    from gamms.graph import map_file
-    from gamms.graph.map_file import SavedMap
-
-    map_file.save(tmp_path / "grid", SavedMap(large.columns(), [], None, None, {}))
-    ctx.graph.load(tmp_path / "grid")
-    for name in ("node_ids", "xy", "sources", "targets", "lengths", "out_edges"):
-        assert np.array_equal(getattr(ctx.graph.columns(), name), getattr(large.columns(), name))
-
-
 def test_ids_in_a_row_take_no_memory():
     index = RowIndex()
     index.extend(np.arange(5, 1_000_005), 0, "a node")

@@ -77,17 +77,6 @@ def test_a_linestring_that_is_straight_between_the_nodes_takes_no_memory(ctx):
     assert not ctx.graph.columns().polylines
 
 
-def test_a_value_stays_what_it_was(any_ctx, fill):
-    graph = fill(any_ctx)
-    seen = graph.within(1, 100.0)
-    node, edge, before = graph.get_node(2), graph.get_edge(1), copy.deepcopy(seen)
-    graph.update_node({"id": 2, "x": 50.0})
-    graph.update_edge({"id": 1, "length": 9.0})
-    graph.remove_node(-7)
-    assert (node.x, edge.points) == (3.0, (0.0, 0.0, 3.0, 4.0))
-    assert seen == before
-
-
 def test_shapely_is_loaded_when_the_first_linestring_is_made():
     script = """
 import sys, gamms

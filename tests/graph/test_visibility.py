@@ -83,16 +83,6 @@ def test_a_table_answers_who_sees_whom(town):
     assert table.mask(20, {40: "x", 30: "y"}).tolist() == [False, True]
 
 
-def test_a_table_answers_for_several_watchers(town):
-    table = town.graph.visibility(10.0)
-    assert table.coverage([50, 10]).tolist() == [50, 40, 20, 10]
-    assert table.hidden([50, 10]).tolist() == [30]
-    assert table.hidden(np.array([50])).tolist() == [30, 20, 10]
-    assert table.coverage(30).tolist() == [30, 20]
-    assert table.hidden([]).tolist() == [50, 40, 30, 20, 10]
-    assert table.coverage(iter([40])).tolist() == [50, 40]
-
-
 def test_the_nearest_hidden_node_is_nearest_by_path(town):
     table = town.graph.visibility(10.0)
     assert table.nearest_hidden(50, [50]) == 30
@@ -202,18 +192,6 @@ def test_a_table_answers_as_sight_lines_do(open_ctx, places, walls, radius, heig
             covered = {*expected[watchers[0]], *expected[watchers[1]]}
             assert table.coverage(watchers).tolist() == [id for id in ids if id in covered]
             assert table.hidden(watchers).tolist() == [id for id in ids if id not in covered]
-
-
-@pytest.mark.parametrize("radius", [60.0, math.inf])
-def test_a_larger_town_is_answered_alike_by_one_worker_and_by_three(ctx, radius):
-    strewn(ctx, nodes=150, faces=300)
-    tables = []
-    for workers in (1, 3, 3):
-        ctx.graph._tables = None  # so that it is worked out again
-        tables.append(ctx.graph.visibility(radius, path=False, workers=workers))
-    for table in tables[1:]:
-        assert all(np.array_equal(*columns) for columns in zip(table.seen, tables[0].seen, strict=True))
-    assert {id: tables[0].from_node(id).tolist() for id in on_demand(ctx, radius)} == on_demand(ctx, radius)
 
 
 def scene(nodes=200):
@@ -354,18 +332,6 @@ def test_closed_roads_and_undone_changes_leave_a_table_as_good_as_it_was(town, t
 
 def files(folder: Path) -> list[Path]:
     return sorted(folder.iterdir()) if folder.exists() else []
-
-
-def test_a_table_is_kept_in_the_cache_folder_and_found_again(town, open_ctx, cache, tmp_path, monkeypatch):
-    table = town.graph.visibility(20.0)
-    (kept,) = files(cache)
-    town.graph.save(tmp_path / "map.gamms")
-    monkeypatch.setattr("gamms.graph.visibility.compute_visibility", lambda *_: pytest.fail("worked out again"))
-    with open_ctx() as other:
-        other.graph.load(tmp_path / "map.gamms")
-        again = other.graph.visibility(20.0)
-        assert all(np.array_equal(*columns) for columns in zip(again.seen, table.seen, strict=True))
-    assert files(cache) == [kept]
 
 
 def test_every_world_radius_and_height_has_its_own_file(town, cache):

@@ -25,28 +25,6 @@ def test_an_agent_goes_where_the_model_says(server, strategy_of):
     assert result.errors == []
 
 
-def test_the_text_says_where_the_moves_lead(server, strategy_of):
-    with new_game(strategy_of()) as ctx:
-        ctx.agent.get_agent("anna").current_node_id = 4
-        ctx.game.run(1)
-    text = text_of(server.requests[0])
-    assert 'You are "anna" of team "red", at node 4 at (40, 0).' in text
-    assert "0: stay where you are\n" in text
-    assert "go to node 3 at (30, 0), 10 away west" in text
-    assert "go to node 5 at (50, 0), 10 away east" in text
-
-
-def test_places_on_maps_with_large_coordinates_are_told_apart(server, strategy_of):
-    with gamms.create_context(seed=1) as ctx:
-        ctx.graph.add_nodes([1, 2], [385700.25, 385700.25], [6672000.0, 6672012.5])
-        ctx.graph.add_edges([1], [1], [2])
-        ctx.agent.create_agent("anna", start_node_id=1, strategy=strategy_of())
-        ctx.game.run(1)
-    text = text_of(server.requests[0])
-    assert "at node 1 at (385700.25, 6672000)." in text
-    assert "1: go to node 2 at (385700.25, 6672012.5), 12.5 away north" in text
-
-
 def test_what_agents_see_is_in_the_text_with_its_place_and_team(server, strategy_of):
     with new_game(strategy_of()) as ctx:
         eyes = ctx.sensor.create_sensor("eyes", "agent_range", sensor_range=40)

@@ -61,16 +61,6 @@ def test_a_recording_replays_without_any_strategy(played):
         assert [event for event in ctx.game.events if event["kind"] == "llm"] == result.events
 
 
-def test_what_was_answered_is_not_asked_again(server, strategy_of, played):
-    _, calls, _ = played
-    server.requests.clear()
-    server.script = lambda _: {"move": 0}
-    with new_game(strategy_of(calls=calls, price_in=1.0), ["anna", "bert"]) as ctx:
-        result = ctx.game.run(4)
-    assert outcomes(result) == ["answer"] * 8
-    assert {one["messages"][1]["content"].partition(".")[0] for one in server.requests} == {"Turn 2"}
-
-
 def test_what_was_not_recorded_is_an_error_without_a_server(played):
     _, calls, _ = played
     message = r"agent 'anna' in turn 1 is not in '.*game.jsonl'.*its seed"

@@ -161,17 +161,6 @@ def test_only_so_many_are_asked_at_once(server, strategy_of):
     assert server.most_at_once == 2
 
 
-def test_a_client_of_ones_own_is_used_as_it_is(server):
-    import openai
-
-    client = openai.AsyncOpenAI(base_url=server.url, api_key="sk-own-client-12345", default_headers={"x-mine": "yes"})
-    server.script = lambda _: {"move": 1}
-    for _ in range(2):  # one client, and two games with event loops of their own
-        with new_game(gamms.llm.Strategy(client, "loop-1", "Go.")) as ctx:
-            assert outcomes(ctx.game.run(2)) == ["answer"] * 2
-    assert {one["x-mine"] for one in server.headers} == {"yes"}
-
-
 def test_a_client_of_ones_own_is_bounded_in_time_and_size(server, stopped):
     import openai
 

@@ -28,22 +28,6 @@ def run(path, sql, *values):
     connection.close()
 
 
-def test_a_map_goes_on_in_the_next_session(rows_of, database):
-    first = database()
-    fill(first)
-    first.close()
-    second = database()
-    assert second.list_maps() == []
-    second.create_map("nodes", SCHEMA, "id")
-    assert second.list_maps() == ["nodes"]
-    second.insert_data("nodes", {"id": 0, "a b": [], "X": 1.0})
-    assert rows_of(second, "nodes") == [
-        {"id": 2, "a b": [(1,)], "X": 0.5},
-        {"id": 1, "a b": None, "X": 0.0},
-        {"id": 0, "a b": [], "X": 1.0},
-    ]
-
-
 def test_a_map_is_gone_on_with_once(database):
     first = database()
     fill(first)
@@ -335,15 +319,3 @@ def test_a_damaged_value_is_named_and_never_run(rows_of, database, column, value
     second.create_map("nodes", SCHEMA, "id")
     with pytest.raises(BadFile, match="damaged"):
         rows_of(second, "nodes")
-
-
-def test_equal_rows_make_equal_bytes(tmp_path):
-    rows = [{"a", "b", "c", "d"}, {"d", "c", "b", "a"}]
-    blobs = []
-    for at, value in enumerate(rows):
-        store = SqliteStore("s", PathLike(str(tmp_path / str(at))))
-        store.create_map("m", {"id": int, "v": set}, "id")
-        store.insert_data("m", {"id": 1, "v": value})
-        blobs += store.cursor().execute("SELECT v FROM m").fetchall()
-        store.close()
-    assert blobs[0] == blobs[1]

@@ -162,27 +162,6 @@ def alley(make_map, *outlines, tags=HOUSE):
     return make_map(nodes, *ways)
 
 
-def test_junctions_on_both_sides_of_a_building_stay_apart(make_map):
-    path = alley(make_map, block(2, -1, 4, 1))
-    graph = graph_from_file(path, NO_CUT, tolerance=5.0)
-    assert graph.graph["merged_nodes"] == 0
-    assert report(graph, path).is_faithful
-    assert graph_from_file(path, NO_CUT, tolerance=5.0, osm_type="drive").graph["merged_nodes"] == 0
-    assert graph_from_file(path, NO_CUT, tolerance=5.0, around_buildings=False).graph["merged_nodes"] == 1
-    assert graph_from_file(alley(make_map), NO_CUT, tolerance=5.0).graph["merged_nodes"] == 1
-
-
-def test_a_merge_that_would_lead_a_road_through_a_building_is_not_done(make_map):
-    """Nothing stands between the junctions; the new node is 3 m east, and the street from there would cut a corner."""
-    corner = block(0.5, 20, 5, 55)
-    graph = graph_from_file(alley(make_map, corner), NO_CUT, tolerance=5.0)
-    assert graph.graph["merged_nodes"] == 0
-    outline = shapely.Polygon([(x - 0.1, y) for x, y in corner])
-    freely = graph_from_file(alley(make_map, corner), NO_CUT, tolerance=5.0, around_buildings=False)
-    assert freely.graph["merged_nodes"] == 1
-    assert shapely.LineString([(3, 0), (0, 60)]).crosses(outline)
-
-
 def test_a_road_that_grazes_a_building_on_the_map_is_not_led_through_it(make_map):
     """The street cuts a corner by 5 cm; after the merge it would run through metres of the house."""
     corner = [(-0.05, 30), (6, 15), (6, 45)]

@@ -10,7 +10,6 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import gamms
 import gamms.osm.walls as walls_module
 from gamms.errors import BadType, BadValue, TooLarge
 from gamms.ir.projection import WGS84, project
@@ -19,7 +18,6 @@ from gamms.osm import (
     extract_osm_polygon_faces,
     faces_of_features,
     obstacle_from_file,
-    obstacle_from_xml,
     wall_estimates,
 )
 
@@ -151,17 +149,6 @@ def test_a_wood_is_a_wall(walls):
     assert [(face["type"], face["tr"][2]) for face in walls([(BLOCK, {"natural": "wood"})])] == [(15, 15.0)] * 4
 
 
-def test_the_tables_of_a_caller_decide(walls):
-    ways = [(BLOCK, {"building": "cathedral"}), (COURT, {"building:part": "yes"}), (KIOSK, {"amenity": "fountain"})]
-    assert walls(ways, height_estimates=HEIGHT_ESTIMATES_TYPES) == []
-    table = {("building:part", "*"): (5, 3), ("amenity", "fountain"): (2, 77)}
-    assert {face["type"] for face in walls(ways, height_estimates=table)} == {3}  # tags do not ask for fountains
-    assert {face["type"] for face in walls(ways, tags={"amenity": "fountain"}, height_estimates=table)} == {77}
-    assert {face["type"] for face in walls(ways, tags={"amenity": ["x", "fountain"]}, height_estimates=table)} == {77}
-    assert walls(ways, tags={"amenity": False}, height_estimates=table) == []
-    assert walls(ways, height_estimates={}) == []
-
-
 def test_a_table_that_a_program_changes_counts(walls, monkeypatch):
     monkeypatch.setitem(HEIGHT_ESTIMATES_TYPES, ("building", "yes"), (99.0, 14))
     assert {face["tr"][2] for face in walls([(BLOCK, BUILDING)])} == {99.0}
@@ -265,16 +252,6 @@ def test_simplification_moves_no_wall_across_a_street(walls):
     assert len(walls([house, (path[0], {"highway": "proposed"})], nodes=nodes)) == 4
 
 
-def test_a_street_that_ends_on_a_wall_is_not_crossed_by_it(walls):
-    nodes = NODES | BAY
-    house, path = ([1, 34, 2, 3, 4, 1], BUILDING), ([34, 35], {"highway": "footway"})
-    assert len(walls([house], nodes=nodes)) == 4
-    faces = walls([house, path], nodes=nodes)
-    assert crossed(faces, path[0], nodes=nodes) == [False]
-    into = ([33, 35], {"highway": "footway"})  # through the wall
-    assert crossed(walls([house, into], nodes=nodes), into[0], nodes=nodes) == [True]
-
-
 @given(
     corners=st.lists(st.tuples(st.floats(0.0, 40.0), st.floats(0.0, 40.0)), min_size=3, max_size=12, unique=True),
     streets=st.lists(st.tuples(*[st.tuples(st.floats(-5.0, 45.0), st.floats(-5.0, 45.0))] * 2), max_size=6),
@@ -359,19 +336,6 @@ def test_a_barrier_is_open_where_it_shares_a_node_with_a_street(walls):
 def test_unknown_barriers_are_refused(walls, barriers, error, words):
     with pytest.raises(error, match=words):
         walls([(BLOCK, BUILDING)], barriers=barriers)
-
-
-def test_the_same_file_gives_the_same_walls_and_they_go_into_a_graph(tmp_path):
-    path = tmp_path / "map.osm"
-    path.write_text(text_of([(COURT, {}), (BLOCK, {}), (KIOSK, BUILDING)], [([(100, ""), (101, "")], BUILDING)]))
-    assert list(obstacle_from_file(path)) == list(obstacle_from_xml(str(path)))
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
-        assert ctx.graph.add_obstacles(obstacle_from_file(path)) == list(range(12))
-        one_by_one = [ctx.graph.get_obstacle_face(id) for id in range(12)]
-        for id, wall in enumerate(obstacle_from_file(path)):
-            ctx.graph.remove_obstacle_face(id)
-            ctx.graph.add_obstacle_face(**wall)
-        assert [ctx.graph.get_obstacle_face(id) for id in range(12)] == one_by_one
 
 
 def test_walls_are_made_as_they_are_asked_for(walls, tmp_path):

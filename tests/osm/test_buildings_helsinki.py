@@ -7,45 +7,16 @@ import numpy as np
 import pytest
 
 import gamms
-from gamms.graph import Engine
 from gamms.graph.map_file import load
 
 QUIET = {"level": "CRITICAL"}
 ROADS = 333840139  # checksum
 
 
-def contents(ctx):
-    columns = ctx.graph.columns()
-    return [columns.xy.tobytes(), columns.lengths.tobytes(), columns.sources.tobytes(), columns.edge_attributes]
-
-
 def test_the_roads_are_those_of_the_file_before_it_had_buildings():
     columns = load(str(files("gamms") / "data" / "helsinki.gamms")).columns
     arrays = [columns.xy, columns.sources, columns.targets, columns.lengths, *columns.polylines.values()]
     assert zlib.crc32(b"".join(array.astype(array.dtype.newbyteorder("<")).tobytes() for array in arrays)) == ROADS
-
-
-@pytest.mark.parametrize("engine", Engine)
-def test_buildings_are_put_among_the_obstacles_if_they_are_asked_for(engine):
-    with (
-        gamms.create_context(graph_engine=engine, logger_config=QUIET) as bare,
-        gamms.create_context(graph_engine=engine, logger_config=QUIET) as built,
-    ):
-        gamms.osm.helsinki(bare, resolution=50.0)
-        gamms.osm.helsinki(built, resolution=50.0, buildings=True)
-        assert list(bare.graph.get_obstacle_faces()) == []
-        assert contents(bare) == contents(built)
-        walls = built.graph.obstacle_columns()
-        assert walls.ids.tolist() == list(range(3606))
-        heights = walls.corners[:, :2, 2]
-        assert (heights > 0.0).all()
-        assert heights.max() == 70.0
-        xy = built.graph.columns().xy
-        ground = walls.corners[:, 2:, :2].reshape(-1, 2)
-        assert (ground > xy.min(axis=0) - 60.0).all()
-        assert (ground < xy.max(axis=0) + 60.0).all()
-        near = list(built.graph.get_obstacle_faces(30.0, *xy.mean(axis=0)))
-        assert 0 < len(near) < 200
 
 
 def test_after_an_error_neither_streets_nor_buildings_are_left():

@@ -53,21 +53,6 @@ def test_a_folder_reaches_to_the_last_row_and_column_of_its_files(heights, tmp_p
     assert found.tolist() == [1800 if alone else 7, 1800, 0, 2400]
 
 
-@pytest.mark.parametrize(
-    ("west", "south", "posts"),
-    [("W071", "S34", 3601), ("E151", "S34", 1201), ("W123", "N37", 1201), ("W001", "S01", 1201)],
-)
-def test_files_on_each_side_of_the_equator_and_of_greenwich(heights, tmp_path, west, south, posts):
-    """The ground rises to the north and to the east everywhere, by one metre per post of the coarse files."""
-    step = (posts - 1) // 1200
-    heights(lambda column, row: (column + row) // step, f"{south}{west}.hgt", posts)
-    lon, lat = int(west[1:]) * (-1 if west[0] == "W" else 1), int(south[1:]) * (-1 if south[0] == "S" else 1)
-    found = Elevation(tmp_path).heights(
-        np.array([(lon, lat), (lon + 0.25, lat), (lon, lat + 0.5), (lon + 0.5, lat + 0.5)])
-    )
-    assert found.tolist() == [0, 300, 600, 1200]
-
-
 def test_heights_are_continuous_across_files_of_both_sizes(heights, tmp_path):
     heights(lambda column, row: column + row, "N60E024.hgt")
     heights(lambda column, row: 1200 + (column + row) // 3, "N60E025.hgt", 3601)

@@ -23,10 +23,6 @@ def names(graph):
     return {data.get("name") for *_, data in graph.edges(data=True)}
 
 
-def total_length(graph):
-    return sum(length for *_, length in graph.edges(data="length"))
-
-
 def street_of(make_map, cross, tags):
     """A residential street, and a second one with these tags beside it."""
     return make_map(cross, ([1, 2], {**ROAD, "name": "first"}), ([2, 3], {**tags, "name": "second"}))
@@ -90,16 +86,6 @@ def test_a_way_of_moving_may_be_given_by_its_name(make_map, cross):
 def test_a_way_of_moving_is_an_osm_type(make_map, cross, osm_type):
     with pytest.raises(BadType, match=r"OSMType\.WALK, BIKE or DRIVE"):
         graph_from_file(make_map(cross, ([1, 2], ROAD)), osm_type=osm_type)
-
-
-def test_winding_roads_are_cut_evenly(make_map, curve):
-    path = make_map(curve, ([*curve], ROAD))
-    lengths = {round(length, 9) for *_, length in graph_from_file(path, 5.0).edges(data="length")}
-    assert len(lengths) == 1
-    fine, coarse = graph_from_file(path, NO_CUT, simplify=False), graph_from_file(path, NO_CUT)
-    assert (fine.number_of_nodes(), coarse.number_of_nodes()) == (8, 2)
-    assert total_length(fine) == pytest.approx(total_length(coarse), rel=1e-12)
-    assert len(coarse.edges[0, 1]["linestring"].coords) == 8
 
 
 def test_without_simplifying_it_is_the_graph_of_graph_from_xml(make_map, curve):

@@ -46,16 +46,6 @@ def test_lines_join_at_equal_coordinates(write):
     assert graph.graph["crs"] == "EPSG:32635"
 
 
-def test_it_is_the_graph_of_the_same_map_in_osm(write, make_map, cross):
-    path = make_map(cross, ([1, 2, 3], {"highway": "residential"}), ([2, 4], {"highway": "steps"}))
-    ours = graph_from_geojson(write(collection(line(A, B, C, highway="residential"), line(B, D, highway="steps"))))
-    osm = graph_from_file(path)
-    for name in ("x", "y"):
-        assert list(ours.nodes(data=name)) == list(osm.nodes(data=name))
-    for name in ("length", "highway", "speed_kph", "travel_time", "oneway"):
-        assert list(ours.edges(data=name)) == list(osm.edges(data=name))
-
-
 @pytest.mark.parametrize(
     "content",
     [
@@ -76,17 +66,6 @@ def test_every_form_of_a_line_is_read(write, content):
 
 def test_a_byte_order_mark_is_passed_over(write):
     assert load(write(b"\xef\xbb\xbf" + json.dumps(line(A, B)).encode())).number_of_nodes() == 2
-
-
-def test_properties_are_the_tags(write):
-    properties = {"name": "Bulevardi", "lanes": 2, "lit": True, "kinds": ["a", "b"], "nothing": None, "maxspeed": "36"}
-    data = load(write(line(A, B, **properties))).edges[0, 1]
-    assert {name: data[name] for name in properties if name != "nothing"} == {
-        name: value for name, value in properties.items() if name != "nothing"
-    }
-    assert "nothing" not in data
-    assert data["speed_kph"] == 36.0
-    assert data["travel_time"] == pytest.approx(data["length"] / 10.0)
 
 
 def test_properties_never_replace_what_is_ours(write):

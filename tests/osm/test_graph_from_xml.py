@@ -48,16 +48,6 @@ def test_cut_pieces_have_about_the_resolution(make_map, cross):
     assert all(7.5 <= length <= 12.5 for length in lengths)
 
 
-def test_a_two_way_road_is_there_and_back_through_the_same_nodes(make_map, curve):
-    graph = graph_from_xml(make_map(curve, ([*curve], ROAD)), resolution=4.0)
-    assert graph.number_of_edges() == 2 * (graph.number_of_nodes() - 1)
-    for u, v, data in graph.edges(data=True):
-        back = graph.edges[v, u]
-        assert back["length"] == data["length"]
-        assert list(back["linestring"].coords) == list(data["linestring"].coords)[::-1]
-        assert abs(back["id"] - data["id"]) == 1
-
-
 def test_a_curved_road_has_no_two_nodes_at_nearly_one_place(make_map, curve):
     graph = graph_from_xml(make_map(curve, ([*curve], ROAD)), resolution=4.0)
     xy = np.array(sorted(places(graph)))
@@ -72,17 +62,6 @@ def test_every_linestring_leads_from_node_to_node(make_map, cross):
         assert first == (graph.nodes[u]["x"], graph.nodes[u]["y"])
         assert last == (graph.nodes[v]["x"], graph.nodes[v]["y"])
     assert nx.is_weakly_connected(graph)
-
-
-def test_nodes_have_x_and_y_and_ids_count_from_zero(make_map, cross):
-    graph = graph_from_xml(make_map(cross, ([1, 2, 3], ROAD)))
-    assert list(graph.nodes) == list(range(graph.number_of_nodes()))
-    assert all(set(data) == {"x", "y"} for _, data in graph.nodes(data=True))
-    assert [data["id"] for _, _, data in sorted(graph.edges(data=True), key=lambda e: e[2]["id"])] == list(
-        range(graph.number_of_edges())
-    )
-    seen = list(dict.fromkeys(n for u, v, _ in sorted(graph.edges(data="id"), key=lambda e: e[2]) for n in (u, v)))
-    assert seen == list(graph.nodes)
 
 
 def test_the_graph_names_its_crs_and_its_makers(make_map, cross):
@@ -178,18 +157,6 @@ def test_all_ways_with_a_highway_tag_are_read_as_1_0_0_does(make_map, cross, tag
         graph = load(path, resolution=1e6)
         assert (100, 101)[load in taken_by] == max(data["osmid"] for *_, data in graph.edges(data=True))
         assert report(graph, path).is_faithful
-
-
-def test_nodes_may_follow_their_ways_and_have_negative_ids(make_map):
-    path = make_map({-1: (60.17, 24.94), -2: (60.17, 24.941)}, ([-1, -2], ROAD))
-    text = path.read_text()
-    nodes, ways = (
-        text[text.index("<node") : text.index("<way")],
-        text[text.index("<way") : text.index("</osm>")],
-    )
-    expected = places(graph_from_xml(path))
-    path.write_text(text.replace(nodes, "").replace(ways, ways + nodes))
-    assert places(graph_from_xml(path)) == expected
 
 
 def test_a_closed_way_and_repeated_vertices_lose_nothing(make_map, cross):

@@ -124,19 +124,6 @@ def with_node_tags(path, id, **tags):
     return path
 
 
-@pytest.mark.parametrize(("mode", "parts"), [("walk", 1), ("bike", 1), ("drive", 3), (None, 1)])
-def test_a_bollard_ends_the_streets_that_meet_there_for_cars(make_map, cross, mode, parts):
-    path = make_map(cross, ([1, 2, 3], street()), ([2, 4], street()))
-    path = with_node_tags(path, 2, barrier="bollard")
-    graph = graph_from_file(path, NO_CUT, osm_type=mode, retain_all=True)
-    assert nx.number_weakly_connected_components(graph) == parts
-    assert graph.number_of_edges() == 6
-    assert graph.graph["barriers"] == (mode == "drive")
-    found = report(graph, path)
-    assert found.is_faithful
-    assert dict(found.rows())["barriers"] == f"{int(mode == 'drive')} end roads"
-
-
 def test_agents_go_round_a_barrier(make_map, cross):
     """A block of streets: the straight one has a bollard in the middle."""
     path = make_map(cross, ([1, 2, 3], street()), ([1, 4, 3], street()))
@@ -273,16 +260,6 @@ def test_streets_without_a_way_back_are_refused(make_map, cross):
     path = make_map(cross, ([1, 2, 3], street(oneway="yes")))
     with pytest.raises(BadFile, match=r"no two places with a route in both directions.*strong=False"):
         graph_from_file(path, osm_type="drive")
-
-
-def test_the_report_says_what_was_left_out(make_map, cross):
-    path = trap(make_map, cross)
-    found = report(graph_from_file(path, 10.0, osm_type="drive"), path)
-    assert found.is_faithful
-    assert dict(found.rows())["other parts"] == "111.4 m left out"
-    assert dict(found.rows())["no way back"] == "55.7 m left out"
-    assert found.length_before == pytest.approx(111.0, abs=0.2)
-    assert found.closed == {}
 
 
 def test_the_report_names_what_closed_ways(make_map, cross):

@@ -23,20 +23,6 @@ def streets(make_map):
     return make_map(ROW, *ways)
 
 
-@pytest.mark.parametrize(
-    ("given", "found"),
-    [
-        (None, {100, 101, 102, 103}),
-        ({"surface": "asphalt"}, {100, 102}),
-        ({"surface": ["asphalt", "gravel"]}, {100, 101, 102}),
-        ({"surface": True, "highway": "residential"}, {100, 101}),
-        (lambda tags: "lit" not in tags, {100, 101, 103}),
-    ],
-)
-def test_a_filter_takes_some_of_the_open_ways(streets, given, found):
-    assert ids(graph_from_file(streets, retain_all=True, filter=given, **WHOLE)) == found
-
-
 def test_a_filter_opens_no_way_that_a_mode_closes(streets):
     graph = graph_from_file(streets, retain_all=True, osm_type="drive", filter={"surface": True}, **WHOLE)
     assert ids(graph) == {100, 101}

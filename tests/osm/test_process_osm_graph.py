@@ -23,16 +23,6 @@ def total_length(graph):
     return sum(length for _, _, length in graph.edges(data="length"))
 
 
-@pytest.mark.parametrize("bidirectional", [True, False])
-def test_both_directions_of_a_curved_street_share_nodes(bidirectional):
-    graph = process_osm_graph(street(crs="EPSG:32635"), bidirectional=bidirectional)
-    assert (graph.number_of_nodes(), graph.number_of_edges()) == (8, 14)
-    assert total_length(graph) == pytest.approx(145.0)
-    assert graph.graph["crs"] == "EPSG:32635"
-    attributes = {"id", "length", "linestring", "name", "oneway", "speed_kph", "travel_time"}
-    assert all(set(data) == attributes for *_, data in graph.edges(data=True))
-
-
 @pytest.mark.parametrize("crs", ["EPSG:2263", "EPSG:2277", "+proj=utm +zone=35 +units=km"])
 def test_a_map_in_feet_is_not_taken_for_one_in_metres(crs, tmp_path):
     with pytest.raises(BadValue, match=r"is in .*, but lengths and heights of maps are in metres"):
@@ -89,17 +79,6 @@ def test_a_graph_without_a_crs_is_in_metres():
     cut = process_osm_graph(graph)
     assert sorted(x for _, x in cut.nodes(data="x")) == pytest.approx([0, 10, 20, 30])
     assert "crs" not in cut.graph
-
-
-def test_a_geometry_that_misses_its_nodes_stays_connected():
-    graph = nx.MultiDiGraph()
-    for node, x in enumerate((0.0, 40.0, 80.0)):
-        graph.add_node(node, x=x, y=0.0)
-    graph.add_edge(0, 1, geometry=LineString([(1, 1), (39, 1)]), length=40.0)
-    graph.add_edge(1, 2)
-    cut = process_osm_graph(graph)
-    assert nx.is_weakly_connected(cut)
-    assert total_length(cut) == pytest.approx(160.0)
 
 
 def test_an_undirected_graph_may_store_a_geometry_backwards():

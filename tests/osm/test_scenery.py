@@ -30,17 +30,6 @@ def test_buildings_are_drawn_and_hide_nothing(helsinki):
     assert helsinki.graph.visible([*low, 1.0], [[*high, 1.0]]).all()
 
 
-def test_they_can_be_obstacles_or_left_out():
-    drawn = []
-    for buildings, faces in ((True, 3606), (False, 0)):
-        with gamms.create_context(seed=1) as ctx:
-            gamms.osm.helsinki(ctx, buildings=buildings)
-            assert len(ctx.graph.obstacle_columns().ids) == faces
-            drawn.append(polygons(ctx))
-    assert drawn[0] > 400
-    assert drawn[1] == 0
-
-
 def test_what_is_drawn_is_what_would_be_an_obstacle(helsinki):
     with gamms.create_context(seed=1) as ctx:
         gamms.osm.helsinki(ctx, buildings=True)

@@ -70,16 +70,6 @@ def test_edges_of_a_file_have_a_speed_and_a_time(make_map, cross, load):
         assert data["travel_time"] == pytest.approx(data["length"] / data["speed_kph"] * 3.6)
 
 
-def test_a_time_that_a_graph_brings_is_shared_by_the_pieces():
-    graph = nx.MultiDiGraph()
-    graph.add_node(0, x=0.0, y=0.0)
-    graph.add_node(1, x=40.0, y=0.0)
-    graph.add_edge(0, 1, travel_time=100.0, speed_kph=18.0)
-    cut = process_osm_graph(graph, bidirectional=False)
-    assert [data["travel_time"] for *_, data in cut.edges(data=True)] == [25.0] * 4
-    assert {data["speed_kph"] for *_, data in cut.edges(data=True)} == {18.0}
-
-
 def test_a_time_that_is_none_is_replaced():
     graph = nx.MultiDiGraph()
     graph.add_node(0, x=0.0, y=0.0)

@@ -36,23 +36,6 @@ def length_across(graph):
     return sum(data["length"] for u, v, data in graph.edges(data=True) if data.get(ACROSS) and u < v)
 
 
-@pytest.fixture
-def plaza(make_map):
-    """A square of 100 m by 100 m with a footway at each corner."""
-    nodes, ways = town([(0, 0), (100, 0), (100, 100), (0, 100)])
-    return make_map(nodes, *ways)
-
-
-@pytest.mark.parametrize(("mode", "rim", "lines"), [("walk", 4, 2), ("robot", 4, 2), (None, 4, 0)])
-def test_a_square_has_its_rim_and_ways_across(plaza, mode, rim, lines):
-    graph = graph_from_file(plaza, NO_CUT, osm_type=mode, retain_all=True)
-    edges = [data for u, v, data in graph.edges(data=True) if u < v and data["highway"] == "pedestrian"]
-    across = [data["length"] for data in edges if data.get(ACROSS)]
-    assert (len(edges) - len(across), len(across)) == (rim, lines)
-    assert across == pytest.approx([100.0 * math.sqrt(2.0)] * lines, rel=1e-3)
-    assert report(graph, plaza).is_faithful
-
-
 def test_cars_do_not_cross_squares(make_map):
     nodes, ways = town([(0, 0), (100, 0), (100, 100), (0, 100)])
     path = make_map(nodes, *((refs, {**tags, "highway": "residential"}) for refs, tags in ways))

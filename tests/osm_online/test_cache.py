@@ -17,7 +17,7 @@ import gamms.osm.servers as transport
 from gamms import limits
 from gamms.errors import GammsError, MissingExtra, NetworkError, PlaceError, TooLarge
 from gamms.folders import cache_folder, write_whole
-from gamms.osm import OSM_OBSTACLE_TAGS, OSMType, create_osm_graph, graph_from_bbox, graph_from_point
+from gamms.osm import OSMType, create_osm_graph, graph_from_bbox, graph_from_point
 from gamms.osm.overpass import features_of_place
 
 PLACE = "Kluuvi, Helsinki"
@@ -75,16 +75,6 @@ def test_every_system_has_its_own_cache_folder(monkeypatch, platform, environmen
     assert cache_folder("places") == Path(folder)
 
 
-def test_offline_what_was_downloaded_is_enough(server, no_network_later):
-    online = create_osm_graph(PLACE, OSMType.BIKE)
-    around = graph_from_point(60.169, 24.946, 150.0)
-    features = features_of_place(PLACE, OSM_OBSTACLE_TAGS)
-    no_network_later()
-    assert nx.utils.graphs_equal(create_osm_graph(PLACE, OSMType.BIKE, offline=True), online)
-    assert nx.utils.graphs_equal(graph_from_point(60.169, 24.946, 150.0, offline=True), around)
-    assert features_of_place(PLACE, OSM_OBSTACLE_TAGS, offline=True) == features
-
-
 @pytest.fixture
 def no_network_later(request):
     return lambda: request.getfixturevalue("no_network")
@@ -128,16 +118,6 @@ def test_a_cache_that_is_switched_off_keeps_nothing(server, settings, monkeypatc
     create_osm_graph(PLACE, DRIVE)
     assert server.asked == ["search", "interpreter"] * 2
     assert files_in(tmp_path) == []
-
-
-def test_the_users_settings_are_respected(server, settings, monkeypatch, tmp_path):
-    monkeypatch.setattr(settings, "cache_folder", tmp_path / "mine")
-    monkeypatch.setattr(settings, "useful_tags_way", ["highway"])
-    monkeypatch.setattr(settings, "http_user_agent", "my game")
-    graph = create_osm_graph(PLACE, DRIVE)
-    assert len(files_in(tmp_path / "mine")) == 2
-    assert files_in(tmp_path / "caches") == []
-    assert not any("name" in data for _, _, data in graph.edges(data=True))
 
 
 @pytest.fixture

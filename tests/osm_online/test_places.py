@@ -13,7 +13,6 @@ from server import EAST, EXTRACT, NORTH, SOUTH, WEST, changes, elements
 import gamms
 from gamms.ir.projection import WGS84, project
 from gamms.osm import (
-    Access,
     OSMType,
     create_osm_graph,
     get_network_type,
@@ -281,24 +280,6 @@ def test_an_area_and_a_file_of_it_give_the_same_streets_for_a_mode(server, mode)
     assert of_area.graph["no_way_back_m"] == pytest.approx(of_file.graph["no_way_back_m"], abs=0.1)
 
 
-def test_barriers_end_the_streets_of_an_area(server):
-    box = shapely.box(24.93, 60.16, 24.96, 60.18)
-    before = graph_from_polygon(box, osm_type="drive", retain_all=True, resolution=1e6)
-    street = next(way for way in elements()["way"].values() if way.get("tags", {}).get("highway") == "residential")
-
-    def change(data):
-        node = next(one for one in data["elements"] if one["type"] == "node" and one["id"] == street["nodes"][1])
-        node["tags"] = {"barrier": "bollard"}
-
-    server.misbehaviour["interpreter"] = changes(change)
-    options = {"retain_all": True, "resolution": 1e6}
-    after = graph_from_polygon(shapely.box(24.93, 60.16, 24.96, 60.1801), osm_type="drive", **options)
-    assert (before.graph["barriers"], after.graph["barriers"]) == (0, 1)
-    assert len(after) > len(before)
-    walk = graph_from_polygon(shapely.box(24.93, 60.16, 24.96, 60.1801), osm_type="walk", **options)
-    assert walk.graph["barriers"] == 0
-
-
 @pytest.mark.parametrize("load", [create_osm_graph, graph_from_place])
 def test_a_street_with_sidewalks_of_their_own_is_closed_to_walkers_of_places_and_files(server, tmp_path, load):
     places = {1: (60.168, 24.944), 2: (60.169, 24.944), 3: (60.169, 24.946), 4: (60.1695, 24.945)}
@@ -342,16 +323,3 @@ def test_the_streets_of_a_place_have_the_speeds_of_the_mode(streets, kind, faste
     assert all(data["travel_time"] == pytest.approx(data["length"] / (data["speed_kph"] / 3.6)) for data in edges)
     if kind == "WALK":
         assert {data["speed_kph"] for data in edges if data["highway"] == "steps"} == {2.0}
-
-
-def test_a_function_and_a_filter_choose_the_streets_of_an_area(server):
-    box = shapely.box(24.93, 60.16, 24.96, 60.18)
-
-    def on_stairs(tags):
-        return Access(1.0) if tags.get("highway") == "steps" else None
-
-    of_function = graph_from_polygon(box, osm_type=on_stairs, retain_all=True)
-    of_filter = graph_from_polygon(box, osm_type="drive", custom_filter='["highway"="steps"]', retain_all=True)
-    assert {data["highway"] for *_, data in of_function.edges(data=True)} == {"steps"}
-    assert {data["speed_kph"] for *_, data in of_function.edges(data=True)} == {1.0}
-    assert osmids(of_filter) == osmids(of_function)

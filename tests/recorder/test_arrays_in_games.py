@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import gamms
-from gamms.recorder.keyframes import captured
 from gamms.recorder.recording import open as open_recording
 
 
@@ -63,36 +62,3 @@ def test_a_fact_that_is_published_again_as_it_was_is_written_once(tmp_path):
         play(tmp_path / f"{repeat}", repeat, array=lambda turn: np.full(500, turn + 0.5))
         sizes.append((tmp_path / f"{repeat}.ggr").stat().st_size)
     assert sizes[1] < sizes[0]
-
-
-CHANGES = {
-    "nothing": lambda ctx: None,
-    "a death": lambda ctx: setattr(ctx.agent.get_agent("red_1"), "alive", False),
-    "another team": lambda ctx: setattr(ctx.agent.get_agent("red_2"), "team", "blue"),
-    "a speed": lambda ctx: setattr(ctx.agent.get_agent("red_2"), "speed", 2),
-    "a heading": lambda ctx: setattr(ctx.agent.get_agent("red_0"), "orientation", (1.0, 0.0)),
-    "an attribute": lambda ctx: setattr(ctx.agent.get_agent("red_0"), "energy", 5),
-    "a sensor": lambda ctx: ctx.agent.get_agent("red_3").register_sensor(
-        "near", ctx.sensor.create_sensor("near", "NEIGHBOR")
-    ),
-    "a strategy": lambda ctx: ctx.agent.get_agent("red_1").register_strategy(gamms.strategies.stay),
-    "a plan": lambda ctx: ctx.game.command("red", lambda arrays: arrays.nodes, arrays=True),
-    "an agent that comes": lambda ctx: ctx.agent.create_agent("last", start_node_id=3),
-    "an agent that goes": lambda ctx: ctx.agent.delete_agent("red_0"),
-    "a pause": lambda ctx: (ctx.record.pause(), ctx.agent.delete_agent("red_2"), ctx.record.play()),
-}
-
-
-@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
-def test_a_keyframe_says_how_things_are_now_whatever_was_in_the_one_before(tmp_path, change):
-    ctx = gamms.create_context(seed=3, logger_config={"level": "CRITICAL"})
-    ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
-    ctx.agent.create_team("red", [0, 1, 2, 3])
-    ctx.record.start(tmp_path / "game")
-    session = ctx.record._session
-    ctx.game.step()
-    session.keyframe()
-    change(ctx)
-    ctx.game.step()
-    assert repr({**session.keyframe(), **captured(ctx)}) == repr(session.keyframe())
-    ctx.record.stop()

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms import recorder
-from gamms.errors import BadValue, UnknownName
-from gamms.recorder.keyframes import captured, grouped, sensors_in
+from gamms.errors import UnknownName
+from gamms.recorder.keyframes import captured
 
 QUIET = {"level": "CRITICAL"}
 IDS = ["a", "b", "c"]
@@ -154,16 +154,6 @@ def test_a_context_that_is_resumed_into_keeps_what_a_recording_cannot_hold():
         assert callable(before.notice.detection)
 
 
-@pytest.mark.parametrize(
-    ("types", "has_places"), [(("RANGE", "RANGE", "ARC"), False), (("RANGE", "ARC", "RANGE"), True)]
-)
-def test_sensors_keep_their_order_which_is_written_where_kinds_alternate(types, has_places):
-    sensors = [{"id": f"s{i}", "type": type, "keywords": {"sensor_range": 9.0}} for i, type in enumerate(types)]
-    groups = grouped(sensors)
-    assert sensors_in(groups) == sensors
-    assert [sorted(group) for group in groups] == [["at"] * has_places + ["ids", "keywords", "type"]] * 2
-
-
 def test_a_sensor_on_a_node_that_was_removed_is_there_and_does_not_look():
     def remove(ctx, turn):
         if turn == 1:
@@ -177,17 +167,6 @@ def test_a_sensor_on_a_node_that_was_removed_is_there_and_does_not_look():
             ctx.sensor.get_sensor("a").sense()
     with gamms.create_context(logger_config=QUIET) as ctx:
         assert [shown(ctx) for record in ctx.record.replay(io.BytesIO(data)) if record["opCode"] == 1] == states[1:]
-
-
-def test_keywords_that_a_recording_lacks_stay():
-    with grid() as ctx:
-        ctx.sensor.storage.put({"id": "a", "type": "AGENT_ARC", "keywords": {"fov": 1.0}})
-        assert (ctx.sensor.get_sensor("a").range, ctx.sensor.get_sensor("a").fov) == (30.0, 1.0)
-        ctx.sensor.storage.put({"id": "a", "type": "AGENT_ARC", "keywords": {"sensor_range": 5.0, "at": 3}})
-        assert (ctx.sensor.get_sensor("a").range, ctx.sensor.get_sensor("a").fov) == (5.0, 1.0)
-        assert ctx.sensor.get_sensor("a").at == 3
-        with pytest.raises(BadValue):
-            ctx.sensor.storage.put({"id": "a", "type": "AGENT_ARC", "keywords": {"sensor_range": -5.0}})
 
 
 def test_a_game_that_changes_no_sensor_asks_for_none():

@@ -155,16 +155,6 @@ def test_a_class_needs_no_init(components, log):
         Bare("c", 5)
 
 
-def test_an_init_may_call_a_local_variable_name(components):
-    @components.component(struct={"count": int})
-    class Local:
-        def __init__(self):
-            name = 3
-            self.count = name
-
-    assert Local("l").count == 3
-
-
 def test_the_callers_dict_is_left_alone(components):
     struct = {"count": int, "maybe": Optional[int]}  # noqa: UP045
     before = dict(struct)

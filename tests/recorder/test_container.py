@@ -11,7 +11,7 @@ from recordings import HEADER, logs_of, opened, read_all, walk, written
 
 from gamms.errors import BadType, BadValue
 from gamms.ir import events as codes
-from gamms.recorder import Reader, RecordingError, Writer
+from gamms.recorder import RecordingError, Writer
 from gamms.recorder.formats import blocks
 from gamms.recorder.formats.chunks import FORMS
 
@@ -93,17 +93,6 @@ def test_turns_are_read_in_any_order_from_a_few_blocks_in_memory():
     assert len(reader._kept) <= 4
 
 
-def test_a_path_is_opened_and_closed(tmp_path, collect):
-    path = tmp_path / "game.ggr"
-    path.write_bytes(written(walk(2, 3)))
-    for source in (path, str(path)):
-        with Reader(source) as reader:
-            assert reader.log(2) == walk(2, 3)[2]
-    collect()  # a file left open would warn now
-    with pytest.raises(FileNotFoundError):
-        Reader(tmp_path / "none.ggr")
-
-
 def test_turns_that_are_not_there_are_refused():
     reader = opened(written(walk(1, 3)))
     for call in (lambda: reader.log(3), lambda: reader.log(-1), lambda: reader.keyframe(4), lambda: reader.moves(2, 1)):
@@ -152,33 +141,12 @@ def test_turns_may_come_one_by_one_or_together_whatever_blocks_they_fill(batches
     assert stream.getvalue() == written([log for batch in batches for log in batch], turns=turns, size=size)
 
 
-@pytest.mark.parametrize("together", [[[0, 1], [0, 2], [(5, {})]], [[0, 1], [0, None]]])
-def test_turns_with_something_else_than_moves_are_not_added_together(together):
-    stream = io.BytesIO()
-    writer = Writer(stream, HEADER, turns=1, seconds=None)
-    with pytest.raises(TypeError):
-        writer.add_moves(together)
-    writer.close()
-    assert stream.getvalue() == written([])
-
-
 @FEWER
 @given(games, st.integers(1, 4))
 def test_recording_what_was_read_gives_the_same_bytes(game, turns):
     first = written(game, turns=turns)
     reader = opened(first)
     assert written(logs_of(reader), reader.header, turns=turns) == first
-
-
-def test_a_log_may_be_changed_once_it_was_added():
-    stream, data = io.BytesIO(), {"a": [1]}
-    log = [0, 1, (5, data)]
-    writer = Writer(stream, {})
-    writer.add_turn(log)
-    log.clear()
-    data["a"].append(2)
-    writer.close()
-    assert opened(stream.getvalue()).log(0) == [0, 1, (5, {"a": [1]})]
 
 
 # -- refusals ---------------------------------------------------------------------------------------------------

@@ -99,16 +99,6 @@ def test_without_sightings_there_is_nothing_of_others():
     assert "kept by a rule" not in text
 
 
-def test_of_others_there_is_their_team_and_their_place_alone():
-    data = cut_of(recorded(lambda ctx: ctx.game.run(4), pair_on_a_grid(), sensed=True), "red")
-    assert "grudge" not in everything_in(data)
-    with opened(io.BytesIO(data)) as recording:
-        agents = recording[1].agents
-        assert agents["team"].tolist() == ["red", "blue"]
-        assert agents["node"].tolist() == [1, 2]
-        assert agents["speed"].tolist() == [None, None]
-
-
 def test_seed_and_scenario_are_left_out():
     data = cut_of(recorded(lambda ctx: ctx.game.run(1), pair_on_a_grid(seed=12345), sensed=True), "red")
     assert "12345" not in everything_in(data)
@@ -143,17 +133,6 @@ def test_a_team_has_its_own_memories_facts_and_messages():
     assert "blue plan" not in text
     assert "blue_0 notes" not in text
     assert "from blue_0" not in text
-
-
-def test_an_event_whose_agents_are_all_out_of_sight_is_left_out():
-    ctx = pair_on_a_grid()
-    ctx.game.add(lambda ctx: ctx.game.emit("moved", agent="blue_0", at=ctx.agent.get_agent("blue_0").current_node_id))
-    ctx.game.add(lambda ctx: ctx.game.emit("met", where={"agents": ["blue_0", "blue_9"]}))
-    ctx.game.add(lambda ctx: ctx.game.emit("noon"))
-    with opened(io.BytesIO(cut_of(recorded(lambda ctx: ctx.game.run(4), ctx, sensed=True), "red"))) as red:
-        assert [event["turn"] for event in red.events() if event["kind"] == "moved"] == [2, 4]
-        assert [event["turn"] for event in red.events() if event["kind"] == "met"] == [2, 4]
-        assert [event["turn"] for event in red.events() if event["kind"] == "noon"] == [1, 2, 3, 4]
 
 
 def test_messages_come_when_they_are_heard():

@@ -73,38 +73,6 @@ def game():
     return opened(play(context()))
 
 
-@pytest.mark.parametrize("turn", range(TURNS))
-def test_a_resumed_game_reports_what_was_seen_before(game, turn):
-    with context() as ctx:
-        game.resume(turn, ctx=ctx)
-        ctx.game.run(TURNS - turn)
-        for name in ("ann", "drone"):
-            seen = memory_of(game, name)["seen"]
-            assert ctx.game.internals.state.memories[name]["seen"] == seen
-            assert len(seen) == TURNS
-            assert any(seen)
-
-
-def memory_of(game, name):
-    with game.resume(game.turns) as ctx:
-        return ctx.game.internals.state.memories[name]
-
-
-def test_keyframes_of_any_turn_say_the_same_as_the_context():
-    stream, frames = io.BytesIO(), []
-    with context() as ctx:
-        ctx.record.start(stream)
-        for _ in range(TURNS):
-            ctx.game.step()
-            frames.append(captured(ctx).get("delayed_looks"))
-        ctx.record.stop()
-    reader = opened(stream.getvalue())
-    for turn in range(1, TURNS + 1):
-        with reader.resume(turn) as ctx:
-            assert captured(ctx)["delayed_looks"] == frames[turn - 1]
-    assert len(frames[-1]) == 2
-
-
 def test_a_game_without_delays_has_no_word_of_them():
     with context() as ctx:
         for name in ("eyes", "radar"):

@@ -3,7 +3,6 @@
 import io
 from pathlib import Path
 
-import numpy as np
 import pytest
 from games import act, agent_of, empty_context, grid_context, recorded, replayed
 
@@ -96,16 +95,6 @@ def empty_or_grid(version):
     return grid_context() if version == 2 else empty_context()
 
 
-@VERSIONS
-def test_bytes_in_memory_can_be_read_after_stop_too(ctx, version):
-    stream = io.BytesIO()
-    ctx.record.start(stream, version=version)
-    a_game(ctx)
-    ctx.record.stop()
-    assert stream.getvalue().startswith(b"MMGR")
-    assert int.from_bytes(stream.getvalue()[4:8], "big") == version
-
-
 def test_agents_from_before_the_start_are_in_the_file(ctx, empty):
     a_game(ctx)
     data = recorded(lambda ctx: act(ctx, "anna", 8), ctx)
@@ -123,16 +112,6 @@ def test_stop_without_a_start_is_refused(ctx, tmp_path):
     ctx.record.stop()
     with pytest.raises(RuntimeError, match="start"):
         ctx.record.stop()
-
-
-@VERSIONS
-def test_one_recording_after_the_other(ctx, tmp_path, version):
-    for name in ("one", "two"):
-        ctx.record.start(tmp_path / name, version=version)
-        ctx.visual.simulate()
-        ctx.record.stop()
-        assert not ctx.record.record()
-    assert (tmp_path / "one.ggr").read_bytes() == (tmp_path / "two.ggr").read_bytes()
 
 
 def test_pause_and_play_out_of_place_only_warn(ctx, heard, tmp_path):
@@ -232,16 +211,6 @@ def test_a_record_that_could_not_be_read_again_is_refused(ctx, opcode, data):
 def test_an_event_that_is_not_plain_is_refused_whether_or_not_it_is_recorded(ctx, data):
     with pytest.raises(BadType, match="plain values"):
         ctx.record.event("mine", **data)
-
-
-def test_events_of_the_users_own_are_yielded_and_keep_their_types(ctx, empty):
-    data = {"pair": (1, 2), "list": [1, 2.5], "text": "ä", "none": None, "array": np.arange(3), "big": 2**80}
-    records = replayed(recorded(lambda ctx: ctx.record.event("mine", **data), ctx), empty)[1]
-    found = records[0]["data"]
-    assert found.pop("kind") == "mine"
-    assert found.pop("array").tolist() == [0, 1, 2]
-    assert found == {key: value for key, value in data.items() if key != "array"}
-    assert type(found["pair"]) is tuple
 
 
 def test_time_goes_on_without_a_recording_and_counts_turns_while_there_is_one(ctx, tmp_path):

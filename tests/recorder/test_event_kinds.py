@@ -18,7 +18,6 @@ from gamms.ir.events import EVENTS, Field, Mover, Role, events_of, records_of, r
 from gamms.ir.game_state import GameState
 from gamms.ir.schema import Audience
 from gamms.recorder import Reader
-from gamms.recorder import open as opened
 from gamms.recorder.changes import DETECTED
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.formats.chunks import FORMS
@@ -243,16 +242,6 @@ def test_a_replay_that_is_recorded_works_out_the_very_keyframes(game, a_keyframe
     with Reader(io.BytesIO(data)) as reader:
         assert reader.keyframe(50)[0] == 50
     assert copied(data) == data
-
-
-def test_attributes_that_an_agent_was_created_with_follow_from_its_creation():
-    def play(ctx):
-        ctx.visual.simulate()
-        ctx.agent.create_agent("anna", start_node_id=3, fuel=[1, 2], orientation=(0.0, 1.0))
-        ctx.visual.simulate()
-
-    with opened(io.BytesIO(recorded(play))) as recording, recording.resume(2) as ctx:
-        assert ctx.agent.get_agent("anna").fuel == [1, 2]
 
 
 def test_every_field_of_a_game_is_recorded_or_is_known_not_to_be():

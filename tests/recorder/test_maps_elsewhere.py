@@ -43,16 +43,6 @@ def test_the_header_names_the_map_by_the_hash_of_its_file(small, map):
     assert len(small) < len(recorded(a_game))
 
 
-def test_a_map_that_is_loaded_after_the_start_is_named_too():
-    ctx, stream = empty_context(), io.BytesIO()
-    ctx.record.start(stream, embed_graph=False)
-    ctx.graph.storage.unpack(grid_context().graph.storage.pack())
-    a_game(ctx)
-    ctx.record.stop()
-    again, _ = replayed(stream.getvalue(), grid_context())
-    assert again.agent.get_agent("a").current_node_id == 5
-
-
 def test_it_replays_where_the_same_map_is(small, map):
     ctx = empty_context()
     ctx.graph.load(map)

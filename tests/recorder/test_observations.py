@@ -169,22 +169,6 @@ def test_what_a_function_returns_is_not_taken_for_nodes_or_agents(given):
         assert recording.observation(1, "anna")["sensor"]["dice"][1] == given
 
 
-def test_a_recording_with_what_was_sensed_replays_to_itself(game):
-    _, seen = game
-    stream, again = io.BytesIO(), io.BytesIO()
-    with build(seen) as ctx:
-        ctx.record.start(stream, sensed=True)
-        ctx.game.run(8)
-        ctx.record.stop()
-    stream.seek(0)
-    with gamms.create_context(logger_config=QUIET) as ctx:
-        ctx.record.start(again)
-        for _ in ctx.record.replay(stream):
-            pass
-        ctx.record.stop()
-    assert again.getvalue() == stream.getvalue()
-
-
 def test_sensing_changes_nothing_by_being_recorded(game):
     recording, _ = game
     stream = io.BytesIO()

@@ -44,17 +44,6 @@ def ring(ctx, data):
     ctx.visual.render_circle(x, y, 3.0, (0, 160, 0), width=2)
 
 
-@pytest.mark.parametrize("declare", [False, True])
-def test_a_picture_of_any_turn_has_the_bytes_that_the_game_gave(tmp_path, declare):
-    pictures, last = played(tmp_path / "game.ggr", declare)
-    with recorder.open(tmp_path / "game.ggr") as recording:
-        for turn in (5, 0, TURNS, 1):
-            recording.save(tmp_path / "turn.svg", turn=turn)
-            assert (tmp_path / "turn.svg").read_bytes() == pictures[turn]
-        recording.save(tmp_path / "end.png", width=500, height=400, title="the end", background=(10, 20, 30))
-    assert (tmp_path / "end.png").read_bytes() == last
-
-
 def test_a_turn_that_is_not_there_is_refused(tmp_path):
     played(tmp_path / "game.ggr", declare=False)
     with recorder.open(tmp_path / "game.ggr") as recording:

@@ -127,16 +127,6 @@ def test_a_replay_that_has_ended_can_be_played_again_from_any_turn(truth):
         assert not ctx.record.is_replaying
 
 
-def test_the_last_moves_are_those_of_the_turn():
-    with gamms.create_context() as ctx:
-        player = Player(ctx)
-        for turn in range(1, 4):
-            player.play()
-            agents = ctx.agent.create_iter()
-            steps = {agent.name: (agent.prev_node_id, agent.current_node_id) for agent in agents}
-            assert player.playback.steps(turn) == steps
-
-
 def test_a_turn_that_is_not_there_is_refused():
     with gamms.create_context() as ctx:
         player = Player(ctx)

@@ -96,44 +96,6 @@ def test_captures_races_and_last_teams_go_on(where):
     assert_goes_on_from_anywhere(make)
 
 
-def test_streams_noticing_facts_and_changes_of_the_map_go_on():
-    def look(state):
-        _, seen = state["sensor"]["eyes"]
-        open_ways = [node for node in state["legal"] if node not in state["facts"].get("closed", ())]
-        state["action"] = max(open_ways) if seen else open_ways[state["rng"].integers(len(open_ways))]
-
-    def weather(ctx):
-        if ctx.rng.random() < 0.4:
-            ctx.game.publish(closed=ctx.rng.choice(64, 5, replace=False).tolist())
-        if ctx.game.turn % 6 == 5:
-            ctx.graph.graph.remove_edge(next(iter(ctx.graph.graph.get_edges())))
-        if ctx.game.turn % 5 == 1:
-            name = f"late_{ctx.game.turn}"
-            ctx.sensor.create_sensor(name, SensorType.AGENT_RANGE, sensor_range=40.0, detection=0.5)
-            ctx.agent.create_agent(name, start_node_id=27, team="red", sensors={"eyes": name}, strategy=look)
-        if ctx.game.turn == 12:
-            ctx.agent.delete_agent("late_1")
-
-    def make():
-        ctx = context()
-        for i in range(3):
-            ctx.sensor.create_sensor(f"eyes_{i}", SensorType.AGENT_RANGE, sensor_range=40.0, detection=0.5)
-            ctx.agent.create_agent(
-                f"red_{i}", start_node_id=20 * i, team="red", sensors={"eyes": f"eyes_{i}"}, strategy=look
-            )
-        ctx.game.add(weather, phase="before")
-        return ctx
-
-    recording = played(make(), 18)
-    for turn in (0, 4, 9, 13, 17):
-        with recording.resume(turn, {"red": look}) as ctx:
-            ctx.game.add(weather, phase="before")
-            assert_goes_on(recording, ctx, turn)
-        ctx = make()
-        recording.resume(turn, {"red": look}, ctx=ctx)
-        assert_goes_on(recording, ctx, turn)
-
-
 def test_flyers_and_agents_with_speed_go_on():
     def circle(state):
         angle = state["turn"] / 3.0
@@ -244,26 +206,6 @@ def test_agents_began_where_the_game_began_not_where_it_was_resumed(recording):
         assert [ctx.game.start_node(name) for name in ctx.agent.agents] == [0, 1, 62, 63]
         late = ctx.agent.create_agent("late", start_node_id=5)
         assert ctx.game.start_node(late) == 5
-
-
-def test_components_are_there_again():
-    with context() as ctx:
-        stream = io.BytesIO()
-        ctx.record.start(stream)
-
-        @ctx.record.component(struct={"charge": float})
-        class Battery:
-            pass
-
-        battery = Battery(name="battery")
-        for charge in (1.0, 0.5, 0.25):
-            battery.charge = charge
-            ctx.visual.simulate()
-        ctx.record.stop()
-    with opened(stream) as found:
-        for turn, charge in ((1, 1.0), (2, 0.5), (3, 0.25)):
-            with found.resume(turn) as ctx:
-                assert ctx.record.get_component("battery").charge == charge
 
 
 def test_a_reset_of_the_recorded_game_is_no_obstacle():

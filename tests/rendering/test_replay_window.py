@@ -112,16 +112,6 @@ def test_what_was_declared_does_not_move_the_map_out_of_the_window(tmp_path, sho
     assert shown == [3]
 
 
-def test_an_agent_that_was_declared_live_does_not_move_the_map_out_of_the_window(shown):
-    options = {"simulation_time_constant": 0.05}
-    with gamms.create_context(vis_engine=gamms.visual.Engine.PYGAME, vis_kwargs=options) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4, spacing=100.0))
-        ctx.agent.create_agent("a_0", start_node_id=0)
-        ctx.visual.set_agent_visual("a_0", size=20)
-        ctx.visual.stay_open()
-    assert shown == [0]
-
-
 @pytest.mark.parametrize("program", ["gamms.create_context(vis_engine=gamms.visual.Engine.PYGAME)", "replay"])
 def test_without_a_display_there_is_no_window_at_once(recording, program):
     pytest.importorskip("pygame")

@@ -72,30 +72,6 @@ def test_choices_are_nothing_and_each_deed_with_each_target():
         assert masks.sum() == NAMES - (5 - legal) - (4 - (legal - 1))
 
 
-@pytest.mark.parametrize("kind", [{}, {"settings": {"decide": "turn"}}, {"settings": {"legal": "any"}}])
-def test_games_at_once_are_the_same_as_one_by_one(kind):
-    game = scene(**kind)
-    env = rl.parallel_env(game, team="red", seed=4)
-    alone, _ = env.reset()
-    with rl.Learners(game, 2, teams=["red"], seed=4, record=True) as fast:
-        games = rl.vector_env(game, num_games=2, team="red", seed=4)
-        many, infos = games.reset()
-        for turn in range(9):
-            assert all(np.array_equal(many[key][slot], alone[f"red_{slot}"][key]) for key in many for slot in (0, 1))
-            assert np.array_equal(infos["action_mask"], many["action_mask"])
-            actions = chosen(many["action_mask"], games.learners.num_actions, turn)
-            fast.step(*np.moveaxis(actions.reshape(2, 2, 2), -1, 0))
-            alone, rewards, *_ = env.step(dict(zip(("red_0", "red_1"), actions[:2], strict=True)))
-            many, earned, *_, infos = games.step(actions)
-            assert earned[:2].tolist() == [*rewards.values()]
-            many = infos.get("final_obs", many)
-        done = env.learners.games.result(0).deeds
-        assert fast.games.result(0).deeds == done
-        assert len({deed["deed"] for deed in done}) > 2
-    games.close()
-    env.close()
-
-
 def test_one_agent_does_the_same_in_many_games_whatever_plays_them():
     def played(game):
         games = rl.vector_env(game, num_games=3, agent="red_0", seed=2)

@@ -247,16 +247,6 @@ def test_an_end_by_time_is_truncation_and_one_by_a_rule_termination():
     assert (set(terminated.values()), set(truncated.values())) == ({False}, {True})
 
 
-def test_an_action_that_is_not_legal_stays_and_is_reported():
-    env = rl.single_agent_env(scene(), agent="red_0")
-    before, _ = env.reset(seed=3)
-    most = env.action_space.n
-    assert not before["action_mask"][most - 1]  # a corner or a border
-    after, _, _, _, infos = env.step(most - 1)
-    assert infos["is_legal"] is False
-    assert after["observation"][:2].tolist() == before["observation"][:2].tolist()
-
-
 def test_an_action_that_is_missing_stays_and_is_reported():
     env = rl.parallel_env(scene(), team="red")
     env.reset(seed=3)

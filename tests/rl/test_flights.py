@@ -41,32 +41,6 @@ def scene(drones=2, cars=0, **more):
     return Scenario(map={"grid": {"width": 4, "height": 4}}, **given)
 
 
-def test_an_agent_flies_as_far_as_its_action_says():
-    env = rl.parallel_env(scene(), team="red")
-    observed, infos = env.reset(seed=1)
-    assert env.action_space("red_drone_0").shape == (3,)
-    assert set(observed["red_drone_0"]) == {"observation"}
-    assert infos["red_drone_0"] == {}
-    place = env.learners.games.context(0).agent.agents
-
-    def flown(action):
-        before = np.array(place["red_drone_1"].position)
-        env.step({"red_drone_1": np.array(action, np.float32)})
-        return np.array(place["red_drone_1"].position) - before
-
-    assert flown([1, 0, 0]) == pytest.approx([9, 0, 0])
-    assert flown([0, 0.5, 0]) == pytest.approx([0, 4.5, 0])
-    assert flown([0, 0, -0.25]) == pytest.approx([0, 0, -2.25])
-    assert np.linalg.norm(flown([1, 1, 1])) == pytest.approx(9)
-    assert flown([np.nan, 1, 0]).tolist() == [0, 0, 0]
-    before = np.array(place["red_drone_1"].position)
-    *_, infos = env.step({"red_drone_0": np.zeros(3), "red_drone_1": np.full(3, 2.0)})
-    assert infos["red_drone_1"]["is_legal"] is False
-    assert infos["red_drone_0"]["is_legal"] is True
-    assert np.linalg.norm(np.array(place["red_drone_1"].position) - before) == pytest.approx(9)
-    env.close()
-
-
 @pytest.mark.parametrize("flights", [np.zeros((1, 2, 2)), np.full((1, 2, 3), "up"), np.zeros((1, 2, 3), bool)])
 def test_flights_are_three_numbers_for_each_agent(flights):
     with rl.Learners(scene(), teams=["red"]) as learners:

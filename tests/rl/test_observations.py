@@ -1,6 +1,5 @@
 """Observations of nodes: neighbourhoods and graphs."""
 
-import networkx as nx
 import numpy as np
 import pytest
 
@@ -19,29 +18,6 @@ def scene(width=5, **more):
     near = {"near": {"type": "AGENT_RANGE", "sensor_range": 30}}
     given = {"teams": teams, "sensors": near, "rules": rules, "max_turns": 15, **more}
     return Scenario(map={"grid": {"width": width, "height": 4}}, **given)
-
-
-def test_a_neighbourhood_has_the_nodes_that_paths_reach():
-    with rl.Learners(scene(), 4, teams=["red"], observation=rl.neighbourhood(2), seed=3) as learners:
-        values, view = learners.observe(), learners.games.observe("red")
-        streets = nx.grid_2d_graph(5, 4)
-        xy = view.streets.columns.xy
-        of_node = {(round(x / 10), round(y / 10)): row for row, (x, y) in enumerate(xy.tolist())}
-        for game, agent in np.ndindex(4, 2):
-            here = next(place for place, row in of_node.items() if row == view.node[game, agent])
-            expected = nx.single_source_shortest_path_length(streets, here, cutoff=2)
-            is_there, dx, dy, hops, action = values[game, agent].T[:5]
-            assert is_there.sum() == len(expected)
-            assert (np.diff(hops[is_there > 0]) >= 0).all()
-            for place, far in expected.items():
-                offset = (xy[of_node[place]] - xy[view.node[game, agent]]) / 20.0
-                row = np.flatnonzero((is_there > 0) & np.isclose(dx, offset[0]) & np.isclose(dy, offset[1]))
-                assert len(row) == 1
-                assert hops[row[0]] == far / 2
-                legal = view.streets.legal[view.node[game, agent]][: view.counts[game, agent]].tolist()
-                assert action[row[0]] == (legal.index(of_node[place]) if of_node[place] in legal else -1)
-            assert (values[game, agent][is_there == 0] == [0, 0, 0, 0, -1, 0, 0]).all()
-            assert action[: view.counts[game, agent]].tolist() == list(range(view.counts[game, agent]))
 
 
 def test_a_neighbourhood_shows_mates_and_enemies_where_they_are():

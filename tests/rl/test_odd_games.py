@@ -2,7 +2,6 @@
 
 import warnings
 
-import numpy as np
 import pytest
 
 pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
@@ -94,39 +93,3 @@ def test_checkers_find_no_fault(game, capsys):
         parallel_seed_test(lambda: rl.parallel_env(game, team="red"), num_cycles=2)
         check_env(rl.single_agent_env(game, agent=env.possible_agents[0]), skip_render_check=True)
     assert "Passed" in capsys.readouterr().out
-
-
-def test_games_at_once_are_the_same_as_one_by_one(game):
-    games = rl.vector_env(game, num_games=2, team="red", seed=3)
-    envs = [rl.parallel_env(game, team="red", seed=3 + number) for number in range(2)]
-    (many, _), alone = games.reset(), [env.reset()[0] for env in envs]
-    names, played = games.learners.names, 0
-    for turn in range(5):
-        actions = chosen(many, games, turn)
-        many_after, rewards, terminated, truncated, _ = games.step(actions)
-        for number, env in enumerate(envs):
-            given = dict(zip(names, actions[number * len(names) :], strict=False))
-            here = list(env.agents)
-            for slot, name in enumerate(names, number * len(names)):
-                if name in here:
-                    assert all(np.array_equal(many[key][slot], one) for key, one in alone[number][name].items())
-            alone[number], *results = env.step({name: given[name] for name in here})
-            for slot, name in enumerate(names, number * len(names)):
-                if name in here:
-                    assert [rewards[slot], terminated[slot], truncated[slot]] == [one[name] for one in results[:3]]
-        many, played = many_after, played + 1
-        if not all(env.agents for env in envs):
-            break
-    assert played
-    games.close()
-
-
-def chosen(observed, games, turn):
-    """Some legal action of each slot."""
-    if "action_mask" not in observed:
-        return np.sin(turn + np.arange(np.prod(games.action_space.shape))).reshape(games.action_space.shape)
-    heads = [head for head in np.split(observed["action_mask"], [games.learners.num_actions], axis=1) if head.shape[1]]
-    picked = [
-        [np.flatnonzero(mask)[(turn * 7 + slot * 3) % mask.sum()] for slot, mask in enumerate(head)] for head in heads
-    ]
-    return np.array(picked[0] if len(heads) == 1 else picked).T

@@ -92,17 +92,6 @@ def test_a_policy_plays_the_same_games_alone_and_in_a_batch(saved, sample):
         assert [games.result(game) for game in range(8)] == alone
 
 
-def test_a_policy_plays_in_games_that_are_recorded(saved, tmp_path):
-    red = rl.policy(saved)
-    expected = scene().play(seed=4, strategies={"red": red}, record=tmp_path / "alone.ggr")
-    with scene().batch(6, strategies={"red": red}) as games:
-        games.run()
-        games.record(4, tmp_path / "batch.ggr")
-    assert (tmp_path / "alone.ggr").read_bytes() == (tmp_path / "batch.ggr").read_bytes()
-    with gamms.recorder.open(tmp_path / "alone.ggr") as recording:
-        assert recording.turns == expected.turns == 15
-
-
 def test_samples_follow_from_the_seed_and_differ_from_the_best_actions(saved):
     games = [
         scene().play(seed=2, strategies={"red": rl.policy(saved, sample=sample)}) for sample in (True, True, False)
@@ -213,21 +202,6 @@ def test_a_network_can_be_asked_for_each_action(tmp_path):
 def test_a_network_that_is_asked_for_each_action_gets_as_many_entries_of_each(entries):
     with pytest.raises(BadValue, match=f"as many for each of the 5 actions: {entries} entries do not fit"):
         Network(Architecture(["observation"], ["linear"], shared=2), {}).check(entries, 5)
-
-
-def test_a_policy_plays_against_itself_and_goes_on_from_snapshots(tmp_path):
-    game = scene().replace(**{"teams.blue.sensors": ["near"]})
-    rl.save_policy(network(ENTRIES), tmp_path / "both.safetensors", game)
-    both = dict.fromkeys(("red", "blue"), rl.policy(tmp_path / "both.safetensors", sample=True))
-    with game.batch(3, strategies=both) as games:
-        games.run()
-        assert games.result(2) == game.play(seed=2, strategies=both)
-    with game.build(seed=2, strategies=both) as ctx:
-        ctx.game.step()
-        snapshot = ctx.game.snapshot()
-        first = ctx.game.run()
-        ctx.game.restore(snapshot)
-        assert ctx.game.run() == first == games.result(2)
 
 
 def test_what_cannot_be_saved_is_refused_by_name(tmp_path):

@@ -34,36 +34,6 @@ def scene(speed=None, blue_speed=None, sensors=NEAR, **more):
     return Scenario(map={"grid": {"width": 4, "height": 4}}, **given)
 
 
-def chosen(masks, turn):
-    """Some legal action of each slot."""
-    return np.array([np.flatnonzero(mask)[(turn * 7 + slot * 3) % mask.sum()] for slot, mask in enumerate(masks)])
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_games_at_once_are_the_same_as_one_by_one(kind):
-    game, most = scene(**KINDS[kind]), 0
-    games = rl.vector_env(game, num_games=3, team="red", seed=5)
-    envs = [rl.parallel_env(game, team="red", seed=5 + number) for number in range(3)]
-    many, _ = games.reset()
-    alone = [env.reset()[0] for env in envs]
-    for turn in range(8):
-        for slot in range(6):
-            one = alone[slot // 2][f"red_{slot % 2}"]
-            assert all(np.array_equal(many[key][slot], one[key]) for key in one)
-        actions = chosen(many["action_mask"], turn)
-        most = max(most, int(many["action_mask"].sum(axis=1).max()))
-        many, rewards, *_, infos = games.step(actions)
-        for i, env in enumerate(envs):
-            alone[i], earned, *_ = env.step(dict(zip(("red_0", "red_1"), actions[2 * i : 2 * i + 2], strict=True)))
-            assert rewards[2 * i : 2 * i + 2].tolist() == [*earned.values()]
-        if turn == 7:
-            assert infos["_final_obs"].all()
-            many = infos["final_obs"]
-    assert most > 4
-    for env in (games, *envs):
-        env.close()
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_action_leads_to_the_node_with_its_number(kind):
     game, known = scene(**KINDS[kind]), {}

@@ -134,16 +134,6 @@ def test_nodes_that_a_mapping_leaves_out_take_any_number(stay):
     assert stay(Conflicts({}, resolve=nobody()), (0, 1), (2, 1)) == ""
 
 
-def test_an_attribute_is_read_in_every_turn(ctx, stay):
-    conflicts = Conflicts("doors", resolve=by_name)
-    ctx.graph.graph.update_node({"id": 1, "doors": 1})
-    assert stay(conflicts, (0, 1), (2, 1), (0, 4), (2, 4)) == "b"
-    ctx.graph.graph.update_node({"id": 1, "doors": 0})
-    assert stay(conflicts, (0, 1), (1, 1)) == "a"
-    ctx.graph.graph.update_node({"id": 1, "doors": None})
-    assert stay(conflicts, (0, 1), (2, 1)) == ""
-
-
 def test_an_attribute_no_node_has_is_an_error_with_a_hint(ctx, stay):
     ctx.graph.graph.update_node({"id": 2, "rooms": 1})
     with pytest.raises(KeyError, match=r"Unknown node attribute 'room'\. Did you mean 'rooms'\?"):

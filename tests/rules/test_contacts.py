@@ -62,17 +62,6 @@ def test_with_a_distance_passing_each_other_counts_only_where_asked_for(road):
     assert pairs(ctx, metres=5, crossing=True) == {("r", "b"): 0.0}
 
 
-def test_flyers_meet_only_where_asked_for_and_in_space_only_straight(road):
-    ctx = road(r=("red", 3))
-    ctx.agent.create_agent(
-        "b", type=AgentType.AERIAL, team="blue", start_node_id=3, position=(31.0, 0.0, 9.0), speed=1.0
-    )
-    assert pairs(ctx, euclid=50) == pairs(ctx) == {}
-    assert pairs(ctx, air=True) == pairs(ctx, metres=5, air=True) == {("r", "b"): 0.0}
-    assert pairs(ctx, euclid=9, air=True) == {}
-    assert list(pairs(ctx, euclid=10, air=True).values()) == pytest.approx([82**0.5])
-
-
 def test_the_dead_meet_no_agent_and_none_meets_itself(road):
     ctx = road(r=("red", 3), b=("blue", 3))
     assert contacts(ctx, "red", "red", hops=3) == []

@@ -6,9 +6,7 @@ import pytest
 import gamms
 from gamms.ir.draw import DrawKind
 from gamms.rules import capture_flag, tag, territory
-from gamms.visual import Artist
 from gamms.visual.artist import ArtistGroup
-from gamms.visual.default_scene import team_rows
 from gamms.visual.drawers.rules import as_text, in_text
 
 
@@ -73,34 +71,12 @@ def test_a_carried_flag_glides_with_its_carrier_and_leaves_a_square(game):
     assert squares.tolist() == [[90.0, 0.0], [0.0, 0.0]]
 
 
-@pytest.mark.parametrize(("name", "layer"), [("territory", 12), ("flags", 22), ("tags", 25)])
-def test_an_artist_of_the_same_name_takes_its_place(game, name, layer):
-    go(game, "r1", 5)
-    game.game.step()
-    assert on_layer(game, layer)
-    hidden = Artist(game, lambda *_: None)
-    hidden.set_visible(False)
-    game.visual.add_artist(name, hidden)
-    assert on_layer(game, layer) == []
-
-
 def test_an_artist_that_was_there_first_stays(game):
     with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
         fill(ctx)
         ctx.visual.add_artist("territory", {"drawer": lambda *_: None})
         ctx.game.add(territory.published({0: "red"}))
         assert on_layer(ctx, 12) == []
-
-
-def test_the_legend_tells_the_teams_and_their_scores(game):
-    go(game, "r1", 5)
-    game.game.step()
-    rows = team_rows(game).rows
-    assert [(row.name, row.value) for row in rows] == [("red", "0"), ("blue", "2")]
-    assert len({row.color for row in rows}) == 2
-    for name in ("b0", "b1"):
-        game.agent.delete_agent(name)
-    assert team_rows(game) is None
 
 
 def test_ids_are_kept_as_short_text():

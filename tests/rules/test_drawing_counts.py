@@ -15,7 +15,6 @@ RULES = {
     "resources": lambda: resource("fuel", 40, per_turn=10),
     "cooldowns": lambda: cooldown("shout", 3),
 }
-LAYERS = {"held": 18, "discovered": 18, "resources": 22, "cooldowns": 22}
 
 
 @pytest.fixture
@@ -65,18 +64,6 @@ def test_a_node_that_was_discovered_has_a_square_in_the_colour_of_the_team(hill)
     assert "square" in signs(hill)
 
 
-def test_a_bar_is_as_long_as_what_is_left_and_gone_with_the_agent(hill):
-    hill.game.add(RULES["resources"]())
-    hill.game.step()
-    red = tuple(hill.visual.drawing.group_colors()["red"])
-    lengths = {color: np.ptp(bar[:, 0]) for color, _, bar in signs_on(hill, 22)}
-    assert lengths[red] / max(lengths.values()) == pytest.approx(3 / 4)  # 30 of 40
-    assert "gauge" in signs(hill)
-    hill.game.eliminate("ann")
-    hill.game.step()
-    assert red not in [color for color, *_ in signs_on(hill, 22)]
-
-
 def test_an_arc_around_an_agent_gets_shorter_until_it_can_do_the_deed_again(hill):
     hill.game.add(RULES["cooldowns"]())
     shares = []
@@ -85,23 +72,6 @@ def test_an_arc_around_an_agent_gets_shorter_until_it_can_do_the_deed_again(hill
         shares += [share_of(arc) for *_, arc in signs_on(hill, 22)]
     assert shares == pytest.approx([1.0, 2 / 3, 1 / 3])
     assert "timer" in signs(hill)  # the legend stays the same when nothing cools down
-
-
-@pytest.mark.parametrize("name", RULES)
-def test_a_replay_shows_the_same_and_the_artist_goes_with_the_rule(hill, tmp_path, name):
-    rule = hill.game.add(RULES[name]())
-    hill.record.start(tmp_path / "game")
-    hill.game.step()
-    hill.record.stop()
-    assert signs_on(hill, LAYERS[name])
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as replayed:
-        for _ in replayed.record.replay(tmp_path / "game"):
-            pass
-        hill.visual.save(tmp_path / "game.svg")
-        replayed.visual.save(tmp_path / "replayed.svg")
-    assert (tmp_path / "game.svg").read_bytes() == (tmp_path / "replayed.svg").read_bytes()
-    hill.game.remove(rule)
-    assert name not in hill.visual.artists.declared
 
 
 @pytest.mark.parametrize(

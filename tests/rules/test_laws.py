@@ -1,6 +1,5 @@
 """Laws that all rules keep: the order of creation never counts, and what they remember is in one place."""
 
-import json
 from copy import deepcopy
 
 import pytest
@@ -153,35 +152,3 @@ def test_two_games_that_take_turns_with_the_same_rules_do_not_notice_each_other(
         for _ in range(9):
             results = [one.game.run(1), two.game.run(1)]
         assert results == expected
-
-
-@pytest.mark.parametrize("game", GAMES)
-def test_what_rules_remember_and_emit_is_plain(game):
-    agents = {f"agent{i}": (["red", "blue"][i % 2], 3 * i) for i in range(6)}
-    with open_game(GAMES[game](), agents) as ctx:
-        result = ctx.game.run(9)
-        assert result.events
-        for values in (ctx.game.data, result.events, result.scores):
-            assert json.loads(json.dumps(values)) == values
-
-
-@pytest.mark.parametrize("game", GAMES)
-def test_a_game_that_is_restored_or_resumed_goes_on_as_it_did(game, tmp_path):
-    agents = {f"agent{i}": (["red", "blue"][i % 2], 3 * i) for i in range(6)}
-    with open_game(GAMES[game](), agents) as ctx:
-        ctx.record.start(tmp_path / "game.ggr")
-        ctx.game.run(4)
-        here = ctx.game.fork(1)
-        expected = ctx.game.run(5)
-        facts = [ctx.game.facts_of(one) for one in (*ctx.agent.teams, *agents)]
-        ctx.record.stop()
-        before = here.snapshot()
-        ahead = here.run(5)
-        here.restore(before)
-        assert here.run(5) == ahead
-    with open_game(GAMES[game](), agents) as again:
-        with gamms.recorder.open(tmp_path / "game.ggr") as recording:
-            recording.resume(recording.turns // 2, ctx=again)
-        result = again.game.run(9 - again.game.turn)
-        assert (result.scores, result.events, result.deeds) == (expected.scores, expected.events, expected.deeds)
-        assert [again.game.facts_of(one) for one in (*again.agent.teams, *agents)] == facts

@@ -86,17 +86,6 @@ def test_impossible_tables_are_refused(road):
 # -- coming back ------------------------------------------------------------------------------------------------
 
 
-def test_an_agent_that_is_out_misses_some_turns_and_comes_back_so_often(road):
-    ctx = road(a=("red", 3, 4, 4, 4, 4, 4, 4, 4, 4, 4), b=("blue", 4))
-    ctx.game.add(respawn(2, times=2, teams="red"))
-    ctx.game.add(tag("blue", "red", then="eliminate"))
-    events = ctx.game.run(12).events
-    # out in turn 1, back at the end of 3, goes again in 4: out then, back at the end of 6, out in 7 for good
-    assert [(event["turn"], event["kind"]) for event in events if event["kind"] != "tag"] == [
-        *((1, "eliminated"), (3, "respawned"), (4, "eliminated"), (6, "respawned"), (7, "eliminated"))
-    ]
-
-
 def test_an_agent_may_come_back_once(road):
     ctx = road(a=("red", 3, 4, 4, 4, 4), b=("blue", 4))
     ctx.game.add(respawn(times=1))

@@ -138,17 +138,6 @@ def test_what_members_of_a_team_discover_in_one_turn_is_counted_once_and_known_t
     assert [*ctx.game.facts_of("red")["discovered"]] == [1, 4, 7, 10]
 
 
-def test_the_first_team_gets_points_and_both_do_in_one_turn(road):
-    ctx = with_eyes(road(a=("red", 0, 1, 2), b=("blue", 6, 5, 4), c=("blue", 9)))
-    ctx.game.add(discover([3, 4], score=2))
-    result = ctx.game.run(2)
-    # turn 1: red sees 3 from node 1, blue 3 and 4 from node 5; turn 2: red sees 4, too
-    assert result.scores == {"red": 2, "blue": 4}
-    assert [(event["team"], event["node"], event["first"]) for event in result.events] == [
-        *(("red", 3, True), ("blue", 3, True), ("blue", 4, True), ("red", 4, False))
-    ]
-
-
 def test_without_sensors_an_agent_sees_its_own_node(road):
     ctx = road(a=("red", 0, 1, 2), nobodys=(None, 1))
     ctx.game.add(discover([1], teams="red"))
@@ -169,17 +158,6 @@ def test_agents_on_the_ground_may_see_some_edges_ahead(road):
     ctx.game.add(discover([5, 6, 7], hops=2))
     ctx.game.run(2)
     assert [ctx.game.facts_of(team) for team in ("red", "blue")] == [{"discovered": {5: True}}, {}]
-
-
-def test_flyers_discover_what_they_look_down_on(road):
-    ctx = road()
-    for name, kind, team, fov in (("nodes", "aerial", "red", 1.5), ("agents", "aerial_agent", "blue", 6.28)):
-        sensor = ctx.sensor.create_sensor(name, kind, sensor_range=50.0, fov=fov)
-        keywords = {"type": AgentType.AERIAL, "start_node_id": 0, "speed": 10.0, "team": team, "sensors": [sensor]}
-        ctx.agent.create_agent(name, strategy=lambda state: state.update(action=(1.0, 0.0, 1.0)), **keywords)
-    ctx.game.add(discover([1, 9]))
-    ctx.game.run(3)
-    assert [ctx.game.facts_of(team) for team in ("red", "blue")] == [{"discovered": {1: True}}] * 2
 
 
 def test_neighbours_and_fields_of_view_count_and_the_dead_see_nothing(road):

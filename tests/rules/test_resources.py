@@ -5,9 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
-from gamms.agent import AgentType
 from gamms.errors import BadType, BadValue, Duplicate, UnknownName
-from gamms.rules import Conflicts, cooldown, resource, tag
+from gamms.rules import Conflicts, cooldown, resource
 
 
 def amounts(ctx, name="fuel"):
@@ -18,16 +17,6 @@ def amounts(ctx, name="fuel"):
 
 def why(ctx, name):
     return ctx.game.observation(name)["blocked"]
-
-
-def test_all_edges_of_a_turn_are_paid_for_and_half_an_edge_when_its_end_is_reached(road):
-    ctx = road(a=("red", 0, 3), b=("red", 5, 6, 6))
-    ctx.agent.get_agent("a").speed, ctx.agent.get_agent("b").speed = 3, 0.5
-    ctx.game.add(resource("fuel", 100, per_metre=1))
-    ctx.game.step()
-    assert amounts(ctx) == {"a": 70, "b": 100}  # 3 edges of 10 m; b is half way
-    ctx.game.step()
-    assert amounts(ctx) == {"a": 70, "b": 90}
 
 
 def test_a_deed_without_a_price_costs_nothing(road):
@@ -87,33 +76,12 @@ def test_a_move_for_which_deeds_leave_too_little_is_refused(road):
     assert (amounts(ctx, "power"), why(ctx, "a")) == ({"a": 6}, "it needs 10 power, and 6 is left")
 
 
-def test_a_flight_is_paid_for_by_an_agent_that_is_put_elsewhere_afterwards_and_hovering_is_not(road):
-    ctx = road(a=("red", 0))
-    kind = {"type": AgentType.AERIAL, "start_node_id": 0, "team": "red", "speed": 5.0}
-    ctx.agent.create_agent("flying", strategy=lambda state: state.update(action=(1.0, 0.0, 0.0)), **kind)
-    ctx.agent.create_agent("hovering", **kind)
-    ctx.game.add(lambda ctx: [ctx.game.respawn(name) for name in ("flying", "hovering")])
-    ctx.game.add(resource("battery", 12, per_metre=1))
-    ctx.game.step()
-    assert amounts(ctx, "battery") == {"a": 12, "flying": 7, "hovering": 12}
-
-
 def test_without_an_edge_the_straight_line_counts_and_who_is_stopped_pays_nothing(road):
     ctx = road(a=("red", 0, 7), b=("red", 5, 6), c=("red", 6))
     ctx.game.legal, ctx.game.conflicts = "any", Conflicts(capacity=1)
     ctx.game.add(resource("fuel", 100, per_metre=1, per_turn=2))
     ctx.game.step()
     assert amounts(ctx) == {"a": 28, "b": 98, "c": 98}  # 100 - 70 - 2; b cannot enter the node of c
-
-
-def test_with_an_order_of_play_each_move_is_paid_for_once(road):
-    ctx = road(a=("red", 0, 1, 2), b=("blue", 9, 8, 7))
-    kind = {"type": AgentType.AERIAL, "start_node_id": 0, "team": "red", "speed": 5.0}
-    ctx.agent.create_agent("drone", strategy=lambda state: state.update(action=(1.0, 0.0, 0.0)), **kind)
-    ctx.game.order = [["red"], ["blue"]]
-    ctx.game.add(resource("fuel", 100, per_metre=1))
-    ctx.game.run(2)
-    assert amounts(ctx) == {"a": 80, "b": 80, "drone": 90}
 
 
 def test_nothing_is_refused_any_more_when_the_rule_is_removed(road):
@@ -131,17 +99,6 @@ def test_what_is_just_enough_is_enough(road):
     ctx.game.add(resource("fuel", 0.3, per_edge=0.1))  # 0.3 - 0.1 - 0.1 is less than 0.1
     assert ctx.game.run(3).agents["a"]["node"] == 3
     assert amounts(ctx) == {"a": 0}
-
-
-def test_a_tagged_agent_keeps_what_it_has_and_one_that_was_out_begins_again(road):
-    ctx = road(a=("red", 2, 3), b=("blue", 3), c=("red", 8, 7))
-    ctx.game.add(tag("blue", "red"))
-    ctx.game.add(resource("fuel", 100, per_metre=1))
-    ctx.game.step()
-    assert (amounts(ctx)["a"], ctx.agent.get_agent("a").current_node_id) == (90, 2)
-    ctx.game.eliminate("c")
-    ctx.game.step()
-    assert amounts(ctx) == {"a": 90, "b": 100, "c": 100}
 
 
 @given(

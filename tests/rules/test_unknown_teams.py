@@ -6,7 +6,7 @@ import pytest
 import gamms
 from gamms.errors import BadType
 from gamms.rules import capture_flag, last_team, none_left, reach, tag, time_limit
-from gamms.strategies import chase, flee, guard, stay
+from gamms.strategies import stay
 from gamms.typing.game import OWNERS, TEAMS, team_parameters
 
 
@@ -89,16 +89,6 @@ def test_sides_that_are_functions_and_teams_that_are_there_are_not_warned_about(
     game.add(reach({"red": 7, "blue": 8}))
     game.run(2)
     assert heard == []
-
-
-@pytest.mark.parametrize(("strategy", "extra"), [(chase, ()), (flee, ()), (guard, (5, 100.0))])
-def test_a_strategy_that_looks_for_enemies_says_once_that_its_agents_see_none(game, ctx, heard, strategy, extra):
-    for agent in game.agents:
-        agent.register_strategy(strategy(ctx, *extra))
-    game.run(3)
-    (warning,) = heard
-    assert warning.startswith(f"{strategy.__name__}: agent 'ann' carries no sensor that shows agents")
-    assert "AGENT_RANGE" in warning
 
 
 def test_annotations_say_which_parameters_name_teams():

@@ -72,14 +72,3 @@ def test_the_channels_of_a_file_are_those_of_the_game(talk):
 def test_an_impossible_channel_is_named_with_its_place(talk, channel, message):
     with pytest.raises(scenario.ScenarioError, match=message):
         talk.replace(channels={"radio": channel})
-
-
-def test_channels_among_the_settings_are_sent_to_the_top_of_the_file():
-    with pytest.raises(scenario.ScenarioError) as caught:
-        scenario.Scenario(
-            map={"grid": {"width": 3, "height": 3}},
-            teams={"red": {"count": 1}},
-            settings={"channels": {"radio": {"range_m": 3}}},
-        )
-    assert "settings.channels: unknown key" in str(caught.value)
-    assert str(caught.value).endswith("It belongs at the top of the file, beside map and teams.")

@@ -74,16 +74,6 @@ def test_a_wrong_argument_ends_in_one_sentence(folder, arguments, code, hint):
     assert not (folder / "gamms-run").exists()
 
 
-def test_a_check_says_that_all_is_well(folder):
-    done = run("scenario", "check", "little.yaml")
-    assert done.exit_code == 0
-    assert "all is well" in done.stdout
-    assert "48 nodes" in done.stdout
-    done = run("scenario", "check", "little.yaml", "--build")
-    assert "built once" in done.stdout
-    assert sorted(path.suffix for path in folder.iterdir()) == [".py", ".py", ".py", ".yaml"]
-
-
 @pytest.mark.parametrize(
     ("old", "new", "hint"),
     [

@@ -26,17 +26,6 @@ def test_a_recording_says_every_parameter_of_a_rule(made):
     assert said[1] == {"rule": "referee:count_turns", "with": {"step": 1}, "phase": "after", "name": None}
 
 
-def test_a_recording_plays_by_the_defaults_that_it_was_made_with(made, monkeypatch):
-    game = made({"sensors.eyes": {"type": "AGENT_RANGE"}})
-    recording, first = recorded(game)
-    assert recorded(scenario.from_recording(recording, folder=game.folder))[1] == first
-    monkeypatch.setitem(rules.tag.__wrapped__.__kwdefaults__, "score", 50)
-    assert recorded(game)[1] != first
-    assert recorded(scenario.from_recording(recording, folder=game.folder))[1] == first
-    said = recording.header["scenario"]
-    assert (said["sensors"]["eyes"]["sensor_range"], said["map"]["grid"]["spacing"]) == (30.0, 10.0)
-
-
 def test_what_is_written_out_says_the_same_game(made, folder):
     for change in (
         {},

@@ -14,7 +14,7 @@ import yaml
 
 import gamms
 from gamms import scenario
-from gamms.errors import Outdated, UnknownName
+from gamms.errors import Outdated
 from gamms.graph import visibility
 from gamms.scenario import Scenario, ScenarioError
 
@@ -129,43 +129,6 @@ def test_a_strategy_of_the_caller_takes_the_place_of_a_plan_for_the_whole_team_a
     assert one.play(strategies={"red": stay}).agents["red_0"]["moves"] == 0
     with pytest.raises(ScenarioError, match=r"teams.red.plan: decides for 'red_0' as well"):
         one.play(strategies={"red_0": stay})
-
-
-def test_strategies_of_the_caller_take_the_place_of_the_file_s(made):
-    def stay(state):
-        state["action"] = state["curr_pos"]
-
-    result = made().play(strategies={"red": stay, "anna": gamms.strategies.flee})
-    assert {result.agents[f"red_{i}"]["moves"] for i in range(3)} == {0}
-    with pytest.raises(UnknownName, match="Did you mean 'red'"):
-        made().play(strategies={"reds": stay})
-
-
-def test_own_functions_make_maps_sensors_and_resolvers(made, folder):
-    (folder / "extras.py").write_text("""
-import networkx as nx
-
-def ring(n):
-    G = nx.cycle_graph(n)
-    for i in G:
-        G.nodes[i].update(x=float(i), y=0.0)
-    return G
-
-def clock(ctx):
-    return lambda: ctx.game.turn
-
-def last(contest, ctx):
-    return [mover.agent for mover in contest.movers[-contest.places:]]
-""")
-    one = made(
-        {"sensors.near": {"function": "extras:clock"}, "conflicts.resolve": "extras:last"},
-        map={"generator": {"function": "extras:ring", "with": {"n": 60}}},
-    ).replace(**{"teams.red.within": 10.0})
-    with one.build() as ctx:
-        assert len(ctx.graph.graph) == 60
-        ctx.game.step()
-        ctx.game.step()
-        assert ctx.agent.get_agent("red_0").get_state()["sensor"]["near"][1] == 2
 
 
 def test_a_file_names_ranks_that_decide_conflicts_alone_and_in_a_batch(made, folder):

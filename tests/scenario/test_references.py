@@ -235,22 +235,6 @@ def test_an_entry_point_that_names_a_module_offers_what_it_defines(made, package
             made({"teams.red.strategy": other}).build()
 
 
-def test_a_package_that_the_caller_allows_offers_what_it_defines(folder, little, package):
-    name = package()
-    for text in (f"{name}.players:raid", f"{name}:raid"):
-        little["teams"]["red"]["strategy"] = text
-        with pytest.raises(ScenarioError, match=rf"does not offer .*:raid to scenarios.*--allow {name}"):
-            Scenario(folder=folder, **little).check()
-        assert name not in sys.modules
-    Scenario(folder=folder, allow=[name], **little).play()
-    (folder / "little.yaml").write_text(yaml.safe_dump(little))
-    scenario.load(folder / "little.yaml", allow=[name]).replace(max_turns=3).play()
-    for other in (f"{name}:system", f"{name}.players:system", "yaml:unsafe_load", "networkx:path_graph"):
-        little["teams"]["red"]["strategy"] = other
-        with pytest.raises(ScenarioError):
-            Scenario(folder=folder, allow=[name], **little).build()
-
-
 @pytest.mark.parametrize("name", ["os", "subprocess", "builtins", "gamms", "gamms.osm", "__main__", "a b", "", "../x"])
 def test_what_is_never_offered_cannot_be_allowed(made, name):
     with pytest.raises(BadValue):

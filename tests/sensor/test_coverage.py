@@ -44,16 +44,6 @@ def test_it_covers_the_nodes_on_which_an_agent_is_seen_and_no_others(kind, node,
         assert covered.not_shown == ()
 
 
-def test_it_says_how_probably_an_agent_is_noticed():
-    with world() as ctx:
-        options = {"sensor_range": 20.0, "detection": [(0, 1.0), (20, 0.5)], "at": 0}
-        covered = ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, **options).coverage()
-        found = dict(zip(covered.node_ids.tolist(), covered.detection.tolist(), strict=True))
-        assert found[0] == 1.0
-        assert found[1] == found[5] == 0.75
-        assert found[2] == 0.5
-
-
 def test_it_names_the_agents_that_it_does_not_show():
     with world() as ctx:
         for name, team in (("a", "red"), ("b", "blue"), ("c", "blue")):

@@ -77,16 +77,6 @@ def test_a_decorated_class_can_be_subclassed_and_decorated_again(ctx):
     assert [made("x").type.name for made in (parent, child, plain)] == ["PARENT", "CHILD", "PARENT"]
 
 
-def test_the_decorator_wins_over_the_class_itself(ctx):
-    @ctx.sensor.custom("MINE")
-    class Mine(Counter):
-        @property
-        def type(self):
-            return SensorType.MAP
-
-    assert Mine("x").type is SensorType.MINE
-
-
 def test_a_built_in_sensor_can_be_made_ones_own(ctx):
     @ctx.sensor.custom("TWO_STEPS")
     class TwoSteps(MapSensor):

@@ -1,7 +1,6 @@
 """Sensors that are declared where agents are created."""
 
 import inspect
-import io
 
 import pytest
 
@@ -103,16 +102,6 @@ def test_range_m_and_its_old_name_are_the_same(town):
     new = town.sensor.create_sensor("new", "RANGE", range_m=12)
     old = town.sensor.create_sensor("old", "RANGE", sensor_range=12)
     assert new.range == old.range == 12
-
-
-def test_a_recording_of_declared_sensors_replays(town):
-    town.agent.create_team("red", [0, 1], sensors={"eyes": EYES}, strategy=gamms.strategies.random_walk)
-    file = io.BytesIO()
-    town.game.run(max_turns=5, record=file)
-    with gamms.recorder.open(io.BytesIO(file.getvalue())) as recording, recording.resume(5, {}) as ctx:
-        seen = [agent.get_state()["sensor"] for agent in ctx.agent.teams["red"]]
-    assert seen == [agent.get_state()["sensor"] for agent in town.agent.teams["red"]]
-    assert [list(one) for one in seen] == [["eyes"], ["eyes"]]
 
 
 def declared(sensors, by_name=None, **teams):

@@ -60,17 +60,6 @@ def test_a_strategy_may_not_remove_a_sensor(ctx, scout):
     assert "near" in ctx.sensor.sensors
 
 
-def test_a_snapshot_brings_it_back_to_who_carried_it(ctx, scout):
-    scout.register_strategy(lambda state: state.update(action=0))
-    snapshot, near = ctx.game.snapshot(), ctx.sensor.get_sensor("near")
-    ctx.sensor.delete_sensor("near")
-    ctx.game.restore(snapshot)
-    assert ctx.sensor.get_sensor("near") is near
-    assert scout.sensors["n"] is near
-    ctx.game.step()
-    assert list(scout.state["sensor"]) == ["n", "e", "again"]
-
-
 def test_a_snapshot_brings_a_place_back_that_was_gone_already(ctx):
     tower = ctx.sensor.create_sensor("tower", SensorType.RANGE, at=5)
     ctx.graph.graph.remove_node(5)

@@ -31,16 +31,6 @@ def test_a_tower_looks_in_its_own_direction_and_sees_its_owner(ctx):
     assert scout.get_state()["sensor"]["tower"][1] == {}
 
 
-def test_a_whole_map_or_everybody_is_seen_from_anywhere(ctx):
-    ctx.agent.create_agent("scout", start_node_id=0)
-    everything = ctx.sensor.create_sensor("map", SensorType.MAP, at=(1e6, 0.0))
-    everybody = ctx.sensor.create_sensor("agents", SensorType.AGENT, at=(1e6, 0.0))
-    everything.sense()
-    everybody.sense()
-    assert len(everything.data["nodes"]) == 6
-    assert everybody.data == {"scout": 0}
-
-
 def test_a_balloon_looks_from_the_air_without_an_owner(ctx):
     ctx.agent.create_agent("scout", start_node_id=1)
     ground = ctx.sensor.create_sensor("ground", SensorType.AERIAL, at=(0.0, 0.0, 1.0), fov=pi / 2)

@@ -52,16 +52,6 @@ def test_an_agent_that_sees_all_around_sees_a_disc(heading, fov):
     assert fov_geometry.sector(1.0, 2.0, 3.0, heading, fov).tolist() == fov_geometry.disc(1.0, 2.0, 3.0).tolist()
 
 
-@pytest.mark.parametrize("fov", [0.5, 3.0, 6.0])
-def test_what_is_in_sight_of_an_open_field_is_the_sector_of_the_view(fov):
-    outline = fov_geometry.area_in_sight(lambda points: np.ones(len(points), np.bool_), 1.0, 2.0, 5.0, (0.0, 1.0), fov)
-    assert outline[0].tolist() == [1.0, 2.0]
-    np.testing.assert_allclose(np.hypot(*(outline[1:] - (1.0, 2.0)).T), 5.0, rtol=1e-3)
-    ahead = outline[1:, 1] - 2.0
-    assert ahead.min() == pytest.approx(5.0 * cos(fov / 2.0), abs=0.01)
-    assert ahead.max() == pytest.approx(5.0, abs=0.01)
-
-
 def test_what_is_in_sight_ends_at_a_wall_and_goes_on_beside_it():
     outline = fov_geometry.area_in_sight(lambda points: points[:, 0] <= 3.0, 1.0, 2.0, 5.0, (0.0, 0.0), 1.0)
     assert outline[:, 0].max() == pytest.approx(3.0, abs=0.01)

@@ -61,33 +61,12 @@ def test_a_cone_that_looks_at_the_ground_is_at_most_nine_tenths_of_a_half_circle
     assert ctx.sensor.get_sensor("sensor_0").fov == 0.9 * pi
 
 
-def test_the_axis_turns_with_the_drone_and_with_the_sensor(look, drone):
-    drone.position = (0.0, 0.0, 0.01)
-    ahead = {"fov": 1.0, "quat": LEVEL, "sensor_range": 2.0}
-    assert list(look(SensorType.AERIAL, **ahead)["nodes"]) == [1]  # east
-    drone.quat = LEFT
-    assert list(look(SensorType.AERIAL, **ahead)["nodes"]) == [2]  # north
-    assert list(look(SensorType.AERIAL, **{**ahead, "quat": LEFT})["nodes"]) == [3]  # west
-    assert list(look(SensorType.AERIAL, **{**ahead, "quat": DOWN})["nodes"]) == [0]
-
-
 def test_without_an_owner_and_a_place_nothing_is_seen(ctx):
     for kind, nothing in ((SensorType.AERIAL, {"nodes": {}, "edges": []}), (SensorType.AERIAL_AGENT, {})):
         sensor = ctx.sensor.create_sensor(kind.name, kind)
         assert sensor.data == {}
         sensor.sense(0)
         assert sensor.data == nothing
-
-
-def test_agents_are_seen_in_space_whether_they_walk_or_fly(ctx, look):
-    ctx.agent.create_agent("walker", start_node_id=1)
-    other = ctx.agent.create_agent("other", type=AgentType.AERIAL, start_node_id=5, speed=1.0)
-    other.position = (3.0, 4.0, 2.0)
-    seen = {"walker": (AgentType.BASIC, (1.0, 0.0, 0.0)), "other": (AgentType.AERIAL, (3.0, 4.0, 2.0))}
-    assert look(SensorType.AERIAL_AGENT) == seen
-    assert list(look(SensorType.AERIAL_AGENT, sensor_range=5.0)) == ["walker", "other"]
-    assert list(look(SensorType.AERIAL_AGENT, sensor_range=4.99)) == ["walker"]
-    assert list(look(SensorType.AERIAL_AGENT, fov=pi / 2, quat=DOWN)) == ["walker"]
 
 
 @pytest.mark.parametrize("metres", [0.0, 2.0, 5.0, inf])
@@ -152,27 +131,6 @@ def test_an_agent_at_the_very_point_of_the_drone_is_not_seen_as_in_the_original(
 def test_sensors_on_the_ground_find_drones_at_the_nearest_node(sense, ctx, drone):
     drone.position = (2.9, 4.2, 40.0)
     assert sense(SensorType.AGENT_RANGE, node=5, sensor_range=0.0) == {"drone": 5}
-
-
-@pytest.mark.parametrize("kind", ["AERIAL", "AERIAL_AGENT", "OCCLUDED_AERIAL", "OCCLUDED_AERIAL_AGENT"])
-def test_the_owner_must_be_there_and_fly(ctx, drone, kind):
-    sensor = ctx.sensor.create_sensor("eye", SensorType[kind])
-    walker = ctx.agent.create_agent("walker", start_node_id=1)
-    with pytest.raises(ValueError, match=r"'eye' .* needs a flying agent, but 'walker' does not fly"):
-        walker.register_sensor("eye", sensor)
-    assert walker.get_state()["sensor"] == {}
-    with pytest.raises(KeyError, match=r"Unknown agent 'dron'. Did you mean 'drone'"):
-        sensor.set_owner("dron")
-    assert sensor._owner is None
-    with pytest.raises(ValueError, match="needs a flying agent"):
-        ctx.agent.create_agent("other", start_node_id=1, sensors=["eye"])
-    assert "other" not in ctx.agent.agents
-    ctx.agent.create_agent("flyer", type=AgentType.AERIAL, start_node_id=1, speed=1, sensors=["eye"])
-    assert sensor._owner == "flyer"
-    ctx.agent.delete_agent("flyer")
-    sensor.sense(0)
-    assert sensor._owner is None
-    assert sensor.type is SensorType[kind]
 
 
 def test_an_agent_on_the_ground_may_carry_a_sensor_that_is_fixed_in_the_air(ctx, drone):

@@ -60,56 +60,12 @@ def test_where_all_is_as_much_higher_all_is_seen_alike(world):
         assert seen(world((300.0, 300.0), wall_at=wall_at), 0) == found
 
 
-def test_a_sensor_at_a_place_is_as_high_as_the_nearest_node(world):
-    ctx = world((10.0, 0.0), wall_at=0.0)
-    for at, found in (((1.0, 0.0), [0, 1]), ((99.0, 0.0), [0, 1])):
-        sensor = ctx.sensor.create_sensor(f"at {at}", SensorType.OCCLUDED_MAP, at=at)
-        sensor.sense()
-        assert sorted(sensor.data["nodes"]) == found
-    low = world((0.0, 0.0), wall_at=0.0)
-    sensor = low.sensor.create_sensor("low", SensorType.OCCLUDED_MAP, at=(1.0, 0.0))
-    sensor.sense()
-    assert sorted(sensor.data["nodes"]) == [0]
-
-
 def test_who_is_in_a_tunnel_sees_and_is_seen_there_alone(world):
     ctx = world(tunnels=(0, 1, 1, 0, 2))
     assert seen(ctx, 0) == [0, 3]
     assert seen(ctx, 1) == [1, 2]
     assert seen(ctx, 4) == [4]
     assert seen(ctx, 0, SensorType.RANGE, sensor_range=1e9) == [0, 1, 2, 3, 4]  # it looks through walls, too
-
-
-def test_agents_in_a_tunnel_are_hidden(world):
-    ctx = world(tunnels=(0, 1, 1, 0))
-    for node in range(4):
-        ctx.agent.create_agent(f"a{node}", start_node_id=node)
-    for node, found in ((0, {"a3"}), (1, {"a2"})):
-        sensor = ctx.sensor.create_sensor(f"s{node}", SensorType.OCCLUDED_AGENT)
-        ctx.agent.get_agent(f"a{node}").register_sensor(f"s{node}", sensor)
-        sensor.sense(node)
-        assert set(sensor.data) == found
-
-
-def test_an_agent_on_an_edge_is_in_the_tunnel_of_the_node_that_it_passed(world):
-    ctx = world(tunnels=(0, 1, 1, 0))
-    ctx.game.speed_unit = "metres"
-    found = {}
-
-    def strategy(state):
-        name = state["name"]
-        found[name] = sorted(state["sensor"][f"eyes of {name}"][1])
-        state["action"] = {"inside": 2, "outside": 3}[name]
-
-    for name, node in (("inside", 1), ("outside", 3), ("mole", 2)):
-        ctx.agent.create_agent(name, start_node_id=node, speed=30.0, strategy=strategy if name != "mole" else None)
-    for name in ("inside", "outside"):
-        sensor = ctx.sensor.create_sensor(f"eyes of {name}", SensorType.OCCLUDED_AGENT)
-        ctx.agent.get_agent(name).register_sensor(f"eyes of {name}", sensor)
-    for _ in range(2):
-        ctx.game.step()
-    assert ctx.agent.get_agent("inside").edge is not None
-    assert found == {"inside": ["mole"], "outside": []}
 
 
 def test_from_the_air_the_ground_is_at_its_height_and_tunnels_are_not_seen(world):
@@ -150,19 +106,6 @@ def test_tables_say_what_sensors_see(heights, tunnels, wall_at):
         assert [table.from_node(node).tolist() for node in range(5)] == plain
         ctx.graph.graph.update_node({"id": 0, "z": 100.0})
         assert ctx.graph.visibility_table(130.0) is None
-
-
-def test_workers_see_uneven_ground_too(world):
-    ctx = world(
-        tuple(float(node % 3) * 5.0 for node in range(70)), tuple(node // 60 for node in range(70)), wall_at=0.0
-    )
-    alone = ctx.graph.visibility(350.0, path=False, workers=1)
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as other:
-        other.graph.attach_networkx_graph(ctx.graph.graph.to_networkx())
-        other.graph.add_obstacles(ctx.graph.obstacle_columns().corners)
-        many = other.graph.visibility(350.0, path=False, workers=2)
-        for node in range(70):
-            assert alone.from_node(node).tolist() == many.from_node(node).tolist()
 
 
 @pytest.mark.parametrize("z", ["high", None, float("nan"), True, [1.0]])

@@ -37,27 +37,6 @@ def test_a_neighbor_sensor_shows_the_nodes_that_are_still_there(ctx):
     assert eye.last_view().nodes.tolist() == [[0, 0], [1, 0], [-1, 0], [0, -1]]
 
 
-def test_a_range_sensor_shows_nodes_edges_and_its_disc(ctx):
-    eye = ctx.sensor.create_sensor("eye", SensorType.RANGE, sensor_range=1.2)
-    eye.sense(1)
-    view = eye.last_view()
-    assert view.nodes.tolist() == [[0, 0], [1, 0]]
-    assert view.lines.tolist() == [[0, 0], [1, 0], [1, 0], [0, 0]]
-    assert view.offsets.tolist() == [0, 2, 4]
-    assert view.outline.tolist() == fov_geometry.disc(1, 0, 1.2).tolist()
-    assert len(view.agents) == 0
-
-
-def test_a_sensor_of_agents_shows_their_nodes_and_its_disc(ctx):
-    for name, node in (("anna", 0), ("ben", 1), ("far", 5)):
-        ctx.agent.create_agent(name, start_node_id=node)
-    eye = ctx.sensor.create_sensor("eye", SensorType.AGENT_RANGE, sensor_range=2.0)
-    ctx.agent.get_agent("anna").register_sensor("eye", eye)
-    eye.sense(0)
-    assert eye.last_view().agents.tolist() == [[1, 0]]
-    assert eye.last_view().outline.tolist() == fov_geometry.disc(0, 0, 2.0).tolist()
-
-
 def test_a_view_without_bounds_has_no_outline(ctx):
     ctx.agent.create_agent("anna", start_node_id=0)
     eye = ctx.sensor.create_sensor("eye", SensorType.AGENT_RANGE, sensor_range=1.0)

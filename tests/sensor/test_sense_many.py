@@ -86,16 +86,6 @@ def test_an_unknown_node_among_many_is_named(kind):
             sensor.sense_many([0, 99])
 
 
-def test_agents_that_are_too_far_for_squares_are_seen_from_many_nodes():
-    with gamms.create_context() as ctx:
-        ctx.graph.add_nodes([0, 1], [0.0, 1e200], [0.0, 0.0])
-        ctx.agent.create_agent("near", start_node_id=0)
-        ctx.agent.create_agent("far", start_node_id=1)
-        sensed = ctx.sensor.create_sensor("s", "AGENT_RANGE", sensor_range=5.0).sense_many([0, 1])
-        assert [sensed.names[i] for i in sensed.values] == ["near", "far"]
-        assert sensed.offsets.tolist() == [0, 1, 2]
-
-
 def test_what_was_sensed_at_the_map_can_be_pickled():
     with world(1) as ctx:
         sensed = ctx.sensor.create_sensor("s", "RANGE", sensor_range=10.0).sense_many([0, 4])

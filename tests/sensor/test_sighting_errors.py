@@ -240,22 +240,6 @@ def test_a_strategy_that_looks_changes_nothing_of_what_is_reported_later():
 # -- delay ------------------------------------------------------------------------------------------------------
 
 
-def test_an_agent_that_was_deleted_since_is_reported_all_the_same():
-    with field(["anna"]) as ctx:
-        sensor, found = watch(ctx, delay_turns=1), []
-
-        @ctx.game.add
-        def look(ctx):
-            sensor.sense()
-            sensed = sensor.sense_many([0])
-            found.append((sensor.data, [sensed.names[row] for row in sensed[0]]))
-            if ctx.game.turn == 1:
-                ctx.agent.delete_agent("anna")
-
-        ctx.game.run(2)
-    assert found == [({}, []), ({"anna": 210}, ["anna"])]
-
-
 def test_without_a_game_a_delayed_sensor_says_what_to_do():
     with field(["anna"]) as ctx:
         sensor = watch(ctx, delay_turns=2)

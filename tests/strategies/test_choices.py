@@ -81,22 +81,6 @@ def test_the_same_seed_gives_the_same_game(open_world):
     assert games[0] == games[1]
 
 
-def test_shared_strategies_do_not_mix_their_agents_up(open_world):
-    games = []
-    for is_shared in (True, False):
-        with open_world(seed=5) as world:
-
-            def hunt(ctx=world.ctx):
-                return mix(0.8, first(chase(ctx, otherwise=None), patrol(ctx, [3, 20, 35])), random_walk)
-
-            one = hunt()
-            for i, node in enumerate((0, 7, 30)):
-                world.add(f"cat {i}", node, one if is_shared else hunt(), sight=15.0, team=1)
-            world.add("mouse", 14, random_walk, team=2)
-            games.append(world.play(40))
-    assert games[0] == games[1]
-
-
 SHIPPED = [getattr(gamms.strategies, name) for name in gamms.strategies.__all__]
 PLAIN = [one for one in SHIPPED if list(inspect.signature(one).parameters) == ["state"]]
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gamms.strategies import random_walk, random_waypoints, stay, sweep
+from gamms.strategies import random_waypoints, sweep
 
 LAWS = settings(max_examples=10)
 
@@ -18,17 +18,6 @@ def turns_to_visit_all(world, most=2000):
         world.ctx.game.step()
         seen |= {agent.current_node_id for agent in world.agents.values()}
     return most
-
-
-def test_a_team_that_sweeps_visits_all_nodes_in_less_turns_than_one_agent_and_than_a_random_walk(open_world):
-    turns = {}
-    for label, number, make in (("one", 1, sweep), ("three", 3, sweep), ("walk", 3, lambda _: random_walk)):
-        with open_world() as world:
-            for i in range(number):
-                world.add(f"agent {i}", 0, make(world.ctx), team="red")
-            turns[label] = turns_to_visit_all(world)
-    assert turns["three"] <= 0.6 * turns["one"]
-    assert 35 <= turns["one"] < turns["walk"]
 
 
 @given(starts=st.lists(st.integers(0, 35), min_size=1, max_size=4), seed=st.integers(0, 99))
@@ -82,27 +71,6 @@ def test_what_the_sensors_cover_counts_as_visited_by_sight(world):
     assert {14, 15, 20} <= world.ctx.game.team_memories["red"]["sweep"]["visited"]
     world.ctx.game.run(6)
     assert agent.current_node_id in (28, 29, 34, 35)
-
-
-def test_when_all_is_visited_another_strategy_is_asked_or_it_begins_again(world):
-    done = world.add("anna", 0, sweep(world.ctx, [0, 1], otherwise=stay), team="red")
-    again = world.add("bert", 35, sweep(world.ctx, [34, 35], repeat=True), team="blue")
-    been = []
-    for _ in range(6):
-        world.ctx.game.step()
-        been.append((done.current_node_id, again.current_node_id))
-    assert been == [(1, 34), (1, 35), (1, 34), (1, 35), (1, 34), (1, 35)]
-
-
-def test_a_waypoint_is_gone_to_and_stayed_at_before_the_next_is_drawn(world):
-    agent = world.add("anna", 0, random_waypoints(world.ctx, [5, 30, 35], pause=2))
-    been = [0]
-    for _ in range(60):
-        world.ctx.game.step()
-        been.append(agent.current_node_id)
-    stops = [at for at in range(1, 59) if been[at] in (5, 30, 35) and been[at - 1] != been[at] == been[at + 1]]
-    assert len({been[at] for at in stops}) >= 2
-    assert all(been[at : at + 3] == [been[at]] * 3 for at in stops)
 
 
 def test_waypoints_without_a_way_are_drawn_again(open_world):

@@ -95,13 +95,3 @@ def test_a_person_plays_against_a_strategy(world):
     result = world.ctx.game.run(max_turns=4)
     assert result.agents["anna"]["node"] == 3
     assert [(error["turn"], error["agent"]) for error in result.errors] == [(3, "anna")]
-
-
-def test_the_dead_are_not_chased(world):
-    world.add("cat", 0, chase(world.ctx, stay), team=1)
-    world.add("mouse", 3, stay, team=2)
-    world.add("rat", 30, stay, team=2)
-    assert play(world, 2)["cat"] == [0, 1, 2]
-    world.ctx.game.eliminate("mouse")
-    world.agents["cat"].current_node_id = 0
-    assert play(world, 2)["cat"] == [0, 6, 12]

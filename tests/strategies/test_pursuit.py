@@ -1,24 +1,12 @@
 """Cutting off, sharing out and escaping."""
 
-import random
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import gamms
-from gamms.sensor import SensorType
-from gamms.strategies import assign, follow_belief, goto, intercept, patrol, random_walk, safest_exit, stay
+from gamms.strategies import assign, follow_belief, goto, intercept, patrol, safest_exit, stay
 
 NODES = st.integers(0, 35)
-
-
-def grid(width):
-    """Nodes and edges as for `open_world`."""
-    places = {node: (10.0 * (node % width), 10.0 * (node // width)) for node in range(width * width)}
-    east = [(node, node + 1, 10.0) for node in places if (node + 1) % width]
-    north = [(node, node + width, 10.0) for node in places if node + width in places]
-    return places, [*east, *north, *((b, a, length) for a, b, length in east + north)]
 
 
 def moves(world, turns=1):
@@ -144,23 +132,6 @@ def test_they_play_with_speeds_as_well(world, unit):
     assert ctx.game.run(20).errors == []
 
 
-def test_the_order_of_creation_does_not_matter(open_world):
-    games = []
-    for names in (("cat a", "cat b", "cat c", "mouse", "rat"), ("rat", "cat c", "mouse", "cat a", "cat b")):
-        with open_world() as world:
-            ctx = world.ctx
-            makes = {"cat a": assign, "cat b": intercept, "cat c": follow_belief}
-            starts = {"cat a": 0, "cat b": 5, "cat c": 30, "mouse": 35, "rat": 20}
-            for name in names:
-                make, team = makes.get(name), 1 if name in makes else 2
-                strategy = random_walk if make is None else make(ctx)
-                world.add(name, starts[name], strategy, sight=25.0, team=team)
-            result = ctx.game.run(25)
-            assert result.errors == []
-            games.append({name: (agent["node"], agent["moves"]) for name, agent in sorted(result.agents.items())})
-    assert games[0] == games[1]
-
-
 def test_impossible_arguments_are_refused(world):
     for make, error, said in (
         (lambda: intercept(world.ctx, [99]), KeyError, "99"),
@@ -172,29 +143,3 @@ def test_impossible_arguments_are_refused(world):
         with pytest.raises(error, match=said):
             make()
     assert repr(intercept(world.ctx, [3], otherwise=stay)) == "intercept(ctx, [3], otherwise=stay)"
-
-
-def test_the_meeting_node_is_the_best_of_all_near_or_far():
-    rng, looks = random.Random(4), {"near": 0, "far": 0}
-    with gamms.create_context() as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(20, 20, 1.0))
-        for name, team, speed in (("anna", "red", None), ("bert", "blue", None), ("carl", "blue", 3.0)):
-            ctx.agent.create_agent(name, start_node_id=0, team=team).speed = speed
-        goals, graph, paces = [5, 390], ctx.graph.graph, {"bert": 1.0, "carl": 3.0}
-        strategy = intercept(ctx, goals)
-        assert ctx.game.speed_unit == "edges"  # there is a game, in which speeds count
-        for _ in range(14):
-            names = rng.choice((["bert"], ["bert", "carl"]))
-            here, seen = rng.randrange(400), {name: rng.randrange(400) for name in names}
-            options = []
-            for name, at in seen.items():
-                goal = min(goals, key=lambda end: (graph.distance(at, end, None), end))
-                for node in graph.shortest_path(at, goal, None):
-                    own, arrival = graph.distance(here, node, None), graph.distance(at, node, None) / paces[name]
-                    options.append((max(0.0, own - arrival), own, node))
-            late, own, best = min(options)
-            looks["near" if late == 0.0 and own < 8.0 else "far"] += 1
-            state = {"curr_pos": here, "team": "red", "name": "anna", "sensor": {"eyes": (SensorType.AGENT, seen)}}
-            strategy(state)
-            assert state["action"] == (here if best == here else graph.shortest_path(here, best)[1])
-    assert min(looks.values()) > 2

@@ -55,16 +55,6 @@ def test_an_agent_that_nobody_blocks_plays_its_strategy(world):
     assert world.ctx.game.memories["anna"]["unblock"]["often"] == 0
 
 
-def test_a_crowd_that_goes_round_a_square_comes_through(open_world):
-    with open_world(seed=1) as world:
-        face_to_face(world.ctx)
-        targets = {0: 35, 35: 0, 5: 30, 30: 5, 14: 21, 21: 14, 15: 20, 20: 15}
-        for start, target in targets.items():
-            world.add(f"agent {start}", start, unblock(goto(world.ctx, target)), team="red")
-        world.ctx.game.run(400)
-        assert {world.agents[f"agent {start}"].current_node_id for start in targets} == set(targets)
-
-
 def test_impossible_arguments_are_refused():
     with pytest.raises(ValueError, match="after of unblock"):
         unblock(stay, after=0)

@@ -78,17 +78,6 @@ def test_an_agent_that_cannot_be_drawn_leaves_the_others(town, caplog):
     assert "a3" in caplog.text
 
 
-def test_an_agent_that_is_out_is_drawn_on_its_last_way_only(town):
-    town.game.add(lambda ctx: ctx.game.eliminate("a3"))
-    town.game.step()
-    assert len(drawn(town, looks(town))) == 4 * 19
-    assert town.visual.artists.get("a3").data["agent_data"].current_position is None
-    assert len(drawn(town, looks(town), 0.5)) == 4 * 20
-    town.agent.delete_agent("a3")
-    town.agent.create_agent("a3", start_node_id=0)
-    assert len(drawn(town, looks(town))) == 4 * 20
-
-
 numbers = st.floats(0.0, 12.0)
 looks_of_discs = st.builds(
     Disc, numbers, numbers, st.sampled_from([(200, 0, 0), (0, 90, 0, 120)]), st.just("white"), st.just(3.0)
@@ -177,16 +166,6 @@ def test_many_agents_of_the_default_look_are_drawn_as_if_each_had_an_artist(larg
     assert "red_7" not in names
     np.testing.assert_array_equal(columns, by_name[1])
     assert [look.current_position for look in looks_of(artists)] == [look.current_position for look in looks_of(singly)]
-
-
-def test_many_agents_are_drawn_one_by_one_where_one_of_them_was_declared(large):
-    large.visual.set_agent_visual("red_1", color="green")
-    try:
-        shown = large.visual.artists.shown()
-        assert {"red_1", "red_2", "blue_99"} <= shown.keys()
-        assert TOGETHER not in shown
-    finally:
-        large.visual.remove_artist("red_1")
 
 
 def test_an_agent_that_is_deleted_within_a_turn_is_not_drawn_with_the_others(large):

@@ -2,12 +2,10 @@
 
 import re
 
-import numpy as np
 import pytest
 
 import gamms
-from gamms.rules import tag
-from gamms.visual.captions import Captions, captions_of, end_card, scores_of
+from gamms.visual.captions import Captions, captions_of, scores_of
 
 
 @pytest.fixture
@@ -54,16 +52,6 @@ def test_an_event_is_a_sentence_about_the_agent_to_whom_it_happens():
     assert words_of([{"kind": "tag", "agent": "blue_3", "other": "red_1"}]) == ["red_1 is tagged by blue_3"]
 
 
-def test_what_counting_rules_emit_are_sentences():
-    events = [
-        {"kind": "hold", "team": "red", "turns": 3},
-        {"kind": "discover", "agent": "anna", "team": "red", "node": 7, "first": True},
-        {"kind": "empty", "agent": "bob", "resource": "fuel"},
-    ]
-    expected = ["red has held its place for 3 turns", "anna discovers node 7", "bob has no fuel left"]
-    assert words_of(events) == expected
-
-
 def test_what_happens_to_an_agent_in_a_turn_is_one_sentence():
     events = [
         {"kind": "tag", "agent": "blue_3", "other": "red_1", "node": 7},
@@ -92,16 +80,6 @@ def test_teams_without_a_score_have_none_only_where_no_team_has_one(duel):
     assert scores_of(duel) == {}
     duel.game.scores["blue"] += 2
     assert scores_of(duel) == {"red": 0, "blue": 2}
-
-
-def test_a_card_says_who_won_why_and_when(duel):
-    assert end_card(duel, 0) is None
-    duel.game.add(lambda ctx: ctx.game.end("enough", winner="red"))
-    duel.game.scores["red"] += 1
-    duel.game.run(5)
-    card = end_card(duel, duel.game.turn)
-    assert (card.title, card.lines) == ("red won", ("enough", "red 1 · blue 0", "1 turn"))
-    assert card.color == duel.visual.drawing.group_colors()["red"]
 
 
 # -- pictures and films -------------------------------------------------------------------------------------------
@@ -138,16 +116,6 @@ def test_a_low_picture_has_fewer_lines(duel, height, lines):
     assert ("turn 1" in said) is (lines > 0)
 
 
-def test_a_caption_stays_for_some_turns_and_the_latest_is_first(duel):
-    duel.game.add(emits([("dawn", {})], [("noon", {})], [], [("dusk", {"agent": "blue_1"})]))
-    captions, said = Captions(duel, duel.visual.drawing), []
-    captions.turns = 2
-    for _ in range(5):
-        duel.game.step()
-        said.append([line.words for line in captions.now().lines])
-    assert said == [["dawn"], ["noon", "dawn"], ["noon"], ["blue_1: dusk"], ["blue_1: dusk"]]
-
-
 def test_a_caption_has_the_colour_of_its_team(duel):
     duel.game.add(emits([("dusk", {"agent": "blue_1"}), ("dawn", {})]))
     duel.game.step()
@@ -174,46 +142,8 @@ def test_the_paper_s_loop_is_counted(duel):
     assert Captions(duel, duel.visual.drawing).now().turn == 3
 
 
-def frames_of(path):
-    av = pytest.importorskip("av")
-    with av.open(str(path)) as film:
-        return [frame.to_ndarray(format="rgb24").astype(int) for frame in film.decode(video=0)]
-
-
-@pytest.mark.parametrize(("rule", "is_said"), [(tag("red", "blue", hops=9), False), (gamms.rules.time_limit(2), True)])
-def test_a_film_ends_with_a_card_only_if_the_game_is_over(duel, tmp_path, rule, is_said):
-    duel.game.add(rule)
-    with duel.visual.film(tmp_path / "a.mp4", 10, 640, 400, 2) as film:
-        duel.game.step()
-        duel.game.step()
-    assert film.frames == 4 + 10 + 25 * is_said
-    held, last = frames_of(tmp_path / "a.mp4")[5], frames_of(tmp_path / "a.mp4")[-1]
-    assert bool((np.abs(held - last).max(axis=2) > 60).any()) is is_said
-
-
 def test_a_film_without_captions_has_no_card(duel, tmp_path):
     duel.game.add(gamms.rules.time_limit(1))
     with duel.visual.film(tmp_path / "a.mp4", 10, 640, 400, 2, captions=False) as film:
         duel.game.run()
     assert film.frames == 2 + 10
-
-
-def test_captions_are_painted_once_for_all_frames_of_a_turn(duel, tmp_path, monkeypatch):
-    from gamms.visual.page import Page
-
-    drawn = []
-    captions = Page.captions
-    monkeypatch.setattr(Page, "captions", lambda *of: drawn.append(of[2]) or captions(*of))
-    with duel.visual.film(tmp_path / "a.mp4", 10, 640, 400, 8):
-        duel.game.run(3)
-    assert [told.turn for told in drawn] == [1, 2, 3]
-
-
-def test_sensors_can_be_left_out(duel):
-    duel.sensor.create_sensor("eyes", gamms.sensor.SensorType.RANGE, sensor_range=15.0)
-    duel.agent.get_agent("red_0").register_sensor("eyes", duel.sensor.get_sensor("eyes"))
-    duel.game.step()
-    assert "sensor_eyes" in duel.visual.artists.shown()
-    assert not {"sensor_eyes", "rings"} & duel.visual.artists.shown(sensors=False).keys()
-    assert "field of view" in text_of(duel.visual.picture(".svg", 600, 400))
-    assert "field of view" not in text_of(duel.visual.picture(".svg", 600, 400, sensors=False))

@@ -1,7 +1,6 @@
 """The default look is made again when what it depends on has changed, and only then."""
 
 import gamms
-from gamms.ir.draw import DrawKind
 from gamms.sensor import SensorType
 from gamms.visual.default_scene import DefaultScene
 from gamms.visual.themes import THEMES
@@ -53,27 +52,6 @@ def test_one_of_many_agents_goes(ctx):
     assert "c" in usual.artists({})
     ctx.agent.delete_agent("c")
     assert [name for name in usual.artists({}) if len(name) == 1] == list("abdef")
-
-
-def test_a_sensor_is_drawn_once_it_has_looked_and_in_the_color_of_who_carries_it(ctx):
-    usual = DefaultScene(ctx, THEMES["light"])
-    assert "sensor_spy" not in usual.artists({})
-    ctx.sensor.get_sensor("spy").sense(0)
-    nobodys = usual.artists({})["sensor_spy"].data["color"]
-    ctx.agent.get_agent("red_0").register_sensor("spy", ctx.sensor.get_sensor("spy"))
-    carried = usual.artists({})
-    assert carried["sensor_spy"].data["color"] == carried["red_0"].data["agent_data"].color != nobodys
-
-
-def test_a_picture_shows_what_changed_after_the_one_before(ctx):
-    def kinds():
-        return set(ctx.visual.draw_commands().kind.tolist())
-
-    assert DrawKind.POLYGON not in kinds()
-    corners = [(20, 0), (30, 0), (30, 9)]
-    faces = [[(*a, 5), (*b, 5), (*a, 0), (*b, 0)] for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)]
-    ctx.graph.add_obstacles(faces)
-    assert DrawKind.POLYGON in kinds()
 
 
 def test_the_default_look_of_an_empty_world_is_no_error():

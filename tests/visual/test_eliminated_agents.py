@@ -21,12 +21,6 @@ def places(ctx, layer, kind=DrawKind.CIRCLE):
     return {tuple(commands.points[commands.offsets[row]].tolist()) for row in rows}
 
 
-def crosses(ctx):
-    """How many crosses are drawn, each with an edge."""
-    commands = ctx.visual.draw_commands()
-    return int(((commands.layer == MARKS) & (commands.kind == DrawKind.POLYGON)).sum()) // 2
-
-
 @pytest.fixture
 def road():
     """A road with an agent at each of ten nodes, who see whom is near, and stay."""
@@ -62,17 +56,6 @@ def test_what_the_eliminated_saw_is_not_drawn(road):
     assert SENSORS not in road.visual.draw_commands().layer
 
 
-def test_a_sensor_that_another_living_agent_carries_is_drawn_on(road):
-    road.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
-    road.visual.set_sensor_visual("eyes_0", layer=SENSORS)
-    road.agent.get_agent("a_1").register_sensor("more", road.sensor.get_sensor("eyes_0"))
-    road.game.run(1)
-    road.game.eliminate("a_1")
-    assert SENSORS in road.visual.draw_commands().layer
-    road.game.eliminate("a_0")
-    assert SENSORS not in road.visual.draw_commands().layer
-
-
 def test_who_returns_is_drawn_again(road):
     road.game.run(1)
     road.game.eliminate("a_0")
@@ -97,22 +80,6 @@ def test_a_drone_that_is_out_is_not_drawn(road, is_declared):
     assert (35.0, 5.0) in places(road, AGENTS)
     drone.alive = False
     assert (35.0, 5.0) not in places(road, AGENTS)
-
-
-def test_the_legend_and_the_picture_agree_on_the_teams_of_a_replay(road, tmp_path):
-    out_in_turn(road, 2, "a_3")
-    road.record.start(tmp_path / "game")
-    road.game.run(2)
-    live, marks = places(road, AGENTS), crosses(road)
-    fields = road.visual.draw_commands()
-    road.record.stop()
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as again:
-        for _ in again.record.replay(tmp_path / "game.ggr"):
-            pass
-        assert (places(again, AGENTS), crosses(again)) == (live, marks)
-        assert len(live) == 9
-        replayed = again.visual.draw_commands()
-        assert (replayed.layer == SENSORS).sum() == (fields.layer == SENSORS).sum() > 0
 
 
 def test_a_sensor_of_infinite_range_without_a_place_is_no_error(road):

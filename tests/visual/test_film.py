@@ -71,17 +71,6 @@ def test_where_no_street_leads_agents_glide_straight(plain):
     assert plain.visual.drawing.position_of("red_0", 0.5) == pytest.approx((5, 5))
 
 
-def test_flyers_glide_through_the_air(ctx):
-    drone = ctx.agent.create_agent("drone", start_node_id=0, type=gamms.agent.AgentType.AERIAL, speed=100)
-    drone.position = (0.0, 0.0, 5.0)
-    drone.get_state()["action"] = (8.0, 6.0, 0.0)
-    drone.set_state()
-    ctx.visual.drawing.motion.begin_turn()
-    (x0, y0, _), (x1, y1, _) = drone.prev_position, drone.position
-    assert (x0, y0) != (x1, y1)
-    assert ctx.visual.drawing.position_of("drone", 0.5) == pytest.approx(((x0 + x1) / 2, (y0 + y1) / 2))
-
-
 def test_who_did_not_move_since_does_not_glide_again(plain):
     move(plain, "red_0", 1)
     plain.visual.drawing.motion.begin_turn()
@@ -144,16 +133,6 @@ def test_odd_sizes_are_rounded_up_for_mp4(plain, tmp_path):
     with plain.visual.film(tmp_path / "a.mp4", width=101, height=75, frames_per_turn=1):
         plain.visual.simulate()
     assert frames_of(tmp_path / "a.mp4")[0][0].shape == (76, 102, 3)
-
-
-def test_mp4_is_for_every_player(plain, tmp_path):
-    with plain.visual.film(tmp_path / "a.mp4", fps=24, width=64, height=48, frames_per_turn=2):
-        plain.visual.simulate()
-    with av.open(str(tmp_path / "a.mp4")) as file:
-        stream = file.streams.video[0]
-        assert (stream.codec_context.name, stream.pix_fmt, stream.average_rate) == ("h264", "yuv420p", 24)
-    data = (tmp_path / "a.mp4").read_bytes()
-    assert data.index(b"moov") < data.index(b"mdat")
 
 
 def test_a_block_that_fails_leaves_nothing_and_the_old_film_stays(plain, tmp_path):
@@ -261,32 +240,6 @@ def test_a_drawer_that_shows_the_turn_alone_is_asked_once_for_it(plain, tmp_path
         plain.visual.simulate()
         plain.visual.simulate()
     assert len(calls) == 2
-
-
-def test_a_scene_shows_what_a_fresh_picture_shows_whatever_the_layers(plain, tmp_path):
-    from gamms.visual.backends.pillow_backend import pixels_of
-
-    kinds = (ArtistType.STATIC, ArtistType.DYNAMIC)
-    for layer in (1, 12, 25, 60):
-        for number, kind in enumerate(kinds):
-            alpha = 255 if layer < 60 else 100
-            artist, _ = counted(plain, f"{layer} {kind}", kind, layer, (3 * layer, 90 * number, 20, alpha), layer / 6)
-            artist.data["x"] = layer / 6 + number
-    # Enough of a static layer above a moving one to be worth a surface of its own.
-    spots = plain.visual.add_artist("spots", {"drawer": draw_spots, "layer": 40})
-    spots.set_artist_type(ArtistType.STATIC)
-    for _ in range(3):
-        frame = plain.visual.frame(320, 200).astype(int)
-        plain.visual.save(tmp_path / "a.png", 320, 200)
-        fresh = pixels_of((tmp_path / "a.png").read_bytes())
-        assert np.abs(frame - fresh).max() <= 8  # of many half transparent discs, rounded one after the other
-        plain.agent.get_agent("red_0").current_node_id = 1
-
-
-def draw_spots(ctx, data):
-    """Many discs, half transparent."""
-    places = np.random.default_rng(1).uniform(0, 10, (900, 2))
-    ctx.visual.drawing.render_circles(places, 0.2, (0, 90, 180, 120))
 
 
 # -- a context that films itself ----------------------------------------------------------------------------

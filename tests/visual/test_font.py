@@ -26,17 +26,6 @@ def test_words_are_as_broad_as_measured(words, font_px):
     assert end == pytest.approx(words_width(words, font_px), abs=1.5)  # but for a bearing
 
 
-@pytest.mark.parametrize("font_px", [16, 17, 19, 21])
-def test_gaps_between_equal_letters_are_even(font_px):
-    ink = inked("l " * 12, font_px)
-    strokes = np.split(np.arange(len(ink)), np.flatnonzero((ink[1:] > 0) & (ink[:-1] == 0)) + 1)[1:]
-    middles = [np.average(columns, weights=ink[columns]) for columns in strokes]
-    gaps = np.diff(middles)
-    assert len(gaps) >= 10  # the first stroke may begin at the edge
-    assert gaps.max() - gaps.min() < 0.5
-    assert gaps.mean() == pytest.approx(words_width("l ", font_px), abs=0.05)
-
-
 def test_widths_are_those_of_helvetica():
     # From the metrics that Adobe publishes, in thousandths of the font size.
     for letter, width in {"a": 556, "i": 222, "W": 944, "0": 556, " ": 278, "@": 1015}.items():

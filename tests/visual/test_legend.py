@@ -14,21 +14,6 @@ from gamms.visual.page import Page, PageStyle
 FIRE = LegendRows("", (LegendRow((200, 0, 0), "fire", "3"),))
 
 
-def has_color(pixels, color):
-    return bool((np.abs(pixels.astype(int) - color).max(axis=2) < 8).any())
-
-
-def test_a_bar_is_in_every_format(ctx, tmp_path):
-    ctx.visual.set_values(nodes={0: 0, 1: 1.25, 2: 5}, name="risk")
-    ctx.visual.save(tmp_path / "risk.svg")
-    text = (tmp_path / "risk.svg").read_text()
-    assert all(f">{word}</text>" in text for word in ("risk", "0", "2.5", "5"))
-    pixels = ctx.visual.frame(640, 400)
-    assert has_color(pixels[:, 480:], (253, 231, 37))
-    ctx.visual.set_values(name="risk")
-    assert not has_color(ctx.visual.frame(640, 400)[:, 480:], (253, 231, 37))
-
-
 def test_the_map_leaves_room_for_the_legend(ctx):
     ctx.visual.set_graph_visual(node_size=0.1, edge_color=(1, 2, 3))
     wide = (np.abs(ctx.visual.frame(640, 640).astype(int) - (1, 2, 3)).max(axis=2) < 8).any(axis=0)

@@ -125,17 +125,6 @@ def test_a_recording_shows_the_same_marks_after_each_turn(street, tmp_path, suff
             assert path.read_bytes() == picture
 
 
-def test_marks_at_the_lower_side_of_a_map_are_on_the_page(street):
-    ctx = chase(street)
-    svg = ctx.visual.picture(".svg", captions=True).decode()
-    turn = float(re.search(r'y="([\d.]+)"[^>]*>turn 1<', svg)[1])
-    height = float(re.search(r'height="(\d+)"', svg)[1])
-    blue = "#{:02x}{:02x}{:02x}".format(*ctx.visual.drawing.group_colors()["blue"])
-    lines = re.findall(rf'<g fill="none" stroke="{blue}"[^>]*>(.*?)</g>', svg)
-    lowest = max(float(y) for line in lines for y in re.findall(r'd="m[\d.]+ ([\d.]+)', line))
-    assert lowest + 2 * 7.0 < turn - 6.0 < height
-
-
 RULES = {
     "tags": lambda ctx: tag("red", "blue"),
     "outs": lambda ctx: tag("red", "blue", then="eliminate"),

@@ -54,16 +54,6 @@ def test_an_arc_leads_from_the_sender_to_each_that_hears_it_next(street):
     assert arcs(street) == set()
 
 
-def test_a_delayed_message_is_drawn_when_it_arrives(street):
-    street.game.remove_channel("radio")
-    street.game.add_channel("radio", range_m=100, delay_turns=3)
-    drawn = []
-    for _ in range(4):
-        street.game.step()
-        drawn.append(len(arcs(street)))
-    assert drawn == [0, 0, 2, 0]
-
-
 def test_the_legend_says_what_an_arc_is_while_there_is_one(street):
     def words():
         picture = street.visual.picture(".svg", 800, 400, labels=False, scale_bar=False).decode()

@@ -3,14 +3,12 @@
 import logging
 from xml.etree import ElementTree as ET
 
-import numpy as np
 import pytest
 
 import gamms
 from gamms.errors import BadType, BadValue, TooLarge
 from gamms.limits import allowing
 from gamms.visual.appearance import TEAM_COLORS
-from gamms.visual.backends.pillow_backend import pixels_of
 from gamms.visual.camera import bounds, fit_box
 from gamms.visual.drawing import Commands
 
@@ -88,16 +86,6 @@ def test_drawing_twice_gives_the_same_file(ctx, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["one.svg", "two.svg"]
 
 
-def test_the_picture_says_what_it_shows_and_where_the_map_is_from(ctx, tmp_path):
-    ctx.graph.graph.attribution = "© OpenStreetMap contributors"
-    ctx.visual.save(tmp_path / "a.svg", 640, 480, title="Flags & <friends>", note="turn 3")
-    root = ET.parse(tmp_path / "a.svg").getroot()
-    assert (root.get("width"), root.get("height"), root.get("role")) == ("640", "480", "img")
-    assert root.findtext(f"{SVG}title") == "Flags & <friends>"
-    words = [text.text for text in root.iter(f"{SVG}text")]
-    assert {"Flags & <friends>", "turn 3 · © OpenStreetMap contributors"} <= set(words)
-
-
 def test_an_empty_scenario_gives_an_empty_picture(ctx, tmp_path):
     ctx.visual.set_graph_visual().set_visible(False)
     ctx.visual.save(tmp_path / "a.svg")
@@ -153,17 +141,6 @@ def test_the_camera_counts_the_radius_of_a_disc_but_not_sizes_in_pixels():
     commands.add_rectangle(0, 0, 5000, 5000, "red")
     assert fit_box(*bounds(commands.freeze()), 100, 100, (4, 4, 4, 4)) == alone
     assert alone.scale == pytest.approx(92 / 20)
-
-
-def test_a_picture_of_more_dots_per_inch_is_the_same_picture(ctx, tmp_path):
-    """What has a size in pixels is as large on paper."""
-    ctx.visual.set_values(nodes={0: 0, 1: 7}, name="risk")
-    coarse, fine = (pixels_of(ctx.visual.picture(".png", 300 * k, 200 * k, title="A", dpi=96 * k)) for k in (1, 2))
-    halved = fine.reshape(200, 2, 300, 2, 3).mean(axis=(1, 3))
-    assert np.abs(halved - coarse).mean() < 6
-    ctx.visual.save(tmp_path / "fine.svg", 600, 400, title="A", dpi=192)
-    text = (tmp_path / "fine.svg").read_text()
-    assert 'font-size="38.5"' in text
 
 
 def test_an_svg_leaves_out_what_is_invisible(ctx, tmp_path):

@@ -54,37 +54,11 @@ def test_rings_and_fields_are_where_the_agents_are_at_the_end_of_a_turn(road):
     assert centers == {30.0, 50.0}
 
 
-def test_rings_go_with_the_agents_while_a_turn_is_shown(road):
-    shown = []
-
-    def note(ctx, data):
-        shown.append((data["_alpha"], ctx.visual.drawing.position_of("ben", data["_alpha"])))
-
-    road.visual.add_artist("note", {"drawer": note, "layer": 60})
-    road.game.step()
-    road.visual.drawing.motion.begin_turn()
-    commands = road.visual.draw_commands(0.5)
-    rows = np.flatnonzero((commands.layer == SENSORS) & (commands.kind == DrawKind.CIRCLE))
-    places = {tuple(commands.points[commands.offsets[row]].tolist()) for row in rows}
-    assert shown[-1] == (0.5, (25.0, 0.0))
-    assert places == {(5.0, 0.0), (25.0, 0.0)}
-
-
 def test_a_declared_sensor_shows_its_last_data_as_in_1_0_0(road):
     road.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     road.visual.set_sensor_visual("anna_eyes", layer=SENSORS)
     road.game.run(3)
     assert rings(road) == {(40.0, 0.0)}  # where ben was when anna looked
-
-
-def test_a_sensor_at_a_fixed_place_shows_who_is_there_now(road):
-    for name in ("anna", "ben"):
-        road.agent.get_agent(name).deregister_sensor(f"{name}_eyes")
-    mast = road.sensor.create_sensor("mast", SensorType.AGENT_RANGE, sensor_range=1e3, at=(0.0, 0.0))
-    mast.sense(None)
-    road.game.run(2)
-    assert rings(road) == {(20.0, 0.0), (40.0, 0.0)}
-    assert mast.data == {"anna": 0, "ben": 2}
 
 
 KINDS = [

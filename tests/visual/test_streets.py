@@ -12,7 +12,6 @@ import gamms
 from gamms.ir.draw import DrawKind
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.streets import dashes
-from gamms.visual.fog import Fog
 
 
 def town(*roads, crs="EPSG:32635"):
@@ -107,16 +106,6 @@ def test_nodes_that_only_tunnels_lead_to_lie_below_buildings_too():
 def test_a_footbridge_is_painted_above_the_motorway_it_crosses():
     found = lines(town({"highway": "footway", "bridge": "yes"}, {"highway": "motorway"}))
     assert [row[0] for row in found] == [20, 0]
-
-
-def test_fog_hides_tunnels_that_were_not_seen():
-    ctx = town({"tunnel": "yes"}, {})
-    ctx.sensor.create_sensor("eye", gamms.sensor.SensorType.NEIGHBOR)
-    ctx.agent.create_agent("a", start_node_id=2, team="red", sensors=["eye"])
-    artists = ctx.visual.artists.shown(0)
-    assert "tunnels" in artists
-    Fog(ctx, "red").look()
-    assert "tunnels" not in ctx.visual.artists.shown(0)
 
 
 ways = st.lists(

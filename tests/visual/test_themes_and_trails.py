@@ -123,17 +123,6 @@ def test_an_agent_that_comes_or_goes_has_no_trail_from_elsewhere(road):
     assert all(line[-1][0] <= 40.0 for line in trails(road, 1)[0])
 
 
-def test_the_more_agents_there_are_the_fewer_turns_are_remembered(road, monkeypatch):
-    monkeypatch.setattr("gamms.visual.shown_turn._MOST_PLACES", 8)
-    turns, agents = road.visual.drawing.turns, len(road.agent.agents)
-    road.game.run(9)
-    assert len(turns.entries) == 8 // agents
-    for number in range(9):
-        road.agent.create_agent(f"new_{number}", start_node_id=9, strategy=lambda state: state.update(action=9))
-    road.game.step()
-    assert len(turns.entries) == 1
-
-
 @pytest.mark.parametrize("turns", [-1, MOST_TURNS + 1])
 def test_more_turns_than_are_remembered_are_refused(road, turns):
     with pytest.raises(BadValue, match=f"trails is a number of turns from 0 to {MOST_TURNS}, not {turns}"):

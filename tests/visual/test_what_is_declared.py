@@ -38,37 +38,6 @@ def test_what_is_declared_takes_the_place_of_its_own_part_of_the_default_look_on
     assert legend_rows(ctx.visual.picture(".svg").decode()) == ["red", "blue"]
 
 
-def test_what_is_not_declared_of_an_agent_is_as_in_the_default_look(ctx):
-    usual = ctx.visual.artists.shown()["red_0"].data["agent_data"]
-    colored = ctx.visual.set_agent_visual("red_0", color=TEAL).data["agent_data"]
-    ctx.visual.draw_commands()
-    assert (colored.color, colored.size, colored.least_px) == (TEAL, usual.size, usual.least_px)
-    sized = ctx.visual.set_agent_visual("red_0", size=3.0).data["agent_data"]
-    ctx.visual.draw_commands()
-    assert (sized.color, sized.size, sized.least_px) == (usual.color, 3.0, 6.0)
-
-
-def test_what_is_not_declared_of_a_sensor_has_the_sizes_of_the_default_look(ctx):
-    ctx.sensor.get_sensor("spy").sense(0)
-    rings = ctx.visual.artists.shown()["rings"].data["size"]
-    ctx.visual.set_sensor_visual("spy")
-    commands = ctx.visual.draw_commands()
-    assert rings in commands.size[commands.layer == 40]
-    ctx.visual.set_sensor_visual("spy", size=5.0)
-    commands = ctx.visual.draw_commands()
-    assert {5.0} < set(commands.size[commands.layer == 40].tolist())
-
-
-def test_a_value_that_a_program_sets_is_not_filled_in(ctx):
-    look = ctx.visual.set_agent_visual("red_0").data["agent_data"]
-    ctx.visual.draw_commands()
-    look.size = 4.0
-    ctx.graph.graph.add_node({"id": 9, "x": 900.0, "y": 900.0})  # a larger map, larger agents
-    ctx.visual.draw_commands()
-    assert look.size == 4.0
-    assert ctx.visual.set_agent_visual("red_0").data["agent_data"].size == 8.0  # as 1.0.0 has it, until it is drawn
-
-
 @pytest.mark.parametrize("is_graph_first", [True, False])
 def test_a_program_that_declares_the_graph_sees_what_it_declares_as_in_1_0_0(ctx, is_graph_first):
     def declare_others():

@@ -6,11 +6,7 @@ import pytest
 import gamms
 from gamms.agent import AgentType
 from gamms.errors import UnknownName
-from gamms.ir.draw import DrawKind
-from gamms.visual.appearance import GraphData
-from gamms.visual.drawers import render_input_overlay
 from gamms.visual.window.input import FlightChoice
-from gamms.visual.window.panels import BADGE_PX, Hud
 
 
 def star(ctx, leaves):
@@ -149,17 +145,6 @@ def test_the_camera_stays_where_choices_are_legible(city, person):
     assert city.visual.get_viewport() == before
 
 
-def test_numbers_of_choices_do_not_lie_on_each_other(ctx, person, monkeypatch):
-    placed = {}
-    monkeypatch.setattr(Hud, "badge", lambda self, canvas, words, x, y: placed.update({words: (x, y)}))
-    act(ctx, list, lambda: person.press("2") or [])
-    ask(ctx)
-    places = np.array(list(placed.values()))
-    apart = np.abs(places[:, None] - places).max(axis=2) + 1000 * np.eye(len(places))
-    assert len(placed) == 15
-    assert apart.min() >= BADGE_PX
-
-
 def test_options_are_the_out_neighbours_in_order(ctx, person):
     seen = {}
     overlay = ctx.visual._dynamic_artists["input_overlay"]
@@ -258,30 +243,6 @@ def test_drawing_choices_without_a_window_draws_what_is_asked():
         before = len(ctx.visual.draw_commands())
         ctx.visual.remove_artist("ask")
         assert before - len(ctx.visual.draw_commands()) == 3  # a way and two rings
-
-
-def test_the_ways_to_choices_end_at_their_rings_and_leave_who_is_asked_free():
-    with gamms.create_context() as ctx:
-        graph = ctx.graph.graph
-        graph.add_nodes([0, 1, 2], x=[0, 30, 3], y=[0, 0, 0])
-        bend = [(0.0, 0.0), (2.0, 0.0), (2.0, 20.0), (30.0, 0.0)]
-        graph.add_edge({"id": 0, "source": 0, "target": 1, "length": 70, "linestring": bend})
-        graph.add_edge({"id": 1, "source": 0, "target": 2, "length": 3})
-        data = {
-            "graph_data": GraphData(node_size=5.0),
-            "_input_options": {0: 0, 1: 1, 2: 2},
-            "_waiting_user_input": True,
-        }
-        ctx.visual.add_artist("choices", {**data, "drawer": render_input_overlay})
-        commands = ctx.visual.draw_commands()
-    drawn = commands.layer == 30
-    long, short = (
-        commands.points[commands.offsets[row] : commands.offsets[row + 1]]
-        for row in np.flatnonzero(drawn & (commands.kind == DrawKind.LINE))
-    )
-    assert long[[0, 1]].tolist() == [[2, 3], [2, 20]]
-    assert np.hypot(*(long[-1] - (30, 0))) == pytest.approx(5)
-    assert short.tolist() == [[0, 0], [3, 0]]  # nothing would be left of it
 
 
 @pytest.fixture
@@ -394,25 +355,3 @@ def test_the_view_of_a_team_can_be_shown_all_the_time(hunt):
     ctx.visual.update()
     assert "far" not in ctx.visual.overlay.shown
     assert ctx.visual.drawing.theme is ctx.visual.overlay.hud.theme
-
-
-def test_the_fog_of_a_replay_forgets_what_was_seen_later_than_the_turn_it_goes_back_to(hunt, tmp_path):
-    with gamms.create_context(seed=1) as played:
-        played.graph.add_nodes(range(20), x=[10.0 * i for i in range(20)], y=[0.0] * 20)
-        played.graph.add_edges(range(19), sources=range(19), targets=range(1, 20))
-        played.sensor.create_sensor("eyes", gamms.sensor.SensorType.RANGE, sensor_range=15.0)
-        played.agent.create_agent(
-            "anna",
-            start_node_id=0,
-            team="a",
-            sensors=["eyes"],
-            strategy=lambda state: state.update(action=state["turn"] + 1),
-        )
-        played.record.start(tmp_path / "game")
-        played.game.run(max_turns=10)
-    ctx = hunt(fog="a", is_filled=False)
-    for _ in ctx.record.replay(tmp_path / "game"):
-        pass
-    assert set(ctx.visual.artists.fog._seen) == set(range(12))
-    ctx.visual.seek(4)
-    assert set(ctx.visual.artists.fog._seen) == set(range(6))

@@ -62,17 +62,6 @@ def test_the_wheel_zooms_by_a_quarter(ctx, person):
     assert camera(ctx) == pytest.approx((0, 0, 32 * 1.25))
 
 
-def test_the_wheel_zooms_around_the_pointer(ctx, person):
-    view = ctx.visual._render_manager
-    person.point(100, 50)
-    ctx.visual.update()
-    before = view.screen_to_world(100, 50)
-    person.turn_wheel(3)
-    ctx.visual.update()
-    assert view.screen_to_world(100, 50) == pytest.approx(before)
-    assert camera(ctx)[0] != 0
-
-
 def test_the_wheel_stops_before_the_smallest_streets_are_lost(ctx, person):
     person.turn_wheel(500)
     ctx.visual.update()

@@ -1,12 +1,10 @@
 """The legend on the window: that of pictures, beside the words and the map, and painted only when it changes."""
 
-import numpy as np
 import pytest
 
 from gamms.visual.legend import LegendRow, LegendRows
 from gamms.visual.window import overlay
 
-YELLOW = (253, 231, 37)  # the last colour of viridis
 RISK = {"nodes": {0: 0, 1: 1.25, 2: 5}, "name": "risk"}
 
 
@@ -27,29 +25,6 @@ def frame(ctx, said):
     return set(said)
 
 
-def has_color(pixels, color):
-    return bool((np.abs(pixels.astype(int) - color).max(axis=2) < 8).any())
-
-
-def corner(pixels):
-    """Where the legend is."""
-    return pixels[:200, -90:]
-
-
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_teams_and_colour_bars_are_explained_as_in_pictures(open_window, seen, said, tmp_path, theme):
-    ctx = open_window(theme=theme)
-    ctx.visual.set_values(**RISK)
-    words = {"risk", "0", "2.5", "5", "red", "blue"}
-    assert words <= frame(ctx, said)
-    assert has_color(corner(seen(ctx)), YELLOW)
-    ctx.visual.save(tmp_path / "same.svg")
-    assert all(f">{word}</text>" in (tmp_path / "same.svg").read_text() for word in words)
-    ctx.visual.set_values(name="risk")
-    assert frame(ctx, said).isdisjoint({"risk", "2.5"})
-    assert not has_color(corner(seen(ctx)), YELLOW)
-
-
 def test_what_is_declared_explains_itself_and_nothing_else_is_explained(ctx, said):
     ctx.visual.set_graph_visual()
     assert frame(ctx, said).isdisjoint({"red", "blue"})
@@ -68,16 +43,6 @@ def test_it_is_written_only_when_it_changes(ctx, said):
     assert "red" not in frame(ctx, said)
     ctx.game.scores["red"] = 7
     assert {"red", "7"} <= frame(ctx, said)
-
-
-def test_it_hides_with_the_words(ctx, seen, person):
-    ctx.visual.set_values(**RISK)
-    ctx.visual.look_at(500.0, 500.0, 20.0)
-    ctx.visual.update()
-    assert has_color(seen(ctx), YELLOW)
-    person.press("h")
-    ctx.visual.update()
-    assert not has_color(seen(ctx), YELLOW)
 
 
 def test_a_window_that_was_made_smaller_has_none_and_sees_the_whole_map(ctx, person):

@@ -121,16 +121,6 @@ def test_there_is_no_turn_to_go_to_without_a_recording(ctx):
         ctx.visual.seek(2)
 
 
-def test_trails_lead_to_a_turn_that_one_jumps_to(ctx, recording):
-    play(ctx, recording, {}, start=1)
-    nodes = ctx.graph.columns().xy
-    ctx.visual.seek(4)
-    ways = [
-        moves.paths.points.tolist() for moves in reversed(ctx.visual.drawing.motion.past(ctx.visual.overlay.trails))
-    ]
-    assert ways == [nodes[[i, i + 1]].tolist() for i in (1, 2, 3)]
-
-
 def test_marks_are_of_the_teams_that_they_are_about(ctx, recording):
     play(ctx, recording, {})
     assert ctx.visual.overlay.timeline.marks == (

@@ -103,16 +103,6 @@ def test_glass_shows_what_is_behind_it(ctx, seen):
     assert tuple(seen(ctx)[180, 325]) == (255, 0, 0) or (seen(ctx) == (255, 0, 0)).all(axis=2).any()
 
 
-def test_many_agents_look_as_in_a_picture(ctx, seen):
-    ctx.visual.set_graph_visual(node_size=2)
-    rng = np.random.default_rng(1)
-    for i, node in enumerate(rng.integers(0, 900, 60).tolist()):
-        ctx.agent.create_agent(f"a{i}", start_node_id=node)
-        ctx.visual.set_agent_visual(f"a{i}", color=(200, 30 * (i % 5), 40), size=3 + i % 4)
-    settle(ctx)
-    assert differs(seen(ctx), painted_now(ctx)).mean() < 0.004
-
-
 def test_there_is_always_time_for_one_thing():
     budget = FrameBudget(-1.0)
     assert budget.has_time(5.0)
@@ -136,17 +126,6 @@ def test_a_sheet_is_used_again_for_the_same_use_only():
 def test_a_sheet_that_would_hold_too_much_memory_is_not_kept():
     pool = SurfacePool()
     assert pool.surface("part", 3000, 2000).get_parent() is not pool.surface("part", 3000, 2000).get_parent()
-
-
-def test_a_node_that_is_added_is_seen_in_a_map_of_tiles(ctx, seen):
-    ctx.visual.set_graph_visual(node_size=2)
-    ctx.visual.update()
-    before = seen(ctx)
-    ctx.graph.graph.add_node({"id": 5000, "x": 155.0, "y": 155.0})
-    ctx.visual.update()
-    assert differs(seen(ctx), before).any()
-    settle(ctx)
-    assert differs(seen(ctx), painted_now(ctx)).mean() < 0.002
 
 
 def test_a_window_paints_nothing_after_the_context_has_ended(ctx):

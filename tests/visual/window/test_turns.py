@@ -175,20 +175,3 @@ def test_trails_remember_the_last_turns(play):
     lines = [commands.points[a:b].tolist() for a, b in zip(commands.offsets, commands.offsets[1:], strict=False)]
     assert lines == [[[10.0, 0.0], [0.0, 0.0]], [[0.0, 0.0], [10.0, 0.0]]]
     assert commands.color[:, 3].tolist()[0] < commands.color[:, 3].tolist()[1]
-
-
-@pytest.mark.parametrize("is_asked", [False, True])
-def test_a_window_that_is_closed_in_mid_game_is_the_reason_for_its_end(open_window, person, is_asked):
-    ctx = open_window()
-    agent = ctx.agent.get_agent("red_0")
-
-    def decide(state):
-        if state["turn"] == 1:
-            person.close()
-        answer = ctx.visual.human_input("red_0", state) if is_asked and state["turn"] == 1 else state["curr_pos"]
-        state["action"] = answer
-
-    agent.register_strategy(decide)
-    result = ctx.game.run(5)
-    assert (result.turns, result.reason, result.winner, result.truncated) == (2, "closed", None, True)
-    assert ctx.is_terminated()

@@ -12,7 +12,7 @@ import gamms
 from gamms.errors import BadValue, MissingFile, UnknownName
 from gamms.sensor import SensorType
 from gamms.typing import ISensor
-from gamms.visual import Artist, Color, Engine, Shape
+from gamms.visual import Artist, Color, Engine
 from gamms.visual.appearance import TEAM_COLORS
 from gamms.visual.themes import THEMES
 from gamms.visual.window import display
@@ -86,28 +86,6 @@ def test_an_empty_graph_can_be_declared_and_shown(open_window):
     assert ctx.visual._render_manager.camera_size == 15
 
 
-def test_what_is_declared_is_drawn_where_the_camera_says(ctx, seen):
-    ctx.visual.set_graph_visual(edge_color=Color.Blue)
-    artist = ctx.visual.set_agent_visual("red_0", color=Color.Magenta, size=1)
-    ctx.visual.update()
-    x, y = ctx.visual._render_manager.world_to_screen(0.0, 0.0)
-    assert tuple(seen(ctx)[round(y), round(x)]) == Color.Magenta
-    assert artist.data["agent_data"].current_position == (0.0, 0.0)
-    assert artist.data["_alpha"] == 1.0
-    assert set(ctx.visual._dynamic_artists) == {"input_overlay", "red_0"}
-
-
-def test_an_agent_looks_as_in_a_picture(ctx, seen):
-    ctx.visual.hud = None
-    ctx.visual.set_agent_visual("red_0", color=Color.Red, size=1)
-    ctx.visual.look_at(0.0, 0.0, 30.0)
-    ctx.visual.update()
-    window, picture = seen(ctx).astype(int), ctx.visual.frame().astype(int)
-    around = np.s_[150:210, 290:350]
-    assert np.abs(window[around] - picture[around]).mean() < 4
-    assert np.abs(window[around] - 252).mean() > 30
-
-
 def test_errors_of_declarations(ctx):
     with pytest.raises(UnknownName):
         ctx.visual.set_sensor_visual("nobody")
@@ -132,17 +110,6 @@ def test_a_sensor_that_cannot_say_what_it_saw_is_refused(ctx):
     with pytest.raises(ValueError, match="last_view"):
         ctx.visual.set_sensor_visual("mute")
     assert ctx.visual.set_sensor_visual("near").get_layer() == 30
-
-
-def test_a_drawer_in_a_dict_is_called_once_a_frame(ctx):
-    calls = []
-    artist = ctx.visual.add_artist(
-        "mine", {"drawer": lambda ctx, data: calls.append(data["_alpha"]), "shape": Shape.Circle}
-    )
-    ctx.visual.update()
-    ctx.visual.add_artist("mine", artist)
-    ctx.visual.update()
-    assert calls == [1.0, 1.0]
 
 
 def test_a_drawer_may_paint_on_the_target_surface_above_its_own_layer_only(ctx, seen):
@@ -180,17 +147,6 @@ def test_a_loaded_image_can_be_drawn(ctx, seen):
     assert has_color(seen(ctx), Color.Purple)
 
 
-def test_a_lasting_change_of_the_graph_is_seen_at_once(ctx, seen):
-    ctx.visual.hud = None
-    ctx.visual.update()
-    x, y = (round(value) for value in ctx.visual._render_manager.world_to_screen(5.0, 0.0))
-    assert tuple(seen(ctx)[y, x]) != (252, 252, 250)
-    for edge in (0, 1):
-        ctx.graph.graph.remove_edge(edge)
-    ctx.visual.update()
-    assert tuple(seen(ctx)[y, x]) == (252, 252, 250)
-
-
 def test_closing_the_window_ends_the_context(ctx, person):
     person.close()
     ctx.visual.update()
@@ -217,17 +173,6 @@ def test_what_is_drawn_may_end_the_context(ctx, who):
         ctx.visual.add_artist("end", {"drawer": lambda ctx, data: ctx.terminate(), "layer": 60})
     ctx.visual.simulate()
     assert ctx.is_terminated()
-
-
-def test_two_contexts_share_the_window_until_the_last_one_ends(open_window):
-    import pygame
-
-    one, other = open_window(), open_window()
-    one.terminate()
-    other.visual.update()
-    assert pygame.display.get_init()
-    other.terminate()
-    assert not pygame.display.get_init()
 
 
 def test_there_is_no_sound(ctx):
