@@ -58,15 +58,6 @@ def test_the_kind_can_be_said_in_several_ways(ctx, key, kind):
     assert agent.type is AgentType.AERIAL
 
 
-def test_every_other_keyword_is_kept(ctx):
-    meta = {"team": 1}
-    agent = ctx.agent.create_agent("kite", type=1, start_node_id=0, speed=1, meta=meta, team="red", color="blue")
-    assert agent.meta is meta
-    assert (agent.team, agent.color) == ("red", "blue")
-    agent.fuel = 3
-    assert agent.fuel == 3
-
-
 def test_a_flyer_may_start_in_the_air_and_turned(ctx):
     agent = ctx.agent.create_agent("kite", type=1, start_node_id=0, speed=1, position=[2, 2, 9], quat=(0, 0, 0, 2))
     assert where(agent) == ((2.0, 2.0, 9.0), (2.0, 2.0, 9.0), (0.0, 0.0, 0.0, 1.0), 8, 0)
@@ -236,15 +227,6 @@ def test_setting_the_orientation_turns_about_the_vertical_and_none_not_at_all(ki
     assert kite.quat == pytest.approx((0.0, 0.0, 0.0, 1.0))
     kite.orientation = None
     assert kite.quat == (1.0, 0.0, 0.0, 0.0)
-
-
-def test_a_map_sensor_looks_where_its_flyer_is_turned(ctx, kite):
-    ctx.sensor.create_sensor("ahead", SensorType.ARC, sensor_range=1.0, fov=1.0)
-    kite.register_sensor("ahead", ctx.sensor.get_sensor("ahead"))
-    kite.position = (1.1, 0.9, 50.0)
-    assert set(kite.get_state()["sensor"]["ahead"][1]["nodes"]) == {4, 5}
-    kite.orientation = (0, 1)
-    assert set(kite.get_state()["sensor"]["ahead"][1]["nodes"]) == {4, 7}
 
 
 # -- sensing and acting -----------------------------------------------------------------------------------------

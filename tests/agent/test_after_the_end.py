@@ -6,22 +6,6 @@ from gamms.errors import ContextTerminated
 from gamms.sensor import ISensor, SensorType
 
 
-def test_a_loop_in_which_the_context_ends_is_played_to_its_end_quietly(ctx):
-    agents = [ctx.agent.create_agent(name, start_node_id=4, sensors=["near"]) for name in "abc"]
-    turns = []
-    while not ctx.is_terminated():
-        for agent in ctx.agent.create_iter():
-            state = agent.get_state()
-            state["action"] = 5
-            agent.set_state()
-            turns.append(agent.name)
-            if agent.name == "b":
-                ctx.terminate()
-        ctx.visual.simulate()
-    assert turns == ["a", "b", "c"]
-    assert [agent.current_node_id for agent in agents] == [5, 5, 4]
-
-
 def test_the_last_state_is_handed_out_again(ctx, anna):
     last = anna.get_state()
     ctx.terminate()
@@ -47,24 +31,6 @@ def test_a_rule_that_puts_agents_back_ends_quietly(ctx, anna):
     anna.prev_node_id = 99
     anna.orientation = (0, 1)
     assert (anna.current_node_id, anna.prev_node_id, anna.orientation) == (4, 4, (0.0, 0.0))
-
-
-def test_a_deleted_agent_is_quiet_too(ctx, anna):
-    anna.get_state()["action"] = 5
-    ctx.agent.delete_agent("anna")
-    ctx.terminate()
-    anna.set_state()
-    anna.step()
-    assert anna.current_node_id == 4
-
-
-def test_agents_stay_readable(ctx, anna):
-    anna.team = "red"
-    ctx.terminate()
-    assert ctx.agent.get_agent("anna") is anna
-    assert [agent.name for agent in ctx.agent.create_iter()] == ["anna"]
-    assert (anna.name, anna.current_node_id, anna.prev_node_id, anna.team) == ("anna", 4, 4, "red")
-    assert "anna" in repr(anna)
 
 
 def test_creating_an_agent_raises(ctx):

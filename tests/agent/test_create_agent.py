@@ -200,15 +200,6 @@ def test_a_config_is_not_changed(ctx):
     assert config == kept
 
 
-def test_an_agent_made_by_hand_is_like_any_other(ctx):
-    agent = gamms.agent.Agent(ctx, "hand", 4, team="red")
-    agent.register_sensor("near", ctx.sensor.get_sensor("near"))
-    agent.register_strategy(lambda state: state.update(action=5))
-    agent.step()
-    assert (agent.current_node_id, agent.team, agent.orientation) == (5, "red", (1.0, 0.0))
-    assert list(ctx.agent.create_iter()) == []
-
-
 def test_an_agent_of_no_kind_cannot_be_made():
     with pytest.raises(TypeError):
         gamms.agent.NoOpAgent()

@@ -26,24 +26,6 @@ def test_a_loop_may_delete_the_agent_it_is_at(ctx, team):
     assert names(ctx) == []
 
 
-def test_a_loop_does_not_meet_agents_that_were_created_meanwhile(ctx, team):
-    met = []
-    for agent in ctx.agent.create_iter():
-        met.append(agent.name)
-        ctx.agent.create_agent(agent.name * 2, start_node_id=0)
-    assert met == ["a", "b", "c", "d"]
-    assert names(ctx) == ["a", "b", "c", "d", "aa", "bb", "cc", "dd"]
-
-
-def test_what_create_iter_gives_can_be_kept_counted_and_looped_over_again(ctx, team):
-    everybody = ctx.agent.create_iter()
-    assert [[agent.name for agent in everybody] for _ in range(2)] == [["a", "b", "c", "d"]] * 2
-    ctx.agent.delete_agent("a")
-    assert [agent.name for agent in everybody] == ["b", "c", "d"]
-    assert len(everybody) == 3
-    assert [(a.name, b.name) for a in everybody for b in everybody if a is b] == [("b", "b"), ("c", "c"), ("d", "d")]
-
-
 def test_create_iter_can_be_asked_for_the_next_agent(ctx, team):
     everybody = ctx.agent.create_iter()
     assert [next(everybody).name for _ in team] == ["a", "b", "c", "d"]

@@ -55,15 +55,6 @@ def test_a_launch_is_a_beginning_without_a_past(graph):
     assert (kite.prev_node_id, kite.current_node_id) == (1, 3)
 
 
-def test_a_move_writes_where_it_was(graph):
-    kite = Kite(graph)
-    kite.act((-1, 0, 0))
-    kite.act((-8, 0, 0))
-    kite.act((0, 0, 0.1))
-    assert kite.shown() == ((14.0, 0.0, 3.0), (14.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 3.0, 1, True)
-    assert kite.current_node_id == kite._block.node[0] == 1
-
-
 def test_turning_leaves_the_place_alone(graph):
     kite = Kite(graph)
     before = kite.shown()
@@ -73,34 +64,6 @@ def test_turning_leaves_the_place_alone(graph):
     assert kite.quat == pytest.approx((HALF, 0.0, 0.0, HALF))
     kite.orientation = None
     assert kite.shown() == before
-
-
-def test_nodes_are_worked_out_again_only_after_a_change():
-    class Counting(Graph):
-        asked = 0
-
-        def nearest_node(self, *args, **kwargs):
-            self.asked += 1
-            return super().nearest_node(*args, **kwargs)
-
-    graph = Counting()
-    graph.add_nodes([0, 1], [0, 10], [0, 0])
-    kite = Kite(graph, node=0)
-    for _ in range(3):
-        assert kite.current_node_id == 0
-        kite._block.locate()
-    assert graph.asked == 1
-    kite.act((0, 0, 1))
-    kite._block.locate()
-    assert graph.asked == 1
-    graph.add_node({"id": 2, "x": 0, "y": 0.5})
-    graph.remove_node(0)
-    kite._log.take()
-    kite._block.locate()
-    assert (graph.asked, kite._block.node[0], kite._log.take()) == (2, 2, {0})
-    kite.act({"direction": (1, 0, 0)})
-    kite._block.locate()
-    assert graph.asked == 3
 
 
 def test_in_a_graph_that_has_become_empty_a_flyer_keeps_its_last_node():

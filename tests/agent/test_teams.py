@@ -216,16 +216,6 @@ def test_members_with_neither_strategy_nor_sensors_are_not_made_in_turns(ctx):
     assert result.agents["red_1"]["moves"] > 0
 
 
-def test_random_actions_do_not_depend_on_other_teams(ctx):
-    first = ctx.agent.create_team("red", [12] * 50)
-    drawn = first.random_actions()
-    with gamms.create_context(seed=4, logger_config={"level": "CRITICAL"}) as other:
-        other.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
-        other.agent.create_team("blue", [1, 2])
-        assert other.agent.create_team("red", [12] * 50).random_actions().tolist() == drawn.tolist()
-    assert set(drawn.tolist()) == {7, 11, 12, 13, 17}
-
-
 def test_what_is_impossible_changes_nothing(ctx):
     ctx.agent.create_agent("red_1", start_node_id=0)
     with pytest.raises(Duplicate, match="red_1"):
@@ -248,19 +238,6 @@ def test_what_is_impossible_changes_nothing(ctx):
     with pytest.raises(UnknownName, match="nearr"):
         ctx.agent.create_team("blue", [0, 1], sensors={"eyes": "nearr"})
     assert list(ctx.agent.agents) == ["red_1"]
-
-
-def test_a_team_that_comes_while_a_game_is_recorded_is_replayed(ctx, tmp_path):
-    ctx.record.start(tmp_path / "game.ggr")
-    team = ctx.agent.create_team("red", [0, 1, 2], columns={"fuel": 3})
-    team.move([1, 2, 3])
-    nodes = team.node_ids.tolist()
-    ctx.record.stop()
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as replayed:
-        for _ in replayed.record.replay(tmp_path / "game.ggr"):
-            pass
-        agents = replayed.agent.agents
-        assert [agents[f"red_{i}"].current_node_id for i in range(3)] == nodes
 
 
 def test_one_plan_of_arrays_decides_for_a_large_team(ctx):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms
-from gamms.recordings import first_difference, verify
+from gamms.recordings import first_difference
 from gamms.rules import Conflicts, tag
 
 
@@ -116,12 +116,3 @@ def test_a_game_with_a_team_is_that_of_the_same_agents_one_by_one(case):
             ctx.game.reset()
         assert described(contexts[0]) == described(contexts[1])
         assert summary(contexts[0].game.run(3)) == summary(contexts[1].game.run(3))
-
-
-def test_a_recording_of_a_team_is_that_of_its_replay(tmp_path):
-    case = {"seed": 2, "nodes": [3] * 12, "fuel": None, "speed": None, "late": True, "plan": "numbers"}
-    with world(case | {"conflicts": True, "tag": None, "order": True}, as_team) as ctx:
-        ctx.record.start(tmp_path / "game.ggr")
-        ctx.game.run(5)
-        ctx.record.stop()
-    verify(tmp_path / "game.ggr")

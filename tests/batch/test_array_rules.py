@@ -146,19 +146,6 @@ def test_it_closes_and_opens_roads():
     same_in_both(scene([TAG], side=4, max_turns=10), tide)
 
 
-def test_what_it_keeps_goes_with_snapshots():
-    scenario = scene([TAG], side=4, max_turns=10)
-    with scenario.build(seed=1) as ctx:
-        ctx.game.add(tolls())
-        ctx.game.run(4)
-        before = ctx.game.snapshot()
-        ctx.game.run(6)
-        first = plain(ctx.game.result())
-        ctx.game.restore(before)
-        ctx.game.run(6)
-        assert plain(ctx.game.result()) == first
-
-
 def test_a_scenario_names_it_and_records_the_same_bytes(tmp_path):
     (tmp_path / "rules.py").write_text(
         "import gamms\n\n\n@gamms.array_rule\ndef pay(turn):\n"

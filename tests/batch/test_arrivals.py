@@ -42,25 +42,6 @@ def test_agents_that_decide_at_arrivals_do_in_the_core_what_they_do_alone(part, 
         check(*at_arrivals(number, by_steps=by_steps))
 
 
-def short_streets(ctx):
-    """Make streets so short that agents arrive very often."""
-    for edge in [*ctx.graph.graph.get_edges()]:
-        ctx.graph.graph.update_edge({"id": edge, "length": 1e-9})
-
-
-def test_agents_that_arrive_too_often_in_a_turn_wait():
-    team = {"count": 3, "strategy": "gamms.strategies:random_walk", "speed": 7.0}
-    with scene(teams={"red": team}, settings={"speed_unit": "metres", "decide": "arrival"}).build(seed=1) as ctx:
-        short_streets(ctx)
-        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            assert games.is_in_arrays
-            assert any("times in one turn" in error["message"] for error in games.result(0).errors)
-            for number, seed in enumerate(SEEDS):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
-
-
 def test_actions_from_outside_are_taken_at_each_arrival_as_alone():
     team = {"count": 3, "strategy": "gamms.strategies:random_walk", "speed": 17.0}
     settings = {"speed_unit": "metres", "decide": "arrival", "deeds": {"scan": {}}}

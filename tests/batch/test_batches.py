@@ -298,17 +298,6 @@ def test_games_can_begin_again_with_other_seeds(way):
         assert games.is_over.all()
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_the_context_of_a_game_shows_it_as_it_is(way):
-    with way(scene([TAG])).batch(2, seed=5) as games:
-        games.step()
-        games.step()
-        for number in (0, 1):
-            ctx, nodes = games.context(number), games.observe("red")["curr_pos"][number]
-            assert (ctx.seed, ctx.game.turn) == (5 + number, 2)
-            assert [ctx.agent.get_agent(f"red_{i}").current_node_id for i in range(3)] == nodes.tolist()
-
-
 def test_one_by_one_has_no_effect_and_warns():
     with (
         pytest.warns(DeprecationWarning, match=r"one_by_one= has no effect .* batch\.context"),
@@ -419,25 +408,6 @@ def test_an_error_of_an_array_form_names_it_and_the_turn():
             with pytest.raises(ZeroDivisionError) as caught:
                 games.step()
         assert caught.value.__notes__ == ["In the rule 'falls' (phase 'after') of a batch, in turns 1 to 2."]
-
-
-def test_games_that_were_begun_again_are_recorded_with_their_own_actions(tmp_path):
-    for way in WAYS:
-        with way(scene([TAG])).batch(3, seed=4, record=True) as games:
-            games.step()
-            games.step({"red": games.observe("red").counts - 1})
-            games.reset([1])
-            for turn in range(4):
-                games.step({"red": (games.observe("red").counts - 1) * (turn % 2)})
-            games.run()
-            for number in range(3):
-                games.record(number, tmp_path / "game.ggr")
-                with gamms.recorder.open(tmp_path / "game.ggr") as recording:
-                    state = recording.state(recording.turns)
-                    nodes = dict(zip(state.agents["name"].tolist(), state.agents["node"].tolist(), strict=True))
-                expected = games.result(number)
-                assert recording.turns == expected.turns
-                assert nodes == {name: agent["node"] for name, agent in expected.agents.items()}
 
 
 def test_a_rule_that_raises_leaves_a_turn_that_was_played():

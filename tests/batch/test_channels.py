@@ -121,16 +121,6 @@ def test_games_with_channels_on_several_maps_are_those_of_their_maps(team):
             assert plain(games.result(number)) == plain(alone)
 
 
-def test_an_array_strategy_sends_and_hears_in_games_alone():
-    told = gamms.array_strategy(talk_in_arrays)
-    scenario = scene([OUT], max_turns=6, channels=channels())
-    both = {"red": talk, "blue": talk}
-    with scenario.batch(1, seed=3, strategies=both) as games:
-        games.run()
-        assert plain(games.result(0)) == plain(scenario.play(seed=3, strategies={"red": told, "blue": told}))
-        assert len(games.result(0).messages) > 20
-
-
 @pytest.mark.parametrize(
     ("arguments", "kind", "message"),
     [

@@ -87,13 +87,6 @@ def decide(state):
     state["action"] = [*state["legal"], 999][lot % (len(state["legal"]) + (lot % 7 == 0))]
 
 
-def fall(state):
-    """Raise, in some turns."""
-    if (state["turn"] + state["curr_pos"]) % 5 == 0:
-        raise ValueError(f"fell in turn {state['turn']}")
-    decide(state)
-
-
 def build(rules=(), strategies=None, **more):
     teams = {
         team: {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": [*SENSORS]}
@@ -114,17 +107,6 @@ def test_a_plain_rule_that_publishes_the_flags_itself_is_played_game_by_game():
     with build([FLAGS], max_turns=20) as ctx:
         ctx.game.add(lambda ctx: ctx.game.publish(flags={"lost": ctx.seed}))
         check(ctx, stays=False)
-
-
-@pytest.mark.parametrize("strategy", [decide, fall])
-@pytest.mark.parametrize("default", ["stay", lambda state: state["legal"][-1]])
-def test_strategies_get_in_each_game_what_they_get_in_the_game_alone(strategy, default):
-    with build([OUT, BACK], {"red": strategy}) as ctx:
-        ctx.game.conflicts = Conflicts(capacity=1, allow_swaps=False)
-        ctx.game.on_illegal = ctx.game.on_error = "stay"
-        ctx.game.default_action = default
-        ctx.game.add(tell)
-        check(ctx, seeds=[1, 2, 3, 4])
 
 
 def test_facts_that_are_published_for_functions_of_arrays_are_those_of_their_games():
@@ -194,29 +176,6 @@ def test_no_game_has_played_a_turn_in_which_one_raises(phase, strategy):
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
-
-
-def test_the_context_stands_on_the_game_that_it_was_pointed_at():
-    with build([OUT, BACK], {"red": decide}) as ctx:
-        ctx.game.on_illegal = "stay"
-        ctx.game.publish(alarm=0)
-        ctx.game.add(count)
-        with ctx.game.batch(seeds=[1, 2, 3]) as games, ctx.game.fork(0).ctx as alone:
-            shown = games.context(1)
-            alone.game.reset(seed=2)
-            for _ in range(5):
-                games.step()
-                alone.game.step()
-                assert shown.seed == 2
-                assert shown.game.turn == alone.game.turn
-                assert shown.game.scores == alone.game.scores
-                assert shown.game.events == alone.game.events
-                for agent in alone.agent.create_iter():
-                    one = shown.agent.get_agent(agent.name)
-                    wanted = agent.current_node_id, agent.prev_node_id, agent.alive
-                    assert (one.current_node_id, one.prev_node_id, one.alive) == wanted
-                assert shown.game.moves == alone.game.moves
-            assert "the present state" in shown.visual.pictures.as_html()
 
 
 def test_functions_that_draw_globally_draw_what_they_draw_in_games_alone():

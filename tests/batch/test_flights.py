@@ -199,12 +199,3 @@ def test_nodes_are_discovered_from_the_air_as_in_games_alone(same_as_one_by_one)
     teams = {"red": {"count": 2, "strategy": WALK, "sensors": ["tower"]}}
     tower = {"tower": eyes["AERIAL"] | {"at": [12.0, 14.0, 9.0], "quat": [0.7, 0.0, 0.7, 0.0]}}
     same_as_one_by_one(scene([found], teams=teams, sensors=tower, max_turns=3), range(2))
-
-
-@pytest.mark.parametrize("strategy", ["chase", "intercept"])
-def test_strategies_do_not_look_at_what_is_seen_from_the_air(strategy, same_as_one_by_one):
-    eyes = {"near": {"type": "AGENT_RANGE", "sensor_range": 15.0}, "tower": TOWER | {"sensor_range": 60.0}}
-    hunters = {"count": 2, "strategy": f"gamms.strategies:{strategy}", "sensors": ["tower", "near"]}
-    same_as_one_by_one(
-        scene([], teams={"red": hunters, "blue": {"count": 3, "strategy": WALK}}, sensors=eyes), range(2)
-    )

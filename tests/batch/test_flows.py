@@ -72,19 +72,6 @@ def test_distances_are_those_of_the_graph_added_up_from_the_sources(edges, most,
             assert weight is not None or (found.edges(nodes[..., None], np.arange(7)).reshape(-1, 7) == expected).all()
 
 
-def test_walks_go_along_edges_and_do_not_depend_on_others():
-    with scene().batch(3) as games:
-        view = games.observe("red")
-        walks = view.flows().walks(view.node, 6, seed=4)
-        assert walks.shape == (7, 3, 3)
-        assert (walks[0] == view.node).all()
-        steps = view.streets.action_to(walks[:-1], walks[1:])
-        assert (steps >= 0).all()
-        assert len(np.unique(steps)) > 2
-        assert (view.flows().walks(view.node[:2], 6, seed=4) == walks[:, :2]).all()
-        assert (view.flows().walks(view.node, 6, seed=5) != walks).any()
-
-
 def test_walks_of_as_many_turns_as_are_said_to_fit_do():
     with scene().batch(2) as games, limits.allowing(6 * 8 * 11):
         found, nodes = games.observe("red").flows(), games.observe("red").node

@@ -6,7 +6,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import gamms
-from gamms.errors import UnknownName
 from gamms.strategies import (
     assign,
     chase,
@@ -136,16 +135,6 @@ def test_games_go_on_where_rules_still_know_of_agents_that_were_deleted(delete, 
         ctx.game.step()
         delete(ctx)
         assert check(ctx, rounds=1) == why
-
-
-def test_a_memory_that_the_strategy_has_not_written_is_left_to_the_turn_engine():
-    with remembering(["patrol", "unblock"]) as ctx:
-        ctx.game.step()
-        ctx.game.memories["red_0"]["random_waypoints"] = "its own"
-        assert check(ctx).startswith("the strategy unblock(")
-        ctx.game.memories["red_1"]["random_waypoints"] = 77_000, 0
-        with ctx.game.batch(1) as games, pytest.raises(UnknownName, match="77000"):
-            games.run()
 
 
 @gamms.array_rule

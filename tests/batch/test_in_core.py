@@ -13,7 +13,6 @@ import gamms
 from gamms import strategies
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch import games as batch_games
-from gamms.game.batch import strategy_steps
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.rules.in_core import FORMS
 from gamms.scenario import Scenario
@@ -245,15 +244,6 @@ def test_agents_that_decide_by_steps_in_the_core_do_what_they_do_one_by_one(part
     number_of_games = 40 if Path(gamms.core.turn.__file__).suffix != ".py" else 16
     for number in range(part, number_of_games, 4):
         check(number, by_steps=True)
-
-
-def test_where_ways_to_all_targets_are_too_many_the_core_finds_them_again(monkeypatch):
-    monkeypatch.setattr(strategy_steps, "_MOST_BYTES", 3 * 25 * 16)  # of three targets
-    hunt = scene().replace(teams={"blue": {"count": 5, "strategy": "gamms.strategies:random_waypoints"}})
-    with hunt.batch(3, seed=1) as games:
-        games.run()
-        assert is_in_core(games)
-        assert plain(games.result(1)) == plain(hunt.play(seed=games.seeds[1]))
 
 
 def names_in_docs(parts):

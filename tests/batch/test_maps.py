@@ -202,40 +202,6 @@ def test_what_learners_observe_by_default_is_what_views_give_on_each_map():
     called.close()
 
 
-@pytest.mark.parametrize("mode", ["SAME_STEP", "NEXT_STEP"])
-@pytest.mark.parametrize("observation", [None, rl.neighbourhood(1, 6)])
-def test_learners_of_several_maps_play_the_games_of_each(mode, observation):
-    scenario = scene([TAG, LIMIT])
-    given = {"team": "red", "autoreset_mode": mode, "observation": observation}
-    env = rl.vector_env(scenario, num_games=6, maps=MAPS[:3], **given)
-    by_map = [rl.vector_env(scenario.replace(map=one), num_games=1, **given) for one in MAPS[:3]]
-    observed, _ = env.reset(seed=2)
-    learners, seen = env.unwrapped.learners, set()
-    draw = np.random.default_rng(0)
-    alone = {}
-    for _ in range(25):
-        for game, seed in enumerate(learners.games.seeds):
-            if alone.get(game, (None,))[0] != seed:
-                alone[game] = seed, int(learners.games.maps[game]), []
-        seen |= {tuple(one[:2]) for one in alone.values()}
-        masks = observed["action_mask"]
-        actions = np.array([draw.choice(np.flatnonzero(mask)) for mask in masks])
-        for game, (_, _, taken) in alone.items():
-            taken.append((actions.reshape(6, 3)[game], observed["observation"].reshape(6, 3, -1)[game]))
-        observed, *_ = env.step(actions)
-    assert {one for _, one in seen} == {0, 1, 2}
-    assert len(seen) > 6  # games began again
-    for seed, number, taken in alone.values():
-        one = by_map[number]
-        shown, _ = one.reset(seed=seed)
-        for actions, values in taken:
-            mine = shown["observation"].reshape(3, -1)
-            if observation is not None or mine.shape == values.shape:
-                np.testing.assert_array_equal(mine, values)
-            shown, *_ = one.step(actions)
-    env.close()
-
-
 def test_rewards_of_learners_are_given_map_by_map():
     asked = []
 

@@ -440,24 +440,6 @@ def test_checks_and_resolvers_that_remember_outside_of_the_game_are_refused():
             games.run()
 
 
-def test_values_are_collected_in_the_turns_in_which_they_are_due():
-    with scene([TAG], max_turns=7).build(seed=1) as ctx:
-        ctx.game.collect("alive", lambda ctx: len(ctx.game.agents), every=3)
-        ctx.game.collect("where", lambda agent: agent.current_node_id, every=2, per="agent")
-        with ctx.game.batch(seeds=[1, 2, 3]) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            games.reset([1], seeds=[5])
-            games.run()
-            assert "collector 'alive'" in games.slow
-            assert games.is_in_arrays
-            assert games.detached == {}
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                found = alone.game.run().collected
-                assert games.result(number).collected == found
-                assert found["alive"]["turn"] == [3, 6]
-
-
 def test_a_collector_that_moves_an_agent_moves_it_in_batches_too():
     def collect(ctx):
         ctx.game.agents[0].current_node_id = 0

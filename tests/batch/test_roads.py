@@ -139,20 +139,6 @@ def test_agents_stop_where_their_way_is_closed_and_leave_edges_that_are(phase, s
     assert any(result.agents[name]["blocked"] for result in results for name in result.agents)
 
 
-@pytest.mark.parametrize(("settings", "turns"), [({}, 5), ({"speed_unit": "metres"}, 0)])
-def test_games_begin_with_closed_roads_that_are_opened_later(settings, turns):
-    def reopen(ctx):
-        if ctx.game.turn in (7, 9):
-            ctx.graph.open_roads(ctx.graph.closed_roads[ctx.seed % 2 :: 2])
-
-    team = {"count": 3, "strategy": "gamms.strategies:chase", "sensors": ["near"], "speed": 7.0 if settings else 2}
-    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
-    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "respawn"}}
-    scenario = scene([tag], teams={"red": team, "blue": team}, sensors=near, settings=settings)
-    results = check(scenario, rules=(reopen, dig), closed=range(2, 30, 2), turns=turns)
-    assert len({tuple(sorted(result.scores.items())) for result in results}) > 1
-
-
 def test_an_observer_asks_for_routes_of_games_with_the_same_roads():
     with scene().build(seed=1) as ctx:
         ctx.game.add(dig)

@@ -41,15 +41,6 @@ def test_actions_lead_to_the_legal_nodes_one_by_one(leaves, kind):
             assert streets.ids(led).tolist() == list(near[node])
 
 
-def test_actions_lead_to_nodes_whose_rows_are_far_apart():
-    with gamms.create_context(seed=1) as ctx:
-        ids = np.arange(40_000)  # more than two bytes count in both directions
-        ctx.graph.graph.add_nodes(ids, ids * 1.0, ids * 0.0)
-        ctx.graph.graph.add_edges(np.arange(2), np.array([0, 39_999]), np.array([39_999, 0]), np.ones(2))
-        streets = StreetGraph(ctx.graph.columns(), ctx.graph.routes)
-        assert streets.step(np.array([0, 39_999, 7]), np.array([1, 1, 0])).tolist() == [39_999, 0, 7]
-
-
 @settings(max_examples=16, deadline=None)
 @given(
     edges=EDGES,

@@ -1,7 +1,7 @@
 """The array forms of strategies do what their scalar forms do, in all games at once."""
 
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -84,21 +84,6 @@ def test_agents_with_speeds_in_edges_go_as_far_in_arrays_as_alone(speeds, same_a
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["unblock"], "blue": MADE["safest_exit"]})
 
 
-@pytest.mark.parametrize(
-    ("decide", "sight"), [("turn", {}), ("arrival", {}), ("turn", {"position_noise_m": 8.0})], ids=str
-)
-def test_agents_by_metres_act_on_others_along_edges_in_arrays_as_alone(decide, sight, same_as_one_by_one):
-    settings = {"speed_unit": "metres", "decide": decide}  # where reports err, to the nodes that they name
-    scenario = hunted(sight=sight, settings=settings, conflicts={"capacity": 1}).replace(
-        **{"teams.red.speed": 12.7, "teams.blue.speed": 9.3, "max_turns": 12}
-    )
-    same_as_one_by_one(scenario.replace(conflicts=None), [1], {"red": MADE["chase"], "blue": MADE["flee"]})
-    same_as_one_by_one(scenario, [1], {"red": MADE["guard"], "blue": MADE["safest_exit"]})
-    same_as_one_by_one(scenario, [2], {"red": MADE["intercept"], "blue": MADE["intercept goals"]})
-    same_as_one_by_one(scenario, [3], {"red": lambda ctx: unblock(chase(ctx), after=1), "blue": MADE["unblock"]})
-    same_as_one_by_one(scenario, [1], {"red": assign, "blue": sweep})
-
-
 def test_agents_that_set_no_action_stay_in_arrays_as_alone(same_as_one_by_one):
     strategies = {"red": lambda ctx: chase(ctx, None), "blue": lambda ctx: mix(0.5, unblock(flee(ctx, None)), stay)}
     same_as_one_by_one(hunted(), [1], strategies)
@@ -117,15 +102,6 @@ def test_agents_on_a_map_without_edges_stay_by_metres():
         games.run()
         assert games.observe("red").counts.tolist() == [[1]]
         assert games.result(0) == scenario.play(seed=0, strategies={"red": unblock(stay)})
-
-
-def test_what_strategies_remember_is_forgotten_when_their_game_is_reset():
-    with hunted().batch(3, strategies={"red": MADE["patrol"], "blue": MADE["random_waypoints"]}) as games:
-        games.run()
-        first_results = [plain(games.result(number)) for number in range(3)]
-        games.reset([0, 2])
-        games.run()
-        assert [plain(games.result(number)) for number in range(3)] == first_results
 
 
 def test_strategies_that_call_functions_have_no_array_form():

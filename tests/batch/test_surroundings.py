@@ -9,22 +9,6 @@ from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.game.batch import sensing
 from gamms.sensor.ground import MapSensor
 
-FIELD = {"fov": 2.0, "orientation": (0.6, 0.8)}
-KINDS = [
-    ("NEIGHBOR", {}),
-    ("MAP", {}),
-    ("MAP", {"at": 3}),
-    ("RANGE", {"sensor_range": 20.0}),
-    ("RANGE", {"sensor_range": 0.0}),
-    ("RANGE", {"sensor_range": 28.3, "at": (13.0, 22.0)}),
-    ("ARC", {"sensor_range": 30.0}),
-    ("ARC", {"sensor_range": float("inf"), "at": 12, **FIELD}),
-    ("ARC", {"sensor_range": 25.0, "at": 12, **FIELD}),
-    ("OCCLUDED_MAP", {}),
-    ("OCCLUDED_MAP", {"sensor_range": 25.0}),
-    ("OCCLUDED_MAP", {"sensor_range": 35.0, "at": 7, **FIELD}),
-]
-
 
 def with_eyes(ctx, kind, keywords, name="eye"):
     """Let the red agents carry a sensor, on a map with a wall."""
@@ -34,23 +18,6 @@ def with_eyes(ctx, kind, keywords, name="eye"):
     for agent in ctx.agent.agents.values():
         if agent.team == "red":
             agent.register_sensor(name, ctx.sensor.create_sensor(f"{agent.name}/{name}", kind, **keywords))
-
-
-@pytest.mark.parametrize(("kind", "keywords"), KINDS)
-def test_agents_see_the_nodes_that_their_sensors_show(kind, keywords):
-    with scene(max_turns=4).build(seed=1) as ctx:
-        with_eyes(ctx, kind, keywords)
-        with ctx.game.batch(seeds=[2, 1]) as games:
-            for _ in range(4):
-                view = games.observe("red")
-                seen = view["sensor"]["eye"]
-                for number, name in enumerate(view["name"]):
-                    data = ctx.game.observation(name)["sensor"]["eye"][1]
-                    here = (seen.at == 1) & (seen.viewers == number)
-                    expected = [*data["nodes"]] if isinstance(data, dict) else data
-                    assert view.streets.ids(seen.nodes[here]).tolist() == expected
-                games.step()
-                ctx.game.step()
 
 
 def test_all_sensors_together_show_each_node_once():

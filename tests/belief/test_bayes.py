@@ -380,23 +380,3 @@ def test_a_target_of_speed_0_stays_and_an_endless_one_is_on_nodes():
             filter.update(found={"a": 2})
             filter.predict()
             assert filter.probability("a") == pytest.approx(expected)
-
-
-def test_an_agent_that_is_seen_within_a_turn_was_not_so_far_when_the_turn_began():
-    with street() as ctx:
-        ctx.game.decide = "arrival"
-        eyes = ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=0)
-
-        def watch(state):
-            belief.observe(ctx, state)
-            state["action"] = 4 if state["curr_pos"] == 3 else 3
-
-        spy = {"team": "red", "sensors": {"eyes": eyes}, "strategy": watch, "speed": 20 / 3}
-        ctx.agent.create_agent("spy", start_node_id=3, **spy)  # at node 4 in the middle of turn 1
-        prey = {"team": "blue", "strategy": lambda state: state.update(action=1), "speed": 4.0}
-        ctx.agent.create_agent("prey", start_node_id=0, **prey)
-        ctx.game.add(lambda ctx: setattr(eyes, "range", 50 * (ctx.game.turn == 1)), phase="before")
-        ctx.game.run(2)
-        known = belief.belief_of(ctx, "spy")
-        assert known.last_seen["prey"].offset_m == pytest.approx(6.0)
-        assert known.probability("prey") == pytest.approx({0: 1.0})  # 4 m, then 8 m of 10

@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-from itertools import permutations
 from pathlib import Path
 
 import pytest
@@ -42,25 +41,6 @@ def hunt(turns=30, seed=1, path=None, **keywords):
     if path:
         ctx.terminate()
     return ctx
-
-
-def test_it_is_known_where_on_an_edge_an_agent_was_seen(make_ctx, add):
-    ctx = make_ctx(3, game={"speed_unit": "metres"})
-    add(ctx, "a", 0, "red", sight=50.0)
-    add(ctx, "prey", 0, "blue", strategy=lambda state: state.update(action=1)).speed = 3.0
-    sightings = []
-
-    def watch(state):
-        sightings.append(belief.observe(ctx, state).last_seen["prey"])
-        state["action"] = state["curr_pos"]
-
-    ctx.agent.get_agent("a").strategy = watch
-    ctx.game.run(3)
-    prey = ctx.agent.get_agent("prey")
-    assert sightings[0] == Sighting(0, 0, "a")
-    assert sightings[2] == Sighting(0, 2, "a", prey.edge, pytest.approx(6.0))
-    assert belief.belief_of(ctx, "a").reachable("prey") == {0}  # it is at 9 m of 10
-    assert belief.belief_of(ctx, "a").reachable("prey", speed=4.1) == {0, 1}
 
 
 def test_of_an_agent_between_nodes_that_is_seen_from_the_air_it_is_not_known_which_node_it_has_passed(make_ctx, add):
@@ -131,15 +111,6 @@ def test_what_only_the_program_knows_can_be_noted(make_ctx, add):
     add(ctx, "prey", 5, "blue")
     ctx.game.run(1)
     assert belief.belief_of(ctx, "a").last_seen == {"prey": Sighting(4, 0, "a")}
-
-
-def test_the_order_in_which_memories_are_merged_does_not_matter():
-    with hunt(share=False) as ctx:
-        memories = [ctx.game.memories[f"h{i}"] for i in range(3)]
-        merged = [belief.merge(*order) for order in permutations(memories)]
-        assert all(list(one.items()) == list(merged[0].items()) for one in merged)
-        assert belief.merge(merged[0], *memories) == merged[0]
-        assert len(merged[0]) == sum(len(belief.merge(memory)) for memory in memories)
 
 
 @pytest.mark.parametrize("turns", [1, 2, 3, 30])
@@ -244,15 +215,6 @@ def test_errors_name_what_is_missing(make_ctx, add):
         belief.believed(ctx, state)
 
 
-def test_it_works_in_a_loop_of_ones_own(make_ctx, add):
-    ctx = make_ctx(4)
-    agent, memory = add(ctx, "a", 0, "red", sight=10.0), {}
-    add(ctx, "prey", 1, "blue")
-    for turn in range(2):
-        state = agent.get_state() | {"name": "a", "team": "red", "turn": turn, "memory": memory}
-        assert belief.observe(ctx, state).probability("prey") == {1: 1.0}
-
-
 def reporting(ctx, reports):
     """Observe, and note at some turns where the prey was in others: turn -> (node, turn when it was there)."""
 
@@ -284,28 +246,6 @@ def test_what_is_reported_late_counts_as_if_it_had_been_noted_in_its_turn(make_c
         beliefs.append([(one.reachable("prey"), one.probability("prey")) for one in known])
         assert all(28 in reachable for reachable, _ in beliefs[-1])
     assert beliefs[0] == beliefs[1]
-
-
-def test_a_message_is_noted_by_its_turn_and_the_truth_stays_reachable(make_ctx, add):
-    ctx = make_ctx(30, game={"channels": {"radio": {"range_m": 1000, "delay_turns": 3}}})
-    sets = []
-
-    def tower(state):
-        for name, node in state["sensor"]["eyes"][1].items():
-            state["outbox"].append({"channel": "radio", "to": "b", "body": {"who": name, "node": node}})
-        state["action"] = state["curr_pos"]
-
-    def listener(state):
-        for message in state["inbox"]:
-            belief.note(ctx, state, message["body"]["who"], message["body"]["node"], turn=message["turn"])
-            sets.append((ctx.agent.get_agent("prey").current_node_id, belief.believed(ctx, state).reachable("prey")))
-        state["action"] = state["curr_pos"]
-
-    add(ctx, "a", 0, "red", sight=20.0, strategy=tower)
-    add(ctx, "b", 29, "red", sight=5.0, strategy=listener)
-    add(ctx, "prey", 1, "blue", strategy=lambda state: state.update(action=state["curr_pos"] + 1))
-    ctx.game.run(6)
-    assert sets == [(4, {0, 1, 2, 3, 4}), (5, {0, 1, 2, 3, 4, 5})]
 
 
 def test_reports_are_forgotten_but_for_the_last_of_each_agent(make_ctx, add):

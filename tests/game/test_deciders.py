@@ -215,16 +215,6 @@ def test_illegal_nodes_in_arrays_are_counted_agent_by_agent(ctx):
     assert ["not next to" in result.errors[0]["message"], "99" in result.errors[1]["message"]] == [True, True]
 
 
-def test_a_plan_of_arrays_commands_a_runner_of_a_team_that_was_made_at_once(ctx):
-    ctx.agent.create_team("red", [0] * 3)
-    ctx.agent.get_agent("red_1").speed = 2
-    seen = []
-    ctx.game.command("red", lambda arrays: (seen.append(arrays.targets.tolist()), [1, 10, 4])[-1], arrays=True)
-    ctx.game.step()
-    assert seen == [[0, 1, 4, 0, 1, 4, 2, 5, 8, 0, 1, 4]]
-    assert nodes(ctx)["red_1"] == 2
-
-
 def test_a_plan_of_arrays_commands_runners_and_any_move(ctx):
     team(ctx, "a", speed=2)
     team(ctx, "b")

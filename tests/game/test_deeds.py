@@ -151,19 +151,6 @@ def test_fields_are_checked_by_their_kinds(road, kind, good, bad):
     assert [error["agent"] for error in result.errors] == ["bob"]
 
 
-def test_a_choice_must_be_one_of_those_and_may_be_given_alone(road):
-    road.game.deeds = {"look": {"way": ["north", 3]}}
-    road.plans["ann"] = [{"do": {"look": given}} for given in ("north", "nort", "x", 3.0, {})]
-    result = road.game.run(5)
-    assert [deed["way"] for deed in result.deeds] == ["north"]
-    assert [error["message"].split(": ", 1)[1] for error in result.errors] == [
-        "'way' of the deed 'look' cannot be 'nort'. Did you mean 'north'?",
-        "'way' of the deed 'look' cannot be 'x'. Use one of: 'north', 3.",
-        "'way' of the deed 'look' cannot be 3.0. Use one of: 'north', 3.",
-        "There is no 'way' of the deed 'look'; it needs 'way'.",
-    ]
-
-
 @pytest.mark.parametrize(("given", "is_done"), [(None, True), (True, True), ({}, True), (False, False), (0, False)])
 def test_a_deed_without_fields_is_wanted_by_none_true_or_an_empty_dict(road, given, is_done):
     road.plans["ann"] = [{"do": {"wait": given}}]
@@ -205,31 +192,3 @@ def test_a_strategy_knows_what_it_may_do(road):
     road.game.deeds = {}
     road.game.run(1)
     assert "deeds" not in found[1]
-
-
-def played(road, turns=6):
-    road.plans = {"ann": [attack("bob"), 1, attack("bob", force=1), 5], "bob": [8, {"do": {"attack": "ann"}}]}
-
-    @road.game.add(phase="deeds", name="hit")
-    def hit(ctx):
-        for deed in ctx.game.performed("attack"):
-            ctx.game.scores[deed.team] += 1
-
-    file = io.BytesIO()
-    road.record.start(file)
-    result = road.game.run(turns)
-    road.record.stop()
-    return file.getvalue(), result
-
-
-def test_a_recording_has_deeds_as_a_table_and_goes_on_with_them(road):
-    data, result = played(road)
-    with gamms.recorder.open(io.BytesIO(data)) as recording:
-        table = recording.table("deeds")
-        assert table["turn"].tolist() == [1, 2, 3]
-        assert table["agent"].tolist() == ["ann", "bob", "ann"]
-        assert table["at"].tolist() == [0, 8, 1]
-        for turn in range(7):
-            with recording.resume(turn) as ctx:
-                assert ctx.game.deeds == road.game.deeds
-                assert ctx.game.result().deeds == [deed for deed in result.deeds if deed["turn"] <= turn]

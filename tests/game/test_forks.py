@@ -122,97 +122,13 @@ def test_forks_of_forks_and_snapshots_in_forks(game):
         fork.restore(game.snapshot())
 
 
-def test_a_fork_that_is_reset_is_where_it_began(game):
-    fork = game.fork(1)
-    before = seen(fork)
-    fork.run(4)
-    fork.reset()
-    assert fork.turn == 3
-    assert seen(fork)["agents"] == before["agents"]
-
-
 def test_agents_respawn_in_a_fork_where_they_began_in_the_game(game):
     fork = game.fork(1)
     fork.respawn("a3")
     assert (fork.start_node("a3"), places(fork)["a3"]) == (15, 15)
 
 
-@pytest.mark.parametrize("turns", [0, 2])
-def test_a_game_can_be_forked_before_its_first_turn(grid, turns):
-    with build(grid) as ctx:
-        ctx.game.run(turns)
-        fork = ctx.game.fork(1)
-        fork.run(2)
-        assert (fork.turn, ctx.game.turn) == (turns + 2, turns)
-
-
-def test_a_fork_of_a_game_in_a_database(grid):
-    with grid(engine=gamms.graph.Engine.SQLITE) as ctx:
-        ctx.agent.create_agent("a", start_node_id=0, strategy=wander)
-        fork = ctx.game.fork(1)
-        fork.ctx.graph.graph.remove_node(15)
-        fork.run(3)
-        assert ctx.graph.graph.has_node(15)
-
-
 # -- the map --------------------------------------------------------------------------------------------------------
-
-
-CHANGES = {
-    "add_node": lambda graph: graph.graph.add_node({"id": 99, "x": 0.0, "y": 0.0}),
-    "add_edge": lambda graph: graph.graph.add_edge({"id": 99, "source": 0, "target": 15, "length": 1.0}),
-    "add_nodes": lambda graph: graph.add_nodes([98, 99], [0.0, 1.0], [0.0, 1.0]),
-    "add_edges": lambda graph: graph.add_edges([98, 99], [0, 15], [15, 0]),
-    "update_node": lambda graph: graph.graph.update_node({"id": 5, "x": 99.0, "tags": ["park"]}),
-    "update_edge": lambda graph: graph.graph.update_edge({"id": 5, "length": 99.0}),
-    "remove_node": lambda graph: graph.graph.remove_node(5),
-    "remove_edge": lambda graph: graph.graph.remove_edge(5),
-    "clear": lambda graph: graph.graph.clear(),
-    "attach": lambda graph: (graph.graph.clear(), graph.attach_networkx_graph(gamms.graph.grid(2, 2))),
-    "add_obstacle_face": lambda graph: graph.add_obstacle_face(9, (0, 0, 9), (1, 0, 9), (0, 0, 0), (1, 0, 0), 0),
-    "add_obstacles": lambda graph: graph.add_obstacles([[[0, 0, 9], [1, 0, 9], [0, 0, 0], [1, 0, 0]]], ids=[9]),
-    "remove_obstacle_face": lambda graph: graph.remove_obstacle_face(0),
-    "crs": lambda graph: setattr(graph.graph, "crs", "EPSG:3067"),
-}
-
-
-def map_of(ctx):
-    columns, graph = ctx.graph.columns(), ctx.graph.graph
-    rows = [getattr(columns, name) for name in ("node_ids", "xy", "edge_ids", "sources", "targets", "lengths")]
-    faces = [face.tolist() for face in ctx.graph.obstacle_columns()]
-    near = {node: list(graph.neighborhoods[node]) for node in graph.get_nodes()}
-    found = list(graph.get_nodes(25, 0, 0)), list(graph.get_edges(25, 0, 0))
-    tags = [graph.node_attributes(node) for node in graph.get_nodes()]
-    ways = [graph.distance(0, 15)] if graph.has_node(15) and graph.has_node(0) else []
-    return [[row.tolist() for row in rows], faces, near, found, tags, ways, graph.crs]
-
-
-@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
-@pytest.mark.parametrize("changed", ["game", "fork", "both", "fork of the fork"])
-def test_the_map_is_shared_until_it_is_changed(grid, change, changed):
-    with grid() as ctx, grid() as alone:
-        for one in (ctx, alone):
-            one.graph.add_obstacle_face(0, (5, 0, 9), (5, 5, 9), (5, 0, 0), (5, 5, 0), 0)
-        before = map_of(ctx)
-        fork = ctx.game.fork(1).ctx
-        nested = fork.game.fork(2).ctx
-        assert map_of(fork) == map_of(nested) == before
-        change(alone.graph)
-        after = map_of(alone)
-        everyone = {"game": [ctx], "fork": [fork], "both": [ctx, fork], "fork of the fork": [nested]}[changed]
-        for one in everyone:
-            change(one.graph)
-        for one in (ctx, fork, nested):
-            assert map_of(one) == (after if one in everyone else before)
-
-
-def test_a_fork_keeps_the_map_when_the_game_ends(grid):
-    ctx = grid()
-    before = map_of(ctx)
-    fork = ctx.game.fork(1).ctx
-    ctx.terminate()
-    assert map_of(fork) == before
-    fork.terminate()
 
 
 def test_a_game_changes_its_own_map_in_place_once_its_forks_are_gone(grid, collect):

@@ -52,17 +52,6 @@ def test_turns_of_a_loop_of_ones_own_are_not_warned_about(ctx, heard):
     assert heard == []
 
 
-def test_a_scenario_names_its_team_once_for_all_its_games(said):
-    game = scenario.Scenario(**GAME)
-    game.play(seed=1)
-    game.replace(max_turns=2).play(seed=2)
-    with game.build(seed=3) as ctx:
-        ctx.game.run()
-    with game.batch(2) as games:
-        games.run()
-    assert said() == [NOBODY_DECIDES.format("team 'blue'")]
-
-
 def test_a_strategy_of_the_caller_counts(said):
     scenario.Scenario(**GAME).play(seed=1, strategies={"blue": stay})
     scenario.Scenario(**GAME).play(seed=1, strategies={"blue_0": stay})

@@ -103,25 +103,6 @@ def test_a_function_that_takes_something_else_is_refused_with_its_signature(ctx,
         ctx.game.add(function)
 
 
-class Callable:
-    def __call__(self, ctx):
-        pass
-
-
-class Resolving(Callable):
-    def resolve(self, moves, ctx):
-        return set()
-
-
-@pytest.mark.parametrize(
-    "function",
-    [Rules().one, lambda c, k=1: None, lambda *a: None, lambda c, *, k=1: None, Callable(), Resolving(), print],
-)
-def test_whatever_can_be_called_with_one_argument_is_taken(ctx, function):
-    ctx.game.add(function)
-    assert ctx.game.run(1).turns == 1
-
-
 @pytest.mark.parametrize("strategy", [stay, random_walk])
 def test_strategies_that_are_functions_of_the_state_are_taken_as_they_are(ctx, strategy):
     ctx.agent.create_agent("b", start_node_id=0, strategy=strategy)

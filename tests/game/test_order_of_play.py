@@ -221,28 +221,3 @@ def test_who_is_put_elsewhere_in_its_part_of_the_turn_and_stays_is_there_at_the_
         ctx.game.add(lambda ctx: tracks.extend(ctx.game.tracks([rob])))
         ctx.game.step()
         assert [(track.path, track.times) for track in tracks] == [((5,), (1.0,))]
-
-
-def test_a_fork_in_a_turn_of_one_part_begins_with_it_after_turns_of_two():
-    turns = []
-
-    def stay(states):
-        for one in states.values():
-            one["action"] = one["curr_pos"]
-
-    def look_ahead(state):
-        game = state["fork"](1, information="full").game
-        game.command("red", stay)
-        game.step()
-        turns.append(game.turn)
-        state["action"] = state["curr_pos"]
-
-    with road([["red"], ["blue"]]) as ctx:
-        player(ctx, "b", "blue", 5)
-        player(ctx, "r", "red", 2)
-        ctx.game.information = "full"
-        ctx.game.step()
-        ctx.game.order = None
-        ctx.agent.get_agent("r").strategy = look_ahead
-        ctx.game.step()
-    assert turns == [2]

@@ -69,15 +69,6 @@ def test_another_seed_is_another_game_that_equals_a_fresh_one(grid):
         assert ctx.game.run() == first
 
 
-def test_a_graph_that_did_not_change_keeps_its_indexes(ctx, play):
-    play("a", 0, 1)
-    ctx.game.run(2)
-    revision, columns = ctx.graph.graph.revision, ctx.graph.columns()
-    ctx.game.reset()
-    assert ctx.graph.graph.revision == revision
-    assert ctx.graph.columns() is columns
-
-
 def test_a_reset_before_the_first_turn_sets_the_seed(grid):
     with grid(seed=1) as ctx, grid(seed=9) as other:
         ctx.game.reset(9)

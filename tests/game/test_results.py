@@ -102,17 +102,6 @@ def test_tables_of_a_game_in_which_nothing_happened_are_empty(ctx, play):
         assert all(len(column) == 0 for column in result.table(name).values())
 
 
-def test_a_saved_result_is_loaded_as_it_was(ctx, play, tmp_path):
-    result = played(ctx, play)
-    result.save(tmp_path / "r.json")
-    again = Result.load(tmp_path / "r.json")
-    assert again == result
-    assert again.timings == {}
-    assert again.table("late")["value"].tolist() == [{"turn": 2}]
-    again.save(tmp_path / "again.json")
-    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "r.json").read_bytes()
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [

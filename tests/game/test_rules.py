@@ -33,23 +33,6 @@ def test_a_rule_is_called_like_its_function_and_a_second_one_gets_a_number(ctx):
     assert names(ctx) == ["storm", "storm_2", "storm_3", "Referee", "<lambda>"]
 
 
-def test_a_name_may_be_given_once(ctx):
-    ctx.game.add(lambda ctx: None, name="tide", phase="before")
-
-    @ctx.game.add(name="moon")
-    def rule(ctx):
-        pass
-
-    assert [(one.name, one.phase) for one in ctx.game.rules] == [("tide", "before"), ("moon", "after")]
-    assert (
-        repr(ctx.game.rules) == "(NamedRule('tide', <lambda>, phase='before'), NamedRule('moon', rule, phase='after'))"
-    )
-    with pytest.raises(ValueError, match="There is already a rule named 'tide'"):
-        ctx.game.add(rule, name="tide")
-    with pytest.raises(TypeError, match="name of a rule"):
-        ctx.game.add(rule, name=5)
-
-
 def test_rules_of_a_higher_rank_are_called_later_whenever_they_were_added(ctx):
     called = []
 

@@ -13,15 +13,6 @@ def town():
         yield ctx
 
 
-def test_a_run_is_recorded_and_replaces_an_existing_file(town, tmp_path):
-    file = tmp_path / "game.ggr"
-    file.write_text("old")
-    town.game.run(max_turns=5, record=file)
-    town.game.step()  # is not recorded
-    with gamms.recorder.open(file) as recording:
-        assert recording.turns == 5
-
-
 def test_a_run_that_fails_leaves_a_whole_recording(town, tmp_path):
     def err(ctx):
         if ctx.game.turn == 3:

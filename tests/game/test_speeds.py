@@ -136,15 +136,6 @@ def test_on_the_way_to_one_node_nothing_is_lost_or_gained(lengths, speed, unit):
         assert node == max(i for i, end in enumerate(ends) if end <= turn * Fraction(speed))
 
 
-def test_who_has_left_a_game_of_edges_begins_its_edge_again(ctx, play):
-    agent = play("a", 5, *[6] * 4, speed=0.5)
-    ctx.game.step()
-    ctx.game.eliminate(agent)
-    agent.alive = True
-    ctx.game.step()
-    assert agent.current_node_id == 5
-
-
 def edge_of(ctx, source, target):
     """The id of the edge between two nodes."""
     edges = map(ctx.graph.graph.get_edge, ctx.graph.graph.get_edges())
@@ -165,29 +156,11 @@ def test_an_edge_that_is_made_longer_takes_longer(ctx, play):
     assert places(agent, ctx.game.run(1)) == [0, 1, 1]
 
 
-@pytest.mark.parametrize(("second", "end"), [(0, 0), (1, 1)])
-def test_half_an_edge_back_counts_and_half_a_wait_does_not(ctx, play, second, end):
-    agent = play("a", 0, [1, second], [0], speed=1.5)
-    assert places(agent, ctx.game.run(1)) == [0, 1]
-    assert (agent._block.progress == [None]) is (second == 1)
-    agent.speed = 0.5
-    assert places(agent, ctx.game.run(1))[-1] == end
-
-
 def test_an_agent_that_is_blocked_begins_its_edge_again(ctx, play):
     ctx.game.conflicts = gamms.rules.Conflicts(1)
     agent = play("a", 5, *[6] * 5, speed=0.75)
     play("b", 6, 6, 6, 7)
     assert places(agent, ctx.game.run(5)) == [5, 5, 5, 5, 6, 6]
-
-
-def test_legal_has_what_the_part_of_an_edge_brings_into_reach(ctx, play):
-    agent = play("a", 0, [4, 8, 12], [4, 8, 12], 12, speed=0.5)
-    other = play("b", 0, [1, 2, 3], [2, 3], speed=1.5)
-    ctx.game.run(3)
-    assert sorted(agent.seen[1]["legal"]) == [0, 1, 4]
-    assert sorted(other.seen[0]["legal"]) == [0, 1, 4]
-    assert sorted(other.seen[1]["legal"]) == [0, 1, 2, 3, 5, 6]  # on from 2, and not from 0 or 5
 
 
 @st.composite

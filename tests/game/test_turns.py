@@ -58,15 +58,6 @@ def test_an_illegal_action_may_raise_instead(ctx, play):
     assert (agent.current_node_id, ctx.game.turn) == (0, 0)
 
 
-def test_any_node_is_legal_where_the_game_is_set_so(ctx, play):
-    ctx.game.legal = "any"
-    agent = play("a", 0, 15, 99)
-    result = ctx.game.run(2)
-    assert agent.current_node_id == 15
-    assert result.agents["a"]["illegal"] == 1
-    assert sorted(agent.seen[0]["legal"]) == list(range(16))
-
-
 def test_numpy_integers_dicts_and_lists_of_one_node_are_moves(ctx, play):
     agents = [play("a", 0, np.int64(1)), play("b", 0, {"node_id": 1, "orientation": (0, 2)}), play("c", 0, [0, 1])]
     ctx.game.step()

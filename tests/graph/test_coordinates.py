@@ -257,17 +257,6 @@ def test_placed_nodes_keep_what_was_asked_for(n, radius, apart, seed):
     assert all(math.dist(one, other) >= apart for one in places for other in places if one is not other)
 
 
-def test_every_node_may_be_placed_and_the_rims_count():
-    graph = cloud([(i, 0) for i in range(10)])
-    assert sorted(graph.place(10, rng=1)) == list(range(100, 110))
-    assert sorted(graph.place(10, apart=1.0, rng=1)) == list(range(100, 110))
-    assert sorted(graph.place(3, near=104, radius=1.0, rng=1)) == [103, 104, 105]
-    assert graph.place(1, near=(0, 0), radius=0, apart=math.inf, rng=1) == [100]
-    assert graph.place(0, rng=1) == []
-    seen = {id for seed in range(60) for id in graph.place(2, rng=seed)}
-    assert seen == set(range(100, 110))
-
-
 @pytest.mark.parametrize(
     ("demand", "hint"),
     [

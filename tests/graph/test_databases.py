@@ -250,15 +250,6 @@ def test_what_was_saved_elsewhere_after_a_conflict_is_not_saved_again(reopened, 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["graph.db", "mine.gamms"]
 
 
-def test_a_new_database_is_not_locked_between_saves(reopened):
-    first = reopened()
-    with sqlite3.connect(reopened.path, timeout=0) as theirs:
-        theirs.execute("BEGIN EXCLUSIVE")
-        theirs.execute("ROLLBACK")
-    theirs.close()
-    first.graph.save()
-
-
 _START = """
 import sys, gamms
 from gamms.errors import WriteConflict

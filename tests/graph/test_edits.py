@@ -216,15 +216,6 @@ def test_removing_a_node_removes_the_edges_at_it(any_ctx, fill):
     assert list(graph.get_edges()) == []
 
 
-def test_parallel_edges_are_distinguished(any_ctx, fill):
-    graph = fill(any_ctx)
-    assert list(graph.get_neighbors(1)) == [2]
-    graph.remove_edge(1)
-    assert list(graph.get_neighbors(1)) == [2]
-    graph.remove_edge(2)
-    assert list(graph.get_neighbors(1)) == []
-
-
 def test_a_missing_node_has_no_neighbors_at_the_call(graph):
     with pytest.raises(KeyError, match="5"):
         graph.get_neighbors(5)
@@ -247,12 +238,3 @@ def test_a_loop_makes_a_node_its_own_neighbor(any_ctx, fill):
     graph = fill(any_ctx)
     assert list(graph.get_neighbors(-7)) == [-7]
     assert list(graph.neighborhoods[-7]) == [-7]
-
-
-def test_an_old_polyline_does_not_lead_to_a_new_end(any_ctx, fill):
-    graph = fill(any_ctx)
-    graph.update_edge({"id": 2, "target": -7})
-    assert graph.get_edge(2).points == (0.0, 0.0, 6.0, 0.0)
-    graph.update_edge({"id": 2, "linestring": [(0, 0), (1, 9), (6, 0)]})
-    graph.update_edge({"id": 2, "target": -7, "length": 8})
-    assert graph.get_edge(2).points == (0.0, 0.0, 1.0, 9.0, 6.0, 0.0)

@@ -2,7 +2,6 @@
 
 import json
 import sqlite3
-import struct
 import sys
 
 import networkx as nx
@@ -37,20 +36,6 @@ def edges_of(ctx):
     return [ctx.graph.graph.get_edge(id) for id in ctx.graph.graph.get_edges()]
 
 
-def test_graphml_leads_back_to_the_same_graph(town, tmp_path):
-    assert town.graph.export(tmp_path / "town.graphml") == [tmp_path / "town.graphml"]
-    read = nx.read_graphml(tmp_path / "town.graphml", node_type=int)
-    assert read.graph["crs"] == "EPSG:32635"
-    assert read.graph["attribution"] == town.graph.attribution
-    assert read.nodes[5]["note"] == 'a "quoted", <text> & \ufffd bell'
-    assert read.nodes[5]["signal"] is True
-    with gamms.create_context(logger_config=QUIET) as ctx:
-        ctx.graph.attach_networkx_graph(read)
-        assert sorted(edges_of(ctx)) == sorted(edges_of(town))
-        assert ctx.graph.graph.positions([5, 6, 7]).tolist() == town.graph.graph.positions([5, 6, 7]).tolist()
-        assert ctx.graph.edge_attributes(11) == {"Name": '["a", "b"]'}
-
-
 def test_geojson_holds_nodes_and_edges_in_degrees(town, tmp_path):
     (file,) = town.graph.export(tmp_path / "town.geojson")
     found = json.loads(file.read_text(encoding="utf-8"))
@@ -68,27 +53,6 @@ def test_geojson_holds_nodes_and_edges_in_degrees(town, tmp_path):
     assert len(again) >= 3
 
 
-def test_a_geopackage_holds_nodes_and_edges(town, tmp_path):
-    (file,) = town.graph.export(tmp_path / "town.gpkg")
-    database = sqlite3.connect(file)
-    assert database.execute("PRAGMA application_id").fetchone() == (0x47504B47,)
-    assert database.execute("PRAGMA integrity_check").fetchone() == ("ok",)
-    assert database.execute("PRAGMA foreign_key_check").fetchall() == []
-    layers = database.execute("SELECT table_name, geometry_type_name, srs_id FROM gpkg_geometry_columns").fetchall()
-    assert layers == [("nodes", "POINT", 4326), ("edges", "LINESTRING", 4326)]
-    bounds = database.execute("SELECT min_x, min_y, max_x, max_y FROM gpkg_contents").fetchone()
-    blob, id, name, other, big = database.execute("SELECT geom, id, name_2, Name, big FROM edges").fetchone()
-    assert (id, name, other, big) == (10, "Höhe", None, None)
-    assert blob[:4] == b"GP\x00\x01"
-    assert struct.unpack_from("<iBII", blob, 4) == (4326, 1, 2, 3)
-    line = np.frombuffer(blob, "<f8", offset=17).reshape(-1, 2)
-    x, y = town.graph.from_latlon(lat=line[:, 1], lon=line[:, 0])
-    assert np.abs(np.column_stack((x, y)) - town.graph.columns().polylines[0]).max() < 1e-3
-    assert bounds[0] <= line[:, 0].min() <= line[:, 0].max() <= bounds[2]
-    assert database.execute("SELECT big, lanes FROM edges WHERE id = 12").fetchone() == (2.0**70, 2.0)
-    database.close()
-
-
 def test_a_graph_without_a_crs_has_map_units_only(tmp_path):
     with gamms.create_context(logger_config=QUIET) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
@@ -101,15 +65,6 @@ def test_a_graph_without_a_crs_has_map_units_only(tmp_path):
         assert database.execute("SELECT DISTINCT srs_id FROM gpkg_geometry_columns").fetchall() == [(-1,)]
         database.close()
         assert not (tmp_path / "grid.geojson").exists()
-
-
-def test_an_empty_graph_can_be_written(tmp_path):
-    with gamms.create_context(logger_config=QUIET) as ctx:
-        ctx.graph.graph.crs = "EPSG:32635"
-        for suffix in (".csv", ".gpkg", ".graphml", ".geojson"):
-            ctx.graph.export(tmp_path / f"nothing{suffix}")
-    assert json.loads((tmp_path / "nothing.geojson").read_text())["features"] == []
-    assert len(nx.read_graphml(tmp_path / "nothing.graphml")) == 0
 
 
 def test_what_cannot_be_written_leaves_no_file(town, tmp_path):

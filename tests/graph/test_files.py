@@ -18,9 +18,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import gamms
 from gamms import limits
-from gamms.errors import BadFile, BadType, BadValue
+from gamms.errors import BadFile, BadValue
 from gamms.graph import Engine, Graph, map_file
 from gamms.graph.map_file import SavedMap
 from gamms.graph.obstacles import checked_face
@@ -128,39 +127,6 @@ def test_an_attribute_that_no_node_has_any_more_does_not_spoil_the_file(ctx, gra
     assert list(graph.get_nodes()) == []
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda ctx: ctx.graph.graph.add_node({"id": 99, "x": 0, "y": 0}),
-        lambda ctx: ctx.graph.graph.update_node({"id": 2, "name": "Kallio"}),
-        lambda ctx: ctx.graph.graph.remove_node(2),
-        lambda ctx: ctx.graph.close_roads([next(iter(ctx.graph.graph.get_edges()))]),
-        lambda ctx: ctx.graph.add_obstacles([[(0, 0, 9), (1, 0, 9), (0, 0, 0), (1, 0, 0)]]),
-        lambda ctx: setattr(ctx.graph.graph, "crs", "EPSG:32636"),
-        lambda ctx: setattr(ctx.graph.graph, "attribution", "of the city"),
-        lambda ctx: setattr(ctx.graph.graph, "scenery", "helsinki"),
-        lambda ctx: ctx.graph.graph.clear(),
-    ],
-)
-def test_a_map_that_has_changed_is_packed_again_and_one_that_is_restored_is_as_before(ctx, fill, change):
-    fill(ctx)
-    storage = ctx.graph.storage
-    before, packed = storage.snapshot(), storage.pack()
-    change(ctx)
-    assert storage.pack() == map_file.encode(storage.contents()) != packed
-    storage.restore(before)
-    assert storage.pack() == map_file.encode(storage.contents())
-
-
-def test_a_file_replaces_graph_and_obstacles(ctx, graph, saved, everything):
-    before = everything(ctx)
-    graph.add_node({"id": 77, "x": 0.0, "y": 0.0})
-    ctx.graph.add_obstacle_face(78, *[(0, 0, 0)] * 4, 0)
-    graph.crs = None
-    ctx.graph.load(saved)
-    assert everything(ctx) == before
-
-
 # -- written whole or not at all --------------------------------------------------------------------------------
 
 
@@ -242,17 +208,6 @@ def ordered(value):
     if isinstance(value, list | tuple):
         return [type(value).__name__, [ordered(one) for one in value]]
     return value.hex() if isinstance(value, bytes) else value
-
-
-@pytest.mark.parametrize("value", [5, 1.5, b"EPSG:3879", ["a"], True, object(), {}])
-def test_what_says_of_the_map_is_text(any_ctx, value):
-    graph = any_ctx.graph.graph
-    for name in ("crs", "attribution"):
-        with pytest.raises(BadType, match=rf"graph\.{name} must be a string or None, not "):
-            setattr(graph, name, value)
-        with pytest.raises(BadValue, match="surrogate"):
-            setattr(graph, name, "\ud800")
-        assert getattr(graph, name) is None
 
 
 def test_no_caller_shares_a_value_with_the_graph(any_ctx):
@@ -453,15 +408,6 @@ def test_a_file_of_an_older_version_says_so(saved):
     struct.pack_into("<I", data, 8, 1)
     with pytest.raises(BadFile, match="format version 1, which was never released"):
         map_file.decode(bytes(data))
-
-
-def test_a_map_of_ours_is_read(ctx):
-    from importlib.resources import as_file, files
-
-    with as_file(files(gamms) / "data" / "helsinki.gamms") as path:
-        ctx.graph.load(path)
-    assert len(list(ctx.graph.graph.get_nodes())) > 100
-    assert "OpenStreetMap" in ctx.graph.attribution
 
 
 # -- forging ----------------------------------------------------------------------------------------------------

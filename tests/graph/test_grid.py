@@ -3,21 +3,11 @@
 import subprocess
 import sys
 
-import networkx as nx
 import pytest
 
 import gamms
 from gamms.errors import BadType, BadValue, TooLarge
 from gamms.graph.networkx_bridge import Grid
-
-
-@pytest.mark.parametrize(("n", "m"), [(1, 1), (1, 7), (6, 1), (4, 5)])
-def test_a_grid_is_that_of_networkx(n, m):
-    reference = nx.convert_node_labels_to_integers(nx.grid_2d_graph(n, m)).to_directed()
-    G = gamms.graph.grid(n, m)
-    assert list(G) == list(reference)
-    assert set(G.edges) == set(reference.edges)
-    assert {data["length"] for _, _, data in G.edges(data=True)} <= {10.0}
 
 
 @pytest.mark.parametrize(("n", "m"), [(1, 1), (1, 7), (6, 1), (4, 5)])

@@ -138,15 +138,6 @@ def test_making_room_for_new_values_loses_no_old_ones(graph, monkeypatch):
         graph.update_node({"id": turn, "y": 1.0})
 
 
-def test_a_table_too_large_for_eager_values_gives_the_same(graph, model, monkeypatch):
-    monkeypatch.setattr(indexes, "_MOST_EAGER", 10)
-    programme = LongProgramme(graph, model(), seed=3)
-    for _ in range(200):
-        programme.step(PROGRAMMES["everything"])
-        programme.look()
-    programme.look_at_all()
-
-
 @pytest.mark.parametrize("most", [1, 10])
 def test_neighbours_in_a_graph_too_large_to_keep_them_all_are_the_same(graph, model, monkeypatch, most):
     monkeypatch.setattr(store, "_MOST_NEIGHBORHOODS", most)

@@ -136,15 +136,6 @@ def test_a_near_path_visits_few_nodes(city):
     assert search.path(source, target, path.visited - 1, math.inf).visited == -1
 
 
-def test_after_many_searches_for_a_goal_its_table_is_made(city):
-    target = 40 * 150 + 40
-    city.distance(0, 5)  # at another goal
-    nodes = iter(range(0, 22500, 700))
-    while not city._routes._has_table(target, "length"):
-        city.distance(next(nodes), target)
-    assert city._routes._goals["length", target].visited > 22500
-
-
 def test_a_path_that_is_cut_by_its_weight_is_no_path():
     graph = Graph()
     graph.add_nodes(range(3), [0, 1, 2], [0, 0, 0])

@@ -178,15 +178,6 @@ def test_an_empty_graph_adds_nothing(any_ctx, everything):
     assert everything(any_ctx) == before
 
 
-def test_what_is_attached_is_seen_by_indexes_that_are_there(any_ctx, fill):
-    graph = fill(any_ctx)
-    graph.within(1, 100.0)
-    assert list(graph.neighborhoods[1]) == [1, 2]
-    graph.attach_networkx_graph(nx.DiGraph([(200, 201)]))
-    assert {200, 201} <= set(graph.get_nodes(100.0, 0.0, 0.0))
-    assert list(graph.neighborhoods[200]) == [200, 201]
-
-
 small = st.integers(-3, 3).map(float)
 names = st.dictionaries(st.sampled_from(["name", "lanes", "self", "key", "u_of_edge"]), st.integers(), max_size=2)
 

@@ -20,15 +20,6 @@ def test_a_face_is_given_back_as_floats(any_ctx):
     assert [type(number) for corner in face[1:5] for number in corner] == [float] * 12
 
 
-def test_faces_come_in_the_order_they_were_added(any_ctx):
-    for id in (5, -3, 9):
-        any_ctx.graph.add_obstacle_face(id, **WALL)
-    any_ctx.graph.remove_obstacle_face(5)
-    any_ctx.graph.add_obstacle_face(5, **WALL)
-    assert list(any_ctx.graph.get_obstacle_faces()) == [-3, 9, 5]
-    assert list(any_ctx.graph.get_obstacle_faces(5.0, 0.0, 0.0)) == [-3, 9, 5]
-
-
 corners = st.tuples(*[st.integers(-9, 9)] * 3)
 
 

@@ -193,15 +193,6 @@ def test_an_edge_without_the_attribute_counts_one_and_an_infinite_one_is_closed(
         square.shortest_path(1, 5, "travel_time")
 
 
-@pytest.mark.parametrize("value", [-1, -1e-9, math.nan, "30", None, True, [1]])
-def test_a_weight_that_is_none_names_its_edge(square, value):
-    square.update_edge({"id": 3, "toll": value})
-    kind = BadType if isinstance(value, str | bool | list | None) else BadValue
-    with pytest.raises(kind, match="'toll' of edge 3"):
-        square.shortest_path(1, 5, "toll")
-    assert square.shortest_path(1, 5) == [1, 2, 4, 5]
-
-
 @pytest.mark.parametrize("weight", [lambda u, v, data: 1, 3, ("a",)])
 def test_a_weight_is_a_name(square, weight):
     with pytest.raises(BadType, match="name of an edge attribute"):

@@ -53,15 +53,6 @@ def test_many_nodes_see_what_each_sees_whatever_was_changed_before(data):
         check(graph, data.draw(RADII))
 
 
-def test_many_nodes_of_a_large_map_are_answered_in_parts():
-    rng = np.random.default_rng(1)
-    graph = Graph()
-    graph.add_nodes(np.arange(3000), *rng.uniform(0.0, 100.0, (2, 3000)))
-    graph.add_edges(np.arange(9000), *rng.integers(0, 3000, (2, 9000)))
-    asked = rng.integers(0, 3000, 500)
-    assert graph.within_many(asked, 12.0) == [graph.within(int(id), 12.0) for id in asked]
-
-
 def test_asking_of_no_node_answers_nothing_and_of_a_missing_one_is_refused():
     graph = Graph()
     graph.add_node({"id": 3, "x": 0.0, "y": 0.0})

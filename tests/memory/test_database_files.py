@@ -28,16 +28,6 @@ def run(path, sql, *values):
     connection.close()
 
 
-def test_a_map_is_gone_on_with_once(database):
-    first = database()
-    fill(first)
-    first.close()
-    second = database()
-    second.create_map("nodes", SCHEMA, "id")
-    with pytest.raises(ValueError, match="already a map"):
-        second.create_map("nodes", SCHEMA, "id")
-
-
 @pytest.mark.parametrize(
     ("schema", "key"),
     [(SCHEMA | {"X": int}, "id"), ({"id": int}, "id"), (SCHEMA, "X"), (SCHEMA | {"y": int}, "id")],
@@ -50,25 +40,6 @@ def test_a_map_of_the_file_keeps_its_schema(database, schema, key):
     with pytest.raises(ValueError, match=r"has the schema \{'id': 'int'.*, not \{'id'"):
         second.create_map("nodes", schema, key)
     assert second.list_maps() == []
-
-
-def test_the_order_of_the_fields_may_change(database):
-    first = database()
-    fill(first)
-    first.close()
-    second = database()
-    second.create_map("nodes", dict(reversed(SCHEMA.items())), "id")
-    assert second.get_data("nodes", 2) == {"X": 0.5, "a b": [(1,)], "id": 2}
-
-
-def test_a_deleted_map_stays_deleted(database):
-    first = database()
-    fill(first)
-    first.delete_map("nodes")
-    first.close()
-    second = database()
-    second.create_map("nodes", {"other": str}, "other")
-    assert list(second.query_keys("nodes")) == []
 
 
 def test_nothing_is_kept_before_flush(database):
@@ -123,15 +94,6 @@ def test_folders_are_made_and_only_the_file_stays(tmp_path):
     store.close()
     assert [one.name for one in path.parent.iterdir()] == ["store.db"]
     assert PathLike(str(path)).exists()
-
-
-def test_the_tables_of_another_program_are_left_alone(database):
-    run(database.path, "CREATE TABLE nodes (theirs TEXT)")
-    run(database.path, "INSERT INTO nodes VALUES ('kept')")
-    store = database()
-    fill(store)
-    assert store.connection().execute("SELECT theirs FROM nodes").fetchall() == [("kept",)]
-    assert list(store.query_keys("nodes")) == [2, 1]
 
 
 @pytest.mark.parametrize("content", [b"this is no database, it is text" * 50, b"SQLite format 3\0" + b"\xff" * 500])

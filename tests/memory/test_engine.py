@@ -66,17 +66,6 @@ def test_the_name_of_a_closed_store_is_free(engine):
     engine.create_store(StoreType.MEMORY, "s")
 
 
-def test_the_end_closes_every_store(engine, tmp_path):
-    path = PathLike(str(tmp_path / "x.db"))
-    stores = [engine.create_store(StoreType.MEMORY, "a"), engine.create_store(StoreType.DATABASE, "b", path)]
-    engine.terminate()
-    engine.terminate()
-    assert list(engine.list_stores()) == []
-    for store in stores:
-        with pytest.raises(ValueError, match="is closed"):
-            store.list_maps()
-
-
 def test_the_end_closes_the_others_when_one_cannot_be(engine, monkeypatch):
     first, broken, last = (engine.create_store(StoreType.MEMORY, name) for name in "abc")
     monkeypatch.setattr(broken, "_release", lambda: 1 / 0)

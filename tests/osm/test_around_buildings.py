@@ -89,15 +89,6 @@ def test_a_square_in_a_hall_or_below_the_ground_is_crossed(square_with):
     assert len(lines_across(walked(square_with(IN_THE_MIDDLE, of_square={**SQUARE, "layer": "1"})))) == 0
 
 
-def test_buildings_with_courtyards_are_known(square_with):
-    """Two rings, the inner one no building: what is between them is in the way, wherever the file has its ways."""
-    path = square_with(block(40, 40, 60, 60), block(45, 45, 55, 55), tags={})
-    members = '<member type="way" ref="105" role="outer"/><member type="way" ref="106" role="inner"/>'
-    relation = f'<relation id="9">{members}<tag k="type" v="multipolygon"/><tag k="building" v="yes"/></relation>'
-    path.write_text(path.read_text().replace("</osm>", relation + "</osm>"))
-    assert lines_across(walked(path)) == []
-
-
 def test_the_order_and_the_numbers_of_nodes_play_no_part(square_with):
     path = square_with(IN_THE_MIDDLE)
     text = path.read_text()
@@ -160,15 +151,6 @@ def alley(make_map, *outlines, tags=HOUSE):
         nodes |= {first + number: at(*place) for number, place in enumerate(outline)}
         ways.append(([*range(first, first + len(outline)), first], tags))
     return make_map(nodes, *ways)
-
-
-def test_a_road_that_grazes_a_building_on_the_map_is_not_led_through_it(make_map):
-    """The street cuts a corner by 5 cm; after the merge it would run through metres of the house."""
-    corner = [(-0.05, 30), (6, 15), (6, 45)]
-    graph = graph_from_file(alley(make_map, corner), NO_CUT, tolerance=5.0)
-    assert graph.graph["merged_nodes"] == 0
-    sliver = graph_from_file(alley(make_map, block(-5, 58, 5, 59)), NO_CUT, tolerance=5.0)
-    assert sliver.graph["merged_nodes"] == 1
 
 
 def test_junctions_inside_one_building_may_merge(make_map):

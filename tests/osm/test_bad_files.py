@@ -94,15 +94,6 @@ def test_an_absurd_node_id_is_a_missing_node(make_map, cross):
     assert graph_from_xml(path, 1e6).number_of_nodes() == 2
 
 
-def test_a_missing_file_and_a_folder_are_distinguished(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"nowhere\.osm"):
-        graph_from_xml(tmp_path / "nowhere.osm")
-    with pytest.raises(IsADirectoryError, match="folder"):
-        graph_from_xml(str(tmp_path))
-    with pytest.raises(BadType, match="path"):
-        graph_from_xml(3)
-
-
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes here")
 def test_a_pipe_does_not_hang(tmp_path):
     os.mkfifo(tmp_path / "pipe.osm")

@@ -117,24 +117,6 @@ def test_a_footprint_that_crosses_itself_encloses_both_of_its_sides(walls):
     assert len(meeting) == 4
 
 
-def test_a_way_is_read_though_its_nodes_follow_it_or_have_negative_ids(tmp_path):
-    nodes = {-id: place for id, place in NODES.items()}
-    text = text_of([([-1, -2, -3, -4, -1], BUILDING)], nodes=nodes)
-    head, *middle, way, tail = text.splitlines()
-    path = tmp_path / "map.osm"
-    path.write_text("\n".join([head, way, *middle, tail]))
-    assert edges_of(obstacle_from_file(path)) == edges_between(BLOCK)
-
-
-def test_repeated_and_deleted_things_are_passed_over(walls, tmp_path):
-    text = text_of([(BLOCK, BUILDING), (COURT, {})], [([(101, "outer")], BUILDING)])
-    *lines, way, other, relation, tail = text.splitlines()
-    path = tmp_path / "map.osm"
-    gone = way.replace('id="100"', 'id="777" visible="false"')
-    path.write_text("\n".join([*lines, way, way, gone, other, relation, relation, tail]))
-    assert len(list(obstacle_from_file(path))) == 8
-
-
 # -- what is a wall ---------------------------------------------------------------------------------------------
 
 
@@ -275,15 +257,6 @@ def test_simplified_walls_cross_no_street_that_exact_walls_do_not(corners, stree
         assert lines[0].hausdorff_distance(lines[1]) <= tolerance + 1e-6
 
 
-def test_a_part_belongs_to_the_smallest_building_around_it_or_to_none(walls):
-    block, court = (BLOCK, {"building": "yes", "height": "20"}), (COURT, {"building": "house"})
-    heights = sorted(face["tr"][2] for face in walls([block, court, (KIOSK, {"building:part": "yes"})]))
-    assert heights == [8.0] * 12 + [20.0] * 4  # the house has a hole where the kiosk is, which has its height
-    assert [face["tr"][2] for face in walls([(KIOSK, {"building:part": "yes"})])] == [10.0] * 4
-    wood = walls([(BLOCK, {"natural": "wood"}), (COURT, {"building:part": "yes"})])
-    assert edges_of(wood) == edges_between(BLOCK, COURT)
-
-
 def test_buildings_in_each_other_without_end_are_refused(walls, monkeypatch):
     monkeypatch.setattr(walls_module, "_BYTES_PER_PAIR", 1 << 28)
     ways = [(BLOCK, BUILDING)] * 4 + [(KIOSK, {"building:part": "yes"})] * 4
@@ -336,15 +309,6 @@ def test_a_barrier_is_open_where_it_shares_a_node_with_a_street(walls):
 def test_unknown_barriers_are_refused(walls, barriers, error, words):
     with pytest.raises(error, match=words):
         walls([(BLOCK, BUILDING)], barriers=barriers)
-
-
-def test_walls_are_made_as_they_are_asked_for(walls, tmp_path):
-    path = tmp_path / "map.osm"
-    path.write_text(text_of([(BLOCK, BUILDING)]))
-    faces = obstacle_from_file(path)
-    path.unlink()  # read at the call
-    assert next(faces)["face_id"] == 0
-    assert iter(faces) is faces
 
 
 # -- features ---------------------------------------------------------------------------------------------------

@@ -52,15 +52,6 @@ def test_a_file_without_buildings_gives_no_walls(make_map):
     assert list(obstacle_from_file(make_map({}))) == []
 
 
-def test_missing_files_and_folders_are_distinguished(tmp_path):
-    with pytest.raises(FileNotFoundError, match="nowhere"):
-        obstacle_from_file(tmp_path / "nowhere.osm")
-    with pytest.raises(IsADirectoryError):
-        obstacle_from_file(tmp_path)
-    with pytest.raises(BadType, match="path"):
-        obstacle_from_file(7)
-
-
 def test_packed_files_and_pbf_give_the_same_walls(make_map, tmp_path):
     from osmium import FileProcessor, SimpleWriter
 

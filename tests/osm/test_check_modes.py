@@ -1,7 +1,6 @@
 """A small town passes the independent judge of `scripts/check_modes.py`, and graphs with faults do not."""
 
 import sys
-from functools import partial
 from pathlib import Path
 
 import networkx as nx
@@ -63,15 +62,6 @@ def test_the_judge_finds_no_fault_with_a_town(town, mode, capsys):
 
 def test_the_judge_finds_walls_on_the_map(town):
     assert check_modes.check_walls(town)
-
-
-def test_the_judge_finds_lines_through_buildings(town):
-    load = partial(gamms.osm.graph_from_file, town, osm_type="walk", retain_all=True, **check_modes.WHOLE)
-    city = check_modes.read_map(town)
-    assert check_modes.check_squares(city, load())[0]
-    is_kept, text = check_modes.check_squares(city, load(around_buildings=False))
-    assert not is_kept
-    assert "2 through buildings" in text
 
 
 def test_the_judge_finds_wrong_lengths_directions_and_traps(town):

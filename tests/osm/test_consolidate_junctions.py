@@ -47,27 +47,9 @@ def parts(net):
     return len(np.unique(components(net.sources, net.targets, len(net.xy))))
 
 
-def test_a_crossing_of_dual_carriageways_becomes_one_node():
-    merged = consolidate(dual_carriageway_crossing(), 4.0)
-    assert len(merged.xy) == 9
-    assert [4.0, 4.0] in merged.xy.tolist()
-    assert sorted(degrees(merged).tolist()) == [1] * 8 + [8]
-    assert merged.lengths.tolist() == pytest.approx([math.hypot(96, 4)] * 8)
-    assert merged.merged == (3, pytest.approx(32.0 + 8 * (92.0 - math.hypot(96, 4))))
-
-
 def test_it_stays_four_junctions_when_the_tolerance_is_smaller():
     crossing = dual_carriageway_crossing()
     assert consolidate(crossing, 3.9) is crossing
-
-
-def test_roads_end_at_the_new_node_and_are_as_long_as_they_are_drawn():
-    merged = consolidate(dual_carriageway_crossing(), 4.0)
-    assert (merged.points[merged.offsets[:-1]] == merged.xy[merged.sources]).all()
-    assert (merged.points[merged.offsets[1:] - 1] == merged.xy[merged.targets]).all()
-    assert [0.0, 0.0] not in merged.points.tolist()
-    drawn = np.hypot(*(merged.xy[merged.targets] - merged.xy[merged.sources]).T)
-    assert merged.lengths.tolist() == pytest.approx(drawn.tolist())
 
 
 def test_a_road_keeps_the_ratio_of_its_true_length_to_its_drawn_one():
@@ -88,29 +70,11 @@ def test_bends_and_dead_ends_stay():
     assert consolidate(winding, 10.0) is winding
 
 
-def test_a_bend_between_two_merged_junctions_goes_with_them():
-    xy = [(0, 0), (1, 1), (2, 0), (-50, 0), (0, -50), (52, 0), (2, -50)]
-    merged = consolidate(network(xy, [(0, 1), (1, 2), (0, 3), (0, 4), (2, 5), (2, 6)]), 2.0)
-    assert len(merged.xy) == 5
-    assert [1.0, 0.0] in merged.xy.tolist()
-    assert merged.merged.nodes == 2
-    assert merged.lengths.tolist() == pytest.approx([51.0, math.hypot(1, 50)] * 2)
-
-
 def test_a_long_way_round_between_near_junctions_is_kept_as_a_loop():
     xy = [(0, 0), (2, 0), (1, 90), (-50, 0), (52, 0)]
     merged = consolidate(network(xy, [(0, 1), (0, 2), (2, 1), (0, 3), (1, 4)]), 2.0)
     assert merged.merged.nodes == 1
     assert merged.lengths.sum() == pytest.approx(2 * 51 + 2 * 90)
-
-
-def test_a_row_of_junctions_does_not_become_one_as_a_whole():
-    xy = [*((3.0 * i, 0.0) for i in range(40)), *((3.0 * i, 60.0) for i in range(40))]
-    comb = network(xy, [*((i, i + 1) for i in range(39)), *((i, i + 40) for i in range(40))])
-    merged = consolidate(comb, 2.0)
-    junctions = merged.xy[degrees(merged) > 2]
-    assert len(junctions) >= 10
-    assert np.ptp(junctions[:, 0]) > 100.0
 
 
 def test_vertices_at_one_place_become_one_without_any_tolerance():
@@ -246,12 +210,3 @@ def crossing_of_two_streets(*, link, upper):
 )
 def test_junctions_merge_within_one_layer_and_level_and_never_across_a_bridge_stairs_or_a_building(link, upper, nodes):
     assert len(consolidate(crossing_of_two_streets(link=link, upper=upper), 10.0).xy) == nodes
-
-
-def test_the_end_of_a_bridge_is_on_the_ground():
-    """A bridge of 90 m ends at a crossing of two streets, whose next junction is 6 m on."""
-    xy = [(-90.0, 0.0), (0.0, 0.0), (0.0, 60.0), (0.0, -60.0), (6.0, 0.0), (6.0, 60.0), (6.0, -60.0)]
-    net = network(xy, [(0, 1), (1, 2), (1, 3), (1, 4), (4, 5), (4, 6)])
-    street = {"highway": "residential"}
-    merged = consolidate(replace(net, tags=[{**street, "bridge": "yes", "layer": "1"}, *[street] * 5]), 5.0)
-    assert len(merged.xy) == 6

@@ -83,15 +83,6 @@ def test_any_look_fills_the_graph(look):
     assert type(pickle.loads(pickle.dumps(graph))) is nx.DiGraph
 
 
-def test_its_class_makes_empty_graphs():
-    graph = to_digraph(network([(0, 1, True, 0, False)], [{}]))
-    assert isinstance(graph, nx.DiGraph)
-    made = graph.__class__()
-    assert type(made) is nx.DiGraph
-    assert len(made) == 0
-    assert type(graph.__class__([(1, 2)], name="x")) is nx.DiGraph
-
-
 def test_changes_after_it_was_attached_stay_in_networkx():
     graph = to_digraph(network([(0, 1, True, 0, False)], [{"name": ["a"]}]))
     with gamms.create_context() as ctx:

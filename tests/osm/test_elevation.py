@@ -43,16 +43,6 @@ def test_a_file_reaches_to_its_last_row_and_column(heights):
     assert Elevation(path).heights(np.array([(25.0, 61.0), (24.0, 60.0), (25.0, 60.5)])).tolist() == [2400, 0, 1800]
 
 
-@pytest.mark.parametrize("alone", [True, False])
-def test_a_folder_reaches_to_the_last_row_and_column_of_its_files(heights, tmp_path, alone):
-    """Where the next file is there it counts, and where it is not the same posts of this one do."""
-    heights(lambda column, row: column + row, "N00W001.hgt")
-    if not alone:
-        heights(lambda column, row: row * 0 + 7, "N00E000.hgt")
-    found = Elevation(tmp_path).heights(np.array([(0.0, 0.5), (-0.5, 1.0), (-1.0, 0.0), (0.0, 1.0)]))
-    assert found.tolist() == [1800 if alone else 7, 1800, 0, 2400]
-
-
 def test_heights_are_continuous_across_files_of_both_sizes(heights, tmp_path):
     heights(lambda column, row: column + row, "N60E024.hgt")
     heights(lambda column, row: 1200 + (column + row) // 3, "N60E025.hgt", 3601)

@@ -87,15 +87,6 @@ def test_progress_shows_on_a_terminal_after_a_while(monkeypatch):
     assert terminal.getvalue().endswith("\r\x1b[K")
 
 
-def test_the_shipped_map_goes_into_an_empty_context_only():
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
-        streets = gamms.osm.helsinki(ctx, resolution=50.0)
-        assert len(streets) == len(ctx.graph.graph) > 2500
-        assert (ctx.graph.crs, ctx.graph.attribution[:15]) == ("EPSG:32635", "© OpenStreetMap")
-        with pytest.raises(ValueError, match="already has a graph or obstacles"):
-            gamms.osm.helsinki(ctx)
-
-
 @pytest.mark.parametrize("bad", [0, -1.0, float("nan")])
 def test_a_bad_resolution_leaves_the_context_as_it_was(bad):
     with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:

@@ -55,30 +55,12 @@ def test_a_curved_road_has_no_two_nodes_at_nearly_one_place(make_map, curve):
     assert gaps.min() > 1.0
 
 
-def test_every_linestring_leads_from_node_to_node(make_map, cross):
-    graph = graph_from_xml(make_map(cross, ([1, 2, 3], ROAD), ([2, 4], ROAD)))
-    for u, v, data in graph.edges(data=True):
-        first, last = data["linestring"].coords[0], data["linestring"].coords[-1]
-        assert first == (graph.nodes[u]["x"], graph.nodes[u]["y"])
-        assert last == (graph.nodes[v]["x"], graph.nodes[v]["y"])
-    assert nx.is_weakly_connected(graph)
-
-
 def test_the_graph_names_its_crs_and_its_makers(make_map, cross):
     graph = graph_from_xml(make_map(cross, ([1, 2], ROAD)))
     assert graph.graph["crs"] == "EPSG:32635"
     assert "OpenStreetMap" in graph.graph["attribution"]
     xs = [x for _, x in graph.nodes(data="x")]
     assert 100_000 < min(xs) < max(xs) < 900_000
-
-
-@pytest.mark.parametrize(
-    ("lat", "lon", "crs"),
-    [(-33.9, 18.4, "EPSG:32734"), (0.0, 0.01, "EPSG:32631"), (10.0, 179.9999, "EPSG:32660")],
-)
-def test_the_zone_follows_from_the_place(make_map, lat, lon, crs):
-    graph = graph_from_xml(make_map({1: (lat, lon), 2: (lat, lon - 0.001)}, ([1, 2], ROAD)))
-    assert graph.graph["crs"] == crs
 
 
 def test_a_map_may_straddle_the_date_line(make_map):
@@ -101,15 +83,6 @@ def test_reversed_one_way_streets_lead_backward_only(make_map, cross, oneway):
     graph = graph_from_xml(path, bidirectional=False)
     assert graph.number_of_edges() == graph.number_of_nodes() - 1
     assert all(graph.nodes[u]["x"] > graph.nodes[v]["x"] for u, v in graph.edges)
-
-
-def test_roundabouts_lead_one_way(make_map, cross):
-    path = make_map(cross, ([1, 2, 4, 1], {**ROAD, "junction": "roundabout"}), ([3, 2], ROAD))
-    graph = graph_from_xml(path, bidirectional=False)
-    ring = [edge for *edge, data in graph.edges(data=True) if "junction" in data]
-    assert ring
-    assert all((v, u) not in graph.edges for u, v in ring)
-    assert nx.is_strongly_connected(graph)
 
 
 def test_bidirectional_opens_one_way_streets(make_map, cross):
@@ -172,15 +145,6 @@ def test_coincident_nodes_that_a_road_joins_become_one(make_map, cross):
     graph = graph_from_xml(make_map(cross, ([1, 2, 5, 3], ROAD)), resolution=1e6)
     assert graph.number_of_nodes() == 3
     assert min(data["length"] for _, _, data in graph.edges(data=True)) > 0.0
-
-
-def test_tolerance_joins_the_vertices_of_a_junction(make_map, cross):
-    cross |= {5: (60.17, 24.94102), 6: (60.1695, 24.94102)}  # 5 is 1.1 m from node 2
-    path = make_map(cross, ([1, 2, 5, 3], ROAD), ([2, 4], ROAD), ([5, 6], ROAD))
-    fine, coarse = graph_from_xml(path, 1e6), graph_from_xml(path, 1e6, tolerance=2.0)
-    assert fine.number_of_nodes() == 6
-    assert coarse.number_of_nodes() == 5
-    assert nx.is_strongly_connected(coarse)
 
 
 _DIGEST = """

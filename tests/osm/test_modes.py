@@ -1,6 +1,5 @@
 """Modes of travel: who may use which ways, how fast and in which direction, as data and as functions."""
 
-import json
 import math
 from dataclasses import fields, replace
 
@@ -9,9 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
-from gamms import cli
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.osm import Access, Mode, OSMType, graph_from_file, graph_from_xml, modes, report
 from gamms.osm.network import strong_components
@@ -100,37 +97,10 @@ def test_cars_have_the_usual_speeds_of_all_roads():
     assert service == {**modes()["drive"].highways, "service": SPEED_OF_HIGHWAY_KPH["service"]}
 
 
-@pytest.mark.parametrize(("name", "kph"), [("walk", 5.0), ("bike", 15.0), ("drive", 50.0), ("robot", 6.0)])
-def test_travel_time_is_that_of_the_mode(make_map, cross, name, kph):
-    path = make_map(cross, ([1, 2, 3], street(maxspeed="50")))
-    graph = graph_from_file(path, NO_CUT, osm_type=name)
-    for _, _, data in graph.edges(data=True):
-        assert (data["speed_kph"], data["maxspeed"]) == (kph, "50")
-        assert data["travel_time"] == pytest.approx(data["length"] / (kph / 3.6))
-
-
 def test_without_a_mode_the_speed_is_that_of_cars(make_map, cross):
     path = make_map(cross, ([1, 2], street(maxspeed="50")))
     for graph in (graph_from_file(path, NO_CUT), graph_from_xml(path, NO_CUT)):
         assert {data["speed_kph"] for *_, data in graph.edges(data=True)} == {50.0}
-
-
-def with_node_tags(path, id, **tags):
-    inside = "".join(f'<tag k="{key}" v="{value}"/>' for key, value in tags.items())
-    text = path.read_text()
-    start = text.index(f'<node id="{id}"')
-    end = text.index("/>", start)
-    path.write_text(f"{text[:end]}>{inside}</node>{text[end + 2 :]}")
-    return path
-
-
-def test_agents_go_round_a_barrier(make_map, cross):
-    """A block of streets: the straight one has a bollard in the middle."""
-    path = make_map(cross, ([1, 2, 3], street()), ([1, 4, 3], street()))
-    graph = graph_from_file(with_node_tags(path, 2, barrier="bollard"), NO_CUT, osm_type="drive", simplify=False)
-    assert nx.is_strongly_connected(graph)
-    west, east = (choose(graph, key=lambda node: graph.nodes[node]["x"]) for choose in (min, max))
-    assert nx.shortest_path_length(graph, west, east, weight="length") == pytest.approx(157.4, abs=0.2)
 
 
 def test_a_mode_of_ones_own_has_barriers_of_its_own(tmp_path):
@@ -325,12 +295,3 @@ def test_every_node_has_an_exit_and_can_be_reached(tmp_path_factory, roads):
         return
     assert nx.is_strongly_connected(graph)
     assert all(graph.out_degree(node) and graph.in_degree(node) for node in graph)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_the_command_line_reports_for_every_mode(make_map, cross, name):
-    path = make_map(cross, ([1, 2], street()), ([2, 3], {"highway": "platform"}))
-    printed = CliRunner().invoke(cli.app, ["osm", "report", str(path), "--network", name, "--json"])
-    assert printed.exit_code == 0, printed.output
-    is_closed = modes()[name]({"highway": "platform"}) is None
-    assert ("highway=platform" in json.loads(printed.stdout)["closed"]) == is_closed

@@ -41,28 +41,6 @@ def test_an_error_of_a_filter_is_raised(streets):
 
 # -- areas ------------------------------------------------------------------------------------------------------
 
-BOX = (24.9415, 60.0, 24.9475, 61.0)  # nodes 2 to 7
-
-
-@pytest.mark.parametrize(
-    "clip",
-    [
-        BOX,
-        list(BOX),
-        [(24.9415, 60.0), (24.9475, 60.0), (24.9475, 61.0), (24.9415, 61.0)],
-        {
-            "type": "Polygon",
-            "coordinates": [[[24.9415, 60], [24.9475, 60], [24.9475, 61], [24.9415, 61], [24.9415, 60]]],
-        },
-    ],
-    ids=["box", "list", "outline", "geojson"],
-)
-def test_roads_end_at_their_last_node_in_an_area(streets, clip):
-    graph = graph_from_file(streets, retain_all=True, clip=clip, **WHOLE)
-    assert ids(graph) == {101, 102}
-    assert len(graph) == 6
-    assert len(graph.edges) == 10
-
 
 def test_a_hole_splits_a_road(streets):
     hole = [[24.9435, 60.1], [24.9445, 60.1], [24.9445, 60.2], [24.9435, 60.2], [24.9435, 60.1]]

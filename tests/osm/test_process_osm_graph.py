@@ -81,15 +81,6 @@ def test_a_graph_without_a_crs_is_in_metres():
     assert "crs" not in cut.graph
 
 
-def test_an_undirected_graph_may_store_a_geometry_backwards():
-    graph = nx.MultiGraph()
-    graph.add_node(0, x=0.0, y=0.0)
-    graph.add_node(1, x=9.0, y=0.0)
-    graph.add_edge(0, 1, geometry=LineString([(9, 0), (5, 1), (0, 0)]))
-    line = process_osm_graph(graph).edges[0, 1]["linestring"]
-    assert list(line.coords) == [(0, 0), (5, 1), (9, 0)]
-
-
 def test_isolated_nodes_are_kept():
     graph = street()
     graph.add_node("lonely", x=0.0, y=0.0)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import gamms
-from gamms.ir.scenery import SceneryKind
 from gamms.visual.constants import Layer
 
 
@@ -36,15 +35,6 @@ def test_what_is_drawn_is_what_would_be_an_obstacle(helsinki):
         walls, drawn = ctx.graph.obstacle_columns(), helsinki.graph.scenery_columns().buildings
         assert all(np.array_equal(one, other) for one, other in zip(walls, drawn, strict=True))
         assert polygons(ctx) == polygons(helsinki)
-
-
-def test_parks_water_and_rails_lie_below_all_else(helsinki):
-    scenery, commands = helsinki.graph.scenery_columns(), helsinki.visual.draw_commands()
-    for kind in (SceneryKind.GREEN, SceneryKind.WATER, SceneryKind.TRAM, SceneryKind.RAIL):
-        assert (scenery.kinds == kind).sum() > 5
-    of_base = commands.layer == Layer.BASE_MAP
-    assert of_base.sum() == len(scenery.kinds)
-    assert commands.layer[~of_base].min() > Layer.BASE_MAP
 
 
 def test_they_are_drawn_around_walls_too_and_left_out_with_the_buildings():

@@ -65,25 +65,6 @@ def with_relation(path, members, tags):
     return path
 
 
-@pytest.mark.parametrize("kind", ["multipolygon", "route"])
-def test_a_multipolygon_is_a_square_with_holes(make_map, kind):
-    """A square of 100 m around a block of 40 m in the middle: its diagonals are blocked."""
-    nodes, ways = town([(0, 0), (100, 0), (100, 100), (0, 100)])
-    nodes |= {
-        number: at(*place)
-        for number, place in zip((51, 52, 53, 54), ((30, 30), (70, 30), (70, 70), (30, 70)), strict=True)
-    }
-    path = make_map(nodes, ([1, 2, 3], {}), ([3, 4, 1], {}), ([51, 52, 53, 54, 51], {}), *ways[1:])
-    members = [(100, "outer"), (101, "outer"), (102, "inner")]
-    path = with_relation(path, members, {"type": kind, "highway": "pedestrian", "name": "Market"})
-    graph = graph_from_file(path, NO_CUT, osm_type="walk", retain_all=True)
-    named = [data for u, v, data in graph.edges(data=True) if data.get("name") == "Market"]
-    assert length_across(graph) == 0.0
-    assert bool(named) == (kind == "multipolygon")
-    assert {data["osmid"] for data in named} <= {9}
-    assert report(graph, path).is_faithful
-
-
 def test_a_hole_leaves_the_ways_past_it(make_map):
     nodes, ways = town([(0, 0), (100, 0), (100, 100), (0, 100), (0, 50)])
     nodes |= {number: at(*place) for number, place in zip((51, 52, 53), ((55, 60), (75, 60), (65, 70)), strict=True)}

@@ -57,21 +57,6 @@ def test_a_node_with_a_tag_that_is_asked_for_stays_a_node(town):
     assert length == pytest.approx(plain)
 
 
-def test_tags_of_nodes_that_become_one_junction_are_joined(make_map, town):
-    """Two junctions 6 m apart: signals at one, a stop sign at the other."""
-    NODES_NEAR = {**NODES, 6: (60.170, 24.9411), 7: (60.1695, 24.9411)}
-    ways = [([1, 2, 6, 3], STREET), ([2, 4], STREET), ([6, 7], STREET)]
-    path = make_map(NODES_NEAR, *ways)
-    text = path.read_text()
-    for id, tag in ((2, '<tag k="ref" v="S1"/>'), (6, '<tag k="highway" v="stop"/><tag k="ref" v="S2"/>')):
-        start = text.index("/>", text.index(f'<node id="{id}"'))
-        text = f"{text[:start]}>{tag}</node>{text[start + 2 :]}"
-    path.write_text(text)
-    graph = graph_from_file(path, resolution=1e6, tolerance=5.0, tags=["ref"])
-    (joined,) = [data for data in by_osmid(graph).values() if "ref" in data]
-    assert (joined["ref"], joined["highway"]) == ("S1", "stop")
-
-
 def test_tags_go_through_contexts_files_and_networkx(town, tmp_path):
     graph = graph_from_file(town(), tags=["surface", "crossing"])
     with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:

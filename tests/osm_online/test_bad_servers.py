@@ -118,15 +118,6 @@ def test_a_server_that_is_busy_for_a_moment_is_asked_again(server, where, status
 
 
 @pytest.mark.parametrize("setting", ["nominatim_url", "overpass_url"])
-def test_a_server_that_is_not_there_is_named(server, settings, monkeypatch, setting):
-    with socket.socket() as unused:
-        unused.bind(("127.0.0.1", 0))
-        port = unused.getsockname()[1]
-    monkeypatch.setattr(settings, setting, f"http://127.0.0.1:{port}")
-    is_refused(NetworkError, rf"127\.0\.0\.1:{port} cannot be reached.*refused.*offline=True")
-
-
-@pytest.mark.parametrize("setting", ["nominatim_url", "overpass_url"])
 def test_an_unknown_host_is_named(server, settings, monkeypatch, setting):
     resolve = socket.getaddrinfo
 

@@ -28,15 +28,6 @@ def test_the_buildings_of_a_place_are_those_of_a_file_of_it():
     assert len(named & in_file) > 0.9 * len(named)
 
 
-@pytest.mark.usefixtures("server")
-def test_buildings_and_streets_of_a_place_fit():
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
-        ctx.graph.attach_networkx_graph(create_osm_graph(PLACE))
-        ids = ctx.graph.add_obstacles(obstacle_from_osm(PLACE, crs=ctx.graph.crs))
-        x, y = ctx.graph.columns().xy.mean(axis=0)
-        assert 0 < len(list(ctx.graph.get_obstacle_faces(100.0, x, y))) < len(ids)
-
-
 def test_what_was_answered_before_is_there_without_a_network(server):
     before = list(obstacle_from_osm(PLACE))
     asked = len(server.asked)

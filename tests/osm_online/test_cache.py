@@ -103,15 +103,6 @@ def test_offline_a_place_without_its_streets_is_not_enough(server, no_network_la
         create_osm_graph(PLACE, DRIVE, offline=True)
 
 
-def test_offline_the_cache_is_used_even_where_it_is_switched_off(server, settings, monkeypatch):
-    create_osm_graph(PLACE, DRIVE)
-    monkeypatch.setattr(settings, "use_cache", False)
-    server.asked.clear()
-    create_osm_graph(PLACE, DRIVE, offline=True)
-    assert server.asked == []
-    assert settings.use_cache is False
-
-
 def test_a_cache_that_is_switched_off_keeps_nothing(server, settings, monkeypatch, tmp_path):
     monkeypatch.setattr(settings, "use_cache", False)
     create_osm_graph(PLACE, DRIVE)
@@ -249,19 +240,6 @@ def test_without_requests_the_error_says_what_to_install(server, monkeypatch):
 def test_an_answer_of_more_memory_than_is_allowed_is_refused(server):
     with limits.allowing(200_000), pytest.raises(TooLarge, match="more than 25000 bytes"):
         create_osm_graph(PLACE, DRIVE)
-
-
-def test_on_a_terminal_one_sees_what_is_going_on(server, monkeypatch):
-    import io
-
-    terminal = io.StringIO()
-    terminal.isatty = lambda: True
-    monkeypatch.setattr(sys, "stderr", terminal)
-    create_osm_graph(PLACE, DRIVE)
-    said = terminal.getvalue()
-    for words in ("Asking http://127.0.0.1", "'Kluuvi, Helsinki'", "Downloading the streets of", "Joining", "Cutting"):
-        assert words in said
-    assert said.endswith("\r\x1b[K")
 
 
 def test_a_server_that_wants_a_long_pause_is_not_waited_for(server, settings, monkeypatch):

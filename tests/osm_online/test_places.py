@@ -8,10 +8,9 @@ import networkx as nx
 import numpy as np
 import pytest
 import shapely
-from server import EAST, EXTRACT, NORTH, SOUTH, WEST, changes, elements
+from server import EAST, EXTRACT, NORTH, SOUTH, WEST, elements
 
 import gamms
-from gamms.ir.projection import WGS84, project
 from gamms.osm import (
     OSMType,
     create_osm_graph,
@@ -21,16 +20,10 @@ from gamms.osm import (
     graph_from_place,
     graph_from_point,
     graph_from_polygon,
-    report,
 )
 
 PLACE = "Kluuvi, Helsinki"
 KINDS = ["WALK", "BIKE", "DRIVE"]
-
-
-def lonlat_of(graph):
-    xy = np.array([(data["x"], data["y"]) for _, data in graph.nodes(data=True)])
-    return project(xy, graph.graph["crs"], WGS84)
 
 
 def osmids(graph):
@@ -106,15 +99,6 @@ def test_edges_keep_the_tags_of_their_street_and_the_ids_of_its_ways(streets):
     assert all(len(set(ids)) == len(ids) > 1 for ids in several)
 
 
-def test_the_streets_go_into_a_context(streets, tmp_path):
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
-        ctx.graph.attach_networkx_graph(streets["DRIVE"])
-        assert ctx.graph.crs == "EPSG:32635"
-        assert len(ctx.graph.graph) == len(streets["DRIVE"])
-        ctx.graph.save(str(tmp_path / "kluuvi.gamms"))
-        ctx.graph.load(str(tmp_path / "kluuvi.gamms"))
-
-
 def test_places_can_be_dicts_and_lists(server):
     one = create_osm_graph({"city": PLACE}, OSMType.DRIVE, tolerance=0.01)
     assert nx.utils.graphs_equal(
@@ -127,33 +111,6 @@ def test_a_custom_filter_replaces_that_of_the_type(server):
     assert {data["highway"] for _, _, data in steps.edges(data=True)} == {"steps"}
     both = create_osm_graph(PLACE, custom_filter=['["highway"="steps"]', "[highway=cycleway]"], retain_all=True)
     assert {data["highway"] for _, _, data in both.edges(data=True)} == {"steps", "cycleway"}
-
-
-def test_only_the_largest_part_is_kept_unless_all_are_asked_for(server, streets):
-    largest = streets["WALK"]
-    everything = create_osm_graph(PLACE, tolerance=0.01, retain_all=True)
-    assert nx.number_weakly_connected_components(largest) == 1
-    assert nx.number_weakly_connected_components(everything) > 1
-    assert min(degree for _, degree in everything.degree()) > 0
-    assert osmids(largest) < osmids(everything)
-
-
-def test_a_box_a_polygon_and_the_place_with_the_same_outline_are_the_same(server, streets):
-    options = {"osm_type": OSMType.DRIVE, "tolerance": 0.01}
-    of_box = graph_from_bbox(WEST, SOUTH, EAST, NORTH, **options)
-    of_polygon = graph_from_polygon(shapely.box(WEST, SOUTH, EAST, NORTH), **options)
-    assert nx.utils.graphs_equal(of_box, of_polygon)
-    assert osmids(of_box) - osmids(streets["DRIVE"]) == set()  # the rules of modes close some of its ways
-    assert "search" not in server.asked
-
-
-def test_the_streets_around_a_point_lie_in_a_circle(server):
-    graph = graph_from_point(60.1690, 24.9460, 150.0, truncate_by_edge=False, tolerance=0.0, simplify=False)
-    geod = pytest.importorskip("pyproj").Geod(ellps="WGS84")
-    lon, lat = lonlat_of(graph).T
-    count = len(graph)
-    _, _, far = geod.inv(np.full(count, 24.9460), np.full(count, 60.1690), lon, lat)
-    assert 120.0 < far.max() < 150.2
 
 
 def test_a_multipolygon_has_the_streets_of_all_its_parts(server):
@@ -278,35 +235,6 @@ def test_an_area_and_a_file_of_it_give_the_same_streets_for_a_mode(server, mode)
     for name in ("tolerance", "bidirectional", "strong", "mode", "osm_type"):
         assert of_area.graph[name] == of_file.graph[name]
     assert of_area.graph["no_way_back_m"] == pytest.approx(of_file.graph["no_way_back_m"], abs=0.1)
-
-
-@pytest.mark.parametrize("load", [create_osm_graph, graph_from_place])
-def test_a_street_with_sidewalks_of_their_own_is_closed_to_walkers_of_places_and_files(server, tmp_path, load):
-    places = {1: (60.168, 24.944), 2: (60.169, 24.944), 3: (60.169, 24.946), 4: (60.1695, 24.945)}
-    street = {"highway": "residential"}
-    ways = {
-        7: ([1, 2], street),
-        8: ([2, 3], {**street, "sidewalk": "separate"}),
-        9: ([2, 4, 3], {"highway": "footway"}),
-    }
-    nodes = [{"type": "node", "id": id, "lat": lat, "lon": lon} for id, (lat, lon) in places.items()]
-    streets = [{"type": "way", "id": id, "nodes": refs, "tags": tags} for id, (refs, tags) in ways.items()]
-
-    def change(data):
-        wanted = [way for way in streets if load is graph_from_place or way["tags"].get("sidewalk") != "separate"]
-        data["elements"] = [*nodes, *wanted]  # as a server does that understands the filter of the question
-
-    server.misbehaviour["interpreter"] = changes(change)
-    graph = load(PLACE, tolerance=0.0)
-    assert osmids(graph) == {7, 9}
-    path = tmp_path / "town.osm"
-    lines = [f'<node id="{id}" lat="{lat}" lon="{lon}"/>' for id, (lat, lon) in places.items()]
-    for id, (refs, tags) in ways.items():
-        inside = "".join(f'<nd ref="{ref}"/>' for ref in refs)
-        lines.append(f'<way id="{id}">{inside}{"".join(f"""<tag k="{k}" v="{v}"/>""" for k, v in tags.items())}</way>')
-    path.write_text("\n".join(['<osm version="0.6">', *lines, "</osm>"]))
-    assert report(graph, path).is_faithful, str(report(graph, path))
-    assert [*report(graph, path).closed] == ["sidewalk=separate"]
 
 
 def test_a_place_by_name_is_the_area_inside_its_boundary(server):

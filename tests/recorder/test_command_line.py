@@ -52,19 +52,6 @@ def game(tmp_path):
 # -- info -------------------------------------------------------------------------------------------------------
 
 
-def test_info_says_what_is_in_a_recording(game):
-    done = run("info", game)
-    assert done.exit_code == 0
-    lines = dict(line.strip().split(maxsplit=1) for line in done.stdout.splitlines()[1:])
-    assert (lines["version"], lines["seed"], lines["turns"], lines["agents"]) == ("3", "1", "6", "3")
-    assert (lines["nodes"], lines["complete"]) == ("9", "yes")
-    found = json.loads(run("info", game, "--json").stdout)
-    assert found["moves"] == 9  # three times an agent stays
-    assert found["bytes"] == game.stat().st_size
-    assert found["events"]["seen"] == 1
-    assert found["events"]["GAME_SCORES"] == 6
-
-
 def test_info_says_what_is_missing_of_a_recording_that_was_cut_off(game):
     game.write_bytes(game.read_bytes()[:-30])
     assert "was not finished" in run("info", game).stdout
@@ -296,17 +283,6 @@ def test_tables_become_csv_files(tmp_path):
     assert "t_moves.csv' already" in done.stderr
     assert not (tmp_path / "t_events.csv").exists()
     assert (tmp_path / "t_moves.csv").stat().st_mtime_ns == before
-
-
-def test_every_event_becomes_a_line_of_json(game, tmp_path):
-    assert run("convert", game, tmp_path / "game.jsonl").exit_code == 0
-    lines = [json.loads(line) for line in (tmp_path / "game.jsonl").read_text().splitlines()]
-    assert (lines[0]["event"], lines[0]["seed"], lines[0]["map"]["nodes"]) == ("HEADER", 1, 9)
-    assert [agent["name"] for agent in lines[1]["agents"]] == ["anna", "bert", "kite"]
-    assert lines[1]["agents"][0]["x"] is None
-    assert lines[2] == {"turn": 1, "event": "MOVE", "agent": "anna", "node": lines[2]["node"]}
-    assert sum(line["event"] == "MOVE" for line in lines) == 9
-    assert [line["data"]["agent"] for line in lines if line["event"] == "GAME_EVENT"] == ["bert"]
 
 
 def test_half_of_a_surrogate_pair_is_escaped_in_json(tmp_path):

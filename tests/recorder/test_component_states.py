@@ -99,24 +99,6 @@ def test_recordings_whose_keyframes_do_not_know_components_are_read_from_their_e
         assert [rec[turn].components for turn in (4, 3, 2, 1)] == EXPECTED[:0:-1]
 
 
-def test_a_component_that_is_deleted_in_a_pause_is_gone_after_it(ctx):
-    @ctx.record.component(struct={"count": int})
-    class Flag:
-        pass
-
-    def play(ctx):
-        for name in ("left", "gone"):
-            Flag(name)
-        ctx.visual.simulate()
-        ctx.record.pause()
-        ctx.record.delete_component("gone")
-        ctx.record.play()
-        ctx.visual.simulate()
-
-    with gamms.recorder.open(io.BytesIO(recorded(play, ctx))) as rec:
-        assert [list(rec[turn].components) for turn in (1, 2)] == [["left", "gone"], ["left"]]
-
-
 @settings(max_examples=12)
 @given(programmes, programmes)
 def test_components_are_those_of_the_game_after_pauses_too(before, after):

@@ -48,15 +48,6 @@ def gate(components):
 # -- as in 1.0.0 --------------------------------------------------------------------------------------------------
 
 
-def test_a_component_has_a_name_and_fields_of_none(gate):
-    one = gate("one", 3, extra="kept")
-    assert (one.name, one.count, one.way, one.extra) == ("one", 3, None, "kept")
-    assert vars(one)["__recorded_component_"] == {"count": 3, "way": None, "notes": None, "name": "one"}
-    with pytest.raises(AttributeError):
-        one.name = "two"
-    assert gate(name="by keyword", count=1).name == "by keyword"
-
-
 def test_components_are_found_by_name(components, gate):
     one = gate("one", 1)
     components.add_component("thing", 5)
@@ -187,15 +178,6 @@ def test_a_deleted_component_reports_nothing_until_it_comes_back(components, gat
     assert (one.count, log) == (2, [])
     components.add_component("one", one)
     assert log.names() == ["CREATE", "UPDATE"]
-
-
-def test_an_object_kept_under_another_name_reports_once(components, gate, log):
-    one = gate("one", 1)
-    components.add_component("alias", one)
-    log.clear()
-    one.count = 2
-    components.delete_component("alias")
-    assert log.names() == ["UPDATE"]
 
 
 def test_a_report_that_fails_changes_nothing(components, gate, log):

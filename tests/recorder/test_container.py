@@ -1,7 +1,6 @@
 """What is written is read: logs, header, keyframes; by turn, as arrays, by kind of event; the same bytes each time."""
 
 import io
-import random
 
 import numpy as np
 import pytest
@@ -82,15 +81,6 @@ def test_the_header_is_read_as_it_was_given():
     assert header["seed"] == 7
     assert header["graph"]["ids"].tolist() == [0, 1, 2, 3, 4]
     assert header["graph"]["xy"].dtype == np.float64
-
-
-def test_turns_are_read_in_any_order_from_a_few_blocks_in_memory():
-    game = walk(4, 300)
-    reader = opened(written(game, turns=7))
-    order = list(range(300))
-    random.Random(1).shuffle(order)
-    assert all(reader.log(turn) == game[turn] for turn in order)
-    assert len(reader._kept) <= 4
 
 
 def test_turns_that_are_not_there_are_refused():

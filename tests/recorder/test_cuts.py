@@ -63,18 +63,6 @@ def test_one_that_is_seen_and_deleted_in_the_same_turn_is_gone():
     assert names_in(data) == [["red_0"], ["red_0", "blue_0"], ["red_0"], ["red_0"]]
 
 
-def test_others_are_dead_or_alive_as_they_are():
-    ctx = pair_on_a_grid()
-    ctx.sensor.create_sensor("late", SensorType.AGENT_RANGE, sensor_range=30.0, delay_turns=1)
-    ctx.agent.get_agent("red_0").register_sensor("late", ctx.sensor.get_sensor("late"))
-    ctx.agent.create_agent("blue_1", start_node_id=2, team="blue", strategy=stay)
-    ctx.game.add(lambda ctx: ctx.game.turn == 2 and ctx.game.eliminate("blue_1"))
-    with opened(io.BytesIO(cut_of(recorded(lambda ctx: ctx.game.run(3), ctx, sensed=True), "red"))) as recording:
-        agents = recording[2].agents
-    assert agents["name"].tolist() == ["red_0", "blue_0", "blue_1"]
-    assert agents["alive"].tolist() == [True, True, False]  # of which red hears late
-
-
 def test_one_that_goes_takes_no_other_that_is_seen_with_it():
     ctx = pair_on_a_grid()
     ctx.agent.create_agent("red_1", start_node_id=1, team="red", sensors=["eyes"], strategy=stay)
@@ -205,15 +193,6 @@ def test_what_was_not_sensed_cannot_be_cut(tmp_path):
     with opened(tmp_path / "game.ggr") as recording, pytest.raises(BadValue, match="sensed=True"):
         recording.cut(tmp_path / "red.ggr", "red")
     assert [file.name for file in tmp_path.iterdir()] == ["game.ggr"]
-
-
-def test_a_file_is_not_replaced_unasked(tmp_path):
-    (tmp_path / "game.ggr").write_bytes(recorded(lambda ctx: ctx.game.run(1), pair_on_a_grid(), sensed=True))
-    with opened(tmp_path / "game.ggr") as recording:
-        recording.cut(tmp_path / "red", "red")
-        with pytest.raises(FileExistsError, match=r"red\.ggr"):
-            recording.cut(tmp_path / "red", "red")
-        recording.cut(tmp_path / "red", "red", overwrite=True)
 
 
 def test_a_cut_is_drawn_like_any_recording(tmp_path):

@@ -102,15 +102,6 @@ def test_a_replay_without_the_program_shows_the_same_pictures(declares, tmp_path
     assert copied(path.read_bytes()) == path.read_bytes()
 
 
-def test_a_film_of_a_replay_shows_them():
-    data = recorded(play)
-    again = empty_context(seed=2)
-    frames = []
-    again.visual.after_turn.append(lambda: frames.append(again.visual.frame(320, 200)))
-    replayed(data, again)
-    assert any((frame == (5, 6, 7)).all(axis=-1).any() for frame in frames)
-
-
 def test_what_is_drawn_beside_an_agent_goes_with_it_in_a_film_of_the_replay():
     def place(ctx, share):
         commands = ctx.visual.artists.shown()["mine"]
@@ -187,15 +178,6 @@ def test_a_game_that_is_resumed_shows_them_until_its_next_turn():
         assert b"turn 2" in again.visual.picture(".svg")
         again.game.step()
         assert b"turn 2" not in again.visual.picture(".svg")
-
-
-def test_an_artist_of_the_context_takes_the_place_of_a_recorded_one():
-    again = empty_context()
-    again.visual.add_artist("around", {"drawer": lambda ctx, _: ctx.visual.render_text("mine", 0, 0)})
-    replayed(recorded(play), again)
-    picture = again.visual.picture(".svg")
-    assert b"mine" in picture
-    assert b"turn 6" not in picture
 
 
 def test_a_recording_of_a_context_that_has_replayed_another_has_its_drawings(ctx):

@@ -282,15 +282,6 @@ def test_a_replay_that_is_left_leaves_nothing_stuck(tmp_path, version, leave):
     (tmp_path / "game.ggr").unlink()
 
 
-def test_a_record_is_applied_before_it_is_yielded_and_the_next_one_is_not(empty):
-    nodes = [
-        empty.agent.get_agent("anna").current_node_id
-        for record in empty.record.replay(io.BytesIO(recorded(a_game)))
-        if record["opCode"] == 0x01100000
-    ]
-    assert nodes == [1, 4, 5]
-
-
 def test_the_end_is_yielded_and_does_not_end_the_context(empty):
     records = replayed(recorded(a_game), empty)[1]
     assert records[-1] == {"timestamp": 2_000_000_000, "opCode": TERMINATE}

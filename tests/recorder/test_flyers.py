@@ -200,15 +200,6 @@ def test_flights_by_name_and_by_number_are_one_table_in_their_order():
 # -- size, keyframes --------------------------------------------------------------------------------------------
 
 
-def test_who_flies_straight_on_takes_few_bytes_and_who_hovers_next_to_none():
-    places, ways = np.random.default_rng(1).normal(size=(2, 300, 3)) * 10
-    straight = [
-        [(FLIGHT, (i, 5, *place)) for i, place in enumerate((places + turn * ways).tolist())] for turn in range(64)
-    ]
-    assert len(written(straight, {})) < 8 * 300 * 64
-    assert len(written(straight[:1] * 64, {})) < 2 * 300 * 64
-
-
 # -- damage -----------------------------------------------------------------------------------------------------
 
 

@@ -1,7 +1,6 @@
 """Programs that are killed, or run out of room, while they record: what was written opens, and the errors are clear."""
 
 import io
-import os
 import random
 import signal
 import subprocess
@@ -86,44 +85,6 @@ def test_a_killed_program_leaves_a_recording_at_any_moment(tmp_path, number):
 # -- no room --------------------------------------------------------------------------------------------------------
 
 
-def record_until_it_fails(ctx, stream, turns, version):
-    """All errors there are: of the start, of the turns, and of stop."""
-    errors = []
-    for do in (lambda: ctx.record.start(stream, version=version), *[ctx.visual.simulate] * turns, ctx.record.close):
-        try:
-            do()
-        except RecordingError as error:
-            errors.append(str(error))
-    return errors
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
-@pytest.mark.parametrize("turns", [0, 3, 500])
-@pytest.mark.parametrize("version", [2, 3])
-@pytest.mark.parametrize("buffering", [-1, 0])
-def test_a_full_disk_is_reported_once_and_the_game_can_go_on(tmp_path, turns, version, buffering):
-    ctx = grid_context()
-    with Path("/dev/full").open("wb", buffering) as file:
-        errors = record_until_it_fails(ctx, file, turns, version)
-    assert len(errors) == 1
-    assert "No space left" in errors[0]
-    ctx.record.start(tmp_path / "other", version=version)
-    ctx.visual.simulate()
-    ctx.record.stop()
-
-
-@pytest.mark.parametrize("turns", [0, 3, 500])
-@pytest.mark.parametrize("version", [2, 3])
-def test_a_closed_pipe_is_reported_once(turns, version):
-    ctx = grid_context()
-    read, write = os.pipe()
-    os.close(read)
-    with os.fdopen(write, "wb") as file:
-        errors = record_until_it_fails(ctx, file, turns, version)
-    assert len(errors) == 1
-    assert "Broken pipe" in errors[0]
-
-
 class Disk(io.BytesIO):
     """A file on a disk with little room."""
 
@@ -186,21 +147,3 @@ def test_a_rule_that_raises_leaves_as_many_turns_as_the_game_has(tmp_path, phase
         assert ctx.game.turn == 4
     with Reader(tmp_path / "game.ggr") as reader:
         assert (reader.turns, reader.is_complete) == (4, True)
-
-
-def test_a_recording_cut_at_any_byte_behind_its_header_replays_what_is_whole():
-    ctx, whole = grid_context(), io.BytesIO()
-    ctx.agent.create_agent("a", start_node_id=0)
-    ctx.record.start(whole)
-    for _ in range(3):
-        ctx.visual.simulate()
-    ctx.record.stop()
-    data, turns = whole.getvalue(), []
-    for size in (*range(0, len(data), 3), len(data)):  # any byte at which a file opens is tried in test_crashes.py
-        with empty_context() as fresh:
-            try:
-                turns.append(sum(one["opCode"] == 1 for one in fresh.record.replay(io.BytesIO(data[:size]))))
-            except RecordingError:
-                assert not turns, f"{size} bytes cannot be replayed, but fewer can"
-    assert turns == sorted(turns)
-    assert (turns[0], turns[-1]) == (0, 3)

@@ -102,15 +102,6 @@ def test_an_observation_is_the_very_state_that_the_strategy_got(game):
         assert {**state, "facts": dict(state["facts"]), "lots": lots} == told, (turn, name)
 
 
-def test_a_decision_can_be_repeated(game):
-    recording, _ = game
-    strategy = look_and_spoil({})
-    for turn in (1, 4, 8):
-        state = recording.observation(turn, "walker_0")
-        strategy(state)
-        assert state["action"] == recording[turn].agents["node"][0]
-
-
 def test_the_table_of_what_was_sensed_has_nodes_and_agents(game):
     recording, seen = game
     table = recording.table("sensed", 2, 4)
@@ -124,34 +115,6 @@ def test_the_table_of_what_was_sensed_has_nodes_and_agents(game):
     assert set(others) <= {"walker_1", "walker_2"}
     assert list(table) == ["turn", "agent", "sensor", "node", "other"]
     assert len(recording.table("sensed", 5, 5)["node"]) == 0
-
-
-@pytest.mark.parametrize("kind", [SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT])
-def test_the_table_has_the_agents_that_flyers_saw_and_the_nodes_below_them(kind):
-    stream = io.BytesIO()
-    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3, 10.0))
-        ctx.sensor.create_sensor("cam", kind, sensor_range=100.0)
-        ctx.agent.create_agent("anna", start_node_id=4, strategy=lambda state: state.update(action=5))
-        for name, place in (("drone", (0.0, 0.0, 30.0)), ("kite", (19.0, 1.0, 20.0))):
-            ctx.agent.create_agent(name, type="AERIAL", start_node_id=0, speed=5, strategy=lambda state: None)
-            ctx.agent.get_agent(name).position = place
-        ctx.agent.get_agent("drone").register_sensor("cam", ctx.sensor.get_sensor("cam"))
-        ctx.record.start(stream, sensed=True)
-        ctx.game.run(2)
-        seen = ctx.sensor.get_sensor("cam").data
-    assert set(seen) == {"anna", "kite"}
-    with recorder.open(io.BytesIO(stream.getvalue())) as recording:
-        rows = [column.tolist() for column in recording.table("sensed").values()]
-        told = recording.observation(1, "drone")["sensor"]["cam"]
-    assert sorted(zip(*rows, strict=True)) == [
-        (1, "drone", "cam", 2, "kite"),
-        (1, "drone", "cam", 4, "anna"),
-        (2, "drone", "cam", 2, "kite"),
-        (2, "drone", "cam", 5, "anna"),
-    ]
-    assert told[0] is kind
-    assert told[1]["kite"] == seen["kite"]
 
 
 @pytest.mark.parametrize("given", [[1, 2, 3], {"anna": 5}, {"nodes": {1: None}, "edges": []}])

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.errors import BadValue
-from gamms.recorder import RecorderBusy
 from gamms.recorder.keyframes import captured
 
 TURNS = 9
@@ -108,15 +107,6 @@ def test_a_turn_is_the_same_however_one_gets_there(truth, turns):
                 assert (player.playback.turn, facts_of(ctx)) == (turn + 1, truth[turn + 1])
 
 
-@pytest.mark.parametrize("start", [0, 1, TURNS - 1])
-def test_a_replay_starts_after_a_turn(truth, start):
-    with gamms.create_context() as ctx:
-        player = Player(ctx, start)
-        player.play()
-        assert facts_of(ctx) == truth[start + 1]
-        assert sum(record["opCode"] == gamms.typing.OpCodes.SIMULATE.value for record in player.records) == 8 - start
-
-
 def test_a_replay_that_has_ended_can_be_played_again_from_any_turn(truth):
     with gamms.create_context() as ctx:
         player = Player(ctx)
@@ -135,27 +125,6 @@ def test_a_turn_that_is_not_there_is_refused():
             player.playback.seek(10)
     with gamms.create_context() as ctx, pytest.raises(BadValue, match="has 9 turns"):
         Player(ctx, 10).play()
-
-
-def test_a_replay_that_is_recorded_goes_on_in_its_order():
-    with gamms.create_context() as ctx:
-        ctx.record.start(io.BytesIO())
-        player = Player(ctx)
-        player.play()
-        assert not player.playback.can_seek
-        with pytest.raises(RecorderBusy):
-            player.playback.seek(3)
-
-
-def test_a_replay_that_is_given_up_closes_its_file(tmp_path):
-    path = tmp_path / "game.ggr"
-    path.write_bytes(GAME)
-    with gamms.create_context() as ctx:
-        taken = []
-        ctx.visual.show_playback = taken.append
-        for _ in ctx.record.replay(path):
-            break
-        assert not taken[0].is_open
 
 
 def test_agents_of_a_game_that_is_replayed_join_those_of_a_game_that_is_recorded():

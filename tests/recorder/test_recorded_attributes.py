@@ -34,24 +34,6 @@ def energies(ctx):
     return {agent.name: getattr(agent, "energy", None) for agent in ctx.agent.create_iter()}
 
 
-def test_a_resumed_game_has_the_attributes_of_its_turn(ctx):
-    ants = ctx.agent.create_team("ant", [0, 4, 8], strategy=stay, columns={"energy": [1, 2, 3]})
-    solo = ctx.agent.create_agent("solo", start_node_id=3, strategy=stay, energy=1)
-
-    def tire(ctx):
-        ants.set("energy", 10 * ctx.game.turn, where=ants.node_ids > 0)
-        solo.energy = ctx.game.turn
-        if ctx.game.turn == 2:
-            ctx.agent.get_agent("ant_1").energy = "gone"
-
-    with recorded(ctx, tire) as recording:
-        for turn, expected in ((0, (1, 2, 3, 1)), (1, (1, 10, 10, 1)), (2, (1, "gone", 20, 2)), (3, (1, 30, 30, 3))):
-            with recording.resume(turn) as then:
-                assert tuple(energies(then).values()) == expected
-        columns = recording.detached(2).agents.columns
-        assert [one["energy"] for one in columns["attributes"]] == [1, "gone", 20, 2]
-
-
 def test_an_attribute_that_is_deleted_is_gone_from_its_turn_on(ctx):
     ctx.agent.create_team("ant", [0, 4], strategy=stay, columns={"energy": [1, 2]})
     solo = ctx.agent.create_agent("solo", start_node_id=3, strategy=stay, energy=3, path=[1])

@@ -15,7 +15,7 @@ import gamms
 from gamms import recorder
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import events as kinds
-from gamms.recorder import Reader, Recording, RecordingError, Writer
+from gamms.recorder import Recording, RecordingError, Writer
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.keyframes import captured
 
@@ -410,22 +410,6 @@ def test_a_recording_without_a_beginning_or_a_map_says_so():
         _ = rec.graph
     assert rec.turns == 1
     assert list(rec.logs()) == [[0, 1]]
-
-
-def test_what_takes_long_to_read_has_keyframes_more_often(ctx):
-    stream = io.BytesIO()
-    ctx.record.start(stream)
-    for turn in range(1100):
-        ctx.game.scores["red"] = turn
-        ctx.record.event("note", turn=turn)
-        ctx.visual.simulate()
-    ctx.record.stop()
-    with pytest.raises(RecordingError, match="seek"):  # it stands at its end
-        Reader(stream)
-    stream.seek(0)
-    reader = Reader(stream)
-    found = {reader.keyframe(turn)[0] for turn in range(reader.turns)}
-    assert sorted(found) == [0, 1024]  # after 2,048 events
 
 
 @pytest.mark.parametrize("copied", [pickle.dumps, copy.deepcopy])

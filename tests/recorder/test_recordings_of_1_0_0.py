@@ -160,24 +160,6 @@ def test_games_of_ours_are_copied_to_the_byte_in_version_2(game):
     assert recorded(lambda ctx: list(ctx.record.replay(io.BytesIO(data))), world(), version=2) == data
 
 
-def test_what_a_program_does_between_and_after_copied_records_is_written_among_them():
-    path = SAMPLES / "version2/basic.ggr"
-    ctx, stream = world(), io.BytesIO()
-    ctx.record.start(stream, version=2)
-    for number, _ in enumerate(ctx.record.replay(path)):
-        if number == 1:
-            ctx.agent.create_agent("new", start_node_id=4)
-    make.act(ctx, "new", 5)
-    ctx.visual.simulate()
-    ctx.record.stop()
-    original, copy = (list(version2.read(io.BytesIO(data))) for data in (path.read_bytes(), stream.getvalue()))
-    assert copy[2]["data"] == {"name": "new", "kwargs": {"start_node_id": 4}}
-    assert copy[:2] + copy[3 : len(original)] == original[:-1]
-    assert [record["opCode"] for record in copy[len(original) :]] == [0x01100001, 0x01100000, 1, 0]
-    times = [record["timestamp"] for record in copy]
-    assert times == sorted(times)
-
-
 def test_a_program_that_changes_what_was_replayed_does_not_change_the_copy():
     path = SAMPLES / "version2/keywords.ggr"
 

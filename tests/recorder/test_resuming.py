@@ -305,19 +305,6 @@ def test_what_does_not_fit_is_refused(recording):
         assert ctx.seed == 4
 
 
-@pytest.mark.parametrize(
-    ("wrong", "error"), [({"rde": random_walk}, UnknownName), ({"red_0": None, "red": 5}, BadType)]
-)
-def test_a_context_is_as_before_where_a_strategy_is_none(recording, wrong, error):
-    with race(4) as ctx, race(4) as other:
-        with pytest.raises(error):
-            recording.resume(3, wrong, ctx=ctx)
-        assert ctx.game.run(5) == other.game.run(5)
-        assert [one.current_node_id for one in ctx.agent.create_iter()] == [
-            one.current_node_id for one in other.agent.create_iter()
-        ]
-
-
 def test_chasing_and_fleeing_go_on():
     def make():
         ctx = context()

@@ -102,20 +102,6 @@ def test_a_killed_program_that_ended_no_turn_for_a_second_has_lost_none(tmp_path
         ctx.record.start(path)
 
 
-@pytest.mark.parametrize(
-    ("end", "turns"),
-    [
-        ("", None),
-        ("sys.exit(0)", None),
-        ("sys.stdin.read(); os._exit(0)", 3),
-        ("del ctx, step; sys.stdin.read(); os._exit(0)", 3),
-    ],
-)
-def test_a_program_that_ends_without_a_word_leaves_all_its_turns(tmp_path, end, turns):
-    run(f"for turn in range(3): step(turn)\nprint('ready', flush=True)\n{end}", tmp_path / "game.ggr", turns=turns)
-    assert turns_of((tmp_path / "game.ggr").read_bytes()) == 3
-
-
 def test_another_process_can_read_the_turns_so_far(tmp_path):
     path, ctx, seen = tmp_path / "game.ggr", new_game(), []
     ctx.record.start(path)
@@ -200,26 +186,6 @@ def test_a_stream_has_all_turns_after_each_and_a_copy_replays_while_it_goes_on(t
         assert turns_of(stream.read()) == 70
 
 
-class Forwards(io.BytesIO):
-    """A stream that knows no way back."""
-
-    def seekable(self):
-        return False
-
-
-def test_a_stream_without_a_way_back_gets_whole_blocks_and_the_same_bytes():
-    stream, usual = Forwards(), io.BytesIO()
-    sizes = []
-    for one in (stream, usual):
-        with new_game() as ctx:
-            ctx.record.start(one)
-            for turn in range(130):
-                step(ctx, turn)
-                sizes.append(len(one.getvalue()))
-    assert stream.getvalue() == usual.getvalue()
-    assert len(set(sizes[:130])) <= 4  # the beginning, and each 64 turns
-
-
 # -- what goes wrong --------------------------------------------------------------------------------------------
 
 
@@ -299,15 +265,6 @@ def test_a_link_to_a_recording_is_kept_when_that_is_overwritten(tmp_path):
         step(ctx, 0)
     assert (tmp_path / "game.ggr").is_symlink()
     recordings.verify(tmp_path / "there" / "game.ggr")
-
-
-def test_a_recording_that_is_open_goes_on_to_be_read_when_its_file_is_overwritten(tmp_path):
-    with new_game() as ctx:
-        ctx.record.start(tmp_path / "game")
-        step(ctx, 0)
-    with gamms.recorder.open(tmp_path / "game.ggr") as recording, new_game() as ctx:
-        ctx.record.start(tmp_path / "game", overwrite=True)
-        assert recording[1].data == {"turn": 0}
 
 
 @pytest.mark.parametrize("options", [{"version": 7}, {"provenance": object()}, {"created": "now"}])

@@ -75,17 +75,6 @@ def test_a_film_has_the_turns_that_were_asked_for(game, tmp_path):
     assert len(film_of(tmp_path / "game.mp4")) == 6 + 30  # the last one is held for a second
 
 
-def test_a_film_of_a_long_game_has_all_its_turns(tmp_path):
-    with gamms.create_context(seed=1) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(9, 9))
-        ctx.agent.create_team("red", range(20), strategy=gamms.strategies.random_walk)
-        ctx.game.run(max_turns=200, record=tmp_path / "game.ggr")
-    small = ["--width", 64, "--height", 64, "--frames-per-turn", 1]
-    done = run(tmp_path / "game.ggr", tmp_path / "game.mp4", *small)
-    assert (done.exit_code, done.stderr) == (0, "")
-    assert "(200 turns)" in done.stdout
-
-
 def test_without_options_the_command_makes_what_the_function_makes(game, tmp_path):
     run(game, tmp_path / "command.svg")
     rendering.render(game, tmp_path / "function.svg")

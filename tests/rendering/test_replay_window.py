@@ -86,32 +86,6 @@ def is_in_view(engine):
     return bool(((on_screen >= 0.0) & (on_screen <= 1.0)).all() and extent.max() >= 0.5)
 
 
-DECLARED = {
-    "an agent": lambda visual: visual.set_agent_visual("a_0", color="red", size=0.2),
-    "the graph": lambda visual: visual.set_graph_visual(node_size=0.1),
-    "the graph before it is there": None,
-}
-
-
-@pytest.mark.parametrize("declared", DECLARED)
-def test_what_was_declared_does_not_move_the_map_out_of_the_window(tmp_path, shown, declared):
-    declare = DECLARED[declared]
-    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
-        if declare is None:
-            ctx.visual.set_graph_visual(node_size=0.1)
-        graph = gamms.graph.grid(4, 4, spacing=100.0)
-        ctx.graph.attach_networkx_graph(graph)
-        ctx.agent.create_agent("a_0", start_node_id=0, strategy=random_walk)
-        if declare is not None:
-            declare(ctx.visual)
-        ctx.record.start(tmp_path / "game.ggr")
-        ctx.game.run(3)
-    words = ["replay", str(tmp_path / "game.ggr"), "--window", "--seconds", "0.05"]
-    result = CliRunner().invoke(app, words)
-    assert result.exit_code == 0, result.output
-    assert shown == [3]
-
-
 @pytest.mark.parametrize("program", ["gamms.create_context(vis_engine=gamms.visual.Engine.PYGAME)", "replay"])
 def test_without_a_display_there_is_no_window_at_once(recording, program):
     pytest.importorskip("pygame")

@@ -41,16 +41,6 @@ def scene(deeds=DEEDS, rules=(TAG, COOLDOWN), **more):
     return Scenario(map={"grid": {"width": 4, "height": 4}}, **given)
 
 
-def chosen(masks, split, turn):
-    """Some legal move and deed of each slot."""
-    parts = np.split(np.asarray(masks), [split], axis=-1)
-    pick = [
-        [np.flatnonzero(mask)[(turn * 5 + slot * 3 + 1) % mask.sum()] for slot, mask in enumerate(part)]
-        for part in parts
-    ]
-    return np.array(pick).T
-
-
 def test_choices_are_nothing_and_each_deed_with_each_target():
     with rl.Learners(scene(), teams=["red"]) as learners:
         names = learners.deeds.names
@@ -70,23 +60,6 @@ def test_choices_are_nothing_and_each_deed_with_each_target():
         assert masks[4:9].sum() == legal
         assert masks[17:21].sum() == legal - 1
         assert masks.sum() == NAMES - (5 - legal) - (4 - (legal - 1))
-
-
-def test_one_agent_does_the_same_in_many_games_whatever_plays_them():
-    def played(game):
-        games = rl.vector_env(game, num_games=3, agent="red_0", seed=2)
-        found, (observed, _) = [], games.reset()
-        for turn in range(8):
-            actions = chosen(observed["action_mask"], games.learners.num_actions, turn)
-            actions[:, 0] = [turn % 2, 1, 2]
-            observed, *_ = games.step(actions)
-            found.append(observed["observation"].tolist())
-        deeds = [games.learners.games.result(number).deeds for number in range(3)]
-        games.close()
-        return found, deeds
-
-    slow = scene().replace(rules=[TAG, COOLDOWN], settings={"deeds": DEEDS, "time_budget": 1000.0})
-    assert played(scene()) == played(slow)
 
 
 def test_checkers_find_no_fault(capsys):

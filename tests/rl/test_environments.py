@@ -191,37 +191,6 @@ def play_scalar(seed, team):
     return played
 
 
-def test_games_at_once_are_the_same_as_one_by_one():
-    env = rl.vector_env(scene(), num_games=3, team="red")
-    names = env.learners.names
-    observations, _ = env.reset(seed=20)
-    ended = 0
-    expected = [play_scalar(20 + game, "red") for game in range(3)]
-    turns = [0, 0, 0]
-    for _ in range(30):
-        actions = [chosen(mask, turns[slot // 2], slot % 2) for slot, mask in enumerate(env.action_masks())]
-        new, rewards, terminated, truncated, infos = env.step(actions)
-        for slot in range(6):
-            game, name = slot // 2, names[slot % 2]
-            played = expected[game]
-            now = {key: column[slot] for key, column in observations.items()}
-            assert all(np.array_equal(now[key], played[turns[game]][0][name][key]) for key in now)
-            _, wanted, ends, late = played[turns[game] + 1]
-            assert (rewards[slot], terminated[slot], truncated[slot]) == (wanted[name], ends[name], late[name])
-            if terminated[slot] or truncated[slot]:
-                assert infos["_final_obs"][slot]
-                last = played[-1][0][name]
-                assert all(np.array_equal(infos["final_obs"][key][slot], last[key]) for key in last)
-        for game in range(3):
-            turns[game] += 1
-            if terminated[2 * game] or truncated[2 * game]:
-                ended += 1
-                turns[game], expected[game] = 0, play_scalar(env.learners.games.seeds[game], "red")
-        observations = new
-    assert ended > 3
-    env.close()
-
-
 def test_an_agent_that_is_out_leaves_and_its_slot_only_stays():
     rules = [{**TAG, "with": {**TAG["with"], "metres": 1000}}]
     env = rl.parallel_env(scene(rules), team="blue")
@@ -245,15 +214,6 @@ def test_an_end_by_time_is_truncation_and_one_by_a_rule_termination():
     env.reset(seed=1)
     _, _, terminated, truncated, _ = env.step({})
     assert (set(terminated.values()), set(truncated.values())) == ({False}, {True})
-
-
-def test_an_action_that_is_missing_stays_and_is_reported():
-    env = rl.parallel_env(scene(), team="red")
-    env.reset(seed=3)
-    before = env.learners.games.observe("red").node.tolist()
-    *_, infos = env.step({"red_0": 0})
-    assert (infos["red_0"]["is_legal"], infos["red_1"]["is_legal"]) == (True, False)
-    assert env.learners.games.observe("red").node.tolist() == before
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf])
@@ -373,16 +333,6 @@ def test_two_processes_play_the_same_game():
     environment = {"PYTHONHASHSEED": "1", "PYTHONPATH": ":".join(sys.path)}
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
     assert run.stdout.strip() == hashlib.sha256(repr(play_scalar(5, "red")).encode()).hexdigest()
-
-
-def test_a_picture_shows_the_game():
-    pytest.importorskip("pygame")
-    env = rl.parallel_env(scene(), render_mode="rgb_array")
-    env.reset(seed=1)
-    first = env.render()
-    assert first.shape == (480, 480, 3)
-    env.step({name: chosen(mask, 1) for name, mask in env.action_masks().items()})
-    assert (env.render() != first).any()
 
 
 class Module:

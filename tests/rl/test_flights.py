@@ -49,54 +49,11 @@ def test_flights_are_three_numbers_for_each_agent(flights):
             learners.step(moves, flights=flights)
 
 
-def actions_of(env, turn):
-    """Some actions of the agents of an environment of PettingZoo, without its generators."""
-    found = {}
-    for number, name in enumerate(env.agents):
-        space = env.action_space(name)
-        wave = np.sin(turn * 3 + number + np.arange(np.prod(space.shape, dtype=int)))
-        found[name] = wave.astype(np.float32) if space.dtype == np.float32 else (turn + number) % 3
-    return found
-
-
-@pytest.mark.parametrize("deeds", [{}, {"settings": {"deeds": {"drop": {"node": "node"}, "mark": {"whom": "agent"}}}}])
-def test_games_at_once_are_the_same_as_alone(deeds):
-    game = scene(**deeds)
-    games = rl.vector_env(game, num_games=2, team="red", seed=3)
-    alone = [rl.parallel_env(game, team="red", seed=3 + number) for number in range(2)]
-    many, _ = games.reset()
-    single = [env.reset()[0] for env in alone]
-    for turn in range(8):
-        for slot in range(4):
-            one = single[slot // 2][f"red_drone_{slot % 2}"]["observation"]
-            assert np.array_equal(many["observation"][slot], one)
-        actions = [actions_of(env, turn + number) for number, env in enumerate(alone)]
-        single = [env.step(one)[0] for env, one in zip(alone, actions, strict=True)]
-        many, *_, infos = games.step(np.stack([one for of_game in actions for one in of_game.values()]))
-        many = infos.get("final_obs", many)
-    done = [env.learners.games.result(0).deeds for env in alone]
-    if deeds:
-        assert {deed["deed"] for deed in done[0]} == {"drop", "mark"}
-
-
 def test_a_team_on_the_ground_learns_beside_one_that_flies():
     env = rl.parallel_env(scene(cars=1))
     env.reset(seed=1)
     *_, infos = env.step({name: env.action_space(name).sample() * 0 for name in env.agents})
     assert set(infos) == {"blue_0", "red_car_0", "red_drone_0", "red_drone_1"}
-
-
-def test_one_agent_that_flies_does_as_in_its_team():
-    game = scene(drones=1)
-    team, one = rl.parallel_env(game, team="red", seed=2), rl.single_agent_env(game, agent="red_drone_0", seed=2)
-    team.reset()
-    one.reset()
-    for turn in range(8):
-        action = actions_of(team, turn)["red_drone_0"]
-        expected, rewards, *_ = team.step({"red_drone_0": action})
-        found, reward, *_ = one.step(action)
-        assert np.array_equal(found["observation"], expected["red_drone_0"]["observation"])
-        assert reward == rewards["red_drone_0"]
 
 
 @pytest.mark.parametrize("cars", [0, 2])

@@ -6,12 +6,9 @@ import pytest
 pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
 
 import gymnasium
-from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from gymnasium.wrappers import vector as wrappers
 
-import gamms
 from gamms import rl
 from gamms.errors import BadType, BadValue
 from gamms.scenario import Scenario
@@ -35,21 +32,8 @@ FLYERS = {
 }
 
 
-def stay(state):
-    state["action"] = state["legal"][0]
-
-
 def one_each_turn(turn):
     return turn.before.mask * 1.0
-
-
-def lives(scenario, seed, file):
-    """Return how many turns each agent of the team lives, read from the recording of a game, and those of the game."""
-    scenario.play(seed=seed, strategies={"blue": stay}, record=file)
-    with gamms.recorder.open(file) as game:
-        alive = np.array([state.agents["alive"] for state in game[:-1]], np.int64)
-        blue = [name.startswith("blue") for name in game[0].agents["name"]]
-        return alive[:, blue].sum(axis=0).tolist(), game.turns
 
 
 @pytest.mark.parametrize("mode", ["sync", "async", "vector_entry_point"])
@@ -65,55 +49,10 @@ def test_gymnasium_makes_the_same_games_in_every_mode(mode):
     alone.close()
 
 
-def test_a_life_is_one_episode(tmp_path):
-    games, steps = 3, 150
-    env = wrappers.RecordEpisodeStatistics(
-        rl.vector_env(scene(), num_games=games, team="blue", reward=one_each_turn), 10_000
-    )
-    env.reset(seed=7)
-    for _ in range(steps):
-        env.step(np.zeros(env.num_envs, np.int64))
-    expected = []
-    for game in range(games):
-        begun, seed = 0, 7 + game
-        while begun < steps:
-            found, turns = lives(scene(), seed, tmp_path / f"{seed}.ggr")
-            expected += [life for life in found if begun + life <= steps]
-            begun, seed = begun + turns, seed + games
-    assert len(expected) > 50
-    assert sorted(env.return_queue) == sorted(expected)
-    assert env.episode_count == len(expected)
-
-
 def test_gymnasium_finds_no_fault_in_plain_observations():
     check_env(
         rl.single_agent_env(scene(**DEEDS), agent="blue_1", mask="info", actions="discrete"), skip_render_check=True
     )
-
-
-def test_moves_and_deeds_can_be_one_number():
-    pairs, numbers = (
-        rl.vector_env(scene(**DEEDS), num_games=3, team="blue", actions=form) for form in ("pair", "discrete")
-    )
-    moves, deeds = pairs.single_action_space.nvec
-    assert numbers.single_action_space == spaces.Discrete(moves * deeds)
-    (observed, infos), (_, told) = pairs.reset(seed=5), numbers.reset(seed=5)
-    random = np.random.default_rng(2)
-    done = []
-    for _ in range(15):
-        of_moves, of_deeds = np.split(infos["action_mask"], [moves], axis=1)
-        assert (told["action_mask"] == np.repeat(of_moves, deeds, axis=1) * np.tile(of_deeds, moves)).all()
-        chosen = random.integers([moves, deeds], size=(numbers.num_envs, 2))  # some are not legal
-        observed, *_, infos = pairs.step(chosen)
-        flat, *_, told = numbers.step(chosen[:, 0] * deeds + np.where(chosen[:, 0] < moves, chosen[:, 1], 0))
-        assert (observed["observation"] == flat["observation"]).all()
-        done.append([[len(env.learners.games.result(game).deeds) for game in range(3)] for env in (pairs, numbers)])
-    assert any(of_numbers != [0, 0, 0] for _, of_numbers in done)
-    legal = told["action_mask"].argmax(axis=1)
-    before = [len(numbers.learners.games.result(game).deeds) for game in range(3)]
-    numbers.step(np.full_like(legal, moves * deeds + 1))  # beyond the space: nothing is done
-    after = [len(numbers.learners.games.result(game).deeds) for game in range(3)]
-    assert all(now <= then for now, then in zip(after, before, strict=True))
 
 
 def test_too_many_moves_and_deeds_are_refused():

@@ -57,24 +57,6 @@ def test_a_graph_has_the_nodes_and_edges_of_the_map():
     env.close()
 
 
-@pytest.mark.parametrize("make", [lambda: rl.neighbourhood(3, nodes=9), rl.graph])
-def test_nodes_are_observed_alike_in_one_game_and_in_a_batch(make):
-    single = rl.parallel_env(scene(), team="red", observation=make())
-    many = rl.vector_env(scene(), num_games=3, team="red", observation=make())
-    batched, infos = many.reset(seed=5)
-    observed, _ = single.reset(seed=5 + 1)
-    for turn in range(8):
-        for agent, name in enumerate(("red_0", "red_1")):
-            assert np.array_equal(observed[name]["observation"], batched["observation"][2 + agent])
-        actions = np.array([np.flatnonzero(mask)[turn % mask.sum()] for mask in infos["action_mask"]])
-        batched, *_, infos = many.step(actions)
-        observed, *_ = single.step({"red_0": actions[2], "red_1": actions[3]})
-        if not single.agents:
-            break
-    single.close()
-    many.close()
-
-
 @pytest.mark.parametrize("make", [lambda: rl.neighbourhood(2), rl.graph])
 def test_a_strategy_that_observes_nodes_plays_the_same_games_alone(make):
     observe = make()

@@ -8,16 +8,13 @@ pytest.importorskip("safetensors", reason="safetensors is not installed")
 
 from policy_scenes import Linear, Sequential
 
-import gamms
 from gamms import rl
-from gamms.errors import BadValue
 from gamms.planning import mcts
 from gamms.scenario import Scenario, ScenarioError
 from gamms.solve import best_response
 from gamms.strategies import chase
 
 WALK = "gamms.strategies:random_walk"
-FLEE = "gamms.strategies:flee"
 
 
 def scene(width=4, **more):
@@ -68,15 +65,6 @@ def test_agents_and_teams_take_what_makes_strategies(maker):
     assert maker not in made
 
 
-def test_a_recording_goes_on_with_what_makes_strategies(maker, tmp_path):
-    scene().play(seed=3, record=tmp_path / "a.ggr")
-    with gamms.recorder.open(tmp_path / "a.ggr") as recording, recording.resume(2, {"red": maker}) as ctx:
-        strategies = [agent.strategy for agent in ctx.agent.teams["red"]]
-        assert ctx.game.run(3).turns == 5
-    assert all(map(callable, strategies))
-    assert maker not in strategies
-
-
 def test_searches_play_ahead_with_what_makes_strategies(maker):
     red = mcts(4, depth=3, rollout=maker, opponents=chase)
     with scene(max_turns=3).build(seed=3, strategies={"red": red, "blue": mcts(4, opponents={"red": maker})}) as ctx:
@@ -94,12 +82,3 @@ def test_a_policy_is_bound_to_its_spaces_and_map(saved):
     assert others.play(strategies={"red": red}).turns <= 4
     with pytest.raises(ScenarioError, match=r"has another map than this game: rl.policy\(path, other_scenario=True\)"):
         scene(width=5).play(strategies={"red": red})
-
-
-def test_a_policy_plays_in_a_game_that_a_program_has_built(saved):
-    red = rl.policy(saved)
-    with gamms.create_context() as ctx, pytest.raises(BadValue, match="has another map"):
-        red(ctx)
-    with scene().build(seed=3) as built, gamms.create_context(seed=3) as ctx:
-        ctx.graph.storage.copy_from(built.graph.storage.snapshot())
-        assert callable(red(ctx))

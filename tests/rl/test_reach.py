@@ -34,29 +34,6 @@ def scene(speed=None, blue_speed=None, sensors=NEAR, **more):
     return Scenario(map={"grid": {"width": 4, "height": 4}}, **given)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_an_action_leads_to_the_node_with_its_number(kind):
-    game, known = scene(**KINDS[kind]), {}
-
-    def red(state):
-        known.setdefault((state["name"], state["turn"]), tuple(state["legal"]))
-        state["action"] = state["legal"][2]
-
-    game.play(seed=2, strategies={"red": red})
-    learners = rl.Learners(game, teams=["red"], seed=2)
-    observed = {}
-    while not learners.is_over.all():
-        view = learners.games.observe("red")
-        for number, name in enumerate(learners.names):
-            nodes = view["legal"][0, number]
-            observed[name, int(view.turn[0])] = tuple(nodes[nodes >= 0].tolist())
-            assert learners.masks[0, number].sum() == (nodes >= 0).sum() <= learners.num_actions
-        learners.step(np.full((1, 2), 2))
-    learners.close()
-    assert len(known) > 8
-    assert {key: observed[key] for key in known} == known
-
-
 def test_the_number_of_actions_is_worked_out_from_the_map():
     def width(**kind):
         with rl.Learners(scene(**kind), teams=["red"]) as learners:

@@ -6,7 +6,6 @@ import pytest
 import gamms
 from gamms.ir.draw import DrawKind
 from gamms.rules import cooldown, discover, hold, resource
-from gamms.visual.drawers.standings import RESOURCES, counted_in
 from gamms.visual.legend import blocks_of
 
 RULES = {
@@ -55,15 +54,6 @@ def signs(ctx):
     return {row.sign for block in blocks_of(ctx, shown) if hasattr(block, "rows") for row in block.rows}
 
 
-def test_a_node_that_was_discovered_has_a_square_in_the_colour_of_the_team(hill):
-    hill.game.add(RULES["discovered"]())
-    assert len(signs_on(hill, 18)) == 2
-    hill.game.step()
-    red = tuple(hill.visual.drawing.group_colors()["red"])
-    assert [place for color, place, _ in signs_on(hill, 18) if color == red] == [[20.0, 0.0]]
-    assert "square" in signs(hill)
-
-
 def test_an_arc_around_an_agent_gets_shorter_until_it_can_do_the_deed_again(hill):
     hill.game.add(RULES["cooldowns"]())
     shares = []
@@ -72,20 +62,3 @@ def test_an_arc_around_an_agent_gets_shorter_until_it_can_do_the_deed_again(hill
         shares += [share_of(arc) for *_, arc in signs_on(hill, 22)]
     assert shares == pytest.approx([1.0, 2 / 3, 1 / 3])
     assert "timer" in signs(hill)  # the legend stays the same when nothing cools down
-
-
-@pytest.mark.parametrize(
-    "data",
-    [
-        {"held": 5, "discovered": [1], "resources": "x"},
-        {"held": {"a": {"nodes": 4, "turns": 1, "of": 2}}, "discovered": {"a": {"nodes": "1"}}},
-        {"held": {"a": {"nodes": "4..5", "turns": -3, "of": 0, "team": "blue"}}},
-        {"resources": {"fuel": {"full": 0, "amounts": {"ann": "much", "nobody": 3, "bob": 7}}}},
-        {"discovered": {"a": {"nodes": "1", "by": {"red": [1, 99]}}}},
-        {"cooldowns": {"shout": {"of": 0, "left": {"ann": -2, "bob": [1]}}, "jump": {"ann": 3}}},
-    ],
-)
-def test_what_does_not_look_like_counts_is_not_drawn(hill, data, tmp_path):
-    hill.game.data.update(data)
-    hill.visual.save(tmp_path / "hill.svg")
-    assert all(isinstance(one["amounts"], dict) for one in counted_in(hill, RESOURCES).values())

@@ -47,24 +47,6 @@ def test_the_order_in_which_rules_are_added_changes_no_game(then):
         assert play(scored, seed) == play(scored[::-1], seed)
 
 
-def test_an_agent_is_in_one_pair_of_all_rules(road):
-    ctx = road(ann=("red", 3), bob=("blue", 3), cid=("green", 3))
-    for side in (("red", "blue"), ("blue", "green"), ("green", "red")):
-        ctx.game.add(tag(*side))
-    ctx.game.step()
-    tags = [event for event in ctx.game.events if event["kind"] == "tag"]
-    assert len(tags) == 1
-
-
-def test_earlier_contacts_come_first_whatever_rule_they_are_of(road):
-    ctx = road(ann=("red", 3, 4), bob=("blue", 5), cid=("blue", 4, 3))
-    ctx.game.add(tag("red", "blue", hops=1))
-    ctx.game.add(tag("blue", "red"))
-    ctx.game.step()
-    tags = [(event["agent"], event["other"]) for event in ctx.game.events if event["kind"] == "tag"]
-    assert tags == [("cid", "ann")]  # they pass each other as the turn begins; bob is near at its end
-
-
 def test_a_rule_that_is_removed_tags_no_more_and_the_others_go_on(road):
     ctx = road(ann=("red", 3), bob=("blue", 3))
     for name, side in zip(("first", "second"), SIDES, strict=True):

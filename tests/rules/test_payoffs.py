@@ -33,24 +33,6 @@ def test_the_others_pay_in_equal_parts(road):
     assert ctx.game.run(1).scores == {"blue": 5, "red": -4, "green": -1}
 
 
-def test_a_game_that_is_reset_pays_the_same_again(road):
-    ctx = road(a=("red", 3, 4), b=("blue", 4))
-    ctx.game.add(tag("blue", "red", score=0))
-    ctx.game.add(payoff({"tag": {"agent": 1}}))
-    first = ctx.game.run(1).scores
-    ctx.game.reset()
-    assert ctx.game.run(1).scores == first == {"blue": 1}
-
-
-def test_what_was_emitted_before_the_rule_came_is_not_paid_for_and_the_last_turn_is(road):
-    ctx = road(a=("red", 3))
-    ctx.game.emit("found", agent="a")
-    ctx.game.add(time_limit(2, winner=None))
-    ctx.game.add(payoff({"found": {"agent": 1}}))
-    ctx.game.add(lambda ctx: ctx.game.emit("found", agent="a"))
-    assert ctx.game.run().scores == {"red": 2}
-
-
 def test_points_of_the_last_turn_decide_who_wins_by_time(road):
     ctx = road(a=("red", 3, 4), b=("blue", 4))
     ctx.game.add(time_limit(1))

@@ -47,15 +47,6 @@ def test_an_agent_without_anything_left_stays(road):
     assert (result.agents["a"]["node"], why(ctx, "a"), amounts(ctx)) == (2, "its fuel is used up", {"a": 0})
 
 
-def test_or_it_is_eliminated(road):
-    ctx = road(a=("red", 0, 1, 2, 3), b=("blue", 9))
-    ctx.game.add(resource("water", 2, per_turn=1, empty="eliminate", teams="red"))
-    result = ctx.game.run(3)
-    assert [(event["turn"], event["kind"]) for event in result.events] == [(2, "empty"), (2, "eliminated")]
-    assert (result.agents["a"]["node"], result.agents["a"]["alive"]) == (2, False)
-    assert amounts(ctx, "water") == {"a": 2}  # what it has if it comes back
-
-
 def doing(**deeds):
     """A strategy: what to do in which turn, and to which node to go in all."""
     go = deeds.pop("go", None)

@@ -4,7 +4,6 @@ import pytest
 import yaml
 
 from gamms import scenario
-from gamms.game.channels import Channel, Jammer
 
 _FILE = {
     "map": {"grid": {"width": 5, "height": 5}},
@@ -32,25 +31,6 @@ def talk(tmp_path):
     """Return the scenario above."""
     (tmp_path / "talk.yaml").write_text(yaml.safe_dump(_FILE))
     return scenario.load(tmp_path / "talk.yaml")
-
-
-def test_the_channels_of_a_file_are_those_of_the_game(talk):
-    with talk.build() as ctx:
-        assert ctx.game.channels["pipe"] == Channel("pipe", hops=3)
-        assert ctx.game.channels["radio"] == Channel(
-            "radio",
-            range_m=50.0,
-            line_of_sight=True,
-            relay=("bob",),
-            loss=((0.0, 0.1), (50.0, 0.5)),
-            delay_turns=2,
-            jammers=(Jammer(5.0, agent="bob"), Jammer(2.0, at=(10.0, 10.0))),
-            teams=("red",),
-            eavesdroppers=("blue",),
-        )
-        ctx.game.run()
-        ctx.game.reset(5)
-        assert list(ctx.game.channels) == ["pipe", "radio"]
 
 
 @pytest.mark.parametrize(

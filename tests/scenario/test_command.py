@@ -42,17 +42,6 @@ def test_code_is_named_before_it_is_imported(folder):
     assert not (folder / "gamms-run").exists()
 
 
-def test_a_strategy_of_the_caller_may_be_anywhere(folder, tmp_path):
-    (tmp_path / "mine.py").write_text("def strategy(state):\n    state['action'] = state['curr_pos']\n")
-    for reference in ("../mine.py:strategy", f"{tmp_path / 'mine.py'}:strategy"):
-        done = run("run", "little.yaml", "--strategy", f"red={reference}", "--out", "out")
-        assert done.exit_code == 0
-        assert f"imports --strategy red: mine:strategy, from {tmp_path}" in done.stdout.replace("games/../", "")
-        assert "players:wander" not in done.stdout
-        result = json.loads((folder / "out" / "result.json").read_text())
-        assert result["agents"]["red_0"]["moves"] == 0
-
-
 @pytest.mark.parametrize(
     ("arguments", "code", "hint"),
     [

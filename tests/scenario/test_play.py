@@ -10,7 +10,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import networkx as nx
 import pytest
-import yaml
 
 import gamms
 from gamms import scenario
@@ -33,20 +32,6 @@ def told(result):
     data = result.to_dict()
     del data["timings"]
     return json.loads(json.dumps(data, sort_keys=True))
-
-
-@pytest.mark.parametrize("strategy", STRATEGIES)
-def test_file_python_and_engines_agree(folder, made, strategy):
-    file = folder / "same.json"
-    one = made({"teams.red.strategy": strategy})
-    file.write_text(json.dumps(one.to_dict()))
-    (folder / "same.yaml").write_text(yaml.safe_dump(one.to_dict(), sort_keys=False))
-    result = told(one.play(seed=11))
-    assert told(scenario.load(file).play(seed=11)) == result
-    assert told(scenario.load(folder / "same.yaml").play(seed=11)) == result
-    with one.build(seed=11, graph_engine=gamms.graph.Engine.SQLITE) as ctx:
-        assert told(ctx.game.run()) == result
-    assert told(one.play(seed=12)) != result
 
 
 def test_processes_agree(folder, made):
@@ -289,15 +274,6 @@ def tables_made(monkeypatch):
     made, work_out = [], visibility.compute_visibility
     monkeypatch.setattr(visibility, "compute_visibility", lambda *given: made.append(given) or work_out(*given))
     return made
-
-
-def test_games_of_one_scenario_share_their_visibility(made, tables_made):
-    one = made()
-    first = [table_of(game) for game in (one, one, one.replace(max_turns=3))]
-    assert len(tables_made) == 1
-    assert first[0] == first[1] == first[2]
-    table_of(made())
-    assert len(tables_made) == 2
 
 
 def test_no_game_gets_the_visibility_table_of_another_map(made, tables_made):

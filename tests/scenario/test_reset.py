@@ -180,19 +180,6 @@ def test_the_demo_is_drawn_again():
         assert ctx.game.run() == game.play(seed=5)
 
 
-def test_a_recording_after_a_reset_says_what_was_played(game):
-    ctx = game.build()
-    ctx.game.reset(5)
-    result, data, *_ = recorded(ctx)
-    assert result == game.play(seed=5)
-    with recorder.open(BytesIO(data)) as recording:
-        assert recording.seed == 5
-        again = scenario.from_recording(recording, folder=game.folder)
-        assert again.play() == result
-        with again.build() as other, recording.resume(2, ctx=other) as resumed:
-            assert resumed.game.run().scores == result.scores
-
-
 def test_the_first_seed_plays_the_first_game_again(game):
     with game.build() as ctx:
         first = ctx.game.run()

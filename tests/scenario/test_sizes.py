@@ -81,12 +81,3 @@ def test_the_command_line_allows_more_or_less(folder, command, monkeypatch):
     done = run("--max-memory", "8 apples")
     assert done.exit_code == 1
     assert "8 apples" in done.stderr
-
-
-def test_names_have_a_bounded_length(little):
-    for path in ("teams", "sensors"):
-        with pytest.raises(ScenarioError, match="length <= 200"):
-            Scenario(**{**little, path: {**little[path], "x" * 300_000: next(iter(little[path].values()))}})
-    little["teams"]["red"]["strategy"] = "x" * 300_000
-    with pytest.raises(ScenarioError, match="length <= 1000"):
-        Scenario(**little)

@@ -200,15 +200,6 @@ def test_most_of_it_is_found_without_running_any_code(made, folder, case):
     assert raised.value.path == path
 
 
-def test_a_check_says_what_it_has_looked_at(folder):
-    assert scenario.load(folder / "little.yaml").check() == [
-        "keys, types and names",
-        "5 references to code (found, not run)",
-        "the map (48 nodes)",
-        "the places of 5 agents",
-    ]
-
-
 def test_a_scenario_says_what_it_was_given(made, little):
     one = made()
     assert one.to_dict() == little
@@ -223,15 +214,6 @@ def test_what_is_given_is_copied(made, little):
     one.to_dict()["teams"]["red"]["count"] = 99
     little["teams"]["red"]["count"] = 99
     assert one.spec.teams["red"].count == 3
-
-
-@pytest.mark.parametrize("write", [str.lower, str.upper, str.title])
-def test_types_of_agents_and_sensors_are_named_in_any_case(made, write):
-    flyer = {"type": write("aerial"), "speed": 5.0, "altitude": 9.0}
-    changes = {f"teams.blue.agents.1.{key}": value for key, value in flyer.items()}
-    with made({**changes, "sensors.eyes.type": write("agent_range")}).build(seed=1) as ctx:
-        assert ctx.agent.get_agent("bert").position[2] == 9.0
-        assert ctx.agent.get_agent("anna").sensors["eyes"].type is SensorType.AGENT_RANGE
 
 
 def test_values_of_python_are_taken_as_a_file_would_say_them(made):

@@ -44,15 +44,6 @@ def test_it_covers_the_nodes_on_which_an_agent_is_seen_and_no_others(kind, node,
         assert covered.not_shown == ()
 
 
-def test_it_names_the_agents_that_it_does_not_show():
-    with world() as ctx:
-        for name, team in (("a", "red"), ("b", "blue"), ("c", "blue")):
-            ctx.agent.create_agent(name, start_node_id=1, team=team)
-        ctx.agent.get_agent("c").alive = False
-        assert ctx.sensor.create_sensor("all", SensorType.AGENT).coverage(0).not_shown == ("c",)
-        assert ctx.sensor.create_sensor("reds", SensorType.AGENT, team="red").coverage(0).not_shown == ("b", "c")
-
-
 def test_a_sensor_that_does_not_look_for_agents_does_not_offer_it():
     with world() as ctx, pytest.raises(NotOffered, match="coverage"):
         ctx.sensor.create_sensor("near", SensorType.NEIGHBOR).coverage(0)

@@ -207,17 +207,6 @@ class Plain:
         self.owner = owner
 
 
-@pytest.mark.parametrize("given", [["plain"], {"plain": "plain"}, {"plain": Plain()}])
-def test_any_object_with_the_interface_of_a_sensor_is_one(ctx, given):
-    ctx.sensor.add_sensor(Plain())
-    agent = ctx.agent.create_agent("a", start_node_id=2, sensors=given, strategy=lambda state: state.update(action=2))
-    assert agent.get_state()["sensor"] == {"plain": (SensorType.CUSTOM, [2, "a"])}
-    assert ctx.game.run(2).turns == 2
-    ctx.game.reset()
-    agent.deregister_sensor("plain")
-    assert agent.get_state()["sensor"] == {}
-
-
 def test_a_config_is_not_changed(ctx):
     config = {"type": SensorType.RANGE, "sensor_range": 5}
     ctx.sensor.create_sensor("s", config["type"], **config)

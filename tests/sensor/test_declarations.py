@@ -110,15 +110,6 @@ def declared(sensors, by_name=None, **teams):
     return Scenario(map=MAP, seed=3, max_turns=20, sensors=by_name or {}, teams={"red": red, "blue": blue, **teams})
 
 
-def test_a_team_of_a_scenario_declares_its_sensors():
-    by_name = declared(["eyes"], {"eyes": {"type": "AGENT_RANGE", "sensor_range": 25}})
-    for own in (declared({"eyes": {"type": "agent_range", "range_m": 25}}), declared({"eyes": EYES})):
-        assert own.play() == by_name.play()
-        with own.batch(seeds=[3]) as batch:
-            batch.run()
-            assert batch.result(0) == own.play()
-
-
 def test_an_agent_of_a_scenario_declares_its_own_sensors():
     agents = [{"name": "anna", "node": 0, "sensors": {"near": gamms.sensor.neighbor()}}]
     with declared({"eyes": EYES}, green={"agents": agents, "sensors": {"eyes": EYES}}).build() as ctx:

@@ -48,21 +48,6 @@ def test_a_balloon_on_a_rope_sees_its_drone_too(ctx):
     assert list(drone.get_state()["sensor"]["eye"][1]) == ["drone"]
 
 
-def test_a_place_may_be_changed_and_taken_away(ctx):
-    sensor = ctx.sensor.create_sensor("s", SensorType.RANGE, sensor_range=0.5, at=5)
-    sensor.at = 1
-    sensor.sense(0)
-    assert list(sensor.data["nodes"]) == [1]
-    with pytest.raises(KeyError, match="Unknown node 99"):
-        sensor.at = 99
-    assert sensor.at == 1
-    sensor.at = None
-    sensor.sense(0)
-    assert list(sensor.data["nodes"]) == [0]
-    with pytest.raises(TypeError, match=r"'s' has no fixed place: call sense\(node_id\), or set at="):
-        sensor.sense()
-
-
 def test_a_tower_whose_node_is_gone_says_so(ctx):
     tower = ctx.sensor.create_sensor("tower", SensorType.RANGE, at=5)
     ctx.graph.graph.remove_node(5)

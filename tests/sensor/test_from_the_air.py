@@ -1,6 +1,5 @@
 """AERIAL and AERIAL_AGENT: what is seen along an axis from an agent that flies, or from a fixed place in the air."""
 
-import io
 from math import dist, inf, pi, sqrt
 
 import pytest
@@ -131,38 +130,6 @@ def test_an_agent_at_the_very_point_of_the_drone_is_not_seen_as_in_the_original(
 def test_sensors_on_the_ground_find_drones_at_the_nearest_node(sense, ctx, drone):
     drone.position = (2.9, 4.2, 40.0)
     assert sense(SensorType.AGENT_RANGE, node=5, sensor_range=0.0) == {"drone": 5}
-
-
-def test_an_agent_on_the_ground_may_carry_a_sensor_that_is_fixed_in_the_air(ctx, drone):
-    drone.position = (40.0, 40.0, 40.0)
-    ctx.agent.create_agent("walker", start_node_id=1)
-    tower = ctx.sensor.create_sensor("tower", SensorType.AERIAL, sensor_range=1.0, at=(1.0, 0.0, 0.5))
-    free, stream = ctx.game.snapshot(), io.BytesIO()
-    ctx.record.start(stream)
-    ctx.agent.get_agent("walker").register_sensor("tower", tower)
-    assert list(ctx.agent.get_agent("walker").get_state()["sensor"]["tower"][1]["nodes"]) == [1]
-    carried = ctx.game.snapshot()
-    tower.at = None
-    with pytest.raises(ValueError, match=r"'tower' .* needs a flying agent, but 'walker' does not fly"):
-        tower.sense()
-    ctx.agent.get_agent("walker").deregister_sensor("tower")
-    ctx.record.stop()
-    ctx.game.restore(carried)
-    assert (tower._owner, tower.at) == ("walker", (1.0, 0.0, 0.5))
-    ctx.game.restore(free)
-    assert tower._owner is None
-    with gamms.create_context() as other:
-        list(other.record.replay(io.BytesIO(stream.getvalue())))
-        assert (other.sensor.sensors["tower"].at, other.agent.get_agent("walker").sensors) == (None, {})
-
-
-def test_two_drones_may_share_a_sensor(ctx, drone):
-    eye = ctx.sensor.create_sensor("eye", SensorType.AERIAL, sensor_range=1.0)
-    far = ctx.agent.create_agent("far", type=AgentType.AERIAL, start_node_id=5, speed=1, sensors=["eye"])
-    drone.register_sensor("eye", eye)
-    drone.position = (1.0, 0.0, 0.5)
-    assert list(far.get_state()["sensor"]["eye"][1]["nodes"]) == [5]
-    assert list(drone.get_state()["sensor"]["eye"][1]["nodes"]) == [1]
 
 
 @pytest.mark.parametrize(

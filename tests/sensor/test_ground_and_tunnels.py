@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.sensor import SensorType
-from gamms.typing import AgentType
 
 WALL = [(50.0, -50.0, 3.0), (50.0, 50.0, 3.0), (50.0, -50.0, 0.0), (50.0, 50.0, 0.0)]
 
@@ -66,29 +65,6 @@ def test_who_is_in_a_tunnel_sees_and_is_seen_there_alone(world):
     assert seen(ctx, 1) == [1, 2]
     assert seen(ctx, 4) == [4]
     assert seen(ctx, 0, SensorType.RANGE, sensor_range=1e9) == [0, 1, 2, 3, 4]  # it looks through walls, too
-
-
-def test_from_the_air_the_ground_is_at_its_height_and_tunnels_are_not_seen(world):
-    ctx = world((5.0, 7.0, 9.0), (0, 1, 0))
-    for node in range(3):
-        ctx.agent.create_agent(f"a{node}", start_node_id=node)
-    ctx.agent.create_agent("drone", start_node_id=1, type=AgentType.AERIAL, speed=1.0, position=(100.0, 0.0, 60.0))
-    every = {f"a{node}": (AgentType.BASIC, (100.0 * node, 0.0, height)) for node, height in enumerate((5.0, 7.0, 9.0))}
-    for type, found in (
-        (SensorType.AERIAL_AGENT, every),
-        (SensorType.OCCLUDED_AERIAL_AGENT, {name: every[name] for name in ("a0", "a2")}),
-    ):
-        sensor = ctx.sensor.create_sensor(f"{type}", type, sensor_range=1e6)
-        ctx.agent.get_agent("drone").register_sensor(f"{type}", sensor)
-        sensor.sense(1)
-        assert sensor.data == found
-    above = (100.0, 0.0, 60.0)
-    down = ctx.sensor.create_sensor("down", SensorType.OCCLUDED_AERIAL, sensor_range=1e6, fov=3.0, at=above)
-    down.sense(1)
-    assert sorted(down.data["nodes"]) == [0, 2]
-    near = ctx.sensor.create_sensor("near", SensorType.AERIAL, sensor_range=53.5, fov=0.1, at=above)
-    near.sense(1)
-    assert sorted(near.data["nodes"]) == [1]  # 53 m below, not 60
 
 
 @given(

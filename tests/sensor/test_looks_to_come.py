@@ -86,16 +86,6 @@ def test_agents_see_what_each_would_see_by_itself(data):
         ctx.terminate()
 
 
-def test_what_many_agents_see_is_worked_out_together(monkeypatch):
-    together = counted(monkeypatch, "within_many")
-    ctx, _ = game(range(0, SIDE * SIDE, 2), 20.0)
-    ctx.game.step()
-    memo = ctx.sensor.storage.memory.views
-    assert [len(nodes) for nodes, _ in together] == [16, 52]
-    assert len(memo.known(20.0)) == 72
-    assert memo._words == sum(views._words(seen) for seen in memo.known(20.0).values())
-
-
 def test_nothing_is_worked_out_for_agents_that_do_not_look(monkeypatch):
     together = counted(monkeypatch, "within_many")
     ctx, checked = game(range(144), 20.0, lambda i: i % 18 == 0)

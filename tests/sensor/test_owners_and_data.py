@@ -68,15 +68,6 @@ def test_one_sensor_may_be_carried_under_two_names(ctx, two):
     assert two[1].get_state()["sensor"] == {name: (SensorType.NEIGHBOR, [1, 0]) for name in ("x", "y")}
 
 
-def test_a_shared_sensor_that_is_asked_itself_looks_for_whom_it_was_registered_last(ctx, two):
-    sensor = ctx.sensor.create_sensor("s", SensorType.AGENT)
-    for agent in two:
-        agent.register_sensor("s", sensor)
-    assert "a" not in two[0].get_state()["sensor"]["s"][1]
-    sensor.sense(0)
-    assert list(sensor.data) == ["a"]
-
-
 def test_a_sensor_of_the_users_own_class_needs_no_owner_attribute(ctx, two):
     class Own(ISensor):
         sensor_id, type, data = "own", SensorType.CUSTOM, None
@@ -111,25 +102,6 @@ def test_what_was_seen_is_remembered_within_bounds_and_forgotten_after_an_edit(c
     ctx.graph.graph.update_node({"id": 1, "x": 2})
     sensor.sense(0)
     assert len(memo._seen) == 1
-
-
-def test_most_views_stay_when_there_are_too_many(ctx, monkeypatch):
-    monkeypatch.setattr(views, "_MOST_WORDS", 3000)
-    ctx.graph.add_nodes(range(100, 200), [1000.0 + i for i in range(100)], [0.0] * 100)
-    ctx.graph.add_edges(range(100, 199), range(100, 199), range(101, 200))
-    sensors = [ctx.sensor.create_sensor(f"s{reach}", SensorType.RANGE, sensor_range=reach) for reach in (2.0, 3.0)]
-    memo, was_full = ctx.sensor.storage.memory.views, False
-    for node in [*range(100, 200), *range(199, 150, -1)]:
-        for sensor in sensors:
-            sensor.sense(node)
-            left, right = max(node - int(sensor.range), 100), min(node + int(sensor.range), 199)
-            assert list(sensor.data["nodes"]) == list(range(left, right + 1))
-            assert [edge.id for edge in sensor.data["edges"]] == list(range(left, right))
-            assert node in memo._seen[sensor.range]
-            was_full |= memo._words > 2500
-            assert memo._words > 2000 or not was_full
-    assert was_full
-    assert memo._words == sum(views._words(seen) for kind in memo._seen.values() for seen in kind.values()) <= 3000
 
 
 def test_a_view_too_large_to_remember_is_seen_all_the_same(ctx, monkeypatch):

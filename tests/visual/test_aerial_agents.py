@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gamms.agent import AgentType
-from gamms.ir.draw import DrawKind, DrawSpace
+from gamms.ir.draw import DrawKind
 
 WEST = (0.0, 0.0, 0.0, 1.0)
 DOWN = (sqrt(0.5), 0.0, sqrt(0.5), 0.0)
@@ -32,40 +32,11 @@ def heights(ctx):
     return re.findall(r">(\S+ m)</text>", ctx.visual.picture(".svg", labels=False, scale_bar=False).decode())
 
 
-def test_its_ring_is_wider_than_any_disc_on_the_ground_from_afar(ctx, drone):
-    ctx.visual.set_agent_visual("drone", size=0.001)
-    ctx.visual.set_agent_visual("red_0", size=0.001)
-    commands = ctx.visual.draw_commands()
-    on_screen = (commands.kind == DrawKind.CIRCLE) & (commands.space == DrawSpace.SCREEN)
-    in_the_air = (commands.points[commands.offsets[:-1]] == (5, 6)).all(axis=1)
-    assert commands.size[on_screen & in_the_air].max() > commands.size[on_screen & ~in_the_air].max()
-
-
-@pytest.mark.parametrize(
-    ("z", "words"), [(12.0, ["12 m"]), (1234.5, ["1234 m"]), (2.34, ["2.3 m"]), (0.0, []), (-3.0, [])]
-)
-def test_its_height_is_written_beside_it_while_it_is_above_the_ground(ctx, drone, z, words):
-    drone.position = (5.0, 6.0, z)
-    ctx.visual.set_agent_visual("drone")
-    assert heights(ctx) == words
-
-
 def test_looking_straight_down_it_has_no_nose(ctx, drone):
     ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     drone.quat = DOWN
     ctx.visual.set_agent_visual("drone")
     assert points_of(ctx.visual.draw_commands(), DrawKind.LINE) == []
-
-
-def test_with_a_picture_it_keeps_its_ring_and_its_height(ctx, drone, tmp_path):
-    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
-    image = tmp_path / "drone.png"
-    image.write_bytes(b"not decoded here")
-    ctx.visual.set_agent_visual("drone", image_path=str(image), size=3)
-    commands = ctx.visual.draw_commands()
-    assert points_of(commands, DrawKind.IMAGE) == [[[5, 6]]]
-    assert len(points_of(commands, DrawKind.CIRCLE)) == 4
-    assert heights(ctx) == ["12 m"]
 
 
 def test_it_is_drawn_in_the_air_where_nothing_is_declared_too(ctx, drone):

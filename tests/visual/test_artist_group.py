@@ -174,15 +174,3 @@ def test_an_agent_that_is_deleted_within_a_turn_is_not_drawn_with_the_others(lar
     large.agent.delete_agent("blue_0")
     assert len(drawn(large, {TOGETHER: artists[TOGETHER]})) == len(before) - 4
     assert "blue_0" not in drawn_looks(artists)[0]
-
-
-def test_the_more_agents_there_are_the_smaller_are_their_discs():
-    least = []
-    for agents in (200, 5000, 20_000, 50_000):
-        with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx:
-            ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
-            ctx.agent.create_team("red", np.zeros(agents, np.int64))
-            look = ctx.visual.artists.shown()[TOGETHER].data["looks"]
-            least.append(look.least_px)
-    assert least[0] > least[1] == 3.0
-    assert least[2:] == [1.5, 1.0]

@@ -10,7 +10,6 @@ from PIL import Image
 from gamms.errors import MissingExtra
 from gamms.testing import check_backend
 from gamms.visual.backends import FORMATS
-from gamms.visual.backends.pillow_backend import pixels_of
 
 
 @pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf"])
@@ -65,12 +64,3 @@ def test_a_missing_library_is_asked_for_by_its_extra(ctx, tmp_path, monkeypatch,
     with pytest.raises(MissingExtra, match=rf"\(extra '{extra}'\): pip install "):
         call(ctx.visual, tmp_path)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_frame_is_the_saved_picture(ctx, tmp_path):
-    ctx.visual.save(tmp_path / "a.png", 320, 200, title="Here", note="there")
-    frame = ctx.visual.frame(320, 200, title="Here", note="there")
-    assert frame.dtype == np.uint8
-    assert (frame == pixels_of((tmp_path / "a.png").read_bytes())).all()
-    frame[:] = 0  # it is the caller's own
-    assert ctx.visual.frame(320, 200).max() == 255

@@ -85,15 +85,6 @@ def test_teams_without_a_score_have_none_only_where_no_team_has_one(duel):
 # -- pictures and films -------------------------------------------------------------------------------------------
 
 
-def test_a_picture_says_the_turn_and_what_happened_in_it_if_it_is_asked_to(duel):
-    duel.game.add(emits([("storm", {"agent": "red_0"})], [("dusk", {})]))
-    duel.game.run(2)
-    assert not {"turn 2", "dusk"} & set(text_of(duel.visual.picture(".svg", 600, 400)))
-    said = text_of(duel.visual.picture(".svg", 600, 400, captions=True))
-    assert {"turn 2", "dusk"} <= set(said)
-    assert "red_0: storm" not in said
-
-
 def test_a_picture_of_the_end_says_how_the_game_ended(duel):
     duel.game.add(lambda ctx: ctx.game.end("enough", winner="blue"))
     duel.game.run()
@@ -105,15 +96,6 @@ def test_scores_stand_beside_the_turn_where_there_is_no_legend(duel):
     duel.game.run(1)
     duel.visual.set_graph_visual()  # without a legend
     assert "turn 1 · red 3 · blue 0" in text_of(duel.visual.picture(".svg", 600, 400, captions=True))
-
-
-@pytest.mark.parametrize(("height", "lines"), [(100, 0), (200, 1), (400, 2)])
-def test_a_low_picture_has_fewer_lines(duel, height, lines):
-    duel.game.add(emits([("dawn", {}), ("dusk", {})]))
-    duel.game.run(1)
-    said = text_of(duel.visual.picture(".svg", 600, height, captions=True))
-    assert len({"dawn", "dusk"} & set(said)) == lines
-    assert ("turn 1" in said) is (lines > 0)
 
 
 def test_a_caption_has_the_colour_of_its_team(duel):

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.errors import BadValue
-from gamms.ir.draw import DrawKind, DrawSpace
 from gamms.visual.drawing import Commands
 
 numbers = st.floats(-1e6, 1e6)
@@ -40,15 +39,6 @@ def test_bulk_lines_equal_single_lines(polylines):
     left, right = one_by_one.freeze(), bulk.freeze()
     for name in ("kind", "layer", "space", "size", "width", "angle", "color", "offsets", "points"):
         np.testing.assert_array_equal(getattr(left, name), getattr(right, name))
-
-
-def test_a_rectangle_is_anchored_in_the_world_and_sized_in_pixels():
-    commands = Commands()
-    commands.add_rectangle(5, 6, 70, 80, "blue")
-    frozen = commands.freeze()
-    assert frozen.kind.tolist() == [DrawKind.RECTANGLE]
-    assert frozen.space.tolist() == [DrawSpace.SCREEN]
-    assert frozen.points.tolist() == [[5, 6], [70, 80]]
 
 
 def test_the_columns_neither_follow_the_caller_nor_can_be_written():

@@ -45,15 +45,6 @@ def test_agents_come_and_go(ctx):
     assert [name for name in usual.artists({}) if name in ("red_0", "blue_0", "new")] == ["blue_0", "new"]
 
 
-def test_one_of_many_agents_goes(ctx):
-    for name in "abcdef":
-        ctx.agent.create_agent(name, start_node_id=0)
-    usual = DefaultScene(ctx, THEMES["light"])
-    assert "c" in usual.artists({})
-    ctx.agent.delete_agent("c")
-    assert [name for name in usual.artists({}) if len(name) == 1] == list("abdef")
-
-
 def test_the_default_look_of_an_empty_world_is_no_error():
     with gamms.create_context() as ctx:
         assert list(DefaultScene(ctx, THEMES["light"]).artists({})) == ["graph", "tags", "legend"]

@@ -93,24 +93,6 @@ def test_an_agent_is_an_outlined_disc_at_its_node_that_is_never_too_small(ctx):
     assert artist.data["agent_data"].current_position == (10.0, 10.0)
 
 
-def test_an_agent_may_have_a_picture(ctx, tmp_path):
-    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
-    image = tmp_path / "robot.png"
-    image.write_bytes(b"not decoded here")
-    ctx.visual.set_agent_visual("blue_0", image_path=str(image), size=3)
-    commands = ctx.visual.draw_commands()
-    assert (commands.kind.tolist(), commands.text) == ([DrawKind.IMAGE], (str(image),))
-
-
-def test_an_obstacle_is_its_top_edge_in_the_color_of_its_type(ctx):
-    ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
-    ctx.visual.set_obstacle_visual(boundary_thickness=2.0)
-    commands = ctx.visual.draw_commands()
-    assert points_of(commands, DrawKind.LINE) == [[[2, 3], [4, 3]]]
-    assert commands.color.tolist() == [[0x1F, 0x78, 0xB4, 255]]
-    assert (commands.width.tolist(), commands.space.tolist()) == ([2.0], [DrawSpace.WORLD])
-
-
 def test_obstacle_colors_can_be_changed_and_unknown_types_are_grey(ctx):
     ctx.visual.set_graph_visual().set_visible(False)  # nothing but what is declared
     artist = ctx.visual.set_obstacle_visual(color_map={1: (1, 2, 3)})

@@ -47,15 +47,6 @@ def test_a_picture_shows_as_many_agents_as_live(road):
     assert len(road.game.agents) == 3
 
 
-def test_what_the_eliminated_saw_is_not_drawn(road):
-    out_in_turn(road, 1, *(f"a_{node}" for node in range(9)))
-    road.game.run(1)
-    fields = road.visual.draw_commands()
-    assert int(((fields.layer == SENSORS) & (fields.kind == DrawKind.POLYGON)).sum()) == 2  # filled, and its rim
-    road.game.eliminate("a_9")
-    assert SENSORS not in road.visual.draw_commands().layer
-
-
 def test_who_returns_is_drawn_again(road):
     road.game.run(1)
     road.game.eliminate("a_0")

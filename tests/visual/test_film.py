@@ -233,15 +233,6 @@ def test_the_first_frame_shows_the_start(plain, tmp_path):
     assert center_of(first, (255, 0, 0)) == pytest.approx(center_of(start, (255, 0, 0)), abs=1.5)
 
 
-def test_a_drawer_that_shows_the_turn_alone_is_asked_once_for_it(plain, tmp_path):
-    artist, calls = counted(plain, "score", ArtistType.DYNAMIC, 12, (0, 0, 255))
-    artist.get_drawer().once_a_turn = True
-    with plain.visual.film(tmp_path / "a.gif", width=64, height=48, frames_per_turn=4):
-        plain.visual.simulate()
-        plain.visual.simulate()
-    assert len(calls) == 2
-
-
 # -- a context that films itself ----------------------------------------------------------------------------
 
 

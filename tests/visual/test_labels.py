@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.errors import BadType, UnknownName
-from gamms.visual.appearance import TEAM_COLORS, AgentData
+from gamms.visual.appearance import AgentData
 from gamms.visual.camera import Camera
 from gamms.visual.drawers import render_agent
 from gamms.visual.labels import Labels, dots_of
@@ -145,15 +145,6 @@ def test_wrong_labels_are_refused(square, labels, error, words):
     add(square, ["anna"])
     with pytest.raises(error, match=words):
         square.visual.picture(".svg", labels=labels)
-
-
-def test_pixels_show_both_of_two_agents_on_one_node(square):
-    pytest.importorskip("pygame")
-    add(square, ["anna"], 5, "red")
-    add(square, ["ben"], 5, "blue")
-    for size in (120, 900):
-        seen = square.visual.frame(size, size, labels=False, scale_bar=False)
-        assert all((seen == color).all(axis=-1).any() for color in TEAM_COLORS[:2])
 
 
 def test_of_many_agents_on_one_node_each_color_is_counted(square):

@@ -6,7 +6,6 @@ import pytest
 import gamms
 from gamms.errors import BadType
 from gamms.ir.draw import DrawKind
-from gamms.visual.appearance import PAPER
 from gamms.visual.camera import Camera
 from gamms.visual.legend import Legend, LegendRow, LegendRows, block_from_plain, grown, plain_block, together
 from gamms.visual.page import Page, PageStyle
@@ -20,24 +19,6 @@ def test_the_map_leaves_room_for_the_legend(ctx):
     ctx.visual.set_values(nodes={0: 0, 1: 1})
     slim = (np.abs(ctx.visual.frame(640, 640).astype(int) - (1, 2, 3)).max(axis=2) < 8).any(axis=0)
     assert np.flatnonzero(wide).max() > np.flatnonzero(slim).max()
-
-
-def test_a_camera_that_was_pointed_keeps_its_place(ctx):
-    ctx.visual.look_at(5, 5, 30)
-    before = ctx.visual.frame(640, 640)
-    ctx.visual.add_artist("own", {"drawer": lambda *_: None, "legend": FIRE})
-    after = ctx.visual.frame(640, 640)
-    changed = np.flatnonzero((before != after).any(axis=(0, 2)))
-    assert changed.min() > 320
-
-
-def test_any_artist_may_explain_itself_and_a_hidden_one_does_not(ctx, tmp_path):
-    artist = ctx.visual.add_artist("own", {"drawer": lambda *_: None, "legend": [FIRE, None]})
-    ctx.visual.save(tmp_path / "a.svg")
-    assert ">fire</text>" in (tmp_path / "a.svg").read_text()
-    artist.set_visible(False)
-    ctx.visual.save(tmp_path / "a.svg")
-    assert "fire" not in (tmp_path / "a.svg").read_text()
 
 
 def test_something_else_than_a_legend_is_refused(ctx):
@@ -56,15 +37,6 @@ def test_what_would_be_too_long_is_counted():
     rows = LegendRows("", tuple(LegendRow((0, 0, 0), f"team {number}") for number in range(40)))
     commands = Page(1280, 720, (rows,), PageStyle()).commands(Camera(1280, 720, 0.0, 0.0, 1.0))
     assert commands.text[-1] == "and 29 more"
-
-
-def test_a_legend_is_where_it_belongs_whatever_the_camera_sees():
-    page = Page(640, 400, (FIRE,), PageStyle())
-    for camera in (Camera(640, 400, 0.0, 0.0, 1.0), Camera(640, 400, 5e5, 6.7e6, 0.01)):
-        commands = page.commands(camera)
-        places = camera.to_screen(commands.points[commands.offsets[:-1]])
-        assert ((places > 0) & (places < (640, 400))).all()
-        assert tuple(commands.color[0, :3]) == PAPER
 
 
 # -- what signs mean --------------------------------------------------------------------------------------------
@@ -115,15 +87,6 @@ def test_a_picture_too_small_for_signs_still_explains_colours():
 SIGNS = LegendRows(
     "", tuple(LegendRow((9, 9, 9), f"a {sign} of theirs", sign=sign) for sign in ("dot", "field", "band", "flag"))
 )
-
-
-@pytest.mark.parametrize("width", [200, 300, 400, 600, 900])
-@pytest.mark.parametrize("height", [80, 120, 160, 240, 900])
-def test_a_legend_takes_a_third_of_the_width_and_stays_in_its_room(width, height):
-    legend = Legend(together([TEAMS, SIGNS]), width, height)
-    assert legend.height <= height
-    words = [text for text in texts(TEAMS, SIGNS, width=width, height=height) if text.startswith("a ")]
-    assert legend.width <= width * (1 / 3 if words else 0.45)
 
 
 def test_where_rows_have_no_room_letters_become_smaller_and_then_the_least_important_signs_go():

@@ -110,21 +110,6 @@ def corners_of_marks(ctx):
     return [commands.points[commands.offsets[row] + 1 : commands.offsets[row + 1]] for row in rows_on(commands, MARKS)]
 
 
-@pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf"])
-def test_a_recording_shows_the_same_marks_after_each_turn(street, tmp_path, suffix):
-    ctx, live, path = home(street), [], tmp_path / f"picture{suffix}"
-    ctx.record.start(tmp_path / "game.ggr")
-    while not ctx.game.is_over:
-        ctx.game.step()
-        live.append(ctx.visual.picture(suffix))
-    ctx.record.stop()
-    assert len(set(live)) == len(live) == 3
-    with gamms.recorder.open(tmp_path / "game.ggr") as recording:
-        for turn, picture in enumerate(live, 1):
-            recording.save(path, turn)
-            assert path.read_bytes() == picture
-
-
 RULES = {
     "tags": lambda ctx: tag("red", "blue"),
     "outs": lambda ctx: tag("red", "blue", then="eliminate"),

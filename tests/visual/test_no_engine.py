@@ -25,15 +25,6 @@ def test_declared_visuals_carry_their_data(ctx):
     assert ctx.visual.set_sensor_visual("s", layer=31).get_layer() == 31
 
 
-def test_an_artist_is_added_replaced_and_removed(ctx):
-    first, second = Artist(ctx, draw_nothing), Artist(ctx, draw_nothing)
-    assert ctx.visual.add_artist("one", first) is first
-    assert ctx.visual.add_artist("one", second) is second
-    assert ctx.visual.artists.declared == {"one": second}
-    ctx.visual.remove_artist("one")
-    assert ctx.visual.artists.declared == {}
-
-
 def test_a_dict_becomes_the_data_of_a_new_artist(ctx):
     data = {"drawer": draw_nothing, "layer": 12, "x": 1}
     artist = ctx.visual.add_artist("one", data)

@@ -10,7 +10,7 @@ import gamms
 from gamms.errors import BadType, BadValue
 from gamms.visual.backends.pillow_backend import pixels_of
 from gamms.visual.legend import LegendRow, LegendRows
-from gamms.visual.page import Page, PageStyle, page_size, round_length
+from gamms.visual.page import round_length
 
 SVG = "{http://www.w3.org/2000/svg}"
 FIRE = (LegendRows("", (LegendRow((200, 0, 0), "fire", "3"),)),)
@@ -133,18 +133,6 @@ def test_a_scale_bar_can_be_asked_for_and_left_out(street):
     assert words(street(500, 1000, "EPSG:32635"), 400, 600, scale_bar=False) == []
 
 
-@pytest.mark.parametrize(("width", "label"), [(100, "20 m"), (9_000, "1 km"), (90_000, "10 km"), (2, "0.2 m")])
-@pytest.mark.parametrize("fine", [1.0, 2.0])
-def test_a_scale_bar_is_as_long_as_it_says(street, width, label, fine):
-    ctx = street(width, width, "EPSG:32635")
-    ctx.visual.look_at(500_000, 6_700_000, width)
-    picture = ctx.visual.picture(".svg", round(600 * fine), round(500 * fine), dpi=96 * fine).decode()
-    (bar,) = re.findall(r'<path fill="none" stroke="#777777"[^>]* d="m[\d.]+ [\d.]+ 0 \d+ ([\d.]+) 0 0-\d+"', picture)
-    assert f">{label}</text>" in picture
-    number, unit = label.split()
-    assert float(bar) == pytest.approx(float(number) * (1000 if unit == "km" else 1) * 600 * fine / width, abs=0.11)
-
-
 def test_north_is_shown_where_it_is_asked_for(street):
     assert "N" in words(street(500, 1000), north=True)
     assert "N" not in words(street(500, 1000))
@@ -217,12 +205,3 @@ def test_an_impossible_option_is_refused(street, tmp_path, options, error, said)
         with pytest.raises(error, match=said):
             call()
     assert list(tmp_path.iterdir()) == []
-
-
-def test_the_size_of_a_page_holds_the_map_at_the_scale_it_is_made_for():
-    box = np.array([0.0, 0.0]), np.array([300.0, 1000.0])
-    for style in (PageStyle(), PageStyle(title="A", note="b", unit=" m", north=True)):
-        width, height = page_size(box, (500, 800), FIRE, PageStyle(**{**style.__dict__, "is_tight": True}))
-        assert Page(width, height, FIRE, style).fit(*box)[0].scale == pytest.approx(
-            Page(500, 800, FIRE, style).fit(*box)[0].scale, rel=0.01
-        )

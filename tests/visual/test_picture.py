@@ -9,8 +9,6 @@ import gamms
 from gamms.errors import BadType, BadValue, TooLarge
 from gamms.limits import allowing
 from gamms.visual.appearance import TEAM_COLORS
-from gamms.visual.camera import bounds, fit_box
-from gamms.visual.drawing import Commands
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -132,15 +130,6 @@ def test_a_failed_save_keeps_the_old_picture(ctx, tmp_path):
     with pytest.raises(BadType):
         ctx.visual.save(path, background=7)
     assert path.read_text() == "old"
-
-
-def test_the_camera_counts_the_radius_of_a_disc_but_not_sizes_in_pixels():
-    commands = Commands()
-    commands.add_circles([(0, 0)], 10, "red")
-    alone = fit_box(*bounds(commands.freeze()), 100, 100, (4, 4, 4, 4))
-    commands.add_rectangle(0, 0, 5000, 5000, "red")
-    assert fit_box(*bounds(commands.freeze()), 100, 100, (4, 4, 4, 4)) == alone
-    assert alone.scale == pytest.approx(92 / 20)
 
 
 def test_an_svg_leaves_out_what_is_invisible(ctx, tmp_path):

@@ -175,15 +175,6 @@ def test_culling_never_changes_pixels(calls):
     assert far.sum() <= 3
 
 
-@pytest.mark.parametrize("scale", [0.5, 1.0, 8.0])
-def test_a_symbol_is_as_large_at_every_scale_and_stands_where_it_should(scale):
-    commands = Commands()
-    commands.add_symbols([(0.0, 0.0)], [(10, 5), (20, 5), (20, 15), (10, 15)], RED)
-    seen = pixels(commands, Camera(100, 50, -20.0 / scale, 10.0 / scale, scale))
-    red = np.argwhere(seen[:, :, 1] < 128)
-    assert (red.min(axis=0).tolist(), red.max(axis=0).tolist(), len(red)) == ([15, 30], [24, 39], 100)
-
-
 @given(
     st.lists(st.tuples(points, st.floats(0, 40), st.sampled_from(DrawSpace)), min_size=1),
     st.tuples(points, st.floats(0.05, 20)),

@@ -1,7 +1,5 @@
 """Undeclared sensors show what is seen from where the agents are drawn; asking them changes nothing."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +11,6 @@ from gamms.ir.draw import DrawKind
 from gamms.sensor import SensorType
 from gamms.strategies import random_walk
 from gamms.visual.camera import inside
-from gamms.visual.constants import Layer
 
 SENSORS = 15
 QUIET = {"level": "CRITICAL"}
@@ -136,15 +133,6 @@ def test_the_field_of_an_occluded_sensor_ends_at_the_walls(yard, kind):
         assert 20 < int((near & ~is_free).sum()) < int(near.sum()) / 2
 
 
-def test_the_field_of_an_occluded_sensor_is_a_sector_where_it_looks_ahead(yard):
-    sensor = yard.sensor.create_sensor("eyes", SensorType.OCCLUDED_MAP, sensor_range=20.0, fov=1.0)
-    sensor.sense(10 * 21 + 9)
-    outline = sensor.last_view().outline
-    assert outline[0].tolist() == [45.0, 50.0]
-    assert outline[:, 0].max() == pytest.approx(52.5, abs=0.05)
-    assert outline[:, 0].min() == 45.0
-
-
 @pytest.mark.parametrize("kind", [SensorType.OCCLUDED_AERIAL, SensorType.OCCLUDED_AERIAL_AGENT])
 def test_from_the_air_what_is_seen_past_walls_has_no_field(yard, kind):
     eye = yard.sensor.create_sensor("eye", kind, sensor_range=60.0)
@@ -213,20 +201,6 @@ def test_fields_of_view_of_many_colours_never_hide_the_map(crowd):
     alphas = fields(crowd(20, team=lambda number: f"team {number}"))
     assert len(alphas) > 4
     assert opacity(alphas) < 0.45
-
-
-def test_an_edge_that_many_see_is_drawn_once(crowd):
-    one, many = (crowd(count, kind=SensorType.RANGE).visual.draw_commands() for count in (7, 20))
-    lines = [
-        sorted(
-            commands.points[begin:end].tobytes()
-            for row, (begin, end) in enumerate(pairwise(commands.offsets.tolist()))
-            if commands.kind[row] == DrawKind.LINE and commands.layer[row] == Layer.SEEN
-        )
-        for commands in (one, many)
-    ]
-    assert lines[0] == lines[1]
-    assert len(set(lines[0])) == len(lines[0]) > 3
 
 
 def test_agents_that_are_seen_keep_their_rings(crowd):

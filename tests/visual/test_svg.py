@@ -69,15 +69,6 @@ def test_repeated_points_and_lines_too_short_to_see_are_left_out():
     assert 'd="m1 49 1 0"' in written(commands)
 
 
-def test_lower_layers_come_first_whatever_the_order_of_drawing():
-    commands = Commands()
-    for layer, word in ((20, "top"), (5, "low"), (10, "middle")):
-        commands.layer = layer
-        commands.add_text(word, 0, 0, "black", 12)
-    words = [text.text for text in ET.fromstring(written(commands)).iter("{http://www.w3.org/2000/svg}text")]
-    assert words == ["low", "middle", "top"]
-
-
 def test_commands_of_one_style_share_one_group():
     commands = Commands()
     for x in range(5):

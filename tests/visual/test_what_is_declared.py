@@ -69,19 +69,6 @@ def game():
         yield ctx
 
 
-def test_a_teams_color_is_that_of_its_agents_territory_flag_and_row_of_the_legend(game):
-    before = game.visual.picture(".svg").decode()
-    game.visual.artists.team_colors = {"red": "#008080"}
-    commands, svg = game.visual.draw_commands(), game.visual.picture(".svg").decode()
-    for layer in (12, 20, 22):
-        assert TEAL in colors_in(commands, layer)
-        assert BLUE in colors_in(commands, layer)
-        assert layer == 22 or TEAM_COLORS[1] not in colors_in(commands, layer)  # which is free for the golden flag
-    assert legend_rows(svg) == ["red", "blue"]
-    game.visual.artists.team_colors = {}
-    assert game.visual.picture(".svg").decode() == before
-
-
 @pytest.mark.parametrize(
     ("colors", "error", "words"),
     [

@@ -4,10 +4,7 @@ import numpy as np
 import pygame
 import pytest
 
-from gamms.errors import BadValue
 from gamms.visual.window.panels import Hud
-
-KEYS = {("w", "UP"): (0, 1), ("s", "DOWN"): (0, -1), ("a", "LEFT"): (-1, 0), ("d", "RIGHT"): (1, 0)}
 
 
 def camera(ctx):
@@ -23,21 +20,6 @@ def ctx(open_window):
     return ctx
 
 
-@pytest.mark.parametrize(
-    ("key", "way"),
-    [(key, way) for keys, way in KEYS.items() for key in keys],
-)
-def test_a_held_key_moves_the_camera_half_its_size_per_second(ctx, person, key, way):
-    person.press(key)
-    ctx.visual.handle_input()
-    ctx.visual.input.glide(0.5)
-    assert camera(ctx) == (8.0 * way[0], 8.0 * way[1], 32.0)
-    person.release(key)
-    ctx.visual.handle_input()
-    ctx.visual.input.glide(0.5)
-    assert camera(ctx) == (8.0 * way[0], 8.0 * way[1], 32.0)
-
-
 @pytest.mark.parametrize(("key", "factor"), [("PAGEUP", 1 / 4), ("PAGEDOWN", 4)])
 def test_keys_zoom_a_notch_and_as_long_as_they_are_held(ctx, person, key, factor):
     person.press(key)
@@ -51,15 +33,6 @@ def test_keys_zoom_a_notch_and_as_long_as_they_are_held(ctx, person, key, factor
     ctx.visual.handle_input()
     ctx.visual.input.glide(1.0)
     assert camera(ctx) == pytest.approx((0, 0, 32 * notch * factor))
-
-
-def test_the_wheel_zooms_by_a_quarter(ctx, person):
-    person.turn_wheel(1)
-    ctx.visual.update()
-    assert camera(ctx) == pytest.approx((0, 0, 32 / 1.25))
-    person.turn_wheel(-2)
-    ctx.visual.update()
-    assert camera(ctx) == pytest.approx((0, 0, 32 * 1.25))
 
 
 def test_the_wheel_stops_before_the_smallest_streets_are_lost(ctx, person):
@@ -134,22 +107,6 @@ def test_a_window_that_loses_the_focus_lets_go_of_everything(ctx, person):
     ctx.visual.input.glide(1.0)
     assert camera(ctx) == (0, 0, 32)
     assert ctx.visual.input.pointer is None
-
-
-def test_the_theme_changes_by_key(ctx, person, seen):
-    ctx.visual.hud = None
-    ctx.visual.update()
-    assert np.median(seen(ctx)) > 200
-    person.press("n")
-    ctx.visual.update()
-    ctx.visual.update()
-    assert np.median(seen(ctx)) < 60
-    person.press("n")
-    ctx.visual.update()
-    ctx.visual.update()
-    assert np.median(seen(ctx)) > 200
-    with pytest.raises(BadValue, match="loud"):
-        ctx.visual.set_theme("loud")
 
 
 @pytest.mark.parametrize("width", [1000.0, 20.0, 1.0])

@@ -5,8 +5,6 @@ import pytest
 from gamms.visual.legend import LegendRow, LegendRows
 from gamms.visual.window import overlay
 
-RISK = {"nodes": {0: 0, 1: 1.25, 2: 5}, "name": "risk"}
-
 
 @pytest.fixture
 def said(monkeypatch):
@@ -43,16 +41,3 @@ def test_it_is_written_only_when_it_changes(ctx, said):
     assert "red" not in frame(ctx, said)
     ctx.game.scores["red"] = 7
     assert {"red", "7"} <= frame(ctx, said)
-
-
-def test_a_window_that_was_made_smaller_has_none_and_sees_the_whole_map(ctx, person):
-    ctx.visual.set_values(**RISK)
-    ctx.visual.update()
-    assert ctx.visual.overlay.hud.legend.width > 0
-    person._do("VIDEORESIZE", w=90, h=60, size=(90, 60))
-    ctx.visual.screen = person.pygame.display.set_mode((90, 60), person.pygame.RESIZABLE)
-    ctx.visual.update()
-    assert ctx.visual.overlay.hud.legend.width == 0
-    left, right, low, high, _ = ctx.visual.get_viewport()
-    assert left < 0 < 12 < right
-    assert low < 0 < 10 < high

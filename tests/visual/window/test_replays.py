@@ -1,7 +1,5 @@
 """Replays in a window: the line of turns, seeking by click and drag, steps back, trails, and the end."""
 
-from contextlib import nullcontext
-
 import pytest
 
 import gamms
@@ -207,30 +205,6 @@ def test_a_block_whose_game_is_over_stays_open_where_a_person_may_look(monkeypat
             pass
         assert len(frames) == TURNS
     assert (len(frames) > TURNS) == is_asked
-
-
-@pytest.mark.parametrize("why", ["not over", "an error", "closed", "nobody"])
-def test_a_block_ends_at_once_where(monkeypatch, recording, why):
-    monkeypatch.setattr(engine, "is_watched", lambda: why != "nobody")
-    options = {"width": 640, "height": 360, "simulation_time_constant": 0.0}
-    stayed = []
-    monkeypatch.setattr(engine.WindowEngine, "stay_open", stayed.append)
-
-    def block():
-        with gamms.create_context(vis_engine=Engine.PYGAME, vis_kwargs=options) as ctx:
-            if why == "not over":
-                ctx.game.step()
-                return
-            for _ in ctx.record.replay(recording):
-                pass
-            if why == "closed":
-                ctx.visual.quit()
-            if why == "an error":
-                raise RuntimeError(why)
-
-    with pytest.raises(RuntimeError) if why == "an error" else nullcontext():
-        block()
-    assert not stayed
 
 
 def test_the_card_of_the_end_covers_no_panel_in_a_small_window(open_window, recording, monkeypatch):

@@ -60,18 +60,6 @@ def test_panning_in_small_steps_leaves_no_seams(ctx, seen):
     assert differs(seen(ctx), painted_now(ctx)).mean() < 0.002
 
 
-def test_a_zoom_is_seen_at_once_and_becomes_sharp(ctx, seen, person):
-    ctx.visual.set_graph_visual(node_size=2)
-    ctx.visual.update()
-    before = seen(ctx)
-    for _ in range(8):
-        person.turn_wheel(1)
-        ctx.visual.update()
-    assert (seen(ctx) != before).any()
-    settle(ctx)
-    assert differs(seen(ctx), painted_now(ctx)).mean() < 0.002
-
-
 def test_zooming_far_out_and_in_again_keeps_memory_bounded(ctx, person):
     ctx.visual.set_graph_visual(node_size=2)
     for notch in [1] * 60 + [-1] * 90 + [1] * 60:

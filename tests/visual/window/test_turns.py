@@ -154,15 +154,6 @@ def test_a_drawer_of_an_agent_knows_whether_a_turn_is_shown(play):
     assert seen == [(0.0, True), (0.25, True), (0.5, True), (0.75, True), (1.0, True), (1.0, False)]
 
 
-def test_turns_are_filmed_and_shown(play, tmp_path):
-    pytest.importorskip("PIL")
-    ctx = play()
-    with ctx.visual.film(tmp_path / "turn.gif", 4, 64, 64, frames_per_turn=4) as film:
-        ctx.visual.simulate()
-    assert film.frames >= 4  # and the last one for a while
-    assert [place for share, place in ctx.places[-5:]] == [(10, 0), (11, 2.5), (12, 5), (11, 7.5), (10, 10)]
-
-
 def test_trails_remember_the_last_turns(play):
     ctx = play(trails=2)
     for node in (1, 0, 1):

@@ -28,15 +28,6 @@ def frame(ctx, said):
     return list(said)
 
 
-def test_the_hud_can_be_replaced_or_left_out(ctx, said):
-    ctx.visual.hud = lambda ctx: ["hello", 5]
-    words = frame(ctx, said)
-    assert {"hello", "5"} <= set(words)
-    assert {"turn 0", "F1: keys"}.isdisjoint(words)
-    ctx.visual.hud = None
-    assert "hello" not in frame(ctx, said)
-
-
 def test_lines_that_are_broader_than_the_window_go_on_below(open_window, said):
     ctx = open_window(width=200)
     ctx.visual.hud = lambda ctx: ["one two three four five six", "x" * 100]
@@ -73,29 +64,6 @@ def test_pointing_at_an_agent_shows_what_it_knows(ctx, said, person):
     assert "near (NEIGHBOR): 0, 1" in words
     person.point(3, 3)
     assert "red_0 · team red" not in frame(ctx, said)
-
-
-def test_a_clicked_agent_keeps_its_panel_until_one_clicks_elsewhere(ctx, said, person):
-    frame(ctx, said)
-    person.click(*ctx.visual._render_manager.world_to_screen(0.0, 0.0))
-    person.point(3, 3)
-    frame(ctx, said)
-    assert "red_0 · team red" in frame(ctx, said)
-    ctx.agent.delete_agent("red_0")
-    assert "red_0 · team red" not in frame(ctx, said)
-    person.click(3, 3)
-    assert "at node 0, from 0" not in frame(ctx, said)
-
-
-def test_pointing_at_an_agent_shows_its_sensors_even_where_others_are_declared(ctx, person):
-    ctx.visual.set_graph_visual()
-    ctx.visual.set_agent_visual("red_0")
-    ctx.agent.get_agent("red_0").get_state()
-    ctx.visual.update()
-    assert ctx.visual.overlay.hints() == {}
-    person.point(*ctx.visual._render_manager.world_to_screen(0.0, 0.0))
-    ctx.visual.update()
-    assert list(ctx.visual.overlay.hints()) == ["sensor_near"]
 
 
 def test_names_are_written_where_there_is_room(open_window, said):
@@ -216,18 +184,6 @@ def test_the_newest_is_above_what_happened_before_and_older_lines_go(open_window
     for _ in range(3):
         ctx.game.step()
     assert [line for line in frame(ctx, said) if line.startswith("red_0:")] == ["red_0: dusk", "red_0: noon"]
-
-
-@pytest.mark.parametrize("hide", ["option", "H", "help"])
-def test_captions_can_be_left_out(open_window, said, hide):
-    ctx = open_window(captions=hide != "option")
-    tell(ctx, {1: ["storm"]})
-    ctx.game.step()
-    if hide == "H":
-        ctx.visual.overlay.hud.toggle()
-    elif hide == "help":
-        ctx.visual.overlay.hud.toggle_help()
-    assert "red_0: storm" not in frame(ctx, said)
 
 
 def test_captions_must_be_true_or_false(open_window):
