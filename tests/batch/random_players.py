@@ -218,6 +218,13 @@ def recruit(ctx):
     ctx.game.scores["ranks"] = sum(getattr(agent, "rank", 0) for agent in ctx.game.agents)
 
 
+def desert(ctx):
+    """Let agents leave for good, others in games of other seeds, but not the last one."""
+    draw, known = ctx.stream("desert", ctx.game.turn), sorted(ctx.agent.agents)
+    if draw.random() < 0.3 and len(known) > 1:
+        ctx.agent.delete_agent(known[int(draw.integers(len(known)))])
+
+
 def refuse(ctx):
     """Refuse moves and deeds by lots."""
     draw = ctx.stream("refuse", ctx.game.turn)
@@ -277,6 +284,7 @@ TAKEN = {
     "agent": lambda agent: [agent.current_node_id, agent.prev_node_id, agent.edge, agent.offset_m, agent.alive],
 }
 CALLED = {
+    "desert": desert,
     "dig": dig,
     "look": look,
     "push": push,

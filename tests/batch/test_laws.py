@@ -145,7 +145,7 @@ def games_with_plain_parts(draw, how=("one edge", "anywhere", "edges", "metres",
     drawn = draw(games(how))
     kinds = st.lists(st.integers(0, len(KINDS) - 1), min_size=1, max_size=3, unique=True)
     called = st.tuples(
-        st.sampled_from(["look", "push", "purge", "toll", "dig", "dig", "refuses"]),
+        st.sampled_from(["look", "push", "purge", "toll", "dig", "refuses", "recruit", "recruit", "desert"]),
         st.sampled_from(["before", "deeds", "after"]),
     )
     return replace(
@@ -161,6 +161,7 @@ def games_with_plain_parts(draw, how=("one edge", "anywhere", "edges", "metres",
 @settings(LAWS, max_examples=12)
 @given(drawn=games_with_plain_parts(), **drawn_for_all)
 def test_games_in_which_plain_functions_are_called_are_those_that_are_played_alone(drawn, seeds, again, outside, lot):
+    outside = without_recruits(drawn, outside)
     with drawn.open() as ctx:
         check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
 
@@ -170,12 +171,18 @@ def test_games_in_which_plain_functions_are_called_are_those_that_are_played_alo
 def test_games_that_have_begun_in_which_plain_functions_are_called_go_on_as_alone(
     drawn, turns, seeds, again, outside, lot
 ):
+    outside = without_recruits(drawn, outside)
     with drawn.open() as ctx:
         ctx.game.on_illegal = "stay"
         for _ in range(min(turns, drawn.max_turns - 1)):
             ctx.game.step()
         ctx.game.on_illegal = drawn.on_illegal
         check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
+
+
+def without_recruits(drawn, outside):
+    """Return the teams that are given actions: none where agents come that are given none, as there are no rows."""
+    return [] if any(name == "recruit" for name, _ in drawn.called) else outside
 
 
 def check_games(ctx, drawn, seeds, again, from_outside):

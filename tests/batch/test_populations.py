@@ -1,10 +1,15 @@
 """Agents that rules create and delete in batches, without rows that the caller has reserved."""
 
+import inspect
+
+import numpy as np
 import pytest
 from batch_scenes import WALK, plain, scene
 
+from gamms import rl
 from gamms.errors import BadValue
 from gamms.rules import capture_flag, last_team, respawn, tag
+from gamms.scenario import Scenario
 
 NEAR = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
 METRES = {"speed_unit": "metres"}
@@ -180,3 +185,61 @@ def test_rules_change_strategies_and_sensors_draw_and_look_in_some_games(act):
 
     for strategies in ({}, {"red": timid, "blue": timid}):
         check(made(), [(rule, "after"), (look_around, "after"), (tag("red", "blue"), "after")], strategies=strategies)
+
+
+def come_and_go(ctx):
+    """Let an agent come and another one go, in turns that differ between seeds."""
+    if ctx.game.turn == 2 + ctx.seed % 3:
+        first = ctx.agent.get_agent("red_0")
+        ctx.agent.create_agent("red_9", start_node_id=3, team="red", strategy=first.strategy, sensors=["watch"])
+        ctx.agent.delete_agent("blue_0")
+        ctx.game.emit("changed", names=sorted(ctx.agent.agents))
+
+
+SCOUTED = {
+    "rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}, {"rule": "changes.py:come_and_go"}],
+    "sensors": {"watch": {"type": "AGENT_RANGE", "sensor_range": 25.0}},
+    "teams": {"red": {"count": 2, "strategy": WALK, "sensors": ["watch"]}, "blue": {"count": 2, "strategy": WALK}},
+}
+
+
+@pytest.fixture
+def scouted(tmp_path):
+    """A scenario in which agents come and go."""
+    code = [inspect.getsource(come_and_go)]
+    (tmp_path / "changes.py").write_text("".join(code))
+    more = {"map": {"grid": {"width": 5, "height": 5}}, "max_turns": 8}
+    return Scenario(**SCOUTED, **more, folder=tmp_path)
+
+
+def test_games_with_changing_agents_are_recorded_and_shown(scouted, tmp_path):
+    with scouted.batch(3) as games:
+        for _ in range(5):
+            games.step()
+        for number in range(3):
+            assert plain(games.context(number).game.result()) == plain(games.result(number))
+        games.run()
+        assert not games.detached
+        games.record(1, tmp_path / "batch.ggr")
+        assert games.result(1) == scouted.play(seed=1, record=tmp_path / "alone.ggr")
+    assert (tmp_path / "batch.ggr").read_bytes() == (tmp_path / "alone.ggr").read_bytes()
+
+
+def test_agents_change_in_games_on_several_maps(scouted):
+    maps = [{"grid": {"width": width, "height": 5}} for width in (4, 6)]
+    with scouted.batch(6, maps=maps) as games:
+        games.run()
+        assert not games.detached
+        for number, seed in enumerate(games.seeds):
+            alone = scouted.replace(map=maps[games.maps[number]])
+            assert plain(games.result(number)) == plain(alone.play(seed=seed))
+
+
+def test_environments_go_on_where_agents_change(scouted):
+    environment = rl.vector_env(scouted, team="red", num_games=4)
+    observed, _ = environment.reset(seed=1)
+    shapes = {name: one.shape for name, one in observed.items()}
+    for _ in range(20):
+        observed, *_ = environment.step(np.zeros(environment.action_space.shape, np.int64))
+        assert {name: one.shape for name, one in observed.items()} == shapes
+    environment.close()

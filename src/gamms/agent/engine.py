@@ -499,8 +499,8 @@ class AgentStorage(Guarded):
         engine._agents |= agents.by_name
         journal, agents.block.journal = agents.block.journal, PLAIN
         for row, (agent, equipment) in enumerate(zip(agents.members, agents.equipment, strict=True)):
-            agent._block = agents.block
-            agent._row = row
+            object.__setattr__(agent, "_block", agents.block)  # NOTE: see `_close_up`
+            object.__setattr__(agent, "_row", row)
             _equip_as(agent, *equipment)
         agents.block.journal = journal
 

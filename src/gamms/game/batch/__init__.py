@@ -2,8 +2,9 @@
 
 Start with `games.py`, the public interface. `arrays.py` plays the games in the core, with `in_core.py`,
 `strategy_steps.py` and `travelers.py`; between the phases of the core it calls array functions, and plain functions in
-a context that `cursor.py` points at each game in turn. A part of a game that the core cannot hold raises `NotInCore`,
-and `one_by_one.py` plays one game after the other. Both ways give the same games.
+a context that `cursor.py` points at each game in turn, with the agents that this game has (`pointed.py`). A part of a
+game that the core cannot hold raises `NotInCore`, and `one_by_one.py` plays one game after the other. Both ways give
+the same games.
 
 `state.py` holds the state of a batch, `columns.py` its agents and logs, `scores.py` the scores, `initial_state.py` the
 state of the first turn, and `own_functions.py` strategies that differ between games. Array rules get a turn

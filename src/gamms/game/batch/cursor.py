@@ -844,7 +844,7 @@ class Cursor:
         self._part = part
         turns.is_moving = part is not None or self._core.arrival is not None
         try:
-            for _ in self._each(games):
+            for _ in self._each(games[self._pointed.by_population(games)]):
                 table, begun = self._living.table, self._living.table.begun
                 try:
                     function()
@@ -1071,13 +1071,14 @@ class Cursor:
         """
         state = self._state
         games, agents = view.games, view.agents
-        are_blocked = np.any(state.blocked[games][:, agents], axis=1).tolist()
+        places = self._pointed.by_population(games)
+        are_blocked = np.any(state.blocked[games[places]][:, agents], axis=1).tolist()
         ends = list[int]()
         self._deeds = []
         if self._core.courses is not None:
             self._core.courses.routes.forget()
         with self._deciding():
-            for number, is_blocked in zip(self._each(games), are_blocked, strict=True):
+            for number, is_blocked in zip(self._each(games[places]), are_blocked, strict=True):
                 self._living.table.rekey(state.seeds[number])
                 if here is None:
                     asked = self._asked(agents, observing)
@@ -1095,7 +1096,9 @@ class Cursor:
         if self._core.courses is not None:
             self._core.courses.routes.write()
             return np.full(view.node.shape, -1)
-        return view.action_to(np.array(ends, np.int64).reshape(view.node.shape))
+        wanted = np.zeros(view.node.shape, np.int64)
+        wanted[places] = np.array(ends, np.int64).reshape(view.node.shape)
+        return view.action_to(wanted)
 
     def note_given(self, view: ArrayView) -> None:
         """Note that agents were given actions in place of their own."""

@@ -224,6 +224,12 @@ class PointedContext:
         finally:
             self.release()
 
+    def by_population(self, games: IntArray) -> IntArray:
+        """Return the places of some games such that games with the same agents follow each other."""
+        numbers = dict[Population | None, int]()
+        each = [numbers.setdefault(self.population_of[game], len(numbers)) for game in games.tolist()]
+        return np.argsort(each, kind="stable")
+
     def each(self, games: IntArray) -> Iterator[int]:
         """Point the context at each of some games in turn, and yield the number of the game."""
         for population, some in groupby(games.tolist(), lambda number: self.population_of[number] or self._first):
@@ -245,9 +251,11 @@ class PointedContext:
         roads = state.roads
         if self.has_changed_map():  # by a function that has raised
             self._show_roads(None)
+        if self.has_other_agents():
+            self.show(population)
         played = state.turn[games].tolist()
         for at, number in enumerate(games.tolist()):
-            if self.population is not population or self.has_other_agents():
+            if self.population is not population:
                 self.show(population)
             values.turn = played[at]
             values.delayed_looks = self.delayed_looks[number]
@@ -260,15 +268,21 @@ class PointedContext:
             alive = lives[at * size : (at + 1) * size]
             if alive != self.alive:
                 self.show_lives(alive)
-            for name, column in state.numbers.items():
-                np.asarray(getattr(block, name))[:] = column[number, numbers]
-            block.placed = set(np.flatnonzero(placed[at][numbers]).tolist()) if are_placed[at] else set()
+            self._show_numbers(number)
+            if block.placed or are_placed[at]:
+                block.placed = set(np.flatnonzero(placed[at][numbers]).tolist())
             if state.movement.remembers:
                 on_edges = state.movement.on_edges(number, state.node[number])
                 show_progress(block, {row_of[agent]: one for agent, one in on_edges.items() if agent in row_of})
             if roads.are_closed or self._roads is not None:
                 self._show_roads(roads.of(number))
             yield number
+
+    def _show_numbers(self, number: int) -> None:
+        """Let agents have the additional numbers that they have in a game."""
+        shown = self.population
+        for name, column in self._state.numbers.items():
+            np.asarray(getattr(shown.block, name))[:] = column[number, shown.numbers]
 
     def _nodes_of(self, population: Population, games: IntArray) -> PointedColumns:
         """Return where agents are and were before in some games, in the order of their rows."""
