@@ -74,14 +74,6 @@ def test_a_misspelt_keyword_is_warned_about(ctx, heard):
     ]
 
 
-def test_a_flyer_made_by_hand_is_like_any_other(ctx):
-    agent = AerialAgent(ctx, "kite", 4, 1.0, team="red")
-    agent.register_strategy(lambda state: state.update(action=(1, 0, 0)))
-    agent.step()
-    assert (agent.position, agent.current_node_id, agent.team) == ((2.0, 1.0, 0.0), 5, "red")
-    assert list(ctx.agent.create_iter()) == []
-
-
 @pytest.mark.parametrize("attribute", ["name", "type", "state", "speed", "prev_position"])
 def test_what_a_flyer_is_cannot_be_assigned(kite, attribute):
     with pytest.raises(AttributeError):

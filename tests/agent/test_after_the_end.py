@@ -25,14 +25,6 @@ def test_a_step_without_a_strategy_is_quiet_too(ctx, anna):
     assert (anna.current_node_id, anna.prev_node_id) == (4, 4)
 
 
-def test_a_rule_that_puts_agents_back_ends_quietly(ctx, anna):
-    ctx.terminate()
-    anna.current_node_id = 0
-    anna.prev_node_id = 99
-    anna.orientation = (0, 1)
-    assert (anna.current_node_id, anna.prev_node_id, anna.orientation) == (4, 4, (0.0, 0.0))
-
-
 def test_creating_an_agent_raises(ctx):
     ctx.terminate()
     with pytest.raises(ContextTerminated, match="terminated"):

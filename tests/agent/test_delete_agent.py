@@ -71,11 +71,3 @@ def test_a_name_can_be_used_again_and_the_two_agents_are_strangers(ctx, anna):
     anna.current_node_id = 8
     assert (second.current_node_id, second.team, anna.current_node_id, anna.team) == (0, "blue", 8, None)
     assert ctx.agent.get_agent("anna") is second
-
-
-def test_a_change_of_team_is_a_new_version(ctx, team):
-    version = ctx.agent.positions.version
-    team[1].team = "red"
-    positions = ctx.agent.positions
-    assert positions.teams == [None, "red", None, None]
-    assert positions.version != version

@@ -111,14 +111,6 @@ def test_staying_is_a_move_that_makes_the_node_its_own_previous_one(anna):
     assert (anna.current_node_id, anna.prev_node_id) == (5, 5)
 
 
-def test_set_state_keeps_the_action(anna):
-    anna.get_state()["action"] = 5
-    anna.set_state()
-    anna.set_state()
-    assert anna.state["action"] == 5
-    assert (anna.current_node_id, anna.prev_node_id) == (5, 5)
-
-
 def test_a_step_without_a_strategy_is_an_attribute_error(anna):
     with pytest.raises(AttributeError, match="'anna' has no strategy"):
         anna.step()

@@ -240,14 +240,6 @@ def test_what_is_impossible_changes_nothing(ctx):
     assert list(ctx.agent.agents) == ["red_1"]
 
 
-def test_one_plan_of_arrays_decides_for_a_large_team(ctx):
-    team = ctx.agent.create_team("red", np.arange(1000) % 25)
-    ctx.game.command("red", lambda arrays: arrays.targets[arrays.offsets[1:] - 1], arrays=True)
-    last = [ctx.graph.graph.neighborhoods[node][-1] for node in team.node_ids.tolist()]
-    ctx.game.step()
-    assert team.node_ids.tolist() == last
-
-
 def test_a_team_that_comes_while_a_recording_runs_is_in_arrays_and_recorded_as_agents_are_one_by_one(tmp_path):
     def wander(state):
         state["action"] = state["draw"].choice(state["legal"])

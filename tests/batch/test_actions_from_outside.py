@@ -61,14 +61,6 @@ def test_deeds_and_messages_that_are_given_are_those_of_games_alone(order, tmp_p
             assert recording.turns == games.turn[1]
 
 
-@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.int32, np.uint64])
-def test_integers_of_all_sizes_are_actions_where_some_agents_are_not_asked(kind):
-    by_metres = scene(settings={"speed_unit": "metres", "order": [["red"], ["blue"]]}, max_turns=2)
-    with by_metres.batch(2, record=True) as games:
-        games.step({"red": np.ones((2, 3), kind), "blue": np.ones((2, 3), kind)})
-        assert_as_shown(games)
-
-
 def test_numbers_of_nodes_that_are_kept_take_a_byte_each():
     moves = np.ones((2, 3), np.int64)
     assert as_kept(moves).dtype == np.uint8

@@ -35,14 +35,6 @@ def test_rows_that_cannot_be_reserved_are_refused(most, error, message):
         ctx.game.batch(2, most_agents=most)
 
 
-def test_agents_that_have_not_come_have_begun_nowhere():
-    goal = {"rule": "reach", "with": {"team": "red", "nodes": "starts of blue"}}
-    scenario, seeds = made().replace(rules=[goal], **{"teams.red.strategy": "gamms.strategies:stay"}), [1, 2, 3]
-    with scenario.batch(seeds=seeds, most_agents={"blue": 5}) as games:
-        games.run()
-        assert [games.result(number) for number in range(3)] == [scenario.play(seed=seed) for seed in seeds]
-
-
 def test_agents_that_come_without_sensors_are_observed_one_by_one():
     def recruit(ctx):
         if ctx.game.turn == 1:

@@ -33,14 +33,6 @@ def toll(turn):
     turn.emit("toll", visits.at, agents={"agent": visits.agents}, nodes={"node": visits.nodes}, values=when)
 
 
-@pytest.mark.parametrize("phase", ["before", "after"])
-def test_array_rules_know_when_agents_were_where(phase):
-    with scene([TAG], side=4, max_turns=6, settings={"order": ORDER}).build() as ctx:
-        ctx.game.add(toll, phase=phase)
-        times = {event["since"] for one in check(ctx, SEEDS) for event in one.events if event["kind"] == "toll"}
-    assert {0.0, 0.5, 1.0} <= times
-
-
 def test_an_agent_that_comes_back_to_a_team_without_a_part_is_refused_in_its_turn():
     def revive(ctx):
         if ctx.game.turn == 3:

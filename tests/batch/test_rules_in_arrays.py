@@ -69,14 +69,6 @@ def test_an_agent_that_is_put_where_its_own_path_ends_has_not_come_there_by_it(u
             assert [event["kind"] for event in games.result(1).events] == ["tag", "respawned"]
 
 
-@pytest.mark.parametrize("resolve", ["at_random", "nobody", {"by_priority": ["blue", "red"]}])
-@pytest.mark.parametrize("capacity", [1, 2, {6: 0, 7: 1, 8: 2}])
-@pytest.mark.parametrize(("among", "allow_swaps"), [("all", False), ("team", False), ("all", True)])
-def test_the_same_agents_have_to_stay(resolve, capacity, among, allow_swaps, same_as_one_by_one):
-    conflicts = {"capacity": capacity, "among": among, "allow_swaps": allow_swaps, "resolve": resolve}
-    same_as_one_by_one(scene([], red=5, blue=6, side=4, max_turns=10, conflicts=conflicts), SEEDS[:2])
-
-
 def test_an_order_of_play_without_a_team_is_refused_where_it_is_played():
     games = scene([], settings={"order": [["red"]]}).batch(2)
     with games, pytest.raises(BadValue, match="leaves out team 'blue'"):

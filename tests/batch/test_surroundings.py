@@ -52,19 +52,3 @@ def test_more_nodes_than_arrays_hold_are_refused(monkeypatch):
             monkeypatch.setattr(sensing, "_MOST_PAIRS", 10)
             with pytest.raises(TooLarge, match="Ask for fewer games"):
                 games.observe("red").seen_nodes()
-
-
-@gamms.array_strategy
-def to_the_edge_of_view(view):
-    """Go towards the last node that is seen."""
-    seen, actions = view.seen_nodes("eye"), np.zeros(view.node.shape, np.int64)
-    actions[seen.at, seen.viewers] = view.routes().actions(view.node[seen.at, seen.viewers], seen.nodes)
-    return actions
-
-
-def test_a_strategy_of_nodes_in_view_plays_the_same_alone_and_in_batches(same_as_one_by_one):
-    sensors = {"eye": {"type": "RANGE", "sensor_range": 20.0}}
-    walks = {"count": 2, "strategy": "gamms.strategies:random_walk", "sensors": ["eye"]}
-    same_as_one_by_one(
-        scene(teams={"red": walks, "blue": walks}, sensors=sensors), [1, 2], {"red": to_the_edge_of_view}
-    )

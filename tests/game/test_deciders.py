@@ -161,14 +161,6 @@ def test_a_plan_of_arrays_asks_no_sensor(ctx):
     assert looks == []
 
 
-def test_arrays_draw_what_states_draw(grid):
-    with grid() as one, grid() as other:
-        for ctx in (one, other):
-            team(ctx, "a", "b", "c", strategy=lambda state: state.update(action=state["draw"].choice(state["legal"])))
-        one.game.command("red", walk, arrays=True)
-        assert one.game.run(20).agents == other.game.run(20).agents
-
-
 def test_the_generator_of_a_team_follows_from_the_seed_the_team_and_the_turn(grid):
     drawn = {}
     for seed, name in ((1, "red"), (1, "red"), (2, "red"), (1, "blue")):

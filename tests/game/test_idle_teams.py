@@ -70,11 +70,3 @@ def test_a_batch_names_the_team_unless_warnings_are_not_wanted(said, warn):
 def test_a_copy_in_another_process_leaves_it_to_the_one_that_asks(said):
     pickle.loads(pickle.dumps(scenario.Scenario(**GAME))).play(seed=1)
     assert said() == []
-
-
-@pytest.mark.parametrize("given", [["blue"], ["blue_0"], []])
-def test_a_scenario_names_teams_before_its_games_are_played_elsewhere(said, given):
-    game = scenario.Scenario(**GAME)
-    game.warn_of_idle_teams(given)
-    game.warn_of_idle_teams(given)
-    assert said() == [NOBODY_DECIDES.format("team 'blue'")] * (not given)

@@ -134,14 +134,6 @@ def test_a_strategy_of_gamms_is_a_plan_that_decides_for_one_agent_after_the_othe
     assert ctx.game.plans["red"].function is not strategy
 
 
-def test_a_method_of_a_list_is_a_plan(ctx):
-    seen = []
-    ctx.agent.create_agent("b", start_node_id=0, team="red")
-    ctx.game.command("red", seen.append)
-    ctx.game.run(1)
-    assert list(seen[0]) == ["b"]
-
-
 def with_yield(given):
     yield given
 

@@ -51,14 +51,6 @@ def test_a_game_that_is_reset_keeps_what_was_added_before_its_first_turn():
         assert len(ctx.game.rules) == 1
 
 
-def test_a_snapshot_from_before_the_first_turn_is_prepared_again():
-    with new_game(Counting(), "anna") as ctx:
-        before = ctx.game.snapshot()
-        ctx.game.run(2)
-        ctx.game.restore(before)
-        assert ctx.game.run(2).scores == {"turns": 2}
-
-
 def test_a_fork_prepares_its_own_strategies():
     with new_game(Counting(), "anna") as ctx:
         ahead = ctx.game.fork(1)

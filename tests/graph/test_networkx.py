@@ -88,14 +88,6 @@ def test_labels_avoid_the_ids_that_are_taken(ctx, graph):
     assert ctx.graph.networkx_labels() == {"a": 11, "b": 12}
 
 
-def test_labels_survive_a_file(any_ctx, tmp_path):
-    any_ctx.graph.attach_networkx_graph(nx.Graph([("a", (1, 2))]))
-    labels = any_ctx.graph.networkx_labels()
-    any_ctx.graph.save(tmp_path / "map")
-    any_ctx.graph.load(tmp_path / "map")
-    assert any_ctx.graph.networkx_labels() == labels
-
-
 @pytest.mark.parametrize("key", ["linestring", "geometry"])
 @pytest.mark.parametrize(
     "line", [BENT, LineString(BENT), [list(point) for point in BENT]], ids=["tuples", "shapely", "lists"]

@@ -102,14 +102,6 @@ def bytes_of(columns):
     ]
 
 
-def test_columns_are_made_once_per_revision(graph):
-    graph.add_nodes([1, 2], [0.0, 1.0], [0.0, 1.0])
-    first = graph.columns()
-    assert graph.columns() is first
-    graph.update_node({"id": 1, "x": 5.0})
-    assert graph.columns().revision > first.revision
-
-
 def test_columns_know_the_crs_that_was_set_last(any_ctx, fill):
     graph = fill(any_ctx)
     assert graph.columns().crs == "EPSG:32635"

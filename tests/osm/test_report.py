@@ -63,14 +63,6 @@ def test_pieces_are_within_their_bounds(town):
     assert (finer.piece_max < 15.0, finer.spacing_kept) == (True, False)
 
 
-def test_parallel_roads_are_counted(make_map, cross):
-    path = make_map(cross, ([1, 2], ROAD), ([1, 4, 2], ROAD), ([2, 3], ROAD), ([1, 3], ROAD), ([2, 4], ROAD))
-    assert report(graph_from_file(path), path).parallel_roads >= 1
-    short = make_map(cross, ([1, 2], ROAD), ([2, 1], ROAD))
-    found = report(graph_from_file(short, 1e3, simplify=False), short)
-    assert (found.pieces_parted, found.spacing_kept) == (2, True)
-
-
 @pytest.mark.parametrize(
     ("spoil", "broken"),
     [

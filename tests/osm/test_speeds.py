@@ -2,12 +2,11 @@
 
 import math
 
-import networkx as nx
 import numpy as np
 import pytest
 
 import gamms
-from gamms.osm import graph_from_file, graph_from_xml, process_osm_graph
+from gamms.osm import graph_from_file, graph_from_xml
 from gamms.osm.networkx_bridge import SPEED_OF_HIGHWAY_KPH, UNKNOWN_SPEED_KPH, speed_kph
 
 
@@ -68,14 +67,6 @@ def test_edges_of_a_file_have_a_speed_and_a_time(make_map, cross, load):
     for _, _, data in load(path).edges(data=True):
         assert data["speed_kph"] == (36.0 if data["highway"] == "primary" else 2.0)
         assert data["travel_time"] == pytest.approx(data["length"] / data["speed_kph"] * 3.6)
-
-
-def test_a_time_that_is_none_is_replaced():
-    graph = nx.MultiDiGraph()
-    graph.add_node(0, x=0.0, y=0.0)
-    graph.add_node(1, x=10.0, y=0.0)
-    graph.add_edge(0, 1, travel_time="soon", speed_kph=36.0)
-    assert process_osm_graph(graph).edges[0, 1]["travel_time"] == 1.0
 
 
 def test_the_shipped_map_has_them_too():

@@ -6,9 +6,6 @@ import pytest
 import gamms
 from gamms.errors import BadType, BadValue, TooLarge
 from gamms.osm import graph_from_file, graph_from_geojson, graph_from_xml, osmium_reader
-from gamms.osm.modes import keeping
-from gamms.osm.network import classic_rule
-from gamms.osm.osmium_reader import read_ways
 from gamms.scenario import load
 
 NODES = {1: (60.170, 24.940), 2: (60.170, 24.941), 3: (60.170, 24.942), 4: (60.1705, 24.941), 5: (60.170, 24.9405)}
@@ -105,14 +102,6 @@ def test_impossible_names_are_refused(town, tags, error, words):
 def test_an_unknown_option_is_refused(town):
     with pytest.raises(BadType, match="Did you mean 'tags'"):
         graph_from_file(town(), tag=["surface"])
-
-
-def test_equal_texts_are_kept_once(make_map):
-    """In PBF a text is written once, however many roads have it."""
-    path = make_map(NODES, *[([1, 2], {"highway": "path", "surface": "x" * 250})] * 3)
-    ways = read_ways(path, lambda _: None, keeping(classic_rule(None), ["surface"]), ["surface"])
-    assert len(ways.tags) == 3
-    assert len({id(tags["surface"]) for tags in ways.tags}) == 1
 
 
 def test_nodes_with_tags_have_to_fit_into_memory(town, monkeypatch):

@@ -75,14 +75,6 @@ def test_arrays_and_events_say_what_the_logs_say(game, turns, data):
     assert repr(list(reader.events(start, stop, kinds))) == repr([event for event in events if event[2] in kinds])
 
 
-def test_the_header_is_read_as_it_was_given():
-    header = opened(written([])).header
-    assert list(header) == list(HEADER)
-    assert header["seed"] == 7
-    assert header["graph"]["ids"].tolist() == [0, 1, 2, 3, 4]
-    assert header["graph"]["xy"].dtype == np.float64
-
-
 def test_turns_that_are_not_there_are_refused():
     reader = opened(written(walk(1, 3)))
     for call in (lambda: reader.log(3), lambda: reader.log(-1), lambda: reader.keyframe(4), lambda: reader.moves(2, 1)):

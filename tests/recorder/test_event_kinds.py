@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from test_frozen_recordings import everything_of_version_3, flights_of_version_3, turns_of_version_3
 
 from gamms.ir import events as kinds
-from gamms.ir.events import EVENTS, Field, Mover, Role, events_of, records_of, renumbered, steps_of
+from gamms.ir.events import EVENTS, Field, Mover, Role, records_of, renumbered
 from gamms.ir.game_state import GameState
 from gamms.ir.schema import Audience
 from gamms.recorder import Reader
@@ -77,14 +77,6 @@ def test_who_may_know_follows_from_the_kind_alone():
     assert EVENTS[kinds.GAME_MEMORY].audience is Audience.TEAM
     assert EVENTS[kinds.MOVES].audience is Audience.SENSED
     assert EVENTS[kinds.GAME_CHANCE].audience is Audience.HOST  # it would foretell what others draw
-
-
-def test_moves_that_follow_each_other_are_one_event():
-    note = (kinds.USER_EVENT, {"kind": "note"})
-    log = [0, 5, 1, 6, note, 0, 7]
-    assert list(events_of(log)) == [(kinds.MOVES, [0, 5, 1, 6]), note, (kinds.MOVES, [0, 7])]
-    assert list(steps_of(log)) == [(kinds.MOVES, (0, 5)), (kinds.MOVES, (1, 6)), note, (kinds.MOVES, (0, 7))]
-    assert list(events_of([])) == []
 
 
 def test_agents_get_other_numbers_wherever_an_event_has_some():

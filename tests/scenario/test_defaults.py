@@ -64,14 +64,6 @@ def test_parameters_that_are_no_plain_values_are_left_out():
     assert gamms.scenario.Scenario(**ctx.game.internals.scenario).play() == game.play()
 
 
-def test_a_fact_named_function_is_a_fact(made):
-    game = made({"facts": {"function": "players:make"}, "teams.red.meta": {"function": "players:make"}})
-    game.check()
-    with game.build() as ctx:
-        assert dict(ctx.game.facts) == ctx.game.internals.scenario["facts"] == {"function": "players:make"}
-        assert ctx.game.internals.scenario["teams"]["red"]["meta"] == {"function": "players:make"}
-
-
 def test_a_default_that_is_written_out_makes_no_other_game():
     def digests(**more):
         tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", **more}}

@@ -5,7 +5,7 @@ from math import inf
 import pytest
 
 from gamms.errors import UnknownName
-from gamms.sensor import SensorType, fov_geometry
+from gamms.sensor import SensorType
 
 DRAWN = [SensorType.NEIGHBOR, *(SensorType[name] for name in ("MAP", "RANGE", "ARC", "AGENT", "AGENT_RANGE"))]
 
@@ -48,11 +48,3 @@ def test_a_view_without_bounds_has_no_outline(ctx):
     world = ctx.sensor.create_sensor("world", SensorType.MAP)
     world.sense(0)
     assert (len(world.last_view().nodes), len(world.last_view().outline)) == (6, 0)
-
-
-def test_a_view_is_there_even_if_the_data_was_emptied_by_its_reader(ctx):
-    eye = ctx.sensor.create_sensor("eye", SensorType.RANGE, sensor_range=1.2)
-    eye.sense(0)
-    eye.data["nodes"].clear()
-    assert eye.last_view().nodes.tolist() == []
-    assert eye.last_view().outline.tolist() == fov_geometry.disc(0, 0, 1.2).tolist()

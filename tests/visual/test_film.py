@@ -13,7 +13,6 @@ from PIL import Image, ImageSequence
 
 import gamms
 from gamms.errors import BadType, BadValue, ContextTerminated, Duplicate
-from gamms.typing import ArtistType
 from gamms.visual import Engine
 
 
@@ -202,27 +201,6 @@ def test_the_source_of_the_map_is_in_the_film(plain, tmp_path):
 
 
 # -- the scene ----------------------------------------------------------------------------------------------
-
-
-def counted(ctx, name, artist_type, layer, color, x=5.0):
-    """An artist that draws a disc and counts how often it is asked."""
-    calls = []
-
-    def draw(ctx, data):
-        calls.append(data.get("_alpha"))
-        ctx.visual.render_circle(data.get("x", x), 5, 3, color)
-
-    artist = ctx.visual.add_artist(name, {"drawer": draw, "layer": layer})
-    artist.set_artist_type(artist_type)
-    return artist, calls
-
-
-def test_dynamic_artists_know_how_far_the_turn_is(plain, tmp_path):
-    _, calls = counted(plain, "spark", ArtistType.DYNAMIC, 12, (0, 0, 255))
-    with plain.visual.film(tmp_path / "a.gif", width=64, height=48, frames_per_turn=4):
-        plain.visual.simulate()
-        plain.visual.simulate()
-    assert calls == [0.0, 1 / 3, 2 / 3, 1.0, 0.25, 0.5, 0.75, 1.0]
 
 
 def test_the_first_frame_shows_the_start(plain, tmp_path):

@@ -70,14 +70,6 @@ def test_scores_have_a_heading_and_zero_is_a_score():
     assert texts(TEAMS) == ("", "score", "", "", "red", "0", "", "", "blue", "12")
 
 
-def test_the_column_of_scores_does_not_move_when_they_grow():
-    widths = {
-        Legend((LegendRows("", (LegendRow((0, 0, 0), "red", value),), "score"),), 640, 400).width
-        for value in ("0", "99", "1000")
-    }
-    assert len(widths) == 1
-
-
 def test_a_picture_too_small_for_signs_still_explains_colours():
     signs = LegendRows("", (LegendRow((9, 9, 9), "a sign with a rather long explanation", sign="ring"),))
     assert "red" in texts(TEAMS, signs, width=300)

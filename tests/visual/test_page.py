@@ -73,14 +73,6 @@ def test_a_tight_page_is_as_large_as_the_map_needs_and_not_larger_than_asked(str
     assert width < 200
 
 
-def test_the_side_that_is_not_asked_for_follows_from_the_map(street):
-    assert sides(street(500, 1000), 400)[0] == 400
-    assert 700 < sides(street(500, 1000), 400)[1] < 820
-    width, height = sides(street(500, 1000), None, 800)
-    assert height == 800
-    assert 380 < width < 440
-
-
 def test_a_road_without_any_height_still_has_a_page_that_can_be_looked_at(street):
     width, height = sides(street(1000, 0))
     assert 1000 < width < 1400

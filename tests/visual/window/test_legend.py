@@ -33,11 +33,3 @@ def test_what_is_declared_explains_itself_and_nothing_else_is_explained(ctx, sai
     artist.set_visible(False)
     ctx.visual.update()
     assert ctx.visual.overlay.hud.legend.width == 0
-
-
-def test_it_is_written_only_when_it_changes(ctx, said):
-    assert "red" in frame(ctx, said)
-    ctx.visual.look_at(3.0, 3.0, 20.0)
-    assert "red" not in frame(ctx, said)
-    ctx.game.scores["red"] = 7
-    assert {"red", "7"} <= frame(ctx, said)

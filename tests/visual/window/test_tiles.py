@@ -103,14 +103,6 @@ def test_what_was_done_already_takes_the_time_of_the_first_thing():
     assert not budget.has_time(0.0)
 
 
-def test_a_sheet_is_used_again_for_the_same_use_only():
-    pool = SurfacePool()
-    large = pool.surface("part", 300, 200)
-    assert large.get_size() == (300, 200)
-    assert pool.surface("part", 20, 200).get_parent() is large.get_parent()
-    assert pool.surface("scaled", 20, 200).get_parent() is not large.get_parent()
-
-
 def test_a_sheet_that_would_hold_too_much_memory_is_not_kept():
     pool = SurfacePool()
     assert pool.surface("part", 3000, 2000).get_parent() is not pool.surface("part", 3000, 2000).get_parent()
