@@ -39,7 +39,8 @@ class Arrivals:
 
     def depart(self, i: int) -> None:
         """Start the agent of a slot on its move: it goes on, or stands."""
-        action, slot = self._turn.actions.get(i), self._turn.slots[i]
+        action = self._turn.actions.get(i)
+        slot = self._turn.slots[i]
         if action is None or not action.legs:
             return
         leg = action.legs[-1]
@@ -54,7 +55,8 @@ class Arrivals:
         under_way = self._under_way
         turn = self._turn
         while queue.size(0):
-            now, here = queue.first_time(0), list[int]()
+            now = queue.first_time(0)
+            here = list[int]()
             while queue.first_time(0) == now:
                 here.append(queue.pop(0))
             under_way.pass_time(now)
@@ -66,7 +68,8 @@ class Arrivals:
 
     def places(self, here: Sequence[int], actions: Mapping[int, ResolvedAction]) -> tuple[list[Any], list[Any]]:
         """Return the places of all agents (node ids or edges) before and after the actions of some slots."""
-        before, after = self._places, self._places.copy()
+        before = self._places
+        after = self._places.copy()
         for i in here:
             action = actions.get(i)
             leg = action.legs[-1] if action is not None and action.legs else None
@@ -83,7 +86,8 @@ class Arrivals:
     def hold(self, i: int) -> None:
         """Stop the arriving agent of a slot just before the node."""
         self._turn.stop_short(i)
-        slot, action = self._turn.slots[i], self._turn.actions[i]
+        slot = self._turn.slots[i]
+        action = self._turn.actions[i]
         self._under_way.arrive(slot.row, action.end)
         self._under_way.depart(slot.row, partial(progress_at, action.legs[-1]))
         self._under_way.pass_time(self._under_way.time)

@@ -87,7 +87,8 @@ async def _ended(tasks: "list[asyncio.Task[Any]]", deadline_s: float | None, unt
 
     now = asyncio.get_running_loop().time
     ends = math.inf if deadline_s is None else now() + deadline_s
-    waiting, are_enough = set(tasks), False
+    waiting = set(tasks)
+    are_enough = False
     while waiting and not are_enough and (left := ends - now()) > 0.0:
         ended, waiting = await asyncio.wait(waiting, timeout=min(left, SIGNALS_S), return_when=until)
         are_enough = until == asyncio.FIRST_EXCEPTION and any(not one.cancelled() and one.exception() for one in ended)

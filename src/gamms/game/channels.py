@@ -25,6 +25,7 @@ from gamms.ir.chances import as_chances
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.packing import to_bytes
+from gamms.kernels import buffer
 from gamms.plain import Plain, to_plain, why_not_plain
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import reason, shown
@@ -153,7 +154,8 @@ def _jammer(value: object, name: str) -> Jammer:
         as_known(key, f"key of {name}:", Jammer._fields)
     if "radius_m" not in given or sum(given.get(key) is not None for key in ("agent", "team", "at")) != 1:
         raise BadValue(f"Each of {name} must be like {_JAMMER}, not {shown(value)}.")
-    at, team = given.get("at"), given.get("team")
+    at = given.get("at")
+    team = given.get("team")
     where: Any = None
     if hasattr(at, "__index__"):
         where = as_int(at, name)
@@ -288,7 +290,7 @@ def refusals(
     uses = np.array([channel.is_for(team) for team in teams.values()], np.uint8)
     verdicts = np.zeros_like(at)
     columns: Any = at, senders, *groups_of(to, teams), uses, is_there.view(np.uint8), sizes, left, verdicts
-    core.admit(*map(flat, columns))
+    core.admit(*map(buffer, columns))
     return {
         row: _refusal(channel, verdicts[row], to[row], sizes[row], dict(compress(teams.items(), is_there[at[row]])))
         for row in np.flatnonzero(verdicts != core.ADMITTED).tolist()
@@ -331,11 +333,6 @@ def groups_of(to: Sequence[Any], teams: Mapping[str, Any]) -> tuple[IntArray, In
         first.append(len(members))
     groups = list(map(number_of.__getitem__, to))
     return np.array(groups, np.int64), np.array(first, np.int64), np.array(members, np.int64)
-
-
-def flat(column: np.ndarray[Any, Any]) -> Any:  # a memoryview, which is not subscriptable
-    """Return an array as a flat memoryview for the core."""
-    return column.ravel().data
 
 
 def _checked_message(given: object, sender: Sender, channels: Mapping[str, Channel]) -> Outgoing:

@@ -416,7 +416,8 @@ class _Agents:
 
     def _ask_each(self, movers_of: MoversOf, ctx: HostContext) -> None:
         """Decide each contest by the resolver function."""
-        c, requests = self._memory.contests, self._requests
+        c = self._memory.contests
+        requests = self._requests
         core.begin(c, requests, 0)
         try:
             if not self._conflicts.allow_swaps:
@@ -443,7 +444,8 @@ class _Agents:
             free = int(memory.free[k])
             if free:
                 movers = tuple(map(_between_places, movers_of(rows)))
-                start, end = movers[0].start, movers[0].end
+                start = movers[0].start
+                end = movers[0].end
                 node = (min(start, end), max(start, end)) if is_exchange else end
                 contests.append((Contest(node, free, movers), rows))
         for contest, rows in sorted(contests, key=lambda pair: _rank_of(pair[0])):

@@ -105,7 +105,8 @@ class TeamArrays:
         Raises:
             BadType, BadValue: the actions are not numbers of legal nodes, (agents,).
         """
-        legal, numbers = self._listed(), np.asarray(actions)
+        legal = self._listed()
+        numbers = np.asarray(actions)
         if numbers.dtype.kind not in "iu" or numbers.shape != self._nodes.shape:
             raise BadType(f"Actions are an array ({len(self.names)},) of integers, not {shown(actions)}.")
         is_number = numbers < legal.counts
@@ -397,7 +398,8 @@ class Decisions:
 
     def take(self, i: int, state: State) -> None:
         """Read the action from the state of an agent."""
-        slot, here = self.slots[i], self.starts[i]
+        slot = self.slots[i]
+        here = self.starts[i]
         self._phase.agent = None
         if "action" in state:
             action = state["action"]
@@ -433,7 +435,8 @@ class Decisions:
         )
 
     def _put(self, question: _Question) -> None:
-        budget, began = self._settings.time_budget, perf_counter()
+        budget = self._settings.time_budget
+        began = perf_counter()
         self._phase.agent = question.decider
         try:
             answer = question.function(question.given)
@@ -452,7 +455,8 @@ class Decisions:
             self._answer(question, answer)
 
     def _answer(self, question: _Question, answer: object) -> None:
-        given, indices = question.given, question.indices
+        given = question.given
+        indices = question.indices
         if isinstance(given, TeamArrays):
             try:
                 nodes = given.checked(answer)
@@ -473,7 +477,8 @@ class Decisions:
 
     def _take_nodes(self, question: _Question, arrays: TeamArrays, nodes: IntArray) -> None:
         starts: Any = self.starts
-        slots, indices = self.slots, question.indices
+        slots = self.slots
+        indices = question.indices
         is_all = len(indices) == len(starts)
         chosen = arrays.take_chosen(nodes)
         if question.are_plain and chosen is not None and is_all and isinstance(starts, memoryview):
@@ -506,7 +511,8 @@ class Decisions:
             if not is_default:  # an agent for which it is not legal stays
                 self._refuse(i, error)
         else:
-            self.actions[i], self.ends_to_write()[i] = resolved, resolved.end
+            self.actions[i] = resolved
+            self.ends_to_write()[i] = resolved.end
 
     def _refuse(self, i: int, error: GammsError) -> None:
         """Handle an illegal action: raise the error, or keep the agent on its node, depending on the settings."""
@@ -528,7 +534,8 @@ class Decisions:
             self._do_default(i, state)
 
     def _do_default(self, i: int, state: State | None) -> None:
-        action, slot = self._settings.default_action, self.slots[i]
+        action = self._settings.default_action
+        slot = self.slots[i]
         if isinstance(action, str):  # "stay"
             return
         if callable(action):

@@ -195,7 +195,8 @@ class Game(Surface, RuleVerbs):
         return self._take_turn()
 
     def _take_turn(self) -> bool:
-        state, turns = self._state, self._turns
+        state = self._state
+        turns = self._turns
         if self.ctx.is_terminated() or state.over is not None:
             return False
         if self._turns.prepared != self._phase.strategy_changes:
@@ -235,13 +236,15 @@ class Game(Surface, RuleVerbs):
 
     def _begin(self) -> None:
         """Take the snapshot that `reset` restores."""
-        state, snapshot = self._state, self._snapshots.take()
+        state = self._state
+        snapshot = self._snapshots.take()
         seeds = (self.ctx.seed, self.ctx.rng_state()) if state.start is None else state.start.first_seed
         state.start = GameStart(snapshot, self.ctx.rng_state(), seeds)
         state.has_begun = True
 
     def _play(self) -> None:
-        state, rules = self._state, self._ruleset
+        state = self._state
+        rules = self._ruleset
         if "before" in rules.now.phases and state.parts_played is None:
             self._apply_rules("before")
             if state.over is not None:
@@ -291,7 +294,8 @@ class Game(Surface, RuleVerbs):
         if last is None and not self.rules:
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
         self._internals.warn_of_idle_teams()
-        known, scored = len(self.errors), set(self._state.scores)
+        known = len(self.errors)
+        scored = set(self._state.scores)
         of = "" if last is None else f" of {last}"
         with ExitStack() as stack:
             if record is not None:
@@ -376,7 +380,8 @@ class Game(Surface, RuleVerbs):
             seed: the seed of all random streams; None repeats the game.
         """
         wanted = None if seed is None else as_int(seed, "seed")
-        state, start = self._state, self._state.start
+        state = self._state
+        start = self._state.start
         if state.has_begun and start is not None:
             self._snapshots.restore(start.snapshot, forget=True)
             state.start = start
@@ -537,7 +542,8 @@ class Game(Surface, RuleVerbs):
         if self._internals.draw_start is None:
             self._reseed(seed)
             return
-        last, chance = self.ctx.seed, self.ctx.rng_state()
+        last = self.ctx.seed
+        chance = self.ctx.rng_state()
         self.ctx.reseed(seed)
         try:
             self._internals.draw_start()

@@ -29,7 +29,8 @@ def seeded_for_run(ctx: HostContext, turn: int) -> Iterator[None]:
     if not ctx.is_seeded:
         yield
         return
-    python, numpy = random.getstate(), np.random.get_state(legacy=False)  # noqa: NPY002 - what those programs draw from
+    python = random.getstate()
+    numpy = np.random.get_state(legacy=False)  # noqa: NPY002 - what those programs draw from
     stream = ctx.stream("game", "global", turn)
     random.seed(int(stream.integers(2**62)))
     np.random.seed(int(stream.integers(2**32)))  # noqa: NPY002 - as above

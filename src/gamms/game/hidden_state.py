@@ -54,7 +54,8 @@ class HiddenState:
 
     def changed(self, way_out: str) -> str:
         """Return a sentence about the first variable that has changed since, followed by `way_out`; "" if none has."""
-        known, now = self._looked, self._now()
+        known = self._looked
+        now = self._now()
         for key, (name, image, text) in now.items():
             before = self._before.get(key, _MISSING if key[0] in known else now[key])
             if image != before.image:
@@ -124,7 +125,8 @@ def _named_values(function: object) -> Iterator[tuple[str, object]]:
             yield f"The argument {key!r} of a partial function", value
     elif isinstance(function, MethodType | BuiltinMethodType):
         yield "", getattr(function, "__func__", None)
-        own, name = function.__self__, function.__name__
+        own = function.__self__
+        name = function.__name__
         yield from _attributes(own) if _is_of_program(type(own)) else [(f"The object of the method {name!r}", own)]
     elif hasattr(function, "__wrapped__"):  # made by functools.cache
         yield "", function.__wrapped__
@@ -134,7 +136,8 @@ def _named_values(function: object) -> Iterator[tuple[str, object]]:
 
 
 def _variables_of(function: FunctionType) -> Iterator[tuple[str, object]]:
-    whose, code = f"of {function.__name__}()", function.__code__
+    whose = f"of {function.__name__}()"
+    code = function.__code__
     for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
         try:
             yield f"The closure variable {name!r} {whose}", cell.cell_contents

@@ -114,7 +114,8 @@ class Legality:
         streets = self.streets
         if self._ids[0] is not streets:
             self._ids = streets, tuple(streets.columns.node_ids.tolist())
-        ids, row = self._ids[1], int(streets.rows([here])[0])
+        ids = self._ids[1]
+        row = int(streets.rows([here])[0])
         return (here, *ids[:row], *ids[row + 1 :])
 
     @property

@@ -15,7 +15,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.core import messages as core
-from gamms.game.channels import Channel, Jammer, Outgoing, checked_outboxes, flat, groups_of, matching, unknown_in
+from gamms.game.channels import Channel, Jammer, Outgoing, checked_outboxes, groups_of, matching, unknown_in
 from gamms.game.legality import IllegalAction
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
@@ -73,7 +73,8 @@ class MessagePositions(NamedTuple):
         ids = [agent.current_node_id for agent in agents]
         xyz = np.zeros((1, len(agents), 3))
         near = dict[tuple[int, int], BoolArray]()
-        xyz[0, :, :2], ground = graph.positions(ids), graph.ground(ids)
+        xyz[0, :, :2] = graph.positions(ids)
+        ground = graph.ground(ids)
         xyz[0, :, 2] = 0.0 if ground is None else ground.z
         antennas = xyz + ANTENNA
         for row, agent in enumerate(agents if block.flyers or block.travellers else ()):
@@ -193,7 +194,7 @@ def outcomes_of(
         arrivals = np.empty(shape, np.int64)
         written = np.zeros(shape[0], np.uint8), outcomes, arrivals
         columns: Any = at[part], senders[part], groups[part], first, members, numbers[part], *written
-        network.spread(core.Messages(*map(flat, columns)))
+        network.spread(core.Messages(*map(kernels.buffer, columns)))
         messages, agents = np.nonzero(outcomes)
         parts.append(MessageOutcomes(begin + messages, agents, outcomes[messages, agents], arrivals[messages, agents]))
     return parts[0] if len(parts) == 1 else MessageOutcomes(*map(np.concatenate, zip(*parts, strict=True)))
@@ -233,7 +234,7 @@ class _Network:
         while True:
             columns = scene.xyz, scene.alive.view(np.uint8), scene.keys, self._purposes, scene.turns
             known = self._slots, self._awaited, self._reach
-            network = core.ChannelNetwork(*map(flat, (*columns, *known, self.rows, *self._bytes)))
+            network = core.ChannelNetwork(*map(kernels.buffer, (*columns, *known, self.rows, *self._bytes)))
             number = core.spread_all(self._terms, network, messages)
             if not number:
                 break
@@ -247,7 +248,7 @@ class _Network:
         scene = self._scene
         agents = len(self._scene.teams)
         reach = np.empty((len(transmitters), agents), np.uint8)
-        core.find_in_range(self._terms, network, len(reach), flat(reach))
+        core.find_in_range(self._terms, network, len(reach), kernels.buffer(reach))
         at, by = np.divmod(transmitters, agents)
         if channel.hops is not None:
             reach &= scene.is_within(at, by, channel.hops)
@@ -275,7 +276,7 @@ def _terms_of(
         len(names),
         np.inf if channel.range_m is None else channel.range_m,
         channel.delay_turns,
-        *map(flat, columns),
+        *map(kernels.buffer, columns),
         needs_rows=channel.hops is not None or channel.line_of_sight,
         is_relayed=bool(channel.relay),
     )

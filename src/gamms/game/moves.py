@@ -95,7 +95,8 @@ class TurnMoves:
     @property
     def deeds(self) -> list[Deed]:
         """The deeds of the turn, in the order of the agents' names."""
-        slots, starts = self.slots, self.starts
+        slots = self.slots
+        starts = self.starts
         return [
             Deed(slots[i].name, slots[i].team, kind, starts[i], values)
             for i, action in sorted(self.actions.items())
@@ -112,8 +113,10 @@ class TurnMoves:
         self, agents: Mapping[str, IAgent], block: AgentBlock, twin_of: Callable[[IAgent], IAgent]
     ) -> "TurnMoves":
         """Return the same moves for the agents of a copied game, matched by name."""
-        order, slots = copy(self.order), self.slots
-        order.block, order.structure_version = block, -1  # versions of the copy are numbered independently
+        order = copy(self.order)
+        slots = self.slots
+        order.block = block
+        order.structure_version = -1  # versions of the copy are numbered independently
         if isinstance(slots, LazySlots):
             order.slots = slots.of_agents(agents)
         else:
@@ -166,7 +169,8 @@ class TurnMoves:
             return starts, ends
         on_edges = [i for i, action in self.actions.items() if action.legs]
         if on_edges:
-            starts, ends = list(starts), list(ends)
+            starts = list(starts)
+            ends = list(ends)
             for i in on_edges:
                 begun = self.actions[i].begun
                 progress = self.actions[i].progress
@@ -184,7 +188,8 @@ class TurnMoves:
         track = self.track
         tracks: list[Track] = []
         for agent in agents:
-            node, i = agent.current_node_id, index_of.get(agent.name)
+            node = agent.current_node_id
+            i = index_of.get(agent.name)
             if i is None or ends[i] != node or slots[i].agent is not agent or self.was_put(i):
                 tracks.append(Track((node,), (1.0,)))
             else:
@@ -196,14 +201,16 @@ class TurnMoves:
         action = self.actions.get(i)
         if action is not None:
             return Track(action.path, action.times or _evenly(len(action.path)), action.legs)
-        start, end = self.starts[i], self.ends[i]
+        start = self.starts[i]
+        end = self.ends[i]
         return Track((start,), (0.0,)) if start == end else Track((start, end), (0.0, 1.0))
 
     # -- turns in which agents decide at each arrival ---------------------------------------------------------------
 
     def go(self, i: int, action: ResolvedAction) -> None:
         """Set the action of the agent of a slot."""
-        self.actions[i], self.ends[i] = action, action.end
+        self.actions[i] = action
+        self.ends[i] = action.end
 
     def go_on(self, i: int, later: ResolvedAction) -> None:
         """Append an action to the move of an agent that has arrived."""
@@ -229,7 +236,8 @@ class TurnMoves:
         passed = len(action.path) - (leg.end == 1.0)  # on the edge again, its node is the one passed before
         progress = Progress(leg.source, leg.target, short.end, leg.edge, Motion.STOPPED)
         legs = (*action.legs[:-1], short, *([stands] if leg.until < 1.0 else []))
-        path, times = action.path[:passed], action.times[:passed]
+        path = action.path[:passed]
+        times = action.times[:passed]
         self.slots[i].counts["blocked"] += 1
         self.go(i, action._replace(end=path[-1], path=path, times=times, legs=legs, progress=progress))
 
@@ -322,11 +330,13 @@ class TurnMoves:
                 if j >= 0 and order.slots[i].agent is not self.slots[j].agent:
                     places[i] = -1
         order.block.locate()
-        nodes, there = order.nodes(), np.flatnonzero(places >= 0)
+        nodes = order.nodes()
+        there = np.flatnonzero(places >= 0)
         starts = np.array(nodes, np.int64)
         ends = np.array(nodes, np.int64)
         before = places[there]
-        starts[there], ends[there] = np.asarray(self.starts)[before], np.asarray(self.ends)[before]
+        starts[there] = np.asarray(self.starts)[before]
+        ends[there] = np.asarray(self.ends)[before]
         number = dict(zip(before.tolist(), there.tolist(), strict=True)) if self.actions else {}
         actions = {number[j]: self.actions[j] for j in sorted(self.actions) if j in number}
         are_listed = isinstance(nodes, list)
@@ -335,7 +345,8 @@ class TurnMoves:
 
     def in_parts(self, parts: Sequence[Sequence[Any]]) -> "TurnMoves":
         """Return the same moves, each made in the part of the turn of the agent's team."""
-        turn, teams = self, self.order.all_teams()
+        turn = self
+        teams = self.order.all_teams()
         for number, part in enumerate(parts):
             members = [i for i, team in enumerate(teams) if team in part]
             turn = turn.between(number, len(parts), members)
@@ -351,7 +362,8 @@ class TurnMoves:
         """
         actions = dict(self.actions)
         for i in self.order.whole.members if members is None else members:
-            start, end = self.starts[i], self.ends[i]
+            start = self.starts[i]
+            end = self.ends[i]
             path, times, legs = self.track(i)
             if len(path) > 1 or start != end or legs:
                 action = actions.get(i, ResolvedAction(end, path))

@@ -52,9 +52,11 @@ class MultiEdgeMoves(PathFinder):
 
     def _begin(self, here: int, speed: float | None, place: Progress | None) -> None:
         """Place an agent at its start."""
-        ahead, covered = -1, 0.0
+        ahead = -1
+        covered = 0.0
         if place is not None and place.source == here:
-            ahead, covered = self._row_of.get(place.target, -1), place.share
+            ahead = self._row_of.get(place.target, -1)
+            covered = place.share
         self._speed[0] = nan if speed is None else min(speed, self._most)
         core.begin(self._walks, 0, self.row(here), ahead, covered)
 
@@ -90,7 +92,8 @@ class MultiEdgeMoves(PathFinder):
 
     def _ended(self) -> ResolvedAction:
         """Return the path that the core has written."""
-        ids, ahead = self.ids, self._ahead[0]
+        ids = self.ids
+        ahead = self._ahead[0]
         path = tuple([ids[row] for row in self._nodes[: self._lengths[0]].tolist()])
         progress = None if ahead < 0 else Progress(path[-1], ids[ahead], self._covered[0])
         return ResolvedAction(path[-1], path, progress=progress)

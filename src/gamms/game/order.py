@@ -351,8 +351,10 @@ class TurnOrder:
         """
         if self.is_lazy:
             return self.nodes(), None, None
-        agents, both = len(self.slots), memoryview(self._blank[:])
-        starts, ends = both[:agents], both[agents:]
+        agents = len(self.slots)
+        both = memoryview(self._blank[:])
+        starts = both[:agents]
+        ends = both[agents:]
         moves = MoveColumns(starts, ends)
         self.moving.begin(moves)
         return starts, ends, moves
@@ -419,7 +421,8 @@ def note_lost(error: BaseException, ctx: HostContext) -> None:
     """Add a note to an error that names the first agent on a node that is no longer on the map."""
     if not isinstance(error, UnknownName) or ctx.is_terminated():
         return
-    block, has_node = ctx.agent.block, ctx.graph.graph.has_node
+    block = ctx.agent.block
+    has_node = ctx.graph.graph.has_node
     for name, kind, node, alive in zip(block.names, block.kind, block.node, block.alive, strict=True):
         if alive and not kind and not has_node(node):
             error.add_note(

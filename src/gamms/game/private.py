@@ -72,7 +72,8 @@ def _put_in(values: dict[Any, Any], known: Mapping[Any, Any]) -> None:
 
 def _heard(state: GameState, names: frozenset[str]) -> list[dict[str, Any]]:
     """Return the messages that agents have sent or heard, without their outcomes for other agents and later turns."""
-    known, now = [], state.turn + 1
+    known = []
+    now = state.turn + 1
     for entry in state.messages:
         heard = {
             key: {name: turn for name, turn in entry[key].items() if name in names and turn <= now} for key in ARRIVALS

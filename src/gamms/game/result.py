@@ -243,7 +243,8 @@ class Result(Surface):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Result):
             return NotImplemented
-        mine, theirs = self.to_dict(), other.to_dict()
+        mine = self.to_dict()
+        theirs = other.to_dict()
         return all(mine[name] == theirs[name] for name in _SHAPES if name != "provenance")
 
     __hash__ = None  # type: ignore[assignment] # it is mutable

@@ -203,7 +203,8 @@ class RuleVerbs(Settings):
     @property
     def memories(self) -> Mapping[str, dict[Any, Any]]:
         """Agent -> its memory. While agents decide, each sees only its own."""
-        phase, memories = self._phase, self._state.memories
+        phase = self._phase
+        memories = self._state.memories
         return memories if phase.agent is None else frozen({name: memories.get(name, {}) for name in phase.names()})
 
     @property

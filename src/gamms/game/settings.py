@@ -547,7 +547,8 @@ class RuleSet:
         If a rule of the phase "before" ends the game, the rest is skipped. Return whether a rule was called.
         """
         known = self.now
-        seen, called = known.rules, known.of_phase[phase]
+        seen = known.rules
+        called = known.of_phase[phase]
         was_called = False
         while True:
             for group, named in called:
@@ -603,7 +604,8 @@ def _name_of(rule: object) -> str:
 
 def _free_name(name: str, taken: set[str]) -> str:
     """Return the name, with the first number that makes it unique."""
-    number, free = 1, name
+    number = 1
+    free = name
     while free in taken:
         number += 1
         free = f"{name}_{number}"

@@ -369,14 +369,21 @@ class SlotMaker:
             names: their names.
             version: the `structure_version` at that time; None at first.
         """
-        agents, seed, block, table = self._ctx.agent, self._ctx.seed, self._ctx.agent.block, self._table
-        are_lazy, made, since = isinstance(before, LazySlots), made_slots(before), None
+        agents = self._ctx.agent
+        seed = self._ctx.seed
+        block = self._ctx.agent.block
+        table = self._table
+        are_lazy = isinstance(before, LazySlots)
+        made = made_slots(before)
+        since = None
         if table is None or version is None:
-            table, made = DrawTable(seed, self._state), ()
+            table = DrawTable(seed, self._state)
+            made = ()
         elif are_lazy == block.has_teams:
             since = block.structure.since(version)
         self._table, given = table, (self._state, table, self._facts, self._settings, self._fork)
-        all_agents, access_of = agents.agents, agents.storage.turn_access
+        all_agents = agents.agents
+        access_of = agents.storage.turn_access
         if since is None:
             change = AgentSetChange((), range(len(block)), block.names, block.inactive)
             known = {slot.name: slot for slot in made}

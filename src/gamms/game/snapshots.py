@@ -130,7 +130,8 @@ class SnapshotTaker(NamedTuple):
 
     def take(self) -> Snapshot:
         """Return a snapshot."""
-        ctx, state = self.ctx, self.state
+        ctx = self.ctx
+        state = self.state
         parts = {
             "turns": self.turns.snapshot(),  # first: it brings the counts up to date
             "agents": ctx.agent.storage.snapshot(),
@@ -174,7 +175,8 @@ class SnapshotTaker(NamedTuple):
 
     def restore_streams(self, snapshot: Snapshot) -> None:
         """Restore the seed and the random streams; call it before `restore`."""
-        ctx, parts = self.ctx, snapshot._parts
+        ctx = self.ctx
+        parts = snapshot._parts
         ctx.reseed(snapshot.seed, parts["rng"])
         ctx.is_seeded = parts["is_seeded"]
 
@@ -228,7 +230,8 @@ def _renew_states(target: SnapshotTaker) -> None:
     """Insert the memories and random streams of the fork into the last states of its agents."""
     order = target.turns.order()
     for agent in target.ctx.agent.storage.made():
-        name, state = agent.name, cast("dict[str, Any]", agent.state)
+        name = agent.name
+        state = cast("dict[str, Any]", agent.state)
         if "memory" in state:
             slot = order.slots[order.index_of[name]] if name in order.index_of else None
             state["memory"] = target.state.memory_of(name)
@@ -391,7 +394,8 @@ class GameInternals(Guarded):
 
     def start_of(self, agent: IAgent) -> int | Position:
         """Return the start of an agent: a node id, or (x, y, z)."""
-        state, start = self.state, self.state.start
+        state = self.state
+        start = self.state.start
         place: int | Position
         if agent.name in state.began:
             place = state.began[agent.name]
@@ -449,7 +453,8 @@ class GameInternals(Guarded):
     @refused_while_deciding
     def close(self) -> None:
         """Close the event loop and, if the context ends in the middle of a turn before the last one, end the game."""
-        turns, state = self._parts.turns, self.state
+        turns = self._parts.turns
+        state = self.state
         turns.close()
         self.draw_start = None  # it refers to the builder of the game
         if turns.is_playing and state.over is None and not self.is_time_up:

@@ -144,7 +144,8 @@ class StreetGraph:
         """
         # NOTE: most of a turn of many agents is reading this from all over the map: counts take a byte or two, steps
         # two where they fit, and no offsets are read where rows are about as long as each other (benchmarks: teams).
-        nodes, most = len(self.counts), int(self.counts.max(initial=1))
+        nodes = len(self.counts)
+        most = int(self.counts.max(initial=1))
         steps = self.targets - np.repeat(np.arange(nodes), self.counts)
         offsets = self.offsets.astype(np.int32)
         steps = steps.astype(np.int16 if np.abs(steps).max(initial=0) < 1 << 15 else np.int32)

@@ -44,7 +44,8 @@ def _changes(before: Memory, copies: Sequence[Memory]) -> dict[Any, list[Any]]:
     changes: dict[Any, list[Any]] = {}
     for copy in copies:
         for key in _changed_keys(before, copy):
-            value, old = copy.get(key, _NOTHING), before.get(key, _NOTHING)
+            value = copy.get(key, _NOTHING)
+            old = before.get(key, _NOTHING)
             if _differs(value, old):
                 changes.setdefault(key, []).append(value)
     return changes

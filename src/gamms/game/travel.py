@@ -135,7 +135,8 @@ class TurnPaths:
         first += row  # a path has one node more than legs
         last = first + self._passed[row]
         path = [ids[node] for node in self._nodes[first:last]]
-        progress, edge = None, self._edge[row]
+        progress = None
+        edge = self._edge[row]
         if edge >= 0:
             source, target, id, _ = edge_ids[edge]
             progress = Progress(source, target, self._share[row], id, _MOTIONS[self._motion[row]])
@@ -244,7 +245,8 @@ class EdgeIds(dict[int, tuple[int, int, int, int | None]]):
         self._roads = roads
 
     def __missing__(self, row: int) -> tuple[int, int, int, int | None]:
-        columns, back = self._columns, core.back(self._roads, row)
+        columns = self._columns
+        back = core.back(self._roads, row)
         source, target = columns.node_ids[[columns.sources[row], columns.targets[row]]].tolist()
         of = columns.edge_ids.item
         found = self[row] = source, target, of(row), None if back < 0 else of(back)
@@ -359,7 +361,8 @@ class Travel:
     @property
     def roads(self) -> RoadMap:
         """The edges of the current revision of the graph."""
-        graph, settings = self._ctx.graph.graph, self._settings
+        graph = self._ctx.graph.graph
+        settings = self._settings
         key = graph.revision, settings.weight, settings.speed_unit, settings.turn_seconds
         if self._roads is None or key != self._key or key[0] is None:
             turn_seconds = settings.turn_seconds if settings.speed_unit == "metres_per_second" else 1.0
@@ -431,7 +434,8 @@ class Travel:
         at = here
         motion = Motion.FORWARD
         if place is not None and nodes and nodes[0] == place.target:
-            nodes, at = nodes[1:], place.target
+            nodes = nodes[1:]
+            at = place.target
         elif place is not None:
             motion = Motion.BACK
             if core.back(roads.map, roads.of(place)) < 0:

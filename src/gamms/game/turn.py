@@ -96,7 +96,8 @@ class TurnEngine:
         """Return the living agents in the order of a turn."""
         if self._order is not None and self._phase.agent is not None:
             return self._order  # nothing changes while agents decide
-        state, block = self._state, self._ctx.agent.block
+        state = self._state
+        block = self._ctx.agent.block
         if block.flyers:
             block.locate()
         is_public = not (state.agent_facts or state.team_facts)
@@ -142,7 +143,8 @@ class TurnEngine:
 
     def living(self) -> list[IAgent]:
         """Return the living agents in the order of names."""
-        agents, order = self._ctx.agent, self._order
+        agents = self._ctx.agent
+        order = self._order
         is_current = order is not None and order.structure_version == agents.structure_version
         if order is not None and is_current and order.block is agents.block and not order.is_lazy:
             return [*order.living]
@@ -154,7 +156,8 @@ class TurnEngine:
 
     def legal(self, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
         """Return name -> the nodes that will be legal at the start of the next turn, for living agents."""
-        node, order = self._ctx.agent.block.node, self.order()
+        node = self._ctx.agent.block.node
+        order = self.order()
         slots = [order.slots[order.index_of[name]] for name in names if name in order.index_of]
         return {slot.name: self._legality.reachable(slot, node[slot.row]) for slot in slots}
 
@@ -196,7 +199,8 @@ class TurnEngine:
         """Record the agents that were deleted since the last call, if the game had begun."""
         if self._phase.agent is not None:
             return  # nothing changes while agents decide
-        state, since = self._state, self._departure
+        state = self._state
+        since = self._departure
         self._departure = self._ctx.agent.storage.last_departure
         if state.has_begun or state.turn:
             while since is not None and (since := since.next) is not None:
@@ -253,15 +257,19 @@ class TurnEngine:
         state: dict[str, Any] = (AerialState if slot.flies else State)(slot.template)
         state["sensor"] = sensed
         if slot.flies:
-            state["curr_pos"], state["quat"] = block.position[row], block.quat[row]
+            state["curr_pos"] = block.position[row]
+            state["quat"] = block.quat[row]
         else:
             state["curr_pos"] = here
             state["legal"] = self._legality.reachable(slot, here)
         if slot.travels:
-            progress, roads = block.on_edge(row), self.travel.roads
+            progress = block.on_edge(row)
+            roads = self.travel.roads
             place = None if progress is None else roads.located(progress)
             if place is None:
-                state["edge"], state["offset_m"], state["xy"] = None, 0.0, roads.xy[roads.row(here)]
+                state["edge"] = None
+                state["offset_m"] = 0.0
+                state["xy"] = roads.xy[roads.row(here)]
             else:
                 state["edge"], state["offset_m"], state["xy"] = place[:3]
         if "time" in state:
@@ -271,7 +279,8 @@ class TurnEngine:
         if self._settings.team_memory:
             state["team_memory"] = decisions.team_memory(slot.team) if known else {}
         if self._settings.channels:
-            state["inbox"], state["outbox"] = inboxes.of(slot.name), []
+            state["inbox"] = inboxes.of(slot.name)
+            state["outbox"] = []
         return state
 
     def play(self, observers: list[Observer], rules: RuleSet) -> None:
@@ -304,7 +313,8 @@ class TurnEngine:
 
     def _play_in_parts(self, order: TurnOrder, observers: list[Observer], rules: RuleSet) -> None:
         """Play all parts of the turn, and send messages."""
-        state, first = self._state, self._state.parts_played or 0
+        state = self._state
+        first = self._state.parts_played or 0
         turn = self._play_part(order, first, observers, rules)
         if order.has_parts:
             state.moves = self._play_later_parts(turn, first, observers, rules)
@@ -325,7 +335,8 @@ class TurnEngine:
     def _play_part(self, order: TurnOrder, number: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
         part = order.parts[number]
         self.part = number
-        spent, began = self._state.timings, perf_counter()
+        spent = self._state.timings
+        began = perf_counter()
         ask = self._ask_at_arrivals if part.decides_at_arrivals else self._ask
         turn = self._state.moves = ask(order, part, observers)
         if order.whole.paced:
@@ -340,7 +351,8 @@ class TurnEngine:
             spent["rules"] += now - began
         if self._settings.conflicts is not None and not part.decides_at_arrivals:
             self._resolve(turn)
-            began, now = now, perf_counter()
+            began = now
+            now = perf_counter()
             spent["resolve"] += now - began
         self._apply(turn, part)
         spent["apply"] += perf_counter() - now
@@ -457,7 +469,8 @@ class TurnEngine:
             seed: the seed of the game.
             seen: slot -> the state of the agent; None: each agent observes when it decides.
         """
-        slots, observe = decisions.slots, decisions.observe
+        slots = decisions.slots
+        observe = decisions.observe
         if seen is None and part.individuals:
             decisions.ask_each(part, self._near or self._ctx.graph.graph.neighborhoods)
             self._phase.agent = None
@@ -543,7 +556,8 @@ class TurnEngine:
 
     def _leave_closed_edges(self, order: TurnOrder, part: TurnPart) -> None:
         """Move agents on removed edges to the node that they passed last."""
-        block, travel = self._ctx.agent.block, self._legality.travel
+        block = self._ctx.agent.block
+        travel = self._legality.travel
         for i in part.paced:
             slot = order.slots[i]
             place = block.on_edge(slot.row) if slot.travels else None
@@ -606,7 +620,8 @@ class TurnEngine:
         None: this does not apply, because agents fly or have other actions than moves to nodes, a node is no longer on
         the map, or a resolver function has to be called.
         """
-        conflicts, order = ranked(self._settings.conflicts), turn.order
+        conflicts = ranked(self._settings.conflicts)
+        order = turn.order
         if conflicts is None or turn.actions or order.whole.on_ground is not None:
             return None
         streets = self._legality.streets

@@ -49,15 +49,18 @@ class EdgeMovement(PacedMovement):
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents."""
         super().begin(shape)
-        self.begun, self.covered = np.full(shape, -1), np.zeros(shape)
+        self.begun = np.full(shape, -1)
+        self.covered = np.zeros(shape)
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
         """Let agents have covered nothing of an edge."""
-        self.begun[games, agents], self.covered[games, agents] = -1, 0.0
+        self.begun[games, agents] = -1
+        self.covered[games, agents] = 0.0
 
     def put_on(self, games: IntArray, agent: int, place: Progress) -> None:
         """Let an agent have covered part of an edge in some games."""
-        self.begun[games, agent], self.covered[games, agent] = self.streets.rows([place.target]), place.share
+        self.begun[games, agent] = self.streets.rows([place.target])
+        self.covered[games, agent] = place.share
 
     def on_edges(self, game: int, node: IntArray) -> dict[int, Progress]:
         """Return what agents of a game, on these nodes (agents,), have covered of edges, by their numbers."""
@@ -95,7 +98,8 @@ class EdgeMovement(PacedMovement):
 
     def most_legal(self, limit: int) -> int:
         """Return how many nodes are legal at most; if no speed is a fraction, no agent is on an edge."""
-        streets, most = self.streets, 1
+        streets = self.streets
+        most = 1
         nodes = np.arange(streets.num_nodes)
         on_nodes = nodes, np.full(len(nodes), -1)
         on_edges = np.repeat(nodes, streets.counts), streets.targets
@@ -120,12 +124,15 @@ class EdgeMovement(PacedMovement):
     ) -> IntArray:
         """Return the actions that lead agents from nodes towards others; -1: no path."""
         has_speed = self._is_paced[which[1]]
-        found, table = np.full(node.shape, -1), self.routes("length")
+        found = np.full(node.shape, -1)
+        table = self.routes("length")
         found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed)
-        here, ends = node[has_speed], targets[has_speed]
+        here = node[has_speed]
+        ends = targets[has_speed]
         limit = np.zeros(len(here), np.int64)
         if allowed is not None:  # of the first edges of the way
-            at, goes = here, np.ones(len(here), np.bool_)
+            at = here
+            goes = np.ones(len(here), np.bool_)
             for _ in range(int(np.nanmax(self.paces)) + 2):
                 at = table.following(at, ends)
                 goes &= allowed[at]

@@ -124,7 +124,8 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
             raise UnknownName("channel", channel, self.channels)
         games, agents = who
         at, which = np.nonzero(where)
-        senders, team_of = agents[which], self._roster.team_of
+        senders = agents[which]
+        team_of = self._roster.team_of
         for number in np.unique(team_of[senders]).tolist():
             if not self.channels[channel].is_for(self._roster.teams[number]):
                 raise BadValue(f"Channel {channel!r} is not for team {shown(self._roster.teams[number])}.")
@@ -141,7 +142,8 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
         for one in bodies if isinstance(body, np.ndarray) and body.dtype == object else [body] * (len(at) > 0):
             if not isinstance(one, np.ndarray) and (flaw := why_not_plain(one)):
                 raise BadType(f"The body must be a plain value, such as numbers, texts, lists and dicts: body{flaw}.")
-        sizes, orders = np.full(len(at), _UNKNOWN), np.full(len(at), order)
+        sizes = np.full(len(at), _UNKNOWN)
+        orders = np.full(len(at), order)
         return OutgoingMessages(channel, games[at], senders, receivers, bodies, sizes, orders)
 
     def _named(self, to: np.ndarray[Any, Any], shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
@@ -177,7 +179,8 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
         here = [box for box in self._posted if self._part_of[box.senders[0]] == part]
         self._posted = [box for box in self._posted if self._part_of[box.senders[0]] != part]
         self._first_admitted = len(self._admitted)
-        flaws, self._flaws = self._flaws + self._take_posted(here, is_there), []
+        flaws = self._flaws + self._take_posted(here, is_there)
+        self._flaws = []
         number_of = {name: number for number, name in enumerate(self._roster.names)}
         for channel, rows in self._checked.items():
             games, messages, orders = zip(*rows, strict=True)
@@ -201,7 +204,8 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
 
     def _take_posted(self, boxes: Sequence[OutgoingMessages], is_there: BoolArray) -> list[Failure]:
         """Admit posted messages that the channels accept; return the errors of the others."""
-        flaws, place = list[Failure](), np.zeros(is_there.shape, np.int64)
+        flaws = list[Failure]()
+        place = np.zeros(is_there.shape, np.int64)
         left = {name: bytes_of(one, is_there.shape) for name, one in self.channels.items()}
         for box in boxes:
             channel = self.channels[box.channel]
@@ -212,7 +216,8 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
             sent = box.at, box.senders, box.to, np.maximum(box.sizes, 0)
             errors = refusals(channel, sent, is_there, self.teams, left[box.channel])
             for row, error in errors.items():
-                game, sender = int(box.at[row]), int(box.senders[row])
+                game = int(box.at[row])
+                sender = int(box.senders[row])
                 flaws.append(Failure.illegal(game, sender, flaw_of(int(place[game, sender]), error)))
             place[box.at, box.senders] += 1
             self._admitted.append(some_rows(box, ~np.isin(np.arange(len(box.at)), [*errors])) if errors else box)
@@ -225,7 +230,8 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
 
     def send(self, games: IntArray, scene: MessagePositions) -> None:
         """Find the outcomes of the messages of these games; messages of dead agents are dropped."""
-        number, sent = places_of(games, len(self._of_game)), list[_SentMessages]()
+        number = places_of(games, len(self._of_game))
+        sent = list[_SentMessages]()
         for name in self.channels:
             boxes = [box for box in self._admitted if box.channel == name]
             if not boxes:
@@ -236,7 +242,8 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
             if not len(those):
                 continue
             box = some_rows(box, those[np.lexsort((box.order[those], box.senders[those], at[those]))])
-            at, senders = number[box.at], box.senders
+            at = number[box.at]
+            senders = box.senders
             fates = outcomes_of(self.channels[name], scene, at, senders, box.to)
             admission, order = np.divmod(box.order, _MOST_OF_ONE)
             agents = admission * len(self._roster.names) + senders
@@ -258,17 +265,21 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
         if as_key(channel, "The name of a channel") not in self.channels:
             raise UnknownName("channel", channel, self.channels)
         none = np.zeros(0, np.int64)
-        found, places = [ReceivedMessages(none, none, none, [], none, none > 0)], [none]
+        found = [ReceivedMessages(none, none, none, [], none, none > 0)]
+        places = [none]
         number = places_of(games, len(self._of_game) + 1)  # the last entry, index -1, is for dropped games
         column = places_of(agents, len(self._roster.names))
         for _, sent in self._under_way:
             if sent.box.channel != channel:
                 continue
-            fates, box = sent.fates, sent.box
-            at, hearers = number[box.at[fates.messages]], column[fates.agents]
+            fates = sent.fates
+            box = sent.box
+            at = number[box.at[fates.messages]]
+            hearers = column[fates.agents]
             arrives = (at >= 0) & (hearers >= 0) & (fates.arrivals == turns[at] + 1)
             rows = np.flatnonzero(arrives & asked[at, hearers])
-            which, overheard = fates.messages[rows], fates.outcomes[rows] == core.OVERHEARD
+            which = fates.messages[rows]
+            overheard = fates.outcomes[rows] == core.OVERHEARD
             bodies = [box.bodies[message] for message in which.tolist()]
             found.append(
                 ReceivedMessages(at[rows], hearers[rows], box.senders[which], bodies, sent.turns[which] - 1, overheard)
@@ -298,7 +309,8 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
                 senders, turns, places = (
                     np.full(len(games), one) for one in (number[entry["sender"]], entry["turn"], place)
                 )
-                to, bodies = [entry["to"]] * len(games), [entry["body"]] * len(games)
+                to = [entry["to"]] * len(games)
+                bodies = [entry["body"]] * len(games)
                 box = OutgoingMessages(entry["channel"], games, senders, to, bodies, places, places)
                 self._under_way.append((last - turn - 1, _SentMessages(box, turns, places, fates)))
 
@@ -332,7 +344,9 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
 
     def _written(self, sent: _SentMessages) -> Iterator[tuple[int, int, dict[str, Any]]]:
         """Yield (game, place, log entry) for each message."""
-        names, box, fates = self._roster.names, sent.box, sent.fates
+        names = self._roster.names
+        box = sent.box
+        fates = sent.fates
         columns = box.at.tolist(), sent.place.tolist(), sent.turns.tolist(), box.senders.tolist(), box.sizes.tolist()
         found = fates.entries(names, len(box.at))
         for game, place, turn, sender, size, to, body, fate in zip(*columns, box.to, box.bodies, found, strict=True):
@@ -343,7 +357,8 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
 
 def radio_of(settings: Mapping[str, Any], roster: AgentTable, num_games: int) -> MessageTraffic | None:
     """Return the channels of a game with these settings; None: it has none."""
-    part_of, channels = roster.part_of(settings["order"]), settings["channels"]
+    part_of = roster.part_of(settings["order"])
+    channels = settings["channels"]
     return MessageTraffic(channels, roster, part_of, num_games) if channels else None
 
 

@@ -50,7 +50,8 @@ class Routes:
             action: what it does; None: it goes to a node that is next to it, or stays.
             end: this node; None: it stays.
         """
-        count, motion = _STAYS, int(Motion.FORWARD)
+        count = _STAYS
+        motion = int(Motion.FORWARD)
         nodes: Iterable[int] = ()
         if action is None:
             nodes = () if end is None else (end,)
@@ -87,7 +88,8 @@ def _along_legs(action: ResolvedAction) -> tuple[int, int, Iterable[int]]:
         return _STAYS, Motion.FORWARD, ()
     if action.begun is None:
         return _STAYS, Motion.FORWARD, [leg.target for leg in legs]
-    first, progress = legs[0], action.progress
+    first = legs[0]
+    progress = action.progress
     if first.begin == first.end and progress is not None:  # it stands, or is on its way and too slow to get on
         return (_STAYS if progress.motion == Motion.STOPPED else 0), progress.motion, ()
     motion = Motion.BACK if first.end < first.begin else Motion.FORWARD
@@ -136,8 +138,11 @@ class EdgeCourses:
 
     def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
         """Return what agents did that did more than to go along one edge, by their places among these; -1: nobody."""
-        nodes, lengths = self._nodes[game, agents], self._lengths[game, agents]
-        ahead, covered, ids = self._ahead[game, agents], self._covered[game, agents], self._by.streets.ids
+        nodes = self._nodes[game, agents]
+        lengths = self._lengths[game, agents]
+        ahead = self._ahead[game, agents]
+        covered = self._covered[game, agents]
+        ids = self._by.streets.ids
         has_gone_far = (lengths > 2) | ((lengths == 2) & (nodes[:, 0] == nodes[:, 1]))  # or along a loop
         if not self._are_at_once:
             has_gone_far = lengths > 1
@@ -202,7 +207,8 @@ class MetreCourses:
     def columns(self) -> list[np.ndarray[Any, Any]]:
         """Return what it keeps of the last turns."""
         trips = self._trips
-        legs, passed = int(trips.legs.max(initial=0)), int(trips.passed.max(initial=1))
+        legs = int(trips.legs.max(initial=0))
+        passed = int(trips.passed.max(initial=1))
         of_legs = [one[:, :legs] for one in (trips.edges, trips.begins, trips.ends, trips.since, trips.until)]
         each = [trips.node, trips.edge, trips.share, trips.motion, trips.legs, trips.passed]
         return [*each, *of_legs, trips.nodes[:, :passed], trips.times[:, :passed]]
@@ -218,10 +224,12 @@ class MetreCourses:
 
     def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
         """Return what agents did that went along edges, or stood there, by their places among these; -1: nobody."""
-        trips, rows = self._trips, game * self._shape[1] + agents
+        trips = self._trips
+        rows = game * self._shape[1] + agents
         found = {}
         for place in np.flatnonzero((agents >= 0) & (trips.legs[rows] > 0)).tolist():
-            row, begun = int(rows[place]), None
+            row = int(rows[place])
+            begun = None
             share = float(trips.begins[row, 0])
             if 0.0 < share < 1.0:
                 source, target, edge, _ = self._edge_ids[int(trips.edges[row, 0])]
@@ -264,10 +272,12 @@ class MetreCourses:
             waits &= (legs.begin[..., 0] == 0.0) | (legs.begin[..., 0] == 1.0)
         lengths = 1 + waits + arrives.sum(axis=-1)
         width = int(lengths.max(initial=1))
-        nodes, times = np.repeat(starts[..., None], width, axis=-1), np.zeros((*starts.shape, width))
+        nodes = np.repeat(starts[..., None], width, axis=-1)
+        times = np.zeros((*starts.shape, width))
         at = np.nonzero(arrives)
         number = (np.cumsum(arrives, axis=-1) + waits[..., None])[at]
-        columns, edges = self._by.columns, legs.edge[at]
+        columns = self._by.columns
+        edges = legs.edge[at]
         nodes[(*at[:2], number)] = np.where(legs.end[at] > 0.0, columns.targets[edges], columns.sources[edges])
         times[(*at[:2], number)] = legs.until[at]
         if waits.any():
@@ -288,10 +298,12 @@ def paths_in_parts(starts: IntArray, ends: IntArray, part_of: IntArray, parts: i
         part_of: (agents,) the parts in which they move.
         parts: how many there are.
     """
-    goes, waits = starts != ends, part_of > 0
+    goes = starts != ends
+    waits = part_of > 0
     lengths = np.where(goes, 2 + waits, 1)
     nodes = np.stack((starts, np.where(waits, starts, ends), ends), axis=-1)
-    begin, end = part_of / parts, (part_of + 1) / parts
+    begin = part_of / parts
+    end = (part_of + 1) / parts
     times = np.broadcast_to(np.stack((begin, np.where(waits, begin, end), end), axis=-1), nodes.shape).copy()
     return _paths(nodes, times, lengths, starts)
 

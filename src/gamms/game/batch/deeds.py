@@ -76,7 +76,10 @@ class DeclaredDeeds:
         are_open: Callable[[IntArray, IntArray], BoolArray] | None = None,
     ) -> None:
         self.declared = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared.items()}
-        self._check, self._roster, self._streets, self._are_open = check, roster, streets, are_open
+        self._check = check
+        self._roster = roster
+        self._streets = streets
+        self._are_open = are_open
 
     def checked(
         self, deed: str, fields: Mapping[str, object], where: BoolArray, who: tuple[IntArray, IntArray],
@@ -93,7 +96,8 @@ class DeclaredDeeds:
         at, which = np.nonzero(where)
         values = {}
         for key, field in known.items():
-            name, given = f"{key!r} of the deed {deed!r}", fields.get(key)
+            name = f"{key!r} of the deed {deed!r}"
+            given = fields.get(key)
             if given is None and field.is_required:
                 raise BadValue(f"There is no {name}; it needs {', '.join(map(shown, known))}.")
             values[key] = column = self._column(given, field, name, where, (at, which))
@@ -137,7 +141,8 @@ class DeclaredDeeds:
         at, agents, order = (np.array([one[i] for one in done], np.int64) for i in range(3))
         values: dict[str, Column] = {}
         for key, field in self.fields_of(kind).items():
-            given, number = [one[4].get(key) for one in done], numbers.get(field.kind)
+            given = [one[4].get(key) for one in done]
+            number = numbers.get(field.kind)
             if number is not None:
                 values[key] = np.array([-1 if one is None else number(one) for one in given], np.int64)
                 continue
@@ -159,7 +164,8 @@ class DeclaredDeeds:
             if values.dtype.kind not in kinds:
                 raise BadType(f"{name} must be of the kind {field.kind!r}, not {shown(given)}.")
             return as_one_shape({name: values}, where.shape)[0][chosen].astype(dtype)
-        column, check = np.empty(len(chosen[0]), object), self._check
+        column = np.empty(len(chosen[0]), object)
+        check = self._check
         if field.kind == "edge" and self._are_open is not None:
             check = _integer
         if given is None or check is None:
@@ -190,7 +196,8 @@ class DeclaredDeeds:
 
     def plain(self, deeds: ArrayDeeds, key: str) -> list[Any]:
         """Return the values of a field as plain values; None if it is omitted."""
-        kind, column = self.declared[deeds.kind][key].kind, deeds.values[key]
+        kind = self.declared[deeds.kind][key].kind
+        column = deeds.values[key]
         if kind not in ("agent", "node"):
             return list(column.tolist())
         known = self._roster.names if kind == "agent" else self._streets.columns.node_ids.tolist()
@@ -325,7 +332,8 @@ class DeedLog(GameLog[list[_PerformedDeeds]]):
     def clear(self) -> None:
         """Remove the deeds of all games."""
         super().clear()
-        self._last, self._plain = [], None
+        self._last = []
+        self._plain = None
 
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that undoes all later changes."""
@@ -334,7 +342,8 @@ class DeedLog(GameLog[list[_PerformedDeeds]]):
 
         def undo() -> None:
             undo_log()
-            self._last, self._plain = last, None
+            self._last = last
+            self._plain = None
 
         return undo
 

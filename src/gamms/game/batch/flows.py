@@ -49,7 +49,8 @@ class Flows:
             BadType, BadValue: `nodes` are not rows of nodes.
             TooLarge: the walks would not fit into memory.
         """
-        nodes, steps = self._streets.checked(nodes, "nodes"), as_count(turns, "turns", least=0)
+        nodes = self._streets.checked(nodes, "nodes")
+        steps = as_count(turns, "turns", least=0)
         per_turn = _BYTES_PER_ROW * max(1, nodes.size)
         fitting = max(0, max_memory() // per_turn - 1)  # the start nodes take one row
         what = f"{nodes.size} walks of {steps} turns, of which {fitting} would fit,"
@@ -90,7 +91,8 @@ class Flows:
         if chance not in self._walks:
             self._walks[chance] = self._walk(chance)
         found = np.array(masses, np.float64, order="C")
-        values, sums = kernels.buffer(found), kernels.buffer(np.empty(nodes))
+        values = kernels.buffer(found)
+        sums = kernels.buffer(np.empty(nodes))
         steps = as_count(turns, "turns", least=0)
         predict(self._walks[chance], sums, values, 0, values, 0, found.size // max(nodes, 1), steps)
         return found.astype(masses.dtype, copy=False)
@@ -98,7 +100,8 @@ class Flows:
     def _walk(self, stay: float | None) -> IncomingArcs:
         """Return the transition probabilities of a random walk by target node."""
         streets = self._streets
-        counts, ends = streets.counts, streets.targets
+        counts = streets.counts
+        ends = streets.targets
         starts = np.repeat(np.arange(len(counts)), counts)
         ways = counts - 1
         stays = 1.0 / (ways + 1.0) if stay is None else np.where(ways, stay, 1.0)
@@ -121,7 +124,8 @@ class Flows:
             BadType, BadValue: `nodes` are not rows of nodes.
             TooLarge: the mask would take more than 256 MB.
         """
-        nodes, size = self._streets.checked(nodes, "nodes"), len(self._streets.counts)
+        nodes = self._streets.checked(nodes, "nodes")
+        size = len(self._streets.counts)
         if nodes.size * size > _MOST_DENSE:
             raise TooLarge(
                 f"{nodes.size} masks of {size} nodes are too large. Ask for fewer games, or for distances between "
@@ -141,11 +145,13 @@ class Flows:
             BadType, BadValue: `nodes` are not rows of nodes.
             TooLarge: there are more than 268 million rows.
         """
-        places, most = self._streets.checked(nodes, "nodes"), as_range(limit, "limit")
+        places = self._streets.checked(nodes, "nodes")
+        most = as_range(limit, "limit")
         starts, which = np.unique(places, return_inverse=True)
         arcs = self._streets.ways(as_key(weight, "weight"))
         tree = kernels.route_trees(arcs, starts, np.arange(self._streets.num_nodes), most)
-        lines, rows = tree.lines, tree.rows
+        lines = tree.lines
+        rows = tree.rows
         known = np.bincount(lines, minlength=len(starts))
         counts = known[which]
         ends = np.concatenate(([0], np.cumsum(counts)))

@@ -78,7 +78,8 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied
     for key in value:
         if key not in _KEYS:
             raise UnknownName(f"key of the actions of {by}:", key, _KEYS)
-    deeds, messages = {}, {}
+    deeds = {}
+    messages = {}
     for deed, done in as_mapping(value.get("deeds", {}), f"deeds of {by}").items():
         where, fields = done if isinstance(done, tuple) and len(done) == 2 else (done, {})
         fields = as_mapping(fields, f"The fields of the deed {deed!r}")
@@ -123,7 +124,8 @@ class OutsideActor:
     """
 
     def __init__(self, game: PlayedGame, roster: AgentTable) -> None:
-        self._game, self._roster = game, roster
+        self._game = game
+        self._roster = roster
         self._taking: dict[Hashable, _OutsideStrategy] = {}
 
     def take(self, given: Mapping[Hashable, OutsideActions], number: int) -> None:
@@ -134,7 +136,8 @@ class OutsideActor:
             self._taking = {team: _OutsideStrategy(self._game, self._roster, team, plans.get(team)) for team in given}
             self._game.plans = {**plans, **{team: Plan(one) for team, one in self._taking.items()}}
         for team, one in self._taking.items():
-            one.given, one.number = given[team], number
+            one.given = given[team]
+            one.number = number
 
     def end(self) -> None:
         """Let strategies and plans decide again; after a reset, too, as the first plans are part of the start."""
@@ -166,7 +169,9 @@ class _OutsideStrategy:
     number: int
 
     def __init__(self, game: PlayedGame, roster: AgentTable, team: Hashable, own: Plan | None) -> None:
-        self._game, self._roster, self.own = game, roster, own
+        self._game = game
+        self._roster = roster
+        self.own = own
         self._place_of = {roster.names[agent]: i for i, agent in enumerate(roster.members(team).tolist())}
 
     def __call__(self, states: dict[str, Any]) -> None:
@@ -196,7 +201,8 @@ class _OutsideStrategy:
             flight = [0.0, 0.0, 0.0] if flights is None else flights[number, i].tolist()
             state["action"] = flown(flight, speed, do)
             return
-        legal, move = state["legal"], int(moves[number, i])
+        legal = state["legal"]
+        move = int(moves[number, i])
         if not 0 <= move < len(legal):
             if not may_stay:
                 raise BadValue(
@@ -208,7 +214,8 @@ class _OutsideStrategy:
 
     def _plain_fields(self, deed: str, fields: Mapping[str, Any]) -> dict[str, Any]:
         """Return the fields of a deed of one agent as scalar forms have them."""
-        declared, plain = self._game.settings()["deeds"].get(deed, {}), dict[str, Any]()
+        declared = self._game.settings()["deeds"].get(deed, {})
+        plain = dict[str, Any]()
         for key, value in fields.items():
             kind = field_of(declared[key]).kind if key in declared else ""
             known = {"agent": self._roster.names, "node": self._game.ctx.graph.columns().node_ids}.get(kind)

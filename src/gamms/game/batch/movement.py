@@ -98,7 +98,9 @@ class Movement:
     """
 
     idle = 0
-    is_plain, leaves_nodes, has_aims = True, False, False
+    is_plain = True
+    leaves_nodes = False
+    has_aims = False
     all_roads: OpenRoads
     turn_seconds: float | None = None
     remembers: tuple[str, ...] = ()
@@ -108,9 +110,13 @@ class Movement:
     def __init__(
         self, streets: StreetGraph, whole: StreetGraph | None = None, closed: ClosedEdges | None = None
     ) -> None:
-        self.streets, self.whole, self.closed = streets, streets if whole is None else whole, closed or {}
+        self.streets = streets
+        self.whole = streets if whole is None else whole
+        self.closed = closed or {}
         self.edge = np.zeros((0, 0), np.int64)  # in games by metres, see `MetricMovement`
-        self.share, self.motion, self.now = np.zeros((0, 0)), np.zeros((0, 0), np.int64), np.zeros(0)
+        self.share = np.zeros((0, 0))
+        self.motion = np.zeros((0, 0), np.int64)
+        self.now = np.zeros(0)
         self._tables: dict[str | None, RouteTable] = {}
 
     @property
@@ -150,7 +156,10 @@ class Movement:
     def on(self, roads: RoadMap) -> Self:
         """Return how the same agents go in games that have a map of their own."""
         own = copy(self)
-        own.roads, own.streets, own._tables, own._at_start = None, roads.streets, {}, self
+        own.roads = None
+        own.streets = roads.streets
+        own._tables = {}
+        own._at_start = self
         vars(own).pop("width", None)
         return own
 
@@ -317,7 +326,8 @@ class PacedMovement(Movement):
         paces: see the argument.
     """
 
-    is_plain, has_aims = False, True
+    is_plain = False
+    has_aims = True
 
     def __init__(
         self, streets: StreetGraph, paces: FloatArray, whole: StreetGraph | None, closed: ClosedEdges | None

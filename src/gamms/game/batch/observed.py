@@ -83,7 +83,8 @@ def writers_of(
         The writer; None if the core does not hold the observations in columns.
     """
     first = np.cumsum([0, *(view.streets.num_nodes for view in views)])
-    first_node, mask = first[maps], np.zeros((len(maps), len(agents)), np.bool_)
+    first_node = first[maps]
+    mask = np.zeros((len(maps), len(agents)), np.bool_)
     found = lasting_in(views, agents, others, mask, first_node)
     if found is None:
         return None

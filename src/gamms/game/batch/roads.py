@@ -61,8 +61,12 @@ class RoadMap:
     """
 
     def __init__(self, roads: "OpenRoads", number: int, gone: IntArray, opened: IntArray, closed: ClosedEdges) -> None:
-        self._whole, self._at_start, self.number = roads.whole, len(roads.streets.columns.edge_ids), number
-        self.gone, self.opened, self.closed = gone, opened, closed
+        self._whole = roads.whole
+        self._at_start = len(roads.streets.columns.edge_ids)
+        self.number = number
+        self.gone = gone
+        self.opened = opened
+        self.closed = closed
         self._arcs: dict[tuple[str | None, bool], kernels.Arcs] = {}
         self.shared: dict[Hashable, Any] = {}
         self.world: Any = None  # of the games on this map; see `GameArrays.world`
@@ -103,7 +107,8 @@ class RoadMap:
 
     def columns(self) -> GraphColumns:
         """Return the columns of this map's graph."""
-        columns, rows = self._whole.columns, self.rows
+        columns = self._whole.columns
+        rows = self.rows
         offsets, out_edges = kernels.group_rows(columns.sources[rows], len(columns.node_ids))
         return with_edges(columns, rows, offsets, out_edges)
 
@@ -119,7 +124,8 @@ class _OpenRoutes:
     """The weighted edges of a map whose open roads differ from the start."""
 
     def __init__(self, whole: StreetGraph, roads: RoadMap) -> None:
-        self._whole, self._roads = whole, roads
+        self._whole = whole
+        self._roads = roads
 
     def weights(self, weight: str | None) -> FloatArray:
         """Return the weight of each edge, (edges,)."""
@@ -127,13 +133,15 @@ class _OpenRoutes:
 
     def arcs(self, weight: str | None = "length", *, reverse: bool = False) -> kernels.Arcs:
         """Return the weighted outgoing edges of each node, or the incoming ones if `reverse`."""
-        columns, rows = self._whole.columns, self._roads.rows
+        columns = self._whole.columns
+        rows = self._roads.rows
         ends = (columns.targets, columns.sources) if reverse else (columns.sources, columns.targets)
         return kernels.make_arcs(ends[0][rows], ends[1][rows], self.weights(weight), len(columns.node_ids))
 
     def neighborhoods(self) -> tuple[IntArray, IntArray]:
         """Return each node and its neighbors by open edges, itself first, as offsets (nodes + 1,) and rows."""
-        columns, rows = self._whole.columns, self._roads.rows
+        columns = self._whole.columns
+        rows = self._roads.rows
         return kernels.neighborhoods(columns.sources[rows], columns.targets[rows], len(columns.node_ids))
 
 
@@ -157,7 +165,10 @@ class OpenRoads:
     """
 
     def __init__(self, streets: StreetGraph, whole: StreetGraph, closed: ClosedEdges, games: int) -> None:
-        self.streets, self.whole, self._closed, self.are_closed = streets, whole, closed, False
+        self.streets = streets
+        self.whole = whole
+        self._closed = closed
+        self.are_closed = False
         self.number = np.zeros(games, np.int64)
         self._maps: list[RoadMap | None] = [None] * games
         self._known: WeakValueDictionary[Hashable, RoadMap] = WeakValueDictionary()

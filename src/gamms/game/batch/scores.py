@@ -32,7 +32,8 @@ class Scores(dict[Hashable, FloatArray]):
         super().__init__()
         self.ranks: dict[Hashable, IntArray] = {}
         self.are_floats: dict[Hashable, BoolArray] = {}
-        self._games, self._last_rank = games, 0
+        self._games = games
+        self._last_rank = 0
 
     @property
     def columns(self) -> tuple[dict[Hashable, Any], ...]:
@@ -51,7 +52,8 @@ class Scores(dict[Hashable, FloatArray]):
         if not isinstance(points, int) and np.isnan(points).any():
             raise BadType(f"The score of {shown(key)} must be a number, not {shown(points)}.")
         if key not in self:
-            self[key], self.are_floats[key] = np.zeros(self._games, np.float64), np.zeros(self._games, np.bool_)
+            self[key] = np.zeros(self._games, np.float64)
+            self.are_floats[key] = np.zeros(self._games, np.bool_)
             self.ranks[key] = np.zeros(self._games, np.int64)
         if not isinstance(points, int):
             self.are_floats[key][games] = True
@@ -95,10 +97,12 @@ class Scores(dict[Hashable, FloatArray]):
         """Set all scores of a game."""
         for key in self:
             if key not in scores:
-                self[key][game], self.ranks[key][game] = 0.0, 0
+                self[key][game] = 0.0
+                self.ranks[key][game] = 0
         for rank, (key, points) in enumerate(scores.items(), 1):
             self.add(key, np.array([game]), 0)
-            self[key][game], self.are_floats[key][game] = points, not isinstance(points, int)
+            self[key][game] = points
+            self.are_floats[key][game] = not isinstance(points, int)
             self.ranks[key][game] = rank
 
     def of(self, games: IntArray) -> list[dict[Any, Any]]:

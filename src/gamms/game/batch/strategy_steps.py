@@ -25,7 +25,8 @@ from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor
 
 _MOST_BYTES = 128 * 2**20  # of the tables of ways of one thread
 MOST_LOOKING = 1024  # agents that are compared with each other; among more, sensors find those that are near by cells
-_LEAST, _MOST = 1e-150, 1e150  # radii whose squares are neither zero nor infinite
+_LEAST = 1e-150
+_MOST = 1e150  # radii whose squares are neither zero nor infinite
 LOOKING = ("chase", "flee")
 _REMEMBERED = {"follow": {"at": -1}, "wander": {"target": -1, "left": 0}}  # by kinds of steps: column -> at first
 
@@ -34,7 +35,8 @@ def always_act(steps: Sequence[CoreStep]) -> bool:
     """Return whether an agent acts in any case that decides by some steps; `chase`, say, may give no action."""
     if not steps:
         return False
-    first, rest = steps[0], steps[1:]
+    first = steps[0]
+    rest = steps[1:]
     if first.kind == "mix":
         return always_act(rest) and always_act(rest[first.number :])
     if first.kind == "skip":
@@ -142,7 +144,8 @@ class StrategySteps:
         self._maps: list[RoadMap | None] = [None]  # on which they lead; see `RoadTables`
 
     def _made_steps(self, steps: Sequence[Sequence[CoreStep]]) -> strategies.StrategySteps:
-        rows, listed = self._state.streets.rows, [step for one in steps for step in one]
+        rows = self._state.streets.rows
+        listed = [step for one in steps for step in one]
         nodes: list[IntArray] = [np.zeros(0, np.int64)]
         following: list[Sequence[int]] = [()]
         first: dict[Any, int] = {}
@@ -182,7 +185,8 @@ class StrategySteps:
         """Take what agents remember in some games from the state of the batch."""
         nodes = self._state.streets.num_nodes
         for column, (key, name) in enumerate(self._columns):
-            step, known = self._remembered[key], self._kept(key)[name][games]
+            step = self._remembered[key]
+            known = self._kept(key)[name][games]
             most = nodes - 1 if step.nodes is None or step.kind != "follow" else len(step.nodes)
             if name != "left" and not -1 <= known.min(initial=-1) <= known.max(initial=-1) <= most:
                 raise BadValue(f"Agents remember numbers from -1 to {most} under {shown(key)}, not {shown(known)}.")
@@ -199,7 +203,8 @@ class StrategySteps:
 
     def take_roads(self, tables: RoadTables) -> None:
         """Let agents find ways on the roads that are open in each game."""
-        nodes, roads = self._state.streets.num_nodes, self._state.roads
+        nodes = self._state.streets.num_nodes
+        roads = self._state.roads
         first = {id(one): nodes * slot for slot, one in enumerate(tables.maps)}
         moved = np.array([first.get(id(one), -1) for one in self._maps], np.int64)
         self._maps = tables.maps

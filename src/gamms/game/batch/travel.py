@@ -43,7 +43,8 @@ class TravelTerms(NamedTuple):
     def of(cls, game: PlayedGame, streets: StreetGraph) -> "TravelTerms":
         """Return those of a game by metres, on such streets."""
         settings = game.settings()
-        weight, is_by_seconds = settings["weight"], settings["speed_unit"] == "metres_per_second"
+        weight = settings["weight"]
+        is_by_seconds = settings["speed_unit"] == "metres_per_second"
         costs = np.asarray(streets.weights(weight), np.float64)
         seconds = costs if weight == "travel_time" and is_by_seconds else None
         return cls(weight, costs, seconds, seconds_of_turn(settings) or 1.0, settings["decide"] == "arrival")
@@ -86,12 +87,14 @@ class MetricMovement(PacedMovement):
     ) -> None:
         paces = [np.nan if speed is None else speed for speed in speeds]
         super().__init__(streets, np.array(paces, np.float64), whole, closed)
-        self.terms, self.turn_seconds = terms, terms.turn_seconds
+        self.terms = terms
+        self.turn_seconds = terms.turn_seconds
 
     @cached_property
     def map(self) -> core.RoadEdges:
         """The map as the core takes it."""
-        columns, terms = self.streets.columns, self.terms
+        columns = self.streets.columns
+        terms = self.terms
         leaving = columns.offsets, columns.out_edges
         return map_of(columns, terms.costs, terms.seconds, terms.turn_seconds, leaving)
 
@@ -102,17 +105,21 @@ class MetricMovement(PacedMovement):
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents, all of which are on nodes."""
         super().begin(shape)
-        self.edge, self.share, self.motion = np.full(shape, -1), np.zeros(shape), np.zeros(shape, np.int64)
+        self.edge = np.full(shape, -1)
+        self.share = np.zeros(shape)
+        self.motion = np.zeros(shape, np.int64)
         self.now = np.zeros(shape[0])
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
         """Let agents be on their nodes."""
-        self.edge[games, agents], self.share[games, agents] = -1, 0.0
+        self.edge[games, agents] = -1
+        self.share[games, agents] = 0.0
 
     def put_on(self, games: IntArray, agent: int, place: Progress) -> None:
         """Let an agent be on an edge in some games."""
         self.edge[games, agent] = np.flatnonzero(self.columns.edge_ids == place.edge)[0]
-        self.share[games, agent], self.motion[games, agent] = place.share, place.motion
+        self.share[games, agent] = place.share
+        self.motion[games, agent] = place.motion
 
     def on_edges(self, game: int, node: IntArray) -> dict[int, Progress]:  # noqa: ARG002 - as `Movement`
         """Return where on edges agents of a game are, by their numbers."""
@@ -121,7 +128,8 @@ class MetricMovement(PacedMovement):
     def progress(self, edge: IntArray, share: FloatArray, motion: IntArray) -> dict[int, Progress]:
         """Return the positions of agents on edges, by their places; edges of -1 are nodes."""
         places = np.flatnonzero(edge >= 0)
-        columns, edges = self.columns, edge[places]
+        columns = self.columns
+        edges = edge[places]
         ends = columns.node_ids[columns.sources[edges]], columns.node_ids[columns.targets[edges]]
         each = (*ends, share[places], columns.edge_ids[edges], motion[places])
         found = zip(*(one.tolist() for one in each), strict=True)
@@ -153,7 +161,9 @@ class MetricMovement(PacedMovement):
     ) -> tuple[IntArray, IntArray]:
         """Return the legal nodes of agents by their positions and speeds, as `_listed` does; see `core.reachable`."""
         columns = [buffer(column) for column in (node, edge, share, motion, speed, now)]
-        roads, reach, goes_on = self.map, self._reach.core, self.terms.decides_at_arrivals
+        roads = self.map
+        reach = self._reach.core
+        goes_on = self.terms.decides_at_arrivals
 
         def list_from(first: int, rows: memoryview, counts: memoryview) -> int:
             return core.reach_each(*[roads, reach, first, *columns, goes_on, rows, counts])
@@ -162,13 +172,16 @@ class MetricMovement(PacedMovement):
 
     def most_legal(self, limit: int) -> int:
         """Return how many nodes are legal at most: on an edge, fewer than from both its ends together."""
-        columns, most, nodes = self.streets.columns, 1, self.streets.num_nodes
+        columns = self.streets.columns
+        most = 1
+        nodes = self.streets.num_nodes
         for speed in np.unique(self.paces).tolist():
             reached = list[set[int]]()
             for first in range(0, nodes, _AT_ONCE):
                 here = np.arange(first, min(first + _AT_ONCE, nodes))
                 nothing = np.zeros(len(here))
-                edge, speeds = np.full(len(here), -1), np.full(len(here), speed)
+                edge = np.full(len(here), -1)
+                speeds = np.full(len(here), speed)
                 counts, listed = self._legal_at(here, edge, nothing, nothing.astype(np.int64), speeds, nothing)
                 reached += [{*rows.tolist()} for rows in np.split(listed, np.cumsum(counts)[:-1])]
                 most = max(most, int(counts.max()))
@@ -185,14 +198,17 @@ class MetricMovement(PacedMovement):
     ) -> IntArray:
         """Return the actions that lead agents towards nodes; -1: no path."""
         games, agents = which
-        has_speed, table, edge = self._is_paced[agents], self.routes("length"), self.on_edge(which)
+        has_speed = self._is_paced[agents]
+        table = self.routes("length")
+        edge = self.on_edge(which)
         found = np.full(node.shape, -1)
         found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed)
         stopped = np.flatnonzero(~has_speed & (edge >= 0) & (found >= 0))  # just before a node, by a conflict
         if len(stopped):
             those = games[stopped], agents[stopped]
             found[stopped] = AIMS + self._next_legal(node[stopped], targets[stopped], those, allowed)
-        has_path, on = np.isfinite(table.distances(node, targets)), edge >= 0
+        has_path = np.isfinite(table.distances(node, targets))
+        on = edge >= 0
         if allowed is not None:
             some = np.flatnonzero(has_speed & has_path)
             found[some] = self._as_far_as_allowed(node[some], targets[some], (games[some], agents[some]), allowed)
@@ -204,7 +220,8 @@ class MetricMovement(PacedMovement):
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None
     ) -> IntArray:
         """Return targets that are legal, and of the others as far as the nodes of the shortest path are legal."""
-        table, goes_on = self.routes("length"), np.ones(len(node), np.bool_)
+        table = self.routes("length")
+        goes_on = np.ones(len(node), np.bool_)
         found = np.where(self.action_to(node, which, targets) >= 0, targets, node)
         while goes_on.any():
             ahead = table.following(found, targets)
@@ -217,7 +234,9 @@ class MetricMovement(PacedMovement):
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray
     ) -> IntArray:
         """Return the actions that lead to targets that are legal, and to others along nodes of the shortest path."""
-        table, limit, at = self.routes("length"), np.zeros(len(node), np.int64), node
+        table = self.routes("length")
+        limit = np.zeros(len(node), np.int64)
+        at = node
         is_legal = self.action_to(node, which, targets) >= 0
         goes_on = ~is_legal & (node != targets)
         while goes_on.any():
@@ -229,8 +248,11 @@ class MetricMovement(PacedMovement):
 
     def places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:
         """Return where agents are."""
-        columns, edge, share = self.columns, self.on_edge(which), self.share[which]
-        xy, ids = columns.xy[node].copy(), np.full((*node.shape, 3), -1)
+        columns = self.columns
+        edge = self.on_edge(which)
+        share = self.share[which]
+        xy = columns.xy[node].copy()
+        ids = np.full((*node.shape, 3), -1)
         on = np.nonzero(edge >= 0)
         rows = edge[on]
         ends = columns.node_ids[columns.sources[rows]], columns.node_ids[columns.targets[rows]]

@@ -22,7 +22,8 @@ _MOST_LEGAL = 1 << 20  # nodes that are remembered as legal
 _MOST_REMEMBERED = 1 << 22  # nodes on the ways of agents, 16 bytes each
 _MOST_NEAR = 1 << 17  # nodes on short ways, likewise
 _LONGEST = 256  # nodes on the way of an agent that are remembered
-_BACKWARDS, _TURNS = 1, 2  # flags of legs, see `contacts.Legs`
+_BACKWARDS = 1
+_TURNS = 2  # flags of legs, see `contacts.Legs`
 _ROUNDED = 1e-6  # by how much more of a way agents may cover than they should
 NO_LEGS = contacts.Legs(0, *[memoryview(array("q"))] * 5, *[memoryview(array("d"))] * 5)  # type: ignore[arg-type]
 
@@ -113,13 +114,15 @@ class EdgeColumns:
         self._agents = state.node.shape[1]
         self.on_edges: dict[str, Any] = {"edge": by.begun.reshape(-1).data, "share": by.covered.reshape(-1).data}
         self.ends: tuple[IntArray, IntArray] | None = None
-        shape, self._most = state.node.shape, most_nodes(by) + int(part_of.any())
+        shape = state.node.shape
+        self._most = most_nodes(by) + int(part_of.any())
         _refuse_too_long(self._agents * self._most, state.node.size * self._most * keeps_courses)
         self._ahead = np.full(shape, -1)
         self._covered = np.zeros(shape)
         courses = EdgeCourses(by, self._ahead, self._covered, self._most, part_of) if keeps_courses else None
         self.courses = courses
-        rows, lengths = state.node.size, np.asarray(by.streets.weights("length"), np.float64)
+        rows = state.node.size
+        lengths = np.asarray(by.streets.weights("length"), np.float64)
         self._hops = StoredPaths(by.columns, np.ones(len(lengths)), rows, 8)
         self._ways = StoredPaths(by.columns, lengths, rows if go_by_steps else 0, _remembered(rows))
 
@@ -131,7 +134,8 @@ class EdgeColumns:
         events: rules.Events,  # noqa: ARG002
     ) -> ThreadTravel:
         """Return what one thread plays with; see `MetreColumns`."""
-        by, most = self._by, self._most
+        by = self._by
+        most = self._most
         reach = ReachableNodes(by.streets.num_nodes)
         nodes: Any = np.zeros(self._agents * most, np.int64).data
         times: Any = np.zeros(self._agents * most).data
@@ -230,7 +234,8 @@ class MetreColumns:
         self._learned: list[tuple[travel.GoalPaths, travel.GoalPaths, travel.LegalCache]] = []  # of each thread
         rows = state.node.size if go_by_steps else 0
         self._memories = StoredPaths(by.columns, by.terms.costs, rows, _remembered(rows))
-        edges, ids = np.arange(len(by.columns.edge_ids)), by.columns.edge_ids
+        edges = np.arange(len(by.columns.edge_ids))
+        ids = by.columns.edge_ids
         backs = by.backs(edges)
         self._streets = np.where((backs >= 0) & (ids[backs] < ids[edges]), backs, edges)
         self._flags = _BACKWARDS * (self._streets != edges) + _TURNS * (backs >= 0)
@@ -259,15 +264,19 @@ class MetreColumns:
 
     def _learner(self) -> tuple[travel.GoalPaths, travel.GoalPaths, travel.LegalCache]:
         """Return what one thread learns of the map: ways of agents that go by steps, other ways, and what is legal."""
-        roads, reach = self._by.map, ReachableNodes(self._by.streets.num_nodes)
-        ways, near = self._memories.ways(roads, reach), self._memories.apart(self._slots, self._longest)
+        roads = self._by.map
+        reach = ReachableNodes(self._by.streets.num_nodes)
+        ways = self._memories.ways(roads, reach)
+        near = self._memories.apart(self._slots, self._longest)
         return ways, near.ways(roads, reach), self._known()
 
     def thread(
         self, number: int, movers: moves.OneEdgeMovers, by_steps: strategies.Strategies | None, events: rules.Events
     ) -> ThreadTravel:
         """Return what one thread plays with, of a number from 0; events get what agents cannot do."""
-        by, most, roads = self._by, self._most, self._by.map
+        by = self._by
+        most = self._most
+        roads = self._by.map
         if number == len(self._learned):
             self._learned.append(self._learner())
         if by_steps is not None:

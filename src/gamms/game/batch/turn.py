@@ -73,9 +73,12 @@ class ArrayTurn:
     _is_moving = False  # whether agents have decided and not moved
 
     def __init__(self, state: GameArrays, games: IntArray) -> None:
-        self._state, self.games, self.roster = state, games, state.roster
+        self._state = state
+        self.games = games
+        self.roster = state.roster
         self._find_roads()
-        self.turn, self.seeds = state.turn[games], state.seeds_of(games)
+        self.turn = state.turn[games]
+        self.seeds = state.seeds_of(games)
         self._deeds: list[ArrayDeeds] = []
         self.node: IntArray = state.chosen(state.node, games)
         self.alive: BoolArray = state.chosen(state.alive, games)
@@ -109,7 +112,8 @@ class ArrayTurn:
         if self.paths is not None and self.paths.edge is not None:
             by_move &= self._state.movement.edge[self.games] == self.paths.edge
             if self._is_moving and self.paths.legs is not None and self.paths.legs.edge.size:  # they have not moved yet
-                legs, share = self.paths.legs, self._state.movement.share[self.games]
+                legs = self.paths.legs
+                share = self._state.movement.share[self.games]
                 number = (legs.edge >= 0).sum(axis=-1)
                 end = np.take_along_axis(legs.end, np.maximum(number - 1, 0)[..., None], -1)[..., 0]
                 by_move &= (self.paths.edge < 0) | (number == 0) | (end == share)
@@ -122,7 +126,8 @@ class ArrayTurn:
             which: a mask of agents, (games, agents), or of nodes, (nodes,).
             passing: whether to include nodes passed on the way; False: only nodes at the end of the turn.
         """
-        is_of_nodes, paths = np.ndim(which) == 1, self.paths
+        is_of_nodes = np.ndim(which) == 1
+        paths = self.paths
         which = as_array(which, "which", "booleans", (self.streets.num_nodes,) if is_of_nodes else self.node.shape)
         if paths is None or not passing:
             counts = self.alive & (which[self.node] if is_of_nodes else which)
@@ -134,10 +139,12 @@ class ArrayTurn:
             if passing:
                 begin = np.where(self.is_there_by_move[at, agents] & (self.starts[at, agents] == node), 0.0, 1.0)
             return Visits(at, agents, node, begin, np.ones(len(at)))
-        by_move, living = self.is_there_by_move, self.alive if is_of_nodes else self.alive & which
+        by_move = self.is_there_by_move
+        living = self.alive if is_of_nodes else self.alive & which
         lengths = np.where(by_move, paths.lengths, 1)
         nodes = np.where(by_move[..., None], paths.nodes, self.node[..., None])
-        number, skips_first = np.arange(nodes.shape[-1]), by_move & ~paths.stays & ~paths.waits
+        number = np.arange(nodes.shape[-1])
+        skips_first = by_move & ~paths.stays & ~paths.waits
         counts = living[..., None] & (number >= skips_first[..., None]) & (number < lengths[..., None])
         if paths.legs is not None and paths.legs.edge.size:  # waiting on the first node is one visit, not two
             counts[..., 1:2] &= ~(by_move & paths.waits)[..., None]
@@ -235,7 +242,8 @@ class ArrayTurn:
 
     def _note_place(self, kind: str, at: IntArray, agents: IntArray) -> None:
         """Add an event with the current node for each agent that is eliminated or respawns."""
-        names, nodes = self.roster.names, self.streets.ids(self.node[at, agents]).tolist()
+        names = self.roster.names
+        nodes = self.streets.ids(self.node[at, agents]).tolist()
         self._note(kind, at, {"agent": [names[number] for number in agents.tolist()], "node": nodes})
         np.add.at(self._state.stops, (self.games[at], agents), 1)
 
@@ -280,7 +288,8 @@ class ArrayTurn:
         Raises:
             BadType, BadValue: a game or team does not exist, or the points are invalid.
         """
-        at, teams = self._as_at(at), as_numbers_of(teams, "teams", len(self.roster.teams), "teams")
+        at = self._as_at(at)
+        teams = as_numbers_of(teams, "teams", len(self.roster.teams), "teams")
         self._add_scores(
             at, teams, points if isinstance(points, int) else as_array(points, "points", "numbers", at.shape)
         )
@@ -345,7 +354,8 @@ class ArrayTurn:
 
     def _put_back(self, at: IntArray, agents: IntArray) -> None:
         """Place agents on their start nodes, without events."""
-        games, before = self.games[at], self.node[at, agents]
+        games = self.games[at]
+        before = self.node[at, agents]
         start = self._state.start[games, agents]
         begun = np.where(start >= 0, start, before)  # agents that entered later stay on their current nodes
         put_locked(self.node, (at, agents), begun)
@@ -377,7 +387,8 @@ class ArrayTurn:
 
     def in_air(self) -> tuple[IntArray, FloatArray]:
         """Return the numbers of the agents that fly, ascending, and their positions, (games, flying agents, 3)."""
-        agents, flights = np.flatnonzero(self.roster.flies), self._state.flights
+        agents = np.flatnonzero(self.roster.flies)
+        flights = self._state.flights
         if flights is None:
             return agents, np.zeros((len(self.games), 0, 3))
         return agents, flights.xyz(self.games, agents)[1]

@@ -76,7 +76,8 @@ class ArrayView(Mapping[str, Any]):
         self.games = games
         self.agents = agents
         self.streets, self._movement, self._shared = state.world(games)
-        self.roster, self.memory_of = state.roster, state.memory_of
+        self.roster = state.roster
+        self.memory_of = state.memory_of
         self.node: IntArray = state.chosen(state.node, games, agents)
         self.mask: BoolArray = state.chosen(state.alive, games, agents)
         self.turn = state.turn[games]
@@ -129,7 +130,8 @@ class ArrayView(Mapping[str, Any]):
         return np.broadcast_to(self.roster.flies[self.agents], self.node.shape)
 
     def _heights(self) -> FloatArray:
-        heights, flights = np.zeros(self.node.shape), self._state.flights
+        heights = np.zeros(self.node.shape)
+        flights = self._state.flights
         if flights is not None:
             flies, xyz = flights.xyz(self.games, self.agents)
             heights[:, flies] = xyz[..., 2]
@@ -158,7 +160,8 @@ class ArrayView(Mapping[str, Any]):
 
     def _places(self) -> Places:
         """Return the positions of the agents; in games by metres, some may be on edges."""
-        found, flights = self._places_on_ground(), self._state.flights
+        found = self._places_on_ground()
+        flights = self._state.flights
         if flights is not None:
             flies, xyz = flights.xyz(self.games, self.agents)
             found.xy[:, flies] = xyz[..., :2]
@@ -167,7 +170,8 @@ class ArrayView(Mapping[str, Any]):
     def _places_on_ground(self) -> Places:
         if len(self._movement.edge):
             return self._movement.places(self.node, numbers_in(self, np.s_[:, :]))
-        known, rows = self._state.places, np.ix_(self.games, self.agents)
+        known = self._state.places
+        rows = np.ix_(self.games, self.agents)
         if known is None:
             shape = self.node.shape
             return Places(np.full((*shape, 3), -1), np.zeros(shape), self.streets.columns.xy[self.node])
@@ -248,7 +252,8 @@ class ArrayView(Mapping[str, Any]):
         for earlier in self._deeds:
             if earlier.kind == deed and chosen[earlier.at, np.searchsorted(self.agents, earlier.agents)].any():
                 raise BadValue(f"An agent does {deed!r} twice in a turn: give each call of view.do other agents.")
-        who, order = (self.games, self.agents), len(self._deeds)
+        who = (self.games, self.agents)
+        order = len(self._deeds)
         self._deeds.append(self._state.deeds.checked(deed, fields, chosen, who, self.node, order))
 
     def send(self, channel: str, where: Any, body: object, to: object = None) -> None:
@@ -271,7 +276,8 @@ class ArrayView(Mapping[str, Any]):
         if self._outboxes is None:
             raise BadValue("view.send works only while a strategy decides.")
         chosen = as_array(where, "where", "booleans", self.node.shape) & self.mask
-        who, order = (self.games, self.agents), len(self._outboxes)
+        who = (self.games, self.agents)
+        order = len(self._outboxes)
         self._outboxes.append(radio.checked(channel, chosen, who, to, body, order))
 
     def heard(self, channel: str) -> ReceivedMessages:
@@ -305,7 +311,8 @@ class ArrayView(Mapping[str, Any]):
 
     def _looked(self, names: tuple[str, ...]) -> VisibleAgentPairs:
         """Return the pairs that sensors of these names, or all sensors, show to all agents of the view; see `seen`."""
-        state, key = self._state, ("seen", self.agents.tobytes(), names)
+        state = self._state
+        key = ("seen", self.agents.tobytes(), names)
         are_all = len(self.games) == len(state)
         known: VisibleAgentPairs | None = state.now.get(key)
         if known is not None:
@@ -378,7 +385,8 @@ class ArrayView(Mapping[str, Any]):
 
     def _encoder(self, others: int) -> Encoder:
         """Return an encoder for vectors with `others` other agents."""
-        agents, actions = len(self.roster.names), self._movement.width
+        agents = len(self.roster.names)
+        actions = self._movement.width
         key = "encoder", agents, others, actions
         return kept_in(self._shared, key, lambda: Encoder([self.streets.columns.xy], agents, others, actions))
 
@@ -402,7 +410,8 @@ class ArrayView(Mapping[str, Any]):
         looks = self._plain_looks()
         pairs = _NO_PAIRS
         if are_looking and looks is None:
-            found, number = self.seen(), self.node.size
+            found = self.seen()
+            number = self.node.size
             counts = np.bincount(found.at * self.node.shape[1] + found.viewers, minlength=number)
             first = np.concatenate(([0], np.cumsum(counts)))
             pairs = flat(first, np.int64), flat(found.nodes, np.int64), flat(self._are_mates(found), np.uint8)
@@ -426,7 +435,8 @@ class ArrayView(Mapping[str, Any]):
             seen: the sensors, and the pairs of agents.
             first: (all games,) the first node of the map of each game.
         """
-        roster, state = self.roster, self._state
+        roster = self.roster
+        state = self._state
         visible = observe.VisibleAgents(
             *seen,
             viewers=flat(self.agents, np.int64),
@@ -448,7 +458,9 @@ class ArrayView(Mapping[str, Any]):
 
     def _plain_looks(self) -> strategies.SensorTable | None:
         """Return the sensors of all agents in the form of the core; None: some have no such form."""
-        state, movement, places = self._state, self._movement, self._state.places
+        state = self._state
+        movement = self._movement
+        places = self._state.places
         if movement.leaves_nodes or state.noted:
             return None
         if places is not None and (places.edge[..., 0] >= 0).any():
@@ -563,7 +575,8 @@ def asked_view(state: GameArrays, games: IntArray, agents: IntArray, here: BoolA
     view = ArrayView(state, games, agents)
     if here is not None:
         view.mask = view._whole = view.mask & here[np.ix_(games, agents)]
-    view._deeds, view._outboxes = [], []
+    view._deeds = []
+    view._outboxes = []
     if state.radio is not None:
         view._channels = state.radio.channels
     view._lock()
@@ -619,7 +632,8 @@ def lasting_in(
     looks = [looks_of(one.roster, [True] * len(one.roster.names)) for one in those]
     if any(one != looks[0] for one in looks):
         return None
-    own, streets = those[0], [one.streets for one in those]
+    own = those[0]
+    streets = [one.streets for one in those]
     xy = [one.columns.xy for one in streets]
     sensors = strategies.SensorTable(*looks[0], len(own.roster.teams), flat(np.concatenate(xy), np.float64))
     ends = np.cumsum(np.concatenate([one.counts for one in streets]))
@@ -644,7 +658,8 @@ class _LazyMapping(Mapping[str, T]):
     """A mapping of sensor or channel names to data for the agents of a view, computed on access."""
 
     def __init__(self, names: Iterable[str], ask: Callable[[str], T]) -> None:
-        self._names, self._ask = tuple(names), ask
+        self._names = tuple(names)
+        self._ask = ask
 
     def __getitem__(self, name: str) -> T:
         return self._ask(name)
