@@ -10,6 +10,7 @@ import networkx as nx
 import pytest
 
 import gamms.osm
+from gamms.errors import BadValue
 from gamms.graph.map_file import load
 from gamms.osm import constants
 from gamms.progress import progress
@@ -97,3 +98,9 @@ def test_a_bad_resolution_leaves_the_context_as_it_was(bad):
         with pytest.raises(ValueError, match="obstacles"):
             gamms.osm.helsinki(ctx)
         assert list(ctx.graph.get_obstacle_faces()) == [1]
+
+
+@pytest.mark.parametrize("box", [(25.0, 60.1, 24.9, 60.2), (24.9, 60.2, 25.0, 60.1), (24.9, 60.1, 25.0, 91.0)])
+def test_a_box_that_is_not_an_area_is_refused(box):
+    with pytest.raises(BadValue, match=r"^left=.* is not an area: it takes degrees with"):
+        gamms.osm.graph_from_bbox(*box)

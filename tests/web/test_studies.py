@@ -75,6 +75,11 @@ def is_over(player):
     return any(told["type"] == "status" and told["over"] for told in player.told)
 
 
+def test_waiting_ends_with_the_timeout(tmp_path):
+    with begun(tmp_path) as study:
+        assert not study.wait(1, timeout=0.05)
+
+
 def test_a_participant_agrees_practises_plays_and_gets_a_row_for_each_round(tmp_path):
     with begun(tmp_path) as study:
         assert ask(study, "P1") == {"stage": "consent", "text": "Do you agree?"}
