@@ -463,7 +463,7 @@ class GameArrays:
             )
         nodes, edges = self.streets.num_nodes, len(self.streets.columns.edge_ids)
         limits: dict[Hashable, tuple[int, int]] = dict.fromkeys(("node", "previous"), (0, nodes))
-        limits |= {"start": (-1, nodes), "begun": (-1, nodes), "edge": (-1, edges)}
+        limits |= {"start": (0 if self.roster.is_first.all() else -1, nodes), "begun": (-1, nodes), "edge": (-1, edges)}
         for name, values in columns.items():
             numbers, kind = np.asarray(values), mine[name].dtype
             if not np.can_cast(numbers.dtype, kind, "same_kind"):
