@@ -1,5 +1,7 @@
 """Robots that fetch parcels, and the rule by which parcels appear, are carried and are delivered."""
 
+from itertools import product
+
 from gamms.strategies import goto
 
 MOST = 2  # parcels that a robot carries
@@ -23,8 +25,9 @@ def divided(ctx, depot):
         facts = next(iter(states.values()))["facts"]
         free = [name for name in states if facts["loads"].get(name, 0) < MOST]
         metres = {name: ctx.graph.distances(source=states[name]["curr_pos"]) for name in free}
+        pairs = [(metres[name][node], name, node) for name, node in product(free, facts["parcels"])]
         goals = {}
-        for _, name, node in sorted((metres[name][node], name, node) for name in free for node in facts["parcels"]):
+        for _, name, node in sorted(pairs):
             if name not in goals and node not in goals.values():
                 goals[name] = node
         for name, state in states.items():

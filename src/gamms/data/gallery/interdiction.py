@@ -46,9 +46,13 @@ def blockade(ctx, detour, samples):
             lead = next(iter(states.values()))
             starts = ctx.graph.place(samples, (385911, 6671900), 400, rng=lead["rng"])
             ends = ctx.graph.distances(source=ctx.game.facts["exits"], cutoff=150)
-            drawn = [set(way(start, lead["draw"])) - ends.keys() for start in starts for _ in range(samples)]
+            drawn = []
+            for start in starts:
+                drawn += [set(way(start, lead["draw"])) - ends.keys() for _ in range(samples)]
             for state in states.values():
-                passed = Counter(node for one in drawn for node in sorted(one))
+                passed = Counter()
+                for one in drawn:
+                    passed.update(one)
                 post = max(sorted(passed), key=passed.__getitem__)
                 state["memory"]["post"] = post
                 drawn = [one for one in drawn if post not in one]

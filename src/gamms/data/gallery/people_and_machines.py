@@ -6,8 +6,8 @@ from gamms.graph import grid
 def blocks(width, height):
     """Return a grid of streets around blocks of three by one nodes."""
     graph = grid(height, width)
-    inner = [y * width + x for y in range(1, height, 2) for x in range(width) if x % 4]
-    graph.remove_nodes_from(inner)
+    for y in range(1, height, 2):
+        graph.remove_nodes_from([y * width + x for x in range(width) if x % 4])
     return graph
 
 

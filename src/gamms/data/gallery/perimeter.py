@@ -1,5 +1,6 @@
 """Rings and spokes, attackers that look for gaps, and defenders that are matched with attackers."""
 
+from itertools import product
 from math import cos, hypot, pi, sin
 
 import networkx as nx
@@ -47,12 +48,14 @@ def match(ctx):
         return hypot(places[node][0] - places[other][0], places[node][1] - places[other][1])
 
     def plan(states):
-        seen = {name: node for state in states.values() for name, node in state["sensor"]["radar"][1].items()}
+        seen = {}
+        for state in states.values():
+            seen.update(state["sensor"]["radar"][1])
         here = {name: state["curr_pos"] for name, state in states.items()}
-        pairs = sorted((metres(here[one], seen[other]), one, other) for one in here for other in seen)
+        pairs = [(metres(here[one], seen[other]), one, other) for one, other in product(here, seen)]
         goals = {}
         taken = set()
-        for _, one, other in pairs:
+        for _, one, other in sorted(pairs):
             if one not in goals and other not in taken:
                 goals[one] = seen[other]
                 taken.add(other)

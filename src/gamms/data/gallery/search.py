@@ -14,16 +14,22 @@ def fly(ctx, north):
         ctx: the context.
         north: whether it starts in the south, and flies north first.
     """
-    (west, south), (east, top) = ctx.graph.columns().xy.min(axis=0), ctx.graph.columns().xy.max(axis=0)
+    west, south = ctx.graph.columns().xy.min(axis=0)
+    east, top = ctx.graph.columns().xy.max(axis=0)
     lanes = [west + BREADTH * (i + 0.5) for i in range(int((east - west) / BREADTH) + 1)]
-    corners = [(x, y) for i, x in enumerate(lanes) for y in ((south, top) if (i % 2 == 0) == north else (top, south))]
-    corners = corners if north else corners[::-1]
+    corners = []
+    for i, x in enumerate(lanes):
+        ends = (south, top) if (i % 2 == 0) == north else (top, south)
+        corners += [(x, y) for y in ends]
+    if not north:
+        corners.reverse()
 
     def strategy(state):
         for name, (_, (x, y, _)) in state["sensor"]["camera"][1].items():
             report = {"who": name, "at": ctx.graph.nearest_node(x, y)}
             state["outbox"].append({"channel": "radio", "to": "rescuers", "body": report})
-        (x, y, _), lane = state["curr_pos"], state["memory"].get("lane", 0)
+        x, y, _ = state["curr_pos"]
+        lane = state["memory"].get("lane", 0)
         if hypot(corners[lane][0] - x, corners[lane][1] - y) < 25:
             lane = (lane + 1) % len(corners)
         state["memory"]["lane"] = lane
