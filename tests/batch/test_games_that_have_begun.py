@@ -1,5 +1,7 @@
 """Batches that begin in the middle of a game, in arrays: what agents remember there, and how they moved last."""
 
+from fractions import Fraction
+
 import pytest
 from batch_scenes import plain, scene
 from hypothesis import HealthCheck, given, settings
@@ -135,6 +137,37 @@ def test_games_go_on_where_rules_still_know_of_agents_that_were_deleted(delete, 
         ctx.game.step()
         delete(ctx)
         assert check(ctx, rounds=1) == why
+
+
+def test_a_memory_that_the_strategy_has_not_written_is_read_by_the_strategy_itself():
+    with remembering(["patrol", "random_waypoints"]) as ctx:
+        ctx.game.step()
+        for memory in ctx.game.memories.values():
+            memory["patrol [3, 3, 12, 5]"] = 2.0
+        with ctx.game.batch(1) as games:
+            assert games.slow.startswith("the strategy patrol(")
+            assert games.is_in_arrays
+
+
+def test_scores_that_no_float_holds_are_exact():
+    def pay(ctx):
+        ctx.game.scores["red"] += 1
+        ctx.game.scores["share"] += Fraction(1, 3)
+        ctx.game.scores["much"] *= 3
+
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+    flags = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 8}, "goal": None}}
+    with scene([tag, flags], side=3).build(seed=1) as ctx:
+        ctx.game.step()
+        ctx.game.scores.update(red=(1 << 60) + 1, share=Fraction(1, 7), flag=True, half=0.5)
+        assert check(ctx) == "the rule 'tag'"
+        ctx.game.scores["much"] = 10**30
+        ctx.game.add(pay)
+        assert check(ctx) == "the rule 'tag'"
+        with ctx.game.batch(2) as games:
+            games.step()
+            assert games.is_in_arrays
+            assert games.scores["much"].tolist() == [3 * 10**30] * 2
 
 
 @gamms.array_rule

@@ -23,6 +23,13 @@ STAY = "gamms.strategies:stay"
 GAMES = 6
 
 
+def remember_blocked(state):
+    """Go to the first legal node by why the last action was not done."""
+    known = state["memory"].setdefault("blocked", [])
+    known.append(state["blocked"])
+    state["action"] = state["legal"][len("".join(filter(None, known))) % len(state["legal"])]
+
+
 def is_in_core(games):
     return games.is_in_arrays
 
@@ -331,16 +338,30 @@ def test_a_deed_that_is_not_declared_is_refused():
         games.step({"red": {"deeds": {"scan": True}}})
 
 
-def test_agents_on_an_edge_that_was_closed_are_played_one_by_one():
+@pytest.mark.parametrize("by", [None, remember_blocked], ids=["core", "function"])
+def test_agents_on_an_edge_that_was_closed_go_on_from_its_first_node(by):
     with BY_METRES.build(seed=4) as ctx:
         ctx.game.step()
         on = next(agent for agent in ctx.game.agents if agent.edge is not None)
         ctx.graph.close_roads([on.edge[2]])
+        on.strategy = by or on.strategy
         with ctx.game.batch(2, seed=2) as games, ctx.game.fork(0).ctx as alone:
-            assert games.slow == f"agent {on.name!r}, which is on an edge that was closed or removed"
             games.run()
-            alone.game.reset(seed=3)
-            assert plain(games.result(1)) == plain(alone.game.run())
+            assert is_in_core(games)
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_a_game_from_whose_map_the_node_of_an_agent_was_removed_cannot_go_on_in_a_batch():
+    with GRID.build(seed=4) as ctx:
+        for _ in range(3):
+            ctx.game.step()
+        starts = {ctx.game.start_node(one) for one in ctx.game.agents}
+        passed = next(one.prev_node_id for one in ctx.game.agents if one.prev_node_id not in starts)
+        ctx.graph.graph.remove_node(passed)
+        with ctx.game.batch(1) as games:
+            assert f"Node {passed}, where agent" in games.slow
 
 
 def test_an_error_in_a_later_part_of_a_turn_takes_back_the_moves_before_it():

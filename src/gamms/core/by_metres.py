@@ -79,10 +79,13 @@ def decide(games: GameColumns, t: MetreMovers, game: int) -> int:
     """Choose the moves of the living agents in this part of the turn, and find their paths; all other agents stay."""
     for i in range(games.agents):
         row = game * games.agents + i
-        if not is_there(games, t, game, i):
-            if games.alive[row] and t.movers.part_of[i] == t.movers.part[game]:
-                choose(games, t, game, i)
-            rest(t, i)
+        if is_there(games, t, game, i):
+            t.ends[row] = t.starts[row]
+            t.movers.ends[row] = games.node[row]
+            continue
+        if games.alive[row] and t.movers.part_of[i] == t.movers.part[game]:
+            choose(games, t, game, i)
+        rest(t, i)
         t.ends[row] = place_of(t, i)
         t.movers.ends[row] = t.trips.node[i]
     return 0
@@ -96,7 +99,7 @@ def is_there(games: GameColumns, t: MetreMovers, game: int, i: int) -> bool:
         return False
     if t.keeps:
         travel.copy_trip(t.kept, row, t.trips, i)  # type: ignore[arg-type] # there are some
-    t.starts[row] = place_of(t, i)
+    t.starts[row] = games.node[row] if games.edge[row] < 0 else t.nodes + games.edge[row]
     return True
 
 

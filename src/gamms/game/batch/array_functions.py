@@ -66,7 +66,7 @@ def array_strategy(
         def strategy(state: dict[str, Any]) -> None:
             _act(cast("HostContext", ctx), state, function, name)
 
-        declare(strategy, StrategySpec(array_form=function, begins=_kept_before, takes_up_all=True))
+        declare(strategy, StrategySpec(array_form=function, begins=_kept_before))
         return _documented(strategy, function)
 
     return _documented(make, function)
@@ -345,7 +345,7 @@ class _SingleGameTurn(ArrayTurn):
         self._game = game
         self._is_moving = game.is_moving
         state.change_roads = lambda _, verb, edges: getattr(ctx.graph, verb)(edges)
-        state.scores.put(0, game.scores)
+        state.scores.put(_ONE, game.scores)
         self._scores_before = state.scores.of(_ONE)[0]
         state.placed[0] = [block.row_of(name) in block.placed for name in roster.names]
         self.took_part = np.zeros(self.node.shape, np.bool_)

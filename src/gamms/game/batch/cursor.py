@@ -312,8 +312,8 @@ class Cursor:
         self._values = parts.state
         self._phase = phase_of(game.ctx)
         self._why = ""  # why games leave the core
-        self._core_keys = frozenset(_keys_in_core(game))
-        specs = [one.spec for one in game.rules if one.spec.core_form is not None]
+        self._core_keys = frozenset(_keys_in_core(game, state.roster))
+        specs = [one.spec for one in called_rules(game, state.roster) if one.spec.core_form is not None]
         self._facts_in_core = {str(spec.key): spec.fact_of_game for spec in specs if spec.fact_of_game is not None}
         deciders = [decider_of(state.roster.agents[number], game.settings()["plans"]) for number in asked]
         collectors = parts.collectors.by_name.values()
@@ -989,9 +989,11 @@ class Cursor:
         known = self._scores_before
         if scores == known and [*map(type, scores.values())] == [*map(type, known.values())]:
             return
-        if not all(map(fits_float, scores.values())) or bool in map(type, scores.values()):
+        columns = self._state.scores
+        are_exact = {key for key, column in columns.items() if column.dtype == object}
+        if not all(key in are_exact or fits_float(points) for key, points in scores.items()):
             self._leave("sets scores that are no numbers")
-        self._state.scores.put(self._number, scores)
+        columns.put(np.array([self._number]), scores)
 
     def _take_agents(self, journal: Journal, changed: AgentBlock | None) -> None:
         """Write where agents are that were put elsewhere, and who lives.
@@ -1031,11 +1033,10 @@ class Cursor:
 
     def _take_facts(self) -> None:
         """Keep what a rule has published in a game."""
-        first = self._first_facts
         known, now = self._facts_shown, self._facts
         changed = {name for name, fact in now.items() if name not in known or fact is not known[name]}
         self._facts_of[self._number] = self._facts_own = self._facts_shown = dict(now)
-        if changed & self._core_keys or any(name in first and not is_plain(first[name]) for name in changed):
+        if changed & self._core_keys:
             self._leave("publishes facts of rules in the core")
         if self._has_array_functions:
             self._leave("publishes facts, which array functions may read")
@@ -1332,11 +1333,12 @@ def is_plain_rule(rule: NamedRule) -> bool:
     return rule.spec.core_form is None and not rule.spec.is_array_function
 
 
-def _keys_in_core(game: PlayedGame) -> Iterator[str]:
+def _keys_in_core(game: PlayedGame, roster: AgentTable) -> Iterator[str]:
     """Yield the keys of `ctx.game.data` and the facts of rules that the core plays, or that are called in arrays."""
-    if any(one.spec.is_array_function for one in game.rules):
+    called = called_rules(game, roster)
+    if any(one.spec.is_array_function for one in called):
         yield KEPT
-    for one in game.rules:
+    for one in called:
         spec = one.spec
         if spec.core_form is not None and spec.key is not None:
             yield spec.key
@@ -1346,21 +1348,21 @@ def _keys_in_core(game: PlayedGame) -> Iterator[str]:
 
 def asked_of(game: PlayedGame, roster: AgentTable) -> list[int]:
     """Return the numbers of the agents whose strategies, or the plans of whose teams, are called game by game."""
-    settings = game.settings()
     are_created = first_called(game, roster) is not None  # by a function
     found = []
     for number, agent in enumerate(roster.agents):
         if isinstance(agent, ComingAgent) and not are_created:
             continue
-        if is_asked(settings, roster, number):
+        if is_asked(game, roster, number):
             found.append(number)
     return found
 
 
-def is_asked(settings: Mapping[str, Any], roster: AgentTable, number: int) -> bool:
+def is_asked(game: PlayedGame, roster: AgentTable, number: int) -> bool:
     """Return whether the strategy of an agent, or the plan of its team, is called game by game."""
+    settings = game.settings()
     decider = decider_of(roster.agents[number], settings["plans"])
-    return core_form_of(settings, roster, number) is None and not decides_in_arrays(decider, settings)
+    return core_form_of(game, roster, number) is None and not decides_in_arrays(decider, settings)
 
 
 def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
@@ -1375,7 +1377,7 @@ def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
     deciders = (
         f"the strategy {as_code(decider_of(agent, plans))}"
         for number, agent in enumerate(roster.agents)
-        if not isinstance(agent, ComingAgent) and is_asked(settings, roster, number)
+        if not isinstance(agent, ComingAgent) and is_asked(game, roster, number)
     )
     collectors = (f"the collector {name!r}" for name in game.internals.parts.collectors.by_name)
     sensors = (

@@ -39,14 +39,12 @@ class StrategySpec:
         core_steps: the steps that the core tries in order for agents without a `core_form`; None: the core does not
             play the strategy.
         begins: returns the memory of agents in a game that has already begun; None: memory is not imported.
-        takes_up_all: whether `begins` returns all data of earlier turns; a key that it omits then has no earlier data.
     """
 
     array_form: Callable[..., Any] | None = None
     core_form: int | None = None
     core_steps: tuple[CoreStep, ...] | None = None
     begins: Callable[..., Any] | None = None
-    takes_up_all: bool = False
 
 
 _UNDECLARED = StrategySpec()

@@ -4,7 +4,7 @@
 `RuleSpec.core_form` is a function that makes the rule that `gamms.core.rules` plays.
 """
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby
 from typing import Any, NamedTuple
@@ -20,8 +20,16 @@ from gamms.game.batch.courses import EdgeCourses, MetreCourses, paths_in_parts
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.movement import AnyNodeMovement, Paths
 from gamms.game.batch.roads import RoadTables
+from gamms.game.batch.scores import fits_float
 from gamms.game.batch.state import CoreEvents, GameArrays
-from gamms.game.batch.strategy_steps import LOOKING, MOST_LOOKING, StrategySteps, always_act, has_plain_looks
+from gamms.game.batch.strategy_steps import (
+    LOOKING,
+    MOST_LOOKING,
+    StrategySteps,
+    always_act,
+    can_read,
+    has_plain_looks,
+)
 from gamms.game.batch.travel import MetricMovement
 from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, in_parts
 from gamms.game.conflicts import ConflictTable, flat, ranked
@@ -318,7 +326,8 @@ def _of_failure(pair: tuple[Failure, int]) -> tuple[int, int]:
 def put_scores(state: GameArrays, score: FloatArray) -> None:
     """Write the scores of all games as the core takes them, (games, teams)."""
     for number, team in enumerate(state.roster.teams):
-        score[:, number] = state.scores.get(team, 0.0)
+        column = state.scores.get(team)
+        score[:, number] = 0.0 if column is None or column.dtype == object else column
 
 
 def reason_of_goals(teams: Iterable[Hashable]) -> str:
@@ -342,14 +351,15 @@ def memory_of(column: np.ndarray[Any, Any]) -> Any:
     return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
 
 
-def core_form_of(settings: Mapping[str, Any], roster: AgentTable, number: int) -> int | None:
+def core_form_of(game: PlayedGame, roster: AgentTable, number: int) -> int | None:
     """Return the number by which the core knows what decides for an agent, None: it does not play that.
 
     Args:
-        settings: of the game.
+        game: at its start.
         roster: its agents; one without a strategy stays.
         number: of the agent.
     """
+    settings = game.settings()
     agent = roster.agents[number]
     decider = decider_of(agent, settings["plans"])
     if roster.varies[number]:
@@ -368,6 +378,8 @@ def core_form_of(settings: Mapping[str, Any], roster: AgentTable, number: int) -
     may_look = by_edges and not roster.flies.any() and len(roster.names) <= MOST_LOOKING and has_plain_looks(agent)
     may_err = settings["on_illegal"] == "raise" and not (by_edges and agent.speed is None)
     is_played = always_act(steps) and not (goes_on or may_err) and settings["legal"] == "edges"
+    memory = game.internals.state.memories.get(agent.name, {})
+    is_played = is_played and can_read(steps, memory, game.ctx.graph.graph.get_node)
     return moves.BY_STEPS if is_played and (may_look or kinds.isdisjoint(LOOKING)) else None
 
 
@@ -380,9 +392,15 @@ def called_rules(game: PlayedGame, roster: AgentTable) -> list[NamedRule]:
     """Return the rules of a game as a batch calls them; the core has no form of some where agents leave the nodes."""
     settings, called = game.settings(), as_called(game.rules)
     by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
-    if not by_metres and not roster.flies.any():
-        return called
-    return [one._replace(rule=_without_core(one.rule)) if one.spec.needs_nodes else one for one in called]
+    leaves_nodes = by_metres or bool(roster.flies.any())
+    are_exact = all(map(fits_float, game.scores.values()))  # else no rule in the core may add to scores
+    without = [
+        one.spec.core_form is not None and (not are_exact or (leaves_nodes and one.spec.needs_nodes)) for one in called
+    ]
+    return [
+        one._replace(rule=_without_core(one.rule)) if is_function else one
+        for one, is_function in zip(called, without, strict=True)
+    ]
 
 
 def _without_core(rule: Callable[[Any], object]) -> Callable[[Any], object]:
@@ -425,7 +443,7 @@ class CoreGames:
         self._conflicts = ranked(settings["conflicts"])
         self._has_conflicts = settings["conflicts"] is not None
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
-        found = [core_form_of(settings, state.roster, number) for number in range(len(deciders))]
+        found = [core_form_of(game, state.roster, number) for number in range(len(deciders))]
         forms = [moves.STAY if one is None else one for one in found]
         self._decides_by = np.array(forms, np.uint8)
         pairs = zip(forms, deciders, strict=True)

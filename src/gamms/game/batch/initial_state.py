@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.errors import BadType
+from gamms.errors import BadType, BadValue
 from gamms.game.batch.by_edges import EdgeMovement
 from gamms.game.batch.columns import AgentTable, PlayedGame, agents_of, decider_of, some_rows
 from gamms.game.batch.deeds import ArrayDeeds
@@ -15,8 +15,7 @@ from gamms.game.batch.flights import poses_in, starts_above
 from gamms.game.batch.forms import key_of, strategy_spec_of
 from gamms.game.batch.in_core import CoreColumns
 from gamms.game.batch.movement import AnyNodeMovement, Legs, Movement, Paths
-from gamms.game.batch.scores import fits_float
-from gamms.game.batch.state import STOPPED, Arrays, GameArrays, NotInCore
+from gamms.game.batch.state import STOPPED, Arrays, GameArrays
 from gamms.game.batch.travel import MetricMovement, TravelTerms, seconds_of_turn
 from gamms.game.moves import TurnMoves
 from gamms.game.settings import as_called
@@ -92,12 +91,13 @@ class InitialState:
         last_turn: the moves of the last turn, if an array rule reads them; None: no rule does, or no turn was played.
 
     Raises:
-        NotInCore: the core does not support a part of the state.
+        BadValue: a node where an agent was is no longer on the map.
         UnknownName (KeyError): an agent moved over a node that is no longer on the map.
     """
 
     def __init__(self, game: PlayedGame, state: GameArrays, columns: CoreColumns, games: IntArray) -> None:
-        _refuse_unknown(game, state.movement)
+        if game.turn:
+            _take_places(game, state.movement)
         block, values, rows = game.ctx.agent.block, game.internals.state, state.streets.rows
         names, known = state.roster.names, game.ctx.agent.agents
         self.turn = game.turn
@@ -134,7 +134,6 @@ class InitialState:
         stopped = Counter(name for name in events if isinstance(name, str))
         self._stops = [stopped[name] for name in names]
         self.put(state, columns, games)
-        state.has_begun = self.turn > 0
         for one in game.rules:
             _take_up(game, state, f"the rule {one.name!r}", one.spec.begin_arrays)
         self._take_up_memories(game, state)
@@ -142,18 +141,12 @@ class InitialState:
     def _take_up_memories(self, game: PlayedGame, state: GameArrays) -> None:
         """Copy the memory of agents into `state.first`, for the forms of their strategies."""
         settings, known = game.settings(), game.ctx.agent.agents
-        deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
-        has_come = [name in known for name in state.roster.names]
-        are_whole = [strategy_spec_of(one).takes_up_all for one in deciders]
-        state.takes_up[:] = [is_whole or not has for is_whole, has in zip(are_whole, has_come, strict=True)]
-        if not (state.has_begun or any(_remembers(game, agent) for agent in known.values())):
+        if not (self.turn or any(_remembers(game, agent) for agent in known.values())):
             return
+        deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
         by_key = {key_of(begins): one for one in deciders if (begins := strategy_spec_of(one).begins) is not None}
         for one in by_key.values():
-            try:
-                _take_up(game, state, f"the strategy {as_code(one)}", strategy_spec_of(one).begins)
-            except NotInCore as error:  # `first` lacks its memory
-                state.takes_up[:], state.why_not_first = False, f": {error}"
+            _take_up(game, state, f"the strategy {as_code(one)}", strategy_spec_of(one).begins)
 
     def last_deeds(self, games: int) -> list[ArrayDeeds]:
         """Return the deeds of the last turn, repeated for a number of games."""
@@ -186,8 +179,7 @@ class InitialState:
                 state.movement.put_on(games, number, place)
         for kind, numbers in self._counts.items():
             state.counts[kind][games] = numbers
-        for key, points in self._scores.items():
-            state.scores.add(key, games, points)
+        state.scores.put(games, self._scores)
         if self._over is not None:
             for game in games.tolist():
                 state.over[game] = dict(self._over)
@@ -251,29 +243,31 @@ def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | N
     state.first_by |= dict.fromkeys(found, named)
 
 
-def _refuse_unknown(game: PlayedGame, movement: Movement) -> None:
-    """Refuse a state that the columns of the core cannot represent."""
-    if not all(map(fits_float, game.scores.values())):
-        raise NotInCore("scores that are not numbers, or too large")
-    if game.turn:
-        _refuse_unknown_places(game, movement)
+def _take_places(game: PlayedGame, movement: Movement) -> None:
+    """Refuse agents whose nodes were removed, and put agents on nodes whose edges were closed, as their turn would.
 
-
-def _refuse_unknown_places(game: PlayedGame, movement: Movement) -> None:
-    """Refuse agents on nodes or edges that the map no longer has, or that their movement cannot reach."""
-    block = game.ctx.agent.block
+    Raises:
+        BadValue: a node was removed.
+    """
+    block, graph = game.ctx.agent.block, game.ctx.graph
     by_metres = isinstance(movement, MetricMovement)
-    has_node = game.ctx.graph.graph.has_node
-    edges, _ = game.ctx.graph.storage.roads()  # those that are open
+    edges, _ = graph.storage.roads()  # those that are open
     for agent in [one for one in agents_of(game) if one.type is not AgentType.AERIAL]:
-        row, started = block.row_of(agent.name), game.internals.start_of(agent)
-        place = block.progress[row]
-        if not (has_node(started) and has_node(block.previous[row])):
-            raise NotInCore(f"agent {agent.name!r}, whose start node or previous node was removed")
-        if place is not None and (by_metres != (place.motion != Motion.NONE) or not (by_metres or agent.speed)):
-            raise NotInCore(f"agent {agent.name!r}, whose progress on an edge does not fit the settings of the game")
+        row = block.row_of(agent.name)
+        for node in (game.internals.start_of(agent), block.previous[row]):
+            if not graph.graph.has_node(node):
+                raise BadValue(
+                    f"Node {node}, where agent {shown(agent.name)} started or was before, was removed from the map: a "
+                    "batch that continues the game needs it. Close its roads instead, or set agent.prev_node_id."
+                )
+        place = block.on_edge(row) if by_metres else block.progress[row]
         if by_metres and place is not None and place.edge not in edges:
-            raise NotInCore(f"agent {agent.name!r}, which is on an edge that was closed or removed")
+            why = f"the edge from node {place.source} to node {place.target} was closed"
+            game.internals.state.blocked.add(agent.name, why)
+            place = None
+        if not by_metres and place is not None and (agent.speed is None or place.source != block.node[row]):
+            place = None
+        block.set_progress(row, place)
 
 
 def _remembers(game: PlayedGame, agent: IAgent) -> bool:

@@ -16,11 +16,11 @@ _MOST_EXACT = 1 << 53  # scores are floats in columns
 
 def fits_float(score: object) -> bool:
     """Return whether a score is a number that float64 represents exactly."""
-    return isinstance(score, float) or (isinstance(score, int) and abs(score) <= _MOST_EXACT)
+    return isinstance(score, float) or (type(score) is int and abs(score) <= _MOST_EXACT)
 
 
 class Scores(dict[Hashable, FloatArray]):
-    """The scores of all games: key -> float64 (games,).
+    """The scores of all games: key -> float64 (games,), or objects if a game has a score that float64 cannot hold.
 
     Attributes:
         ranks: key -> (games,) positive integers that ascend in the order in which a game first set its keys; 0: not
@@ -49,7 +49,7 @@ class Scores(dict[Hashable, FloatArray]):
             points: one number for all, or one for each entry of `games`.
             order: the position of each entry among additions to several keys, ascending; None: only this key.
         """
-        if not isinstance(points, int) and np.isnan(points).any():
+        if not isinstance(points, int) and np.isnan(np.asarray(points, np.float64)).any():
             raise BadType(f"The score of {shown(key)} must be a number, not {shown(points)}.")
         if key not in self:
             self[key] = np.zeros(self._games, np.float64)
@@ -93,17 +93,19 @@ class Scores(dict[Hashable, FloatArray]):
             ranks[is_new] = last + 1 + first[is_new, number]
         self._last_rank = last + 2 + int(first.max(initial=0))
 
-    def put(self, game: int, scores: Mapping[Hashable, float]) -> None:
-        """Set all scores of a game."""
+    def put(self, games: IntArray, scores: Mapping[Hashable, float]) -> None:
+        """Set all scores of some games to the same values."""
         for key in self:
             if key not in scores:
-                self[key][game] = 0.0
-                self.ranks[key][game] = 0
+                self[key][games] = 0.0
+                self.ranks[key][games] = 0
         for rank, (key, points) in enumerate(scores.items(), 1):
-            self.add(key, np.array([game]), 0)
-            self[key][game] = points
-            self.are_floats[key][game] = not isinstance(points, int)
-            self.ranks[key][game] = rank
+            self.add(key, games, 0)
+            if not fits_float(points) and self[key].dtype != object:
+                self[key] = self[key].astype(object)
+            self[key][games] = points
+            self.are_floats[key][games] = type(points) is not int
+            self.ranks[key][games] = rank
 
     def of(self, games: IntArray) -> list[dict[Any, Any]]:
         """Return the scores of each game, key -> number, in the order in which the keys were first set."""

@@ -129,10 +129,6 @@ class EventLog(GameLog[EmittedEvents | CoreEvents]):
         self._read_before[reader] = number
         self._read[reader] = np.full(len(self._of_game), number)
 
-    def is_read_by(self, reader: Hashable) -> bool:
-        """Return whether a reader is registered."""
-        return reader in self._read
-
     def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> None:
         """Log events, one for each entry of `games`; the events of a game are in order."""
         self._pending.append(EmittedEvents(kind, games, turns, fields))
@@ -292,9 +288,6 @@ class GameArrays:
         kept: the memory of rules and strategies: key -> name -> array (games, …).
         first: the memory of turns before the batch, as `kept`, but arrays of one game.
         first_by: key -> the rule or strategy that returned this memory, for messages.
-        has_begun: whether turns were played before the batch; then the memory of these turns must be in `first`.
-        takes_up: (agents,) whether `first` holds the complete memory that the agent's strategy has of these turns.
-        why_not_first: why a strategy's memory is missing in `first`, for messages.
         facts: the facts that rules have published, by name.
         events: the events of all games.
         blocked: (games, agents) whether a conflict stopped the agent in the last turn.
@@ -303,8 +296,6 @@ class GameArrays:
         no_node: (games,) zeros: the number of the first node, for games on one map.
         memory_of: (agents,) the number of each agent's memory; agents of a team may share one.
     """
-
-    why_not_first = ""
 
     def __init__(self, roster: AgentTable, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
         self.roster, self.seeds = roster, list(seeds)
@@ -345,8 +336,8 @@ class GameArrays:
         self.roads = movement.all_roads
         self._of_maps: MapData | None = None  # for games that differ in their open roads
         self.deeds = DeclaredDeeds({}, None, self.roster, movement.streets)
-        self.kept, self.first, self.has_begun = dict[Hashable, Arrays](), dict[Hashable, Arrays](), False
-        self.first_by, self.takes_up = dict[Hashable, str](), np.zeros(len(self.roster.names), np.bool_)
+        self.kept, self.first = dict[Hashable, Arrays](), dict[Hashable, Arrays]()
+        self.first_by = dict[Hashable, str]()
         self.facts = dict[str, Any]()
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None
@@ -500,11 +491,8 @@ class GameArrays:
             return of_games.copy() if of_games is column else of_games
         return of_games.take(agents, axis=1)
 
-    def keep(self, key: Hashable, make: Callable[[int], Arrays], *, is_new: bool = False) -> Arrays:
-        """Return the memory of a rule or a strategy in all games; the first call stores `make(games)`.
-
-        `is_new` says that a key which `first` does not contain has no data of turns before the batch.
-        """
+    def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
+        """Return the memory of a rule or a strategy in all games; the first call stores `make(games)`."""
         known = self.kept.get(key)
         if known is None:
             if not callable(make):
@@ -513,9 +501,6 @@ class GameArrays:
             if first is not None:
                 named = self.first_by.get(key)
                 make = partial(_repeated, first if named is None else _as_made(key, named, first, make(1)))
-            elif self.has_begun and not is_new:
-                why = f"it is not known what is kept under {shown(key)} of the turns before the batch"
-                raise NotInCore(why + self.why_not_first)
             known = make(len(self))
             _refuse_other_arrays(known, len(self))
             self.kept[key], self._makers[key] = known, make

@@ -1,6 +1,6 @@
 """What agents along edges decide by in the core: the steps of strategies, sensors, memories, and tables of ways."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import partial
 from itertools import accumulate, chain
 from typing import Any
@@ -14,7 +14,7 @@ from gamms.game.batch.columns import AgentTable
 from gamms.game.batch.forms import CoreStep
 from gamms.game.batch.roads import RoadMap, RoadTables
 from gamms.game.batch.routes import PathTables
-from gamms.game.batch.state import Arrays, GameArrays, NotInCore
+from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.conflicts import flat
 from gamms.ir.graph import IntArray
 from gamms.ir.sensor_results import AgentLook
@@ -90,24 +90,27 @@ def made_looks(state: GameArrays, looking: Sequence[bool]) -> strategies.SensorT
 
 
 def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
-    """Return what agents of the game of a context remember of steps, as `StrategySteps` keeps it.
-
-    Raises:
-        NotInCore: a memory has something else there, or a node that is not on the map any more.
-    """
+    """Return what agents of the game of a context remember of steps, as `StrategySteps` keeps it."""
     found: dict[Hashable, Arrays] = {}
     names = state.roster.names
+
+    def row_of(node: int) -> int:
+        return int(state.streets.rows(node))
+
     for step in [step for step in steps if step.key]:
         columns = found["memory", step.key] = _unremembered(step.kind, len(names), 1)
         known = {name: memory[step.key] for name, memory in ctx.game.memories.items() if step.key in memory}
-        for number, name in [(number, name) for number, name in enumerate(names) if name in known]:
-            try:
-                values = _numbers_of(step, known[name], state)
-            except (TypeError, ValueError, LookupError) as error:
-                raise NotInCore(f"the memory of agent {shown(name)} has what no strategy reads: {error}") from error
-            for column, value in zip(columns.values(), values, strict=True):
+        for number, name in enumerate(names):
+            values = _numbers_of(step, known[name], row_of) if name in known else None
+            for column, value in zip(columns.values(), values or (), strict=values is not None):
                 column[0, number] = value
     return found
+
+
+def can_read(steps: Sequence[CoreStep], memory: Mapping[Any, Any], find: Callable[[int], Any]) -> bool:
+    """Return whether an agent's memory of steps is as these write it; `find` raises if a node is not on the map."""
+    remembered = [step for step in steps if step.key and step.key in memory]
+    return all(_numbers_of(step, memory[step.key], find) is not None for step in remembered)
 
 
 def _unremembered(kind: str, agents: int, games: int) -> Arrays:
@@ -115,12 +118,15 @@ def _unremembered(kind: str, agents: int, games: int) -> Arrays:
     return {name: np.full((games, agents), first) for name, first in _REMEMBERED[kind].items()}
 
 
-def _numbers_of(step: CoreStep, known: Any, state: GameArrays) -> tuple[int, ...]:
-    """Return what an agent remembers of a step, as its columns have it."""
-    if step.kind == "follow":
-        return (range(len(step.nodes or ()) + 1)[as_int(known, "the next stop")],)
-    target, left = known
-    return int(state.streets.rows(target)), as_int(left, "left")
+def _numbers_of(step: CoreStep, known: Any, row_of: Callable[[int], Any]) -> tuple[Any, ...] | None:
+    """Return what an agent remembers of a step, as its columns have it; None: the step has not written that."""
+    try:
+        if step.kind == "follow":
+            return (range(len(step.nodes or ()) + 1)[as_int(known, "the next stop")],)
+        target, left = known
+        return row_of(target), as_int(left, "left")
+    except (TypeError, ValueError, LookupError):
+        return None
 
 
 class StrategySteps:

@@ -12,7 +12,7 @@ from gamms.game.batch.columns import kept_in, lock, once, places_of, put_locked,
 from gamms.game.batch.deeds import ArrayDeeds, joined
 from gamms.game.batch.movement import Paths
 from gamms.game.batch.routes import RouteTable
-from gamms.game.batch.state import STOPPED, Arrays, EmittedEvents, GameArrays, NotInCore
+from gamms.game.batch.state import STOPPED, Arrays, EmittedEvents, GameArrays
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -252,8 +252,6 @@ class ArrayTurn:
 
         Their `games` are indices in this turn.
         """
-        if self._state.has_begun and not self._state.events.is_read_by(reader):
-            raise NotInCore(f"it is unknown which events of the turns before the batch {shown(reader)} has read")
         number = places_of(self.games, len(self._state))
         new = self._state.events.new(reader, self.games)
         return [emitted._replace(games=number[emitted.games]) for emitted in new]

@@ -505,7 +505,7 @@ class ArrayView(Mapping[str, Any]):
 
         Index the arrays with `games`.
         """
-        return self._state.keep(key, make, is_new=bool(self._state.takes_up[self.agents].all()))
+        return self._state.keep(key, make)
 
     def _checked(self, given: object, by: str, *, may_aim: bool = False) -> IntArray:
         """Return actions as integers (games, agents), 0 for dead agents.
