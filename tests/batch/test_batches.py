@@ -1,6 +1,7 @@
 """Many games at once: each is the game that would be played alone."""
 
 import copy
+import inspect
 import pickle
 import signal
 import sys
@@ -106,6 +107,13 @@ class Prepared:
 
 def prepared():
     return Prepared()
+
+def pay(ctx):
+    ctx.game.scores["paid"] += ctx.game.facts["spot"][0]
+
+@gamms.array_rule
+def pays(turn):
+    turn.add_score("in arrays", turn.games * 0, float(turn.facts["spot"][0]))
 """
 
 
@@ -119,24 +127,27 @@ def by(strategy):
 
 
 @pytest.mark.parametrize(
-    ("given", "where"),
+    ("given", "is_called"),
     [
-        (arrive("mine:corner", side=5), None),
-        (arrive("mine:drawn"), "rules.0.with.nodes"),
-        (arrive("mine:lucky"), "rules.0.with.nodes"),
-        (by("mine:same"), None),
-        ({"rules": [{"rule": "mine:prepared"}]}, "rules.0"),
+        (arrive("mine:corner", side=5), False),
+        (arrive("mine:drawn"), True),
+        (arrive("mine:lucky"), True),
+        (by("mine:same"), False),
+        ({"rules": [{"rule": "mine:prepared"}]}, True),
+        ({"rules": [{"rule": "mine:pay"}, {"rule": "mine:pays"}], "facts": {"spot": {"function": "mine:drawn"}}}, True),
     ],
 )
-def test_only_what_differs_with_the_seed_is_made_for_each_game(given, where, tmp_path):
+def test_only_what_differs_with_the_seed_is_made_for_each_game(given, is_called, tmp_path):
     (tmp_path / "mine.py").write_text(MINE)
     scenario = Scenario(**{**scene([]).to_dict(), **given, "folder": tmp_path})
     with scenario.batch(3, seed=1) as games:
-        assert where is not None or "a function makes for each game" not in str(games.slow)
-        assert where is None or games.slow == f"{where}, which a function makes for each game"
+        assert ("the rule" in str(games.slow)) == is_called
         games.run()
-        for number in range(0 if where and "lucky" in str(given) else 3):
-            assert plain(games.result(number)) == plain(scenario.play(seed=1 + number))
+        assert games.is_in_arrays, games.slow
+        games.reset([1], seeds=[9])
+        games.run()
+        for number, seed in enumerate(games.seeds if "lucky" not in str(given) else ()):
+            assert plain(games.result(number)) == plain(scenario.play(seed=seed))
 
 
 @pytest.mark.parametrize(
@@ -162,6 +173,57 @@ def test_strategies_that_differ_with_the_seed_are_called_in_the_core(strategy, t
             for number, seed in enumerate(seeds):
                 assert games.result(number) == scenario.play(seed=seed)
                 assert plain(games.context(number).game.result()) == plain(games.result(number))
+
+
+class Planned:
+    """A strategy that plans before the first turn, and tells what it has planned."""
+
+    def prepare(self, ctx):
+        self.number = ctx.seed + sum(agent.current_node_id for agent in ctx.agent.create_iter())
+        ctx.game.publish(planned=self.number)
+
+    def __call__(self, state):
+        number = self.number + state["facts"]["planned"] + state["turn"]
+        state["action"] = state["legal"][number % len(state["legal"])]
+
+
+@pytest.mark.parametrize("turns", [0, 2])
+def test_strategies_prepare_in_each_game(turns):
+    def tell(ctx):
+        ctx.game.emit("planned", what=ctx.game.facts["planned"])
+
+    with scene([TAG]).build(seed=1) as ctx:
+        planned = Planned()
+        for name in ("red_0", "red_1", "blue_0"):
+            ctx.agent.get_agent(name).register_strategy(planned)
+        for _ in range(turns):
+            ctx.game.step()
+        ctx.game.add(tell)
+        with ctx.game.batch(seeds=[4, 5, 6]) as games:
+            for _ in range(2):
+                games.run()
+                assert games.is_in_arrays, games.slow
+                for number, seed in enumerate(games.seeds):
+                    with ctx.game.fork(0).ctx as alone:
+                        alone.game.reset(seed=seed)
+                        result = plain(alone.game.run())
+                    assert plain(games.result(number)) == result
+                    assert plain(games.context(number).game.result()) == result
+                games.reset([1], seeds=[8])
+                games.reset([0])
+
+
+@pytest.mark.parametrize("maps", [None, [{"grid": {"width": 4, "height": 4}}, {"grid": {"width": 6, "height": 3}}]])
+def test_strategies_of_scenarios_prepare_in_each_game(maps, tmp_path):
+    (tmp_path / "mine.py").write_text(f"{inspect.getsource(Planned)}\nplanned = Planned()")
+    team = {"count": 2, "strategy": "mine:planned"}
+    scenario = Scenario(**{**scene([TAG], teams={"red": team, "blue": team}).to_dict(), "folder": tmp_path})
+    with scenario.batch(4, seed=1, maps=maps) as games:
+        games.run()
+        assert games.is_in_arrays, games.slow
+        for number, seed in enumerate(games.seeds):
+            alone = scenario if maps is None else scenario.replace(map=maps[games.maps[number]])
+            assert plain(games.result(number)) == plain(alone.play(seed=seed))
 
 
 def test_plans_that_differ_with_the_seed_are_called_in_the_core_on_several_maps(tmp_path):

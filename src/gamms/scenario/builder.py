@@ -197,6 +197,12 @@ class Builder:
         deciders |= {f"teams.{team}.plan" for team in self._plans}
         return [path for path in paths if not any(_is_within(path, decider) for decider in deciders)]
 
+    def of_agents(self, paths: Iterable[str]) -> list[str]:
+        """Return the paths of sensors and descriptions of agents."""
+        return [
+            path for path in self.without_deciders(paths) if path.partition(".")[0] not in ("rules", "facts", "data")
+        ]
+
     def deciders_at(self, paths: Sequence[str], seed: int) -> dict[tuple[str, str], Function | None]:
         """Reset the game with a seed; return its strategies and plans at these paths, by agent or team."""
         self.ctx.game.reset(seed=seed)

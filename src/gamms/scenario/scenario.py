@@ -392,11 +392,13 @@ class Scenario(Surface, Immutable):
         try:
             others = islice(dict.fromkeys(seeds[:_AMONG]), 1, 1 + _PROBES)
             varying = [] if reason else builder.varying(self._builder_for(one, strategies) for one in others)
-            unknown = builder.without_deciders(varying)
+            unknown = builder.of_agents(varying)
+            differs = len(builder.without_deciders(varying)) > 0
             reason = f"{unknown[0]}, which a function makes for each game" if unknown else reason
             deciders = partial(builder.deciders_at, varying) if varying and not unknown else None
             place = AgentPlacement(ctx, self.spec, members(self.spec)).place if are_drawn else None
-            return BatchSource(ctx.game, place, reason, partial(self.build, strategies=strategies), deciders)
+            build = partial(self.build, strategies=strategies)
+            return BatchSource(ctx.game, place, reason, build, deciders, differs)
         except BaseException:
             ctx.terminate()
             raise

@@ -22,7 +22,6 @@ from gamms.game.batch.columns import (
     in_threads,
     in_turns,
     kept_in,
-    preparing,
     sensors_of,
     some_rows,
 )
@@ -40,7 +39,7 @@ from gamms.game.batch.given import OutsideActions, as_flights
 from gamms.game.batch.in_core import CoreColumns, CoreGames, called_rules, is_function
 from gamms.game.batch.initial_state import InitialState, goes_along_one_edge, movement_of
 from gamms.game.batch.movement import Movement, MovementOnMaps
-from gamms.game.batch.own_functions import function_in
+from gamms.game.batch.own_functions import FirstValues, function_in
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.sensing import called_each_turn, look, note_sensors, turns_with_agent
 from gamms.game.batch.state import GameArrays, NotInCore
@@ -94,6 +93,7 @@ class GamesOnOneMap:
         state: of all games of the batch, as they are on this map.
         block: the columns that the games on all maps share.
         games: (games,) those that are on the map at first.
+        first: what each game begins with; empty: all begin with the same.
 
     Attributes:
         game, state: see above.
@@ -107,7 +107,14 @@ class GamesOnOneMap:
         GammsError: a rule or the conflicts cannot be played in the core, or not from where the game is.
     """
 
-    def __init__(self, game: PlayedGame, state: GameArrays, block: CoreColumns, games: IntArray) -> None:
+    def __init__(
+        self,
+        game: PlayedGame,
+        state: GameArrays,
+        block: CoreColumns,
+        games: IntArray,
+        first: Sequence[FirstValues | None],
+    ) -> None:
         self.game = game
         self.state = state
         roster = state.roster
@@ -147,7 +154,9 @@ class GamesOnOneMap:
         self.cursor: Cursor | None = None
         if calls_each:
             has_arrays = len(self._groups) > 0 or any(one.spec.is_array_function for one in rules)
-            self.cursor = Cursor(game, pointed, state, self.core, asked, observing, has_array_functions=has_arrays)
+            self.cursor = Cursor(
+                game, pointed, state, self.core, asked, observing, first, has_array_functions=has_arrays
+            )
         self._is_strict = settings["on_illegal"] == "raise"
         self._flights: dict[Hashable, FloatArray | None] = {}  # by team, those that are given in this turn
         self._called = as_code(decider_of(roster.agents[asked[0]], settings["plans"])) if asked else ""
@@ -507,6 +516,7 @@ class ArrayEngine:
         map_of: (games,) the number of the map that each is on.
         start: the ids of the nodes where agents begin, (games, agents).
         rosters: the agents on each map.
+        first: on each map, what each game begins with; empty: all begin with the same.
 
     Raises:
         GammsError: a rule or the conflicts cannot be played in the core, or not from where the game is.
@@ -520,6 +530,7 @@ class ArrayEngine:
         map_of: IntArray,
         start: IntArray,
         rosters: Sequence[AgentTable],
+        first: Sequence[Sequence[FirstValues | None]],
     ) -> None:
         self._map_of = map_of.copy()
         self._num_maps = len(games)
@@ -539,8 +550,8 @@ class ArrayEngine:
         self._is_strict = settings["on_illegal"] == "raise"
         self._block = CoreColumns(states, self._map_of)
         self._maps = [
-            GamesOnOneMap(game, state, self._block, of_map)
-            for game, state, of_map in zip(games, states, self._on, strict=True)
+            GamesOnOneMap(game, state, self._block, of_map, values)
+            for game, state, of_map, values in zip(games, states, self._on, first, strict=True)
         ]
         self._num_parts = self._maps[0].core.num_parts
         self._acts = self._maps[0].acts
@@ -1073,13 +1084,11 @@ def _groups(roster: AgentTable, settings: Mapping[str, Any], movement: Movement)
     """Return the array functions that decide, each with all agents that have the same.
 
     Raises:
-        NotInCore: the core cannot call one of them, or a strategy prepares something in each game.
+        NotInCore: the core cannot call one of them.
     """
     plans: Mapping[Any, Plan] = settings["plans"]
     found: dict[Hashable, list[int]] = {}
     for number, agent in enumerate(roster.agents):
-        for one in preparing(agent, plans):
-            raise NotInCore(f"{as_code(one)}, with what it prepares in a game")
         decider = decider_of(agent, plans)
         if decides_in_arrays(decider, settings):
             erring = errs_at_arrivals(agent) if decides_at_arrivals(movement) else None

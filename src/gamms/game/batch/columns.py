@@ -430,12 +430,6 @@ def decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
     return plans[agent.team].function if agent.team in plans else agent.strategy
 
 
-def preparing(agent: IAgent, plans: Mapping[Hashable, Plan]) -> list[object]:
-    """Return the strategy of an agent and the plan of its team, if they have a `prepare(ctx)` method."""
-    found = [agent.strategy, getattr(plans.get(agent.team), "function", None)]
-    return [one for one in found if hasattr(one, "prepare") and not isinstance(one, type)]
-
-
 def reserved(roster: AgentTable, most_agents: object) -> list[ComingAgent]:
     """Return the agents that may come for which the caller reserves rows."""
     found: dict[Hashable, list[str]] = {}

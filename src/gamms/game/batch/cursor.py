@@ -21,7 +21,7 @@ from gamms.game.batch.courses import Routes
 from gamms.game.batch.flights import Flights
 from gamms.game.batch.forms import decides_in_arrays, strategy_spec_of
 from gamms.game.batch.in_core import CoreGames, called_rules, core_form_of
-from gamms.game.batch.own_functions import FunctionPerGame, some_function
+from gamms.game.batch.own_functions import FirstValues, FunctionPerGame, some_function
 from gamms.game.batch.pointed import PointedContext, Population
 from gamms.game.batch.scores import fits_float
 from gamms.game.batch.sensing import called_each_turn
@@ -274,6 +274,7 @@ class Cursor:
         core: plays them.
         asked: the numbers in the roster of agents whose strategies and plans are called.
         observing: the numbers of agents whose sensors are called in each turn.
+        first_values: what each game begins with; empty: all begin with the same.
         has_array_functions: whether array functions are called, too.
 
     Attributes:
@@ -295,6 +296,7 @@ class Cursor:
         core: CoreGames,
         asked: Sequence[int],
         observing: Sequence[int],
+        first_values: Sequence[FirstValues | None],
         *,
         has_array_functions: bool,
     ) -> None:
@@ -318,9 +320,11 @@ class Cursor:
         deciders = [decider_of(state.roster.agents[number], game.settings()["plans"]) for number in asked]
         collectors = parts.collectors.by_name.values()
         self._periods = {one.every for one in collectors}
-        self._own_functions = [one for one in deciders if isinstance(one, FunctionPerGame)]
+        self._first_values = first_values
+        of_rules = [function for one in game.rules for function in (one.rule, one.spec.check)]
+        self._own_functions = [one for one in (*deciders, *of_rules) if isinstance(one, FunctionPerGame)]
         self.functions = [
-            *_functions_of_rules(game, state.roster),
+            *map(some_function, _functions_of_rules(game, state.roster)),
             *map(some_function, deciders),
             *(one.fn for one in collectors),
         ]
@@ -559,7 +563,15 @@ class Cursor:
         for number in games.tolist():
             self._data[number] = self._facts_of[number] = self._attributes[number] = None
             self._rngs[number] = self._first_rng(number)
-            self._private_facts[number] = copied(first.private_facts) if any(first.private_facts) else None
+            private_facts = first.private_facts
+            own = self._first_values[number] if self._first_values else None
+            if own is not None:
+                self._data[number] = self._copy_of_data(
+                    {key: one for key, one in own.data.items() if key not in self._core_keys}
+                )
+                self._facts_of[number] = dict(own.facts)
+                private_facts = own.agent_facts, own.team_facts
+            self._private_facts[number] = copied(private_facts) if any(private_facts) else None
             self._memories[number] = defaultdict(dict, copied(first.memories))
             self._team_memories[number] = copied(first.team_memories)
             self._collectors[number] = self._new_collectors()

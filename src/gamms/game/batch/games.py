@@ -55,8 +55,9 @@ class BatchSource(NamedTuple):
         game: the game at its start, in a context that belongs to the batch.
         starts: returns the ids of the start nodes for several seeds, agent name -> (seeds,); None: the start nodes do
             not depend on the seed.
-        follows_seed: a description of other parts that depend on the seed; None: only `deciders` do.
-        deciders: makes the strategies and plans that depend on the seed; None: none do.
+        follows_seed: a description of other parts that depend on the seed; None: there are none.
+        deciders: makes the strategies and plans that depend on the seed; None: nothing does.
+        differs: whether rules, facts or data depend on the seed, too.
         build: makes a context with the game of a seed; None: the batch was not made from a scenario.
     """
 
@@ -65,6 +66,7 @@ class BatchSource(NamedTuple):
     follows_seed: str | None
     build: Callable[[int], Any] | None
     deciders: MakeDeciders | None = None
+    differs: bool = False
 
 
 class _SingleGame(NamedTuple):
@@ -117,8 +119,8 @@ class Batch(Immutable):
             roster.first_nodes(source.game) for source, roster in zip(sources, self._rosters, strict=True)
         ]
         self._begin: IntArray = np.zeros((len(seeds), len(self._roster.names)), np.int64)  # see `_starts`
-        made = [(source.game, source.deciders) for source in sources]
-        self._own = [None if make is None else FunctionsPerGame(game, make, self.seeds) for game, make in made]
+        own = [FunctionsPerGame(one.game, one.deciders, self.seeds, differs=one.differs) for one in sources]
+        self._own = [one if one.is_needed else None for one in own]
         self._engine = self._made_engine()
         self._left: str | None = None  # why the games left the core
         is_kept = as_bool(record, "record") or self._engine.may_leave
@@ -158,7 +160,8 @@ class Batch(Immutable):
         games = [source.game for source in self._sources]
         movements = [movement_in_core(game, roster) for game, roster in zip(games, self._rosters, strict=True)]
         self._begin = self._starts(self.seeds, self.maps)
-        return ArrayEngine(games, movements, self.seeds, self.maps, self._begin, self._rosters)
+        first = [[] if own is None else own.first for own in self._own]
+        return ArrayEngine(games, movements, self.seeds, self.maps, self._begin, self._rosters, first)
 
     def _take_functions(self, games: IntArray) -> None:
         """Make and install the strategies and plans of games, if they depend on the seed."""
@@ -755,7 +758,12 @@ class Batch(Immutable):
             game = source.build(seed).game
             return game
         self._engine.release()
+        own = self._own[self.maps[number]]
+        if own is not None:
+            own.remove()
         game = source.game.fork(0)
+        if own is not None:
+            own.install()
         if isinstance(self._engine, SequentialMapsEngine):
             self._engine.return_to_shown()
         game.reset(seed=seed)

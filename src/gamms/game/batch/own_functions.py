@@ -1,11 +1,14 @@
-"""Strategies and plans that differ between the games of a batch, because a scenario makes them from the seed."""
+"""What differs between games of a batch from their start: functions that a seed makes, or that a game prepares."""
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
+from gamms.core.copies import copied
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.state import NotInCore
-from gamms.game.settings import Plan
+from gamms.game.batch.forms import strategy_spec_of
+from gamms.game.settings import NamedRule, Plan, declared
+from gamms.game.snapshots import own
 from gamms.ir.graph import IntArray
 from gamms.text import as_code
 
@@ -16,7 +19,7 @@ MakeDeciders = Callable[[int], Mapping[Decider, Any]]
 
 
 class FunctionPerGame:
-    """A strategy, or the plan of a team, with a different function in each game.
+    """A strategy, a rule, or the plan of a team, with a different function in each game.
 
     Attributes:
         of_game: the function of each game; None: the game has none yet.
@@ -46,49 +49,137 @@ def some_function(decider: Any) -> Any:
     return next(filter(None, decider.of_game)) if isinstance(decider, FunctionPerGame) else decider
 
 
+def per_game(rule: NamedRule, of_game: FunctionPerGame) -> NamedRule:
+    """Return a rule that calls the function of each game."""
+    spec = rule.spec
+    check = FunctionPerGame(len(of_game.of_game)) if spec.check is not None else None
+    if check is not None:
+        check.of_game = [one and rule._replace(rule=one).spec.check for one in of_game.of_game]
+    plain = replace(
+        spec,
+        prepare=None,
+        check=check,
+        act_as_one=None,
+        parts=(),
+        array_form=None,
+        core_form=None,
+        prepare_arrays=None,
+        fact_of_game=None,
+        begin_arrays=None,
+        is_array_function=False,
+    )
+    return rule._replace(rule=declared(of_game, plain))
+
+
+def _stay(state: dict[str, Any]) -> None:
+    """Stay, in a game in which the agent has no strategy."""
+    state["action"] = state["legal"][0] if state["legal"] else (0.0, 0.0, 0.0)
+
+
+class FirstValues(NamedTuple):
+    """What a game begins with; see `GameState`."""
+
+    facts: dict[str, Any]
+    data: dict[Any, Any]
+    agent_facts: dict[Any, dict[str, Any]]
+    team_facts: dict[Any, dict[str, Any]]
+
+    @classmethod
+    def of(cls, game: PlayedGame) -> "FirstValues":
+        """Return what a game begins with."""
+        state = game.internals.state
+        private = copied((state.agent_facts, state.team_facts))
+        return cls(dict(state.facts), copied(state.data), *private)
+
+
 class FunctionsPerGame:
-    """The strategies and plans that differ between the games on one map.
+    """What differs between the games on one map from their start.
 
     Args:
         game: the game in whose context the functions are called.
-        make: makes the functions of a seed.
+        make: resets the game with a seed, and makes the strategies and plans of the seed; None: they do not differ.
         seeds: the seeds of all games of the batch.
+        differs: whether rules, facts or data differ with the seed, too.
+
+    Attributes:
+        first: what each game begins with; empty: all begin with the same.
     """
 
-    def __init__(self, game: PlayedGame, make: MakeDeciders, seeds: Sequence[int]) -> None:
+    def __init__(self, game: PlayedGame, make: MakeDeciders | None, seeds: Sequence[int], *, differs: bool) -> None:
         self._game = game
         self._make = make
         self._seed = seeds[0]
-        self._made_for: list[int | None] = [None] * len(seeds)
         self._own: dict[Decider, FunctionPerGame] = {}
+        self._rules: dict[str, FunctionPerGame] = {}
+        self._values: list[FirstValues | None] = [None] * len(seeds)
+        agents = game.ctx.agent.agents.values()
+        deciders: dict[Decider, Any] = {("agent", agent.name): agent.strategy for agent in agents}
+        deciders |= {("team", team): plan.function for team, plan in game.plans.items()}
+        self._preparing = {who: one for who, one in deciders.items() if _prepares(one)}
+        self._differs = differs or len(self._preparing) > 0
+        self.first = self._values if self._differs else []
+        self._shared = {who: one for who, one in deciders.items() if one is not None}
+        self._first_rules = game.rules
         self._first: Mapping[Decider, Any] = {}  # of the seed of the context
+
+    @property
+    def is_needed(self) -> bool:
+        """Whether games may differ from their start."""
+        return self._make is not None or len(self._preparing) > 0
 
     def take(self, games: IntArray, seeds: Sequence[int]) -> None:
         """Make the functions of games; afterwards, the context is reset with its first seed.
 
         The context must not be pointed at a game of the batch.
-
-        Raises:
-            NotInCore: an agent has no strategy in one of the games, or its strategy has a `prepare` method.
         """
+        self._decide_by(self._first)
+        self._game.internals.restore_rules(self._first_rules)  # that were made last
         for number, seed in zip(games.tolist(), seeds, strict=True):
-            if seed == self._made_for[number]:
-                continue
-            for decider, function in self._make(seed).items():
-                if function is None or hasattr(function, "prepare"):
-                    raise NotInCore(f"{as_code(function)}, with what it prepares in a game")
-                own = self._own.setdefault(decider, FunctionPerGame(len(self._made_for)))
-                own.of_game[number] = function
-            self._made_for[number] = seed
-        self._first = self._make(self._seed)
+            for decider, function in self._begin(seed).items():
+                self._of(self._own, decider).of_game[number] = function or _stay
+            for rule in self._game.rules if self._differs else ():
+                self._of(self._rules, rule.name).of_game[number] = rule.rule
+            self._values[number] = FirstValues.of(self._game) if self._differs else None
+        self._first = self._begin(self._seed)
+        self._first_rules = self._game.rules
+
+    def _of(self, known: dict[Any, FunctionPerGame], key: Hashable) -> FunctionPerGame:
+        return known.setdefault(key, FunctionPerGame(len(self._values)))
+
+    def _begin(self, seed: int) -> dict[Decider, Any]:
+        """Reset the game with a seed; return its own strategies and plans, which are prepared."""
+        if self._make is None:
+            self._game.reset(seed=seed)
+            found = {}
+        else:
+            found = dict(self._make(seed))
+        memo: dict[int, Any] = {}
+        found = {who: own(one, memo) for who, one in self._preparing.items()} | found
+        self._decide_by(found)
+        for function in {id(one): one for one in found.values() if _prepares(one)}.values():
+            function.prepare(self._game.ctx)
+        return found
 
     def install(self) -> None:
-        """Set the strategies and plans of the context to the `FunctionPerGame` objects of all games."""
+        """Set the functions of the context that differ between games to those that call the function of each game."""
+        if self._differs:  # functions of arrays are called for each game, too, because they may read facts
+            for who, function in self._shared.items():
+                if strategy_spec_of(function).array_form is not None and who not in self._own:
+                    self._of(self._own, who).of_game[:] = [function] * len(self._values)
         self._decide_by(self._own)
+        self._game.internals.restore_rules([self._of_games(rule) for rule in self._first_rules])
+
+    def _of_games(self, rule: NamedRule) -> NamedRule:
+        """Return a rule that calls that of each game, if these are others, or if it is a function of arrays."""
+        own = self._rules.get(rule.name)
+        if own is None or not (rule.spec.is_array_function or any(one not in (None, rule.rule) for one in own.of_game)):
+            return rule
+        return per_game(rule, own)
 
     def remove(self) -> None:
-        """Set the strategies and plans of the context to the functions of its first seed."""
-        self._decide_by(self._first)
+        """Set the functions of the context to those of its first seed, not prepared."""
+        self._decide_by({**self._first, **self._preparing})
+        self._game.internals.restore_rules(self._first_rules)
 
     def _decide_by(self, functions: Mapping[Decider, Any]) -> None:
         plans = dict(self._game.plans)
@@ -98,3 +189,7 @@ class FunctionsPerGame:
             else:
                 self._game.ctx.agent.agents[name].decide_by(function)
         self._game.plans = plans
+
+
+def _prepares(function: object) -> bool:
+    return hasattr(function, "prepare") and not isinstance(function, type)
