@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import BEYOND, beyond_core, plain, scene
+from batch_scenes import BEYOND, WALK, beyond_core, plain, scene
 
 import gamms
 from gamms.errors import BadType, BadValue
@@ -166,3 +166,32 @@ def test_with_a_time_budget_it_shares_what_it_keeps_with_an_array_rule():
             for seed in range(2):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(seed)) == plain(alone.game.run())
+
+
+@gamms.array_strategy
+def head_on(view):
+    """Go towards nodes that change from turn to turn, by some nodes alone in some turns, and keep how often."""
+    asked = view.keep("asked", lambda games: {"number": np.zeros(games, np.int64)})["number"]
+    asked[view.games] += 1
+    targets = (view.node * 0 + view.agents * 5 + asked[view.games][:, None] * 3) % 25
+    allowed = np.arange(25) % 7 != 3
+    ways = view.towards(targets, allowed=allowed if (asked[view.games] % 2).all() else None)
+    return np.where(ways < 0, 0, ways)
+
+
+@pytest.mark.parametrize(
+    ("speed", "settings"),
+    [(2.5, {}), (0.7, {"order": [["blue"], ["red"]]}), (14.0, {"speed_unit": "metres"})],
+    ids=["edges", "parts", "metres"],
+)
+def test_strategies_of_agents_with_speeds_go_towards_nodes_in_each_game(speed, settings):
+    teams = {"red": {"count": 3, "strategy": WALK, "speed": speed}, "blue": {"count": 2, "strategy": WALK}}
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+    made = scene([tag], teams=teams, settings=settings).build(seed=1, strategies={"red": head_on})
+    with made as ctx, ctx.game.batch(seeds=[3, 4]) as games, ctx.game.fork(0).ctx as alone:
+        games.step()
+        games.run()
+        assert games.is_in_arrays, games.slow
+        for number, seed in enumerate(games.seeds):
+            alone.game.reset(seed=seed)
+            assert plain(games.result(number)) == plain(alone.game.run())

@@ -34,7 +34,7 @@ from gamms.game.batch.cursor import (
     is_plain_rule,
 )
 from gamms.game.batch.deeds import DeclaredDeeds, DeedLog, deed_log_of
-from gamms.game.batch.forms import decides_in_arrays, key_of, strategy_spec_of
+from gamms.game.batch.forms import call_each, decides_in_arrays, key_of, strategy_spec_of
 from gamms.game.batch.given import OutsideActions, as_flights
 from gamms.game.batch.in_core import CoreColumns, CoreGames, called_rules, is_function
 from gamms.game.batch.initial_state import InitialState, goes_along_one_edge, movement_of
@@ -45,7 +45,7 @@ from gamms.game.batch.sensing import called_each_turn, look, note_sensors, turns
 from gamms.game.batch.state import GameArrays, NotInCore
 from gamms.game.batch.travel import MetricMovement
 from gamms.game.batch.turn import ArrayTurn
-from gamms.game.batch.view import ArrayStrategy, ArrayView, asked_view
+from gamms.game.batch.view import ArrayStrategy, ArrayView, TowardsInBatch, asked_view
 from gamms.game.deeds import checked_value
 from gamms.game.legality import IllegalAction
 from gamms.game.messages import ANTENNA, MessagePositions
@@ -126,13 +126,17 @@ class GamesOnOneMap:
         self._block = block
         self._unlisted = roster.unlisted(settings["order"])
         self.leaves_out = bool(self._unlisted.any())
+        for agent in roster.agents if decides_at_arrivals(state.movement) else ():
+            decider = decider_of(agent, settings["plans"])
+            if errs(agent) and decides_in_arrays(decider, settings):  # looks are counted game by game
+                call_each(decider)
         rules, asked = called_rules(game, roster), asked_of(game, roster)
         self.before = [one for one in rules if one.phase == "before"]
         self.deeds = [one for one in rules if one.phase == "deeds"]
         self._has_checks = len(game.internals.parts.rules.now.checks) > 0
         self._has_conflicts = has_function_of_conflicts(game)
         self.acts = acts_before_moves(game)
-        self._groups = _groups(roster, settings, state.movement)
+        self._groups = _groups(roster, settings)
         collects = len(game.internals.parts.collectors.by_name) > 0
         self._observing = _observing(game, roster)
         observing = np.flatnonzero(self._observing).tolist()
@@ -303,6 +307,10 @@ class GamesOnOneMap:
                 try:
                     actions[rows] = self._actions(view, group)
                     self._take_acts(view)
+                except TowardsInBatch:
+                    for number in group.agents.tolist():
+                        call_each(decider_of(self.state.roster.agents[number], self.game.settings()["plans"]))
+                    raise NewAgents([]) from None
                 except Exception as error:
                     error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
                     raise
@@ -1071,30 +1079,19 @@ def decides_at_arrivals(movement: Movement) -> bool:
     return isinstance(movement, MetricMovement) and movement.terms.decides_at_arrivals
 
 
-def errs_at_arrivals(agent: IAgent) -> str | None:
-    """Return the name of a sensor of an agent that counts its looks in a turn; None: there is none."""
-    for name, sensor in sensors_of(agent).items():
-        look = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
-        if look is not None and not look.is_plain:
-            return name
-    return None
+def errs(agent: IAgent) -> bool:
+    """Return whether an agent has a sensor that counts its looks in a turn."""
+    looks = [one.in_arrays() for one in sensors_of(agent).values() if hasattr(one, "in_arrays")]
+    return any(look is not None and not look.is_plain for look in looks)
 
 
-def _groups(roster: AgentTable, settings: Mapping[str, Any], movement: Movement) -> list[StrategyGroup]:
-    """Return the array functions that decide, each with all agents that have the same.
-
-    Raises:
-        NotInCore: the core cannot call one of them.
-    """
+def _groups(roster: AgentTable, settings: Mapping[str, Any]) -> list[StrategyGroup]:
+    """Return the array functions that decide for all games at once, each with all agents that have the same."""
     plans: Mapping[Any, Plan] = settings["plans"]
     found: dict[Hashable, list[int]] = {}
     for number, agent in enumerate(roster.agents):
         decider = decider_of(agent, plans)
         if decides_in_arrays(decider, settings):
-            erring = errs_at_arrivals(agent) if decides_at_arrivals(movement) else None
-            if erring is not None:
-                why = f"of agents that decide at arrivals, with the sensor {shown(erring)}, which counts its looks"
-                raise NotInCore(f"the array strategy {as_code(decider)}, {why}")
             key = key_of(strategy_spec_of(decider).array_form), bool(roster.flies[number])
             found.setdefault(key, []).append(number)
     groups = []

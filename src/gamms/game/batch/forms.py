@@ -1,7 +1,7 @@
 """Declarations of how batches play a strategy or the plan of a team."""
 
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
 
@@ -38,12 +38,14 @@ class StrategySpec:
         core_form: the number of the strategy in `gamms.core.moves`; None: it has none.
         core_steps: the steps that the core tries in order for agents without a `core_form`; None: the core does not
             play the strategy.
+        is_called_each: whether batches call the strategy game by game although it has an array form.
         begins: returns the memory of agents in a game that has already begun; None: memory is not imported.
     """
 
     array_form: Callable[..., Any] | None = None
     core_form: int | None = None
     core_steps: tuple[CoreStep, ...] | None = None
+    is_called_each: bool = False
     begins: Callable[..., Any] | None = None
 
 
@@ -67,8 +69,14 @@ def strategy_spec_of(strategy: object) -> StrategySpec:
 
 
 def decides_in_arrays(decider: object, settings: Mapping[str, Any]) -> bool:
-    """Return whether a decider is called once for all games: it has an array form, and games have no time budget."""
-    return strategy_spec_of(decider).array_form is not None and settings["time_budget"] is None
+    """Return whether a decider is called once for all games: by its array form, if games have no time budget."""
+    spec = strategy_spec_of(decider)
+    return spec.array_form is not None and not spec.is_called_each and settings["time_budget"] is None
+
+
+def call_each(decider: object) -> None:
+    """Let batches call a strategy, or the plan of a team, game by game from now on."""
+    declare(decider, replace(strategy_spec_of(decider), is_called_each=True))
 
 
 def key_of(form: Any) -> Hashable:

@@ -26,7 +26,7 @@ from gamms.game.batch.sensing import (
     seen,
     seen_nodes,
 )
-from gamms.game.batch.state import Arrays, GameArrays, NotInCore
+from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.strategy_steps import looks_of, made_looks
 from gamms.game.batch.vectors import Encoder, Vectors, legal_of, write_vectors
 from gamms.game.conflicts import flat
@@ -44,6 +44,10 @@ T = TypeVar("T")
 V = TypeVar("V", bound="ArrayView")
 _NO_CHOICES = flat(np.zeros(0), np.int64)
 _NO_PAIRS = flat(np.zeros(0), np.int64), flat(np.zeros(0), np.int64), flat(np.zeros(0), np.uint8)
+
+
+class TowardsInBatch(Exception):
+    """An array strategy calls `towards` for agents with speeds: batches have to call it game by game."""
 
 
 class ArrayView(Mapping[str, Any]):
@@ -202,7 +206,9 @@ class ArrayView(Mapping[str, Any]):
             The actions; -1 if there is no path.
         """
         if self._movement.has_aims and not self._may_aim:
-            raise NotInCore("view.towards of agents with speeds")
+            if self._deeds is None:
+                raise BadValue("view.towards of agents with speeds works only while a strategy decides.")
+            raise TowardsInBatch
         node, (games, agents) = self.node[which], numbers_in(self, which)
         ends = np.broadcast_to(targets, node.shape).ravel()
         found = self._movement.towards(node.ravel(), ends, (games.ravel(), agents.ravel()), allowed)
