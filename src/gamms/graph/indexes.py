@@ -479,7 +479,7 @@ class Indexes:
         edges = self._adjacency("sources").at_one(row)
         ids = self._nodes.ids
         targets = self._edges.targets
-        return list(dict.fromkeys(ids[targets[edge]] for edge in edges))
+        return list(dict.fromkeys([ids[targets[edge]] for edge in edges]))
 
     # -- changes ------------------------------------------------------------------------------------------------
 

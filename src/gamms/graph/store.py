@@ -54,7 +54,7 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
             made = source[id]
         else:
             id = records.as_id(id, "a node")
-            made = (id, *(other for other in self._store.indexes.neighbors(id) if other != id))
+            made = (id, *[other for other in self._store.indexes.neighbors(id) if other != id])
         if len(self) >= _MOST_NEIGHBORHOODS:
             self._drop_oldest()
         self[id] = made
