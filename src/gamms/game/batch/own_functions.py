@@ -119,7 +119,7 @@ class FunctionsPerGame:
         self._differs = differs or len(self._preparing) > 0
         self.first = self._values if self._differs else []
         self._shared = {who: one for who, one in deciders.items() if one is not None}
-        self._first_rules = game.rules
+        self._first_rules = self._unprepared_rules = game.rules
         self._first: Mapping[Decider, Any] = {}  # of the seed of the context
 
     @property
@@ -133,7 +133,6 @@ class FunctionsPerGame:
         The context must not be pointed at a game of the batch.
         """
         self._decide_by(self._first)
-        self._game.internals.restore_rules(self._first_rules)  # that were made last
         for number, seed in zip(games.tolist(), seeds, strict=True):
             for decider, function in self._begin(seed).items():
                 self._of(self._own, decider).of_game[number] = function or _stay
@@ -147,7 +146,8 @@ class FunctionsPerGame:
         return known.setdefault(key, FunctionPerGame(len(self._values)))
 
     def _begin(self, seed: int) -> dict[Decider, Any]:
-        """Reset the game with a seed; return its own strategies and plans, which are prepared."""
+        """Reset the game with a seed; return its own strategies and plans, which are prepared and may add rules."""
+        self._game.internals.restore_rules(self._unprepared_rules)
         if self._make is None:
             self._game.reset(seed=seed)
             found = {}
@@ -156,6 +156,7 @@ class FunctionsPerGame:
         memo: dict[int, Any] = {}
         found = {who: own(one, memo) for who, one in self._preparing.items()} | found
         self._decide_by(found)
+        self._unprepared_rules = self._game.rules
         for function in {id(one): one for one in found.values() if _prepares(one)}.values():
             function.prepare(self._game.ctx)
         return found
@@ -179,7 +180,7 @@ class FunctionsPerGame:
     def remove(self) -> None:
         """Set the functions of the context to those of its first seed, not prepared."""
         self._decide_by({**self._first, **self._preparing})
-        self._game.internals.restore_rules(self._first_rules)
+        self._game.internals.restore_rules(self._unprepared_rules)
 
     def _decide_by(self, functions: Mapping[Decider, Any]) -> None:
         plans = dict(self._game.plans)
