@@ -38,7 +38,7 @@ def test_what_is_drawn_is_what_would_be_an_obstacle(helsinki):
 
 
 def test_they_are_drawn_around_walls_too_and_left_out_with_the_buildings():
-    for buildings, shapes in ((True, 289), (False, 0)):
+    for buildings, shapes in ((True, 290), (False, 0)):  # with the sheet of the map
         with gamms.create_context(seed=1) as ctx:
             gamms.osm.helsinki(ctx, buildings=buildings)
             assert (ctx.visual.draw_commands().layer == Layer.BASE_MAP).sum() == shapes

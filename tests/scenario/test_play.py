@@ -176,7 +176,7 @@ def test_a_map_is_for_any_mode_of_travel_of_gamms_or_of_a_file_in_the_folder(fol
         ({"modes": "mine.toml"}, "map.file.modes", "name one of its modes as osm_type"),
         ({"osm_type": "runner", "modes": "none.toml"}, "map.file.modes", "none.toml"),
         ({"osm_type": "runner", "modes": "../mine.toml"}, "map.file.modes", "leads out of the folder"),
-        ({"osm_type": "runner", "modes": "bad.toml"}, "map.file.modes", "no TOML file"),
+        ({"osm_type": "runner", "modes": "bad.toml"}, "map.file.modes", "not a TOML file"),
     ],
 )
 def test_a_mode_of_travel_that_is_none_is_refused_by_its_place(made, folder, given, path, words):
