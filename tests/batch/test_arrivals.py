@@ -35,6 +35,16 @@ def check(scenario, made):
             assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies=made))
 
 
+def assert_equal_to_games_alone(ctx):
+    """Play the game of a context with all seeds, in a batch in the core and alone."""
+    with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
+        games.run()
+        assert games.is_in_arrays, games.slow
+        for number, seed in enumerate(SEEDS):
+            alone.game.reset(seed=seed)
+            assert plain(games.result(number)) == plain(alone.game.run())
+
+
 @pytest.mark.parametrize("by_steps", [False, True])
 @pytest.mark.parametrize("part", range(3))
 def test_agents_that_decide_at_arrivals_do_in_the_core_what_they_do_alone(part, by_steps):
@@ -109,12 +119,7 @@ def test_plain_strategies_are_asked_where_agents_arrive_as_alone(conflicts, orde
     made = scene(teams=teams, max_turns=6, settings=settings, sensors=sensors, channels={"radio": radio})
     with made.build(seed=1, strategies={"red": seek, "blue": seek}) as ctx:
         ctx.game.conflicts = conflicts
-        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            assert games.is_in_arrays, games.slow
-            for number, seed in enumerate(SEEDS):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+        assert_equal_to_games_alone(ctx)
 
 
 def test_a_strategy_that_raises_at_an_arrival_leaves_all_games_where_the_turn_began():
@@ -205,12 +210,7 @@ def test_array_strategies_decide_for_all_agents_that_arrive_as_alone(conflicts, 
     made = scene(teams=teams, max_turns=6, settings=settings, channels={"radio": {"range_m": 30.0, "loss": 0.2}})
     with made.build(seed=1, strategies={"red": roam, "blue": roam}) as ctx:
         ctx.game.conflicts = conflicts
-        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            assert games.is_in_arrays, games.slow
-            for number, seed in enumerate(SEEDS):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+        assert_equal_to_games_alone(ctx)
 
 
 def test_array_strategies_with_sensors_that_err_are_called_game_by_game_at_arrivals():

@@ -137,7 +137,7 @@ class EdgeCourses:
         return {}
 
     def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
-        """Return what agents did that did more than to go along one edge, by their places among these; -1: nobody."""
+        """Return what agents did that did more than to go along one edge, by their places among these; -1: no agent."""
         nodes = self._nodes[game, agents]
         lengths = self._lengths[game, agents]
         ahead = self._ahead[game, agents]
@@ -218,12 +218,12 @@ class MetreCourses:
         self._here = self._by.edge.copy(), self._by.share.copy(), self._by.motion.copy()
 
     def standing(self, game: int, agents: IntArray) -> dict[int, Progress]:
-        """Return the noted positions on edges of agents of a game, by their places among these; -1: nobody."""
+        """Return the noted positions on edges of agents of a game, by their places among these; -1: no agent."""
         edge, share, motion = (column[game, agents] for column in self._here)
         return self._by.progress(np.where(agents < 0, -1, edge), share, motion)
 
     def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
-        """Return what agents did that went along edges, or stood there, by their places among these; -1: nobody."""
+        """Return what agents did that went along edges, or stood there, by their places among these; -1: no agent."""
         trips = self._trips
         rows = game * self._shape[1] + agents
         found = {}

@@ -406,7 +406,8 @@ class Batch(Immutable):
         """
         self._refuse_closed()
         num_threads = min(as_count(threads, "threads"), len(self))
-        is_shown, game = as_bool(progress, "progress"), self.game
+        is_shown = as_bool(progress, "progress")
+        game = self.game
         if game.settings()["max_turns"] is None and not game.rules:
             raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
         if as_bool(warn, "warn"):

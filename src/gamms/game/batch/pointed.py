@@ -175,7 +175,8 @@ class PointedContext:
             sensor.show(sensors)
             show_lives(agents.block, lives)
             self._note_shown(shown)
-            self.alive, self.headings = lives, headings
+            self.alive = lives
+            self.headings = headings
 
     def _note_shown(self, population: Population) -> None:
         self.population = population

@@ -336,7 +336,8 @@ class GameArrays:
         self.roads = movement.all_roads
         self._of_maps: MapData | None = None  # for games that differ in their open roads
         self.deeds = DeclaredDeeds({}, None, self.roster, movement.streets)
-        self.kept, self.first = dict[Hashable, Arrays](), dict[Hashable, Arrays]()
+        self.kept = dict[Hashable, Arrays]()
+        self.first = dict[Hashable, Arrays]()
         self.first_by = dict[Hashable, str]()
         self.facts = dict[str, Any]()
         self.shared: dict[Hashable, Any] = {}
