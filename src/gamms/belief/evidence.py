@@ -50,6 +50,7 @@ _NEAR = 1e-6  # map units: an agent seen this near a node is on it
 HORIZON = 50  # default minimum number of turns for which looks are remembered
 _ALMOST = 0.999999  # the highest probability below 1 that is written
 
+_MOST_TEXTS = 1 << 16  # observations whose texts are read once: those of a batch of several hundred games
 _grounds: WeakKeyDictionary[Context, dict[str, BeliefMap]] = WeakKeyDictionary()  # the last maps, by digest
 _MOST_MAPS = 4
 
@@ -190,7 +191,7 @@ def _with_reports(turn: int, texts: Mapping[str, str], reports: Iterable[tuple[s
     )
 
 
-@lru_cache(maxsize=1 << 12)  # NOTE: saves joining the same hundred turns in each turn
+@lru_cache(maxsize=_MOST_TEXTS)  # NOTE: saves joining the same hundred turns in each turn
 def _turn_of(turn: int, joined: tuple[str, ...], alone: tuple[tuple[str, str], ...]) -> TurnObservations:
     """Return a turn from its joined and its separate entries."""
     parts = [_entries_in(turn, text) for text in joined]
@@ -202,12 +203,12 @@ def _turn_of(turn: int, joined: tuple[str, ...], alone: tuple[tuple[str, str], .
     return _written_turn(turn, tuple(sorted(texts.items())))
 
 
-@lru_cache(maxsize=1 << 10)
+@lru_cache(maxsize=_MOST_TEXTS)
 def _written_turn(turn: int, texts: tuple[tuple[str, str], ...]) -> TurnObservations:
     return TurnObservations(turn, dict(texts))  # NOTE: the same object for all teammates
 
 
-@lru_cache(maxsize=1 << 10)
+@lru_cache(maxsize=_MOST_TEXTS)
 def _entries_in(turn: int, text: str) -> Mapping[str, str]:
     """Return the entries in a joined text, by observer."""
     try:
@@ -448,7 +449,7 @@ def _look(ctx: Context, covered: Coverage, not_shown: list[str]) -> list[Any]:
     return [*look, *([not_shown] if not_shown else [])]
 
 
-@lru_cache(maxsize=1 << 14)
+@lru_cache(maxsize=_MOST_TEXTS)
 def _read(turn: int, by: str, text: str) -> Observation:
     try:
         entry = json.loads(text)
@@ -462,7 +463,7 @@ def _read(turn: int, by: str, text: str) -> Observation:
         raise _nonsense(turn, by, text) from error
 
 
-@lru_cache(maxsize=1 << 10)
+@lru_cache(maxsize=_MOST_TEXTS)
 def _reports_in(turn: int, by: str, text: str) -> list[Report]:
     try:
         return [Report(str(name), int(node), int(then), bool(put)) for name, node, then, put in json.loads(text)]
