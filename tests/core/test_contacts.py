@@ -30,21 +30,20 @@ def floats(values):
 NO_LEGS = core.Legs(0, *[ints([])] * 5, *[floats([])] * 5)
 
 
-def contacts(games, *, reach=None, limit=None, crossing=False, at_end=False, seed=7):
-    """The contacts of games, each a list of agents (side, path, times), in their order.
+def contacts(game, *, reach=None, limit=None, crossing=False, at_end=False, seed=7):
+    """The contacts of agents (side, path, times), in their order.
 
-    Each is (game, a, b, time, distance, on an edge?, where a was, where b was).
+    Each is (a, b, time, distance, on an edge?, where a was, where b was).
     """
-    agents = len(games[0])
-    most = max(len(path) for game in games for _, path, _ in game)
-    rows = [agent for game in games for agent in game]
+    agents = len(game)
+    most = max(len(path) for _, path, _ in game)
     tracks = core.Tracks(
         agents,
         most,
-        ints([node for _, path, _ in rows for node in (*path, *path[-1:] * (most - len(path)))]),
-        floats([time for _, path, times in rows for time in (*times, *[1.0] * (most - len(path)))]),
-        ints([len(path) for _, path, _ in rows]),
-        ints([side for side, _, _ in rows]),
+        ints([node for _, path, _ in game for node in (*path, *path[-1:] * (most - len(path)))]),
+        floats([time for _, path, times in game for time in (*times, *[1.0] * (most - len(path)))]),
+        ints([len(path) for _, path, _ in game]),
+        ints([side for side, _, _ in game]),
         at_end=at_end,
     )
     pieces = agents * 2 * (most + 2)
@@ -57,14 +56,13 @@ def contacts(games, *, reach=None, limit=None, crossing=False, at_end=False, see
         ints([0] * pieces),
     )
     found = core.Contacts(scratch)
-    names, purposes = keys(range(1, agents + 1)), keys([seed + game for game in range(len(games))])
-    nodes = ints([node for _, path, _ in rows for node in (*path, *path[-1:] * (most - len(path)))])
+    nodes = ints([node for _, path, _ in game for node in (*path, *path[-1:] * (most - len(path)))])
     found.ask(
         tracks,
         NO_LEGS,
-        names,
-        purposes,
-        ints([3] * len(games)),
+        keys(range(1, agents + 1)),
+        keys([seed]),
+        ints([3]),
         reach=table(reach or {}, limit or 0.0),
         places=core.NodePositions(nodes, floats([value for x, y in XY for value in (x, y, 0.0)])),
         lines=core.PathSegments(ints([]), *[floats([])] * 4),
@@ -73,7 +71,7 @@ def contacts(games, *, reach=None, limit=None, crossing=False, at_end=False, see
     )
     search = "by paths" if reach is not None else "on nodes" if limit is None else "near places"
     kept = found.find(core.SEARCHES[search], limit or 0.0)
-    columns = found.games, found.a, found.b, found.times, found.distances, found.on_edges, found.a_nodes, found.b_nodes
+    columns = found.a, found.b, found.times, found.distances, found.on_edges, found.a_nodes, found.b_nodes
     return [tuple(column[k] for column in columns) for k in found.order[:kept]]
 
 
@@ -87,7 +85,7 @@ def table(reach, limit=0.0):
 
 
 def pairs(*args, **kwargs):
-    return [(one[1], one[2], one[3]) for one in contacts(*args, **kwargs)]
+    return [one[:3] for one in contacts(*args, **kwargs)]
 
 
 # -- facts ------------------------------------------------------------------------------------------------------------
@@ -95,50 +93,45 @@ def pairs(*args, **kwargs):
 
 def test_agents_meet_on_a_node_from_when_the_later_one_is_there():
     game = [(OURS, (0,), (0.0,)), (THEIRS, (1, 0), (0.0, 0.5)), (THEIRS, (1, 0, 1), (0.0, 0.25, 0.5))]
-    assert contacts([game]) == [(0, 0, 2, 0.25, 0.0, False, 0, 0), (0, 0, 1, 0.5, 0.0, False, 0, 0)]
+    assert contacts(game) == [(0, 2, 0.25, 0.0, False, 0, 0), (0, 1, 0.5, 0.0, False, 0, 0)]
 
 
 def test_a_node_that_is_left_at_once_belongs_to_the_turn_before():
-    assert pairs([[(OURS, (0,), (0.0,)), (THEIRS, (0, 1), (0.0, 1.0))]]) == []
+    assert pairs([(OURS, (0,), (0.0,)), (THEIRS, (0, 1), (0.0, 1.0))]) == []
 
 
 def test_an_agent_that_waits_is_on_its_node_from_the_beginning_on_with_and_without_a_distance():
     game = [(OURS, (0,), (0.0,)), (THEIRS, (0, 0, 1), (0.0, 0.5, 1.0))]
-    assert pairs([game])[0] == (0, 1, 0.0)
-    assert pairs([game], reach={node: {node: 0.0} for node in range(NODES)}, limit=0.0)[0] == (0, 1, 0.0)
-    assert pairs([game], limit=0.0)[0] == (0, 1, 0.0)
+    assert pairs(game)[0] == (0, 1, 0.0)
+    assert pairs(game, reach={node: {node: 0.0} for node in range(NODES)}, limit=0.0)[0] == (0, 1, 0.0)
+    assert pairs(game, limit=0.0)[0] == (0, 1, 0.0)
 
 
 def test_agents_pass_each_other_only_while_both_are_on_the_edge():
     together = [(OURS, (0, 1), (0.0, 0.5)), (THEIRS, (1, 0), (0.25, 1.0))]
     one_after_the_other = [(OURS, (0, 1), (0.0, 0.5)), (THEIRS, (1, 1, 0), (0.0, 0.5, 1.0))]
-    assert contacts([together], crossing=True) == [(0, 0, 1, 0.25, 0.0, True, 0, 1)]
-    assert contacts([together], crossing=True, at_end=True) == [(0, 0, 1, 1.0, 0.0, True, 1, 0)]
-    assert set(pairs([one_after_the_other], crossing=True)) == {(0, 1, 0.5)}  # on the node, as the one comes
-    assert pairs([one_after_the_other], crossing=True, at_end=True) == []
+    assert contacts(together, crossing=True) == [(0, 1, 0.25, 0.0, True, 0, 1)]
+    assert contacts(together, crossing=True, at_end=True) == [(0, 1, 1.0, 0.0, True, 1, 0)]
+    assert set(pairs(one_after_the_other, crossing=True)) == {(0, 1, 0.5)}  # on the node, as the one comes
+    assert pairs(one_after_the_other, crossing=True, at_end=True) == []
 
 
 def test_an_agent_of_both_sides_meets_others_and_not_itself():
     game = [(OURS + THEIRS, (0,), (0.0,)), (OURS + THEIRS, (0,), (0.0,))]
-    assert sorted(pairs([game])) == [(0, 1, 0.0), (1, 0, 0.0)]
+    assert sorted(pairs(game)) == [(0, 1, 0.0), (1, 0, 0.0)]
 
 
 def test_paths_count_there_and_back():
     reach = {0: {0: 0.0, 1: 2.0}, 1: {1: 0.0}, 2: {2: 0.0, 1: 1.0}}
     game = [(OURS, (1,), (0.0,)), (THEIRS, (0,), (0.0,)), (THEIRS, (2,), (0.0,))]
-    assert [one[:5] for one in contacts([game], reach=reach, limit=2.0)] == [(0, 0, 2, 0.0, 1.0), (0, 0, 1, 0.0, 2.0)]
+    assert [one[:4] for one in contacts(game, reach=reach, limit=2.0)] == [(0, 2, 0.0, 1.0), (0, 1, 0.0, 2.0)]
 
 
 def test_lots_follow_from_both_names_in_their_order():
     game = [(OURS, (0,), (0.0,)), *[(THEIRS, (0,), (0.0,))] * 6]
-    order = [b for _, b, _ in pairs([game])]
+    order = [b for _, b, _ in pairs(game)]
     bits = {b: draws.bits_at(draws.turn_key(draws.first_key(7, draws.mix(1) ^ (b + 1)), 3), 0) for b in range(1, 7)}
     assert order == sorted(bits, key=bits.get)
-
-
-def test_games_do_not_touch_each_other():
-    near, apart = [(OURS, (0,), (0.0,)), (THEIRS, (0,), (0.0,))], [(OURS, (0,), (0.0,)), (THEIRS, (1,), (0.0,))]
-    assert [one[0] for one in contacts([apart, near, apart, near])] == [1, 3]
 
 
 # -- the definition ---------------------------------------------------------------------------------------------------
@@ -212,15 +205,15 @@ def expected(game, found):
     }
 
 
-games = st.lists(st.lists(tracks(), min_size=3, max_size=3), min_size=1, max_size=3)
+games = st.lists(tracks(), min_size=3, max_size=3)
 
 
 @given(games)
-def test_contacts_on_nodes_and_edges_are_those_of_the_definition(games):
-    found = contacts(games, crossing=True)
-    for number, game in enumerate(games):
-        met = {one[1:6] for one in found if one[0] == number}
-        assert met == expected(game, lambda one, other: [*on_nodes(one, other), *on_edges(one, other)])
+def test_contacts_on_nodes_and_edges_are_those_of_the_definition(game):
+    found = contacts(game, crossing=True)
+    assert {one[:5] for one in found} == expected(
+        game, lambda one, other: [*on_nodes(one, other), *on_edges(one, other)]
+    )
 
 
 distances = st.dictionaries(
@@ -229,7 +222,7 @@ distances = st.dictionaries(
 
 
 @given(games, distances)
-def test_contacts_by_paths_are_those_of_the_definition(games, edges):
+def test_contacts_by_paths_are_those_of_the_definition(game, edges):
     reach = {node: {**edges.get(node, {}), node: 0.0} for node in range(NODES)}
     for one, end in product(range(NODES), repeat=2):  # of edges of 1 or 2, two are the most within 2
         over = [edges.get(one, {}).get(middle, inf) + edges.get(middle, {}).get(end, inf) for middle in range(NODES)]
@@ -239,28 +232,22 @@ def test_contacts_by_paths_are_those_of_the_definition(games, edges):
         far = min(reach[one][other], reach[other][one])
         return far if far <= 2.0 else inf
 
-    found = contacts(games, reach=edges, limit=2.0)
-    for number, game in enumerate(games):
-        met = {one[1:6] for one in found if one[0] == number}
-        assert met == expected(game, lambda one, other: near(one, other, distance))
+    found = contacts(game, reach=edges, limit=2.0)
+    assert {one[:5] for one in found} == expected(game, lambda one, other: near(one, other, distance))
 
 
 @given(games, st.sampled_from([0.0, 2.5, 4.0, 5.0]))
-def test_contacts_in_straight_lines_are_those_of_the_definition(games, limit):
+def test_contacts_in_straight_lines_are_those_of_the_definition(game, limit):
     def distance(one, other):
         far = dist(XY[one], XY[other])
         return far if far <= limit else inf
 
-    found = contacts(games, limit=limit)
-    for number, game in enumerate(games):
-        met = {one[1:6] for one in found if one[0] == number}
-        assert met == expected(game, lambda one, other: near(one, other, distance))
+    found = contacts(game, limit=limit)
+    assert {one[:5] for one in found} == expected(game, lambda one, other: near(one, other, distance))
 
 
 @given(games, st.booleans())
-def test_contacts_come_in_the_order_of_time_and_those_of_a_pair_by_one_lot(games, crossing):
-    found = contacts(games, crossing=crossing)
-    assert [one[0] for one in found] == sorted(one[0] for one in found)
-    for number in range(len(games)):
-        times = [one[3] for one in found if one[0] == number]
-        assert times == sorted(times)
+def test_contacts_come_in_the_order_of_time_and_those_of_a_pair_by_one_lot(game, crossing):
+    found = contacts(game, crossing=crossing)
+    times = [one[2] for one in found]
+    assert times == sorted(times)

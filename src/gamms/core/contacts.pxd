@@ -105,9 +105,9 @@ cdef class Contacts:
     cdef NearNodes reach
     cdef NodePositions places
     cdef PathSegments lines
-    cdef const u64[::1] names, purposes
-    cdef const i64[::1] turns
-    cdef readonly i64[::1] games, a, b, a_nodes, b_nodes, on_edges, order
+    cdef const u64[::1] names, purpose
+    cdef const i64[::1] turn
+    cdef readonly i64[::1] a, b, a_nodes, b_nodes, on_edges, order
     cdef readonly double[::1] times, distances
     cdef readonly u64[::1] draws
     cdef bint crossing, by_metres, is_exact
@@ -116,65 +116,57 @@ cdef class Contacts:
 
     cpdef int make_room(self, i64 contacts) except -1 with gil
     cpdef Py_ssize_t find(self, int search, double limit) except -1 nogil
-    cdef Py_ssize_t _search(self, int search, double limit) except -1 nogil
-    @cython.locals(game=i64, begin=i64)
-    cpdef Py_ssize_t find_on_nodes(self) except -1 nogil
-    @cython.locals(game=i64, begin=i64)
-    cpdef Py_ssize_t find_by_paths(self, double limit, bint is_exact) except -1 nogil
-    @cython.locals(game=i64, begin=i64)
-    cpdef Py_ssize_t find_near_places(self, double limit) except -1 nogil
-    @cython.locals(game=i64, begin=i64)
-    cpdef Py_ssize_t find_on_lines(self, double limit) except -1 nogil
-    @cython.locals(contact=i64, last=i64, pair=u64, key=u64)
-    cdef int _finish(self, i64 game, i64 begin) except -1 nogil
+    cdef int _search(self, int search) except -1 nogil
+    @cython.locals(contact=i64, pair=u64, key=u64)
+    cdef int _finish(self) except -1 nogil
     @cython.locals(kept=i64, previous=i64, place=i64, contact=i64, has_been_near=bint, before=double)
-    cdef Py_ssize_t _distinct(self, i64 last) except -1 nogil
+    cdef int _drop_repeated(self) except -1 nogil
     @cython.locals(contact=i64)
     cdef int _meet(
-        self, i64 game, double time, double distance, i64 on_edge, i64 a, i64 b, i64 a_node, i64 b_node
+        self, double time, double distance, i64 on_edge, i64 a, i64 b, i64 a_node, i64 b_node
     ) except -1 nogil
-    @cython.locals(found=bint, row=i64, place=i64, most=i64, begin=i64, end=i64)
+    @cython.locals(found=bint, agent=i64, place=i64, most=i64)
     cdef bint _share_nodes(
-        self, i64 game, const i64[::1] nodes, const i64[::1] lengths, i64[::1] first
+        self, const i64[::1] nodes, const i64[::1] lengths, i64[::1] first
     ) except -1 nogil
-    @cython.locals(soonest=double, agent=i64, row=i64, first=i64, last=i64, place=i64, until=double, leg=i64, piece=i64)
-    cdef int _put_steps(self, i64 game) except -1 nogil
-    @cython.locals(agent=i64, row=i64, leg=i64, last=i64, one=i64, piece=i64)
-    cdef int _put_legs(self, i64 game, bint are_known) except -1 nogil
-    cdef bint _is_of(self, i64 game, i64 piece, int side) except -1 nogil
+    @cython.locals(soonest=double, agent=i64, first=i64, last=i64, place=i64, until=double, leg=i64, piece=i64)
+    cdef int _put_steps(self) except -1 nogil
+    @cython.locals(agent=i64, leg=i64, last=i64, one=i64, piece=i64)
+    cdef int _put_legs(self, bint are_known) except -1 nogil
+    cdef bint _is_of(self, i64 piece, int side) except -1 nogil
     @cython.locals(first=i64, last=i64)
-    cdef Py_ssize_t _node_at(self, i64 game, i64 agent, double time) except -1 nogil
+    cdef Py_ssize_t _node_at(self, i64 agent, double time) except -1 nogil
     @cython.locals(slack=double, piece=i64, node=i64, other=i64, time=double)
-    cdef int _on_nodes(self, i64 game) except -1 nogil
-    @cython.locals(agent=i64, row=i64, first=i64, place=i64, piece=i64, source=i64, other=i64, a=i64, b=i64, time=double)
-    cdef int _pass_by(self, i64 game) except -1 nogil
+    cdef int _on_nodes(self) except -1 nogil
+    @cython.locals(agent=i64, first=i64, place=i64, piece=i64, source=i64, other=i64, a=i64, b=i64, time=double)
+    cdef int _pass_by(self) except -1 nogil
     @cython.locals(piece=i64, other=i64, time=double, a=i64, b=i64)
-    cdef int _on_streets(self, i64 game) except -1 nogil
+    cdef int _on_streets(self) except -1 nogil
     @cython.locals(since=double, until=double, gap=double, later=double)
     cdef double _first_touch(self, i64 piece, i64 other) except? -1.0 nogil
     @cython.locals(begin=double, share=double, span=double)
     cdef double _place_on_street(self, i64 piece, double time) except? -1.0 nogil
     @cython.locals(side=int, piece=i64, node=i64, begin=i64, entry=i64, other=i64, back=double, distance=double)
-    cdef int _near(self, i64 game) except -1 nogil
+    cdef int _near(self) except -1 nogil
     @cython.locals(time=double, a_node=i64, b_node=i64)
-    cdef int _come_near(self, i64 game, i64 piece, i64 other, double distance) except -1 nogil
+    cdef int _come_near(self, i64 piece, i64 other, double distance) except -1 nogil
     @cython.locals(theirs=i64, width=double, farthest=double, piece=i64, rim=double, first=i64, last=i64, middle=i64)
-    cdef int _sweep(self, i64 game) except -1 nogil
-    @cython.locals(agent=i64, row=i64, part=i64, piece=i64)
-    cdef int _put_lines(self, i64 game) except -1 nogil
-    @cython.locals(row=i64, place=i64, piece=i64)
-    cdef int _place_steps(self, i64 game) except -1 nogil
+    cdef int _sweep(self) except -1 nogil
+    @cython.locals(agent=i64, part=i64, piece=i64)
+    cdef int _put_lines(self) except -1 nogil
+    @cython.locals(agent=i64, place=i64, piece=i64)
+    cdef int _place_steps(self) except -1 nogil
     @cython.locals(a=i64, b=i64, x=double, y=double, z=double, far=double)
-    cdef int _step_near(self, i64 game, i64 piece, i64 other) except -1 nogil
+    cdef int _step_near(self, i64 piece, i64 other) except -1 nogil
     @cython.locals(
         part=i64, their=i64, since=double, until=double, limit=double, x=double, y=double, z=double, far=double,
         dx=double, dy=double, dz=double, square=double, mixed=double, inside=double, share=double
     )
-    cdef int _approach(self, i64 game, i64 piece, i64 other) except -1 nogil
+    cdef int _approach(self, i64 piece, i64 other) except -1 nogil
     @cython.locals(a=i64, b=i64, a_node=i64, b_node=i64)
-    cdef int _meet_on_way(self, i64 game, double time, double distance, i64 piece, i64 other) except -1 nogil
+    cdef int _meet_on_way(self, double time, double distance, i64 piece, i64 other) except -1 nogil
     @cython.locals(side=int, piece=i64, end=int, node=i64, other=i64)
-    cdef int _within(self, i64 game) except -1 nogil
+    cdef int _within(self) except -1 nogil
     @cython.locals(leg=i64)
     cdef Py_ssize_t _door(self, i64 piece, int end, bint is_entry) except? -1 nogil
     @cython.locals(leg=i64, begin=double, end=double)
@@ -184,14 +176,14 @@ cdef class Contacts:
     @cython.locals(
         first=i64, row=i64, entry=i64, other=i64, since=double, until=double, is_source=bint, begin=double, last=double
     )
-    cdef int _go_from(self, i64 game, i64 piece, int end, i64 node, int side) except -1 nogil
+    cdef int _go_from(self, i64 piece, int end, i64 node, int side) except -1 nogil
     @cython.locals(since=double, until=double, length=double, first=double, last=double, passing=double)
-    cdef int _along_street(self, i64 game, i64 piece, i64 other, int side) except -1 nogil
+    cdef int _along_street(self, i64 piece, i64 other, int side) except -1 nogil
     @cython.locals(begin=double, end=double)
     cdef double _street_share(self, i64 piece, double time) except? -1.0 nogil
     @cython.locals(time=double)
     cdef int _come_within(
-        self, i64 game, i64 piece, i64 other, double since, double until, double begin, double end, int side
+        self, i64 piece, i64 other, double since, double until, double begin, double end, int side
     ) except -1 nogil
     @cython.locals(found=int)
     cdef bint _is_before(self, i64 one, i64 other, int by) except -1 nogil
@@ -201,8 +193,8 @@ cdef class Contacts:
     cdef int _sink(self, i64[::1] order, i64 first, i64 root, i64 count, int by) except -1 nogil
 
 
-@cython.locals(agent=i64, row=i64, first=i64, last=i64, leg=i64, beyond=i64, one=i64, node=i64, until=double, place=i64)
-cdef int put_visits(Tracks tracks, Legs legs, MotionIntervals pieces, i64 game) except -1 nogil
+@cython.locals(agent=i64, first=i64, last=i64, leg=i64, beyond=i64, one=i64, node=i64, until=double, place=i64)
+cdef int put_visits(Tracks tracks, Legs legs, MotionIntervals pieces) except -1 nogil
 @cython.locals(first=i64, leg=i64)
-cdef bint is_there(Tracks tracks, Legs legs, i64 row) except -1 nogil
+cdef bint is_there(Tracks tracks, Legs legs, i64 agent) except -1 nogil
 cdef int compared(double one, double other) noexcept nogil

@@ -1,8 +1,7 @@
 """Contacts of a turn: the pairs of agents that meet, with time and place.
 
 A turn is the time from 0 to 1. `Tracks` and `Legs` hold the paths of agents, `NearNodes` and `PathSegments` the
-distances between places; `Contacts` finds the pairs that meet, and sorts them by time. Rows of all columns are agents,
-game by game: the row of agent `i` of a game is `game * agents + i`.
+distances between places; `Contacts` finds the pairs of one game that meet, and sorts them by time.
 """
 
 from __future__ import annotations
@@ -44,13 +43,13 @@ class Tracks:
     """The nodes that agents pass in a turn.
 
     Attributes:
-        agents: the number of agents of a game.
-        most: the maximum number of nodes in a row.
-        nodes: (rows * most,) numbers of nodes in the order of passing. In games that count edges, an agent that waits
+        agents: the number of agents.
+        most: the maximum number of nodes of an agent.
+        nodes: (agents * most,) numbers of nodes in the order of passing. In games that count edges, an agent that waits
             on its first node has this node twice.
-        times: (rows * most,) the time at each node.
-        lengths: (rows,) the number of nodes, at least 1.
-        sides: (rows,) 1: the agent is of the first side; 2: of the second; 3: of both; 0: it does not take part.
+        times: (agents * most,) the time at each node.
+        lengths: (agents,) the number of nodes, at least 1.
+        sides: (agents,) 1: the agent is of the first side; 2: of the second; 3: of both; 0: it does not take part.
         at_end: whether agents meet only at their positions at the end of the turn.
     """
 
@@ -78,15 +77,15 @@ class Legs:
     """The parts of edges that agents cover in a turn, in games by metres.
 
     Attributes:
-        most: the maximum number of legs in a row; 0 in games that count edges.
-        counts: (rows,) the number of legs.
-        sources, targets: (rows * most,) the numbers of the nodes at both ends of the edge.
-        streets: (rows * most,) the street number, common to an edge and the edge back.
-        flags: (rows * most,) the sum of 1 if the street runs against the edge, 2 if agents can turn around on the edge,
+        most: the maximum number of legs of an agent; 0 in games that count edges.
+        counts: (agents,) the number of legs.
+        sources, targets: (agents * most,) the numbers of the nodes at both ends of the edge.
+        streets: (agents * most,) the street number, common to an edge and the edge back.
+        flags: (agents * most,) the sum of 1 if the street runs against the edge, 2 if agents can turn around on the edge,
             and 4 if the position of the edge is unknown.
-        begins, ends: (rows * most,) shares of the edge from its source.
-        since, until: (rows * most,) the times of the leg.
-        lengths: (rows * most,) the lengths of the edges, metres.
+        begins, ends: (agents * most,) shares of the edge from its source.
+        since, until: (agents * most,) the times of the leg.
+        lengths: (agents * most,) the lengths of the edges, metres.
     """
 
     def __init__(
@@ -229,7 +228,7 @@ class NodePositions:
     """The positions of agents on the nodes that they pass, in games that count edges.
 
     Attributes:
-        numbers: (rows * most,) the number of the position at each passed node.
+        numbers: (agents * most,) the number of the position at each passed node.
         xyz: (3 * places,) x, y and z of each position.
     """
 
@@ -242,7 +241,7 @@ class PathSegments:
     """The straight segments of the paths of agents, in games by metres.
 
     Attributes:
-        offsets: (rows + 1,) where the segments of each row begin.
+        offsets: (agents + 1,) where the segments of each agent begin.
         since, until: (parts,) the times of each segment.
         begins, ends: (3 * parts,) x, y and z of the agent at both times.
         parts: the number of segments.
@@ -387,18 +386,18 @@ class MotionIntervals:
 
 
 class Contacts:
-    """Finds the contacts of a turn of games.
+    """Finds the contacts of a turn of one game.
 
     Call `ask` to set the agents and their paths, then `find`.
 
     Attributes:
-        pieces: working memory, large enough for one game.
-        games, a, b: (room,) the game of each contact, and the numbers of both agents.
+        pieces: working memory.
+        a, b: (room,) the numbers of both agents of each contact.
         a_nodes, b_nodes: (room,) their nodes.
         times, distances: (room,) the time and the distance of each contact.
         draws: (room,) random bits of the pair.
         on_edges: (room,) whether they met on an edge.
-        order: (room,) the contacts by game, then by time, distance and random bits.
+        order: (room,) the contacts by time, distance and random bits.
         room: the maximum number of contacts.
         count: the number of contacts found; if it is greater than `room`, the search is repeated with more room.
         kept: the number of contacts in `order`.
@@ -415,8 +414,8 @@ class Contacts:
         tracks: Tracks,
         legs: Legs,
         names: memoryview[int],
-        purposes: memoryview[int],
-        turns: memoryview[int],
+        purpose: memoryview[int],
+        turn: memoryview[int],
         *,
         reach: NearNodes,
         places: NodePositions,
@@ -430,19 +429,19 @@ class Contacts:
             tracks: the nodes that all agents pass.
             legs: the parts of edges that they cover.
             names: (agents,) the keys of their names.
-            purposes: (games,) the keys of the draws that decide ties.
-            turns: (games,) the number of turns played.
-            reach: distances between all nodes that agents pass, for `find_by_paths`.
-            places: positions on nodes, for `find_near_places`.
-            lines: straight segments, for `find_on_lines`.
+            purpose: (1,) the key of the draws that decide ties.
+            turn: (1,) the number of turns played.
+            reach: distances between all nodes that agents pass, for paths along edges.
+            places: positions on nodes, for places.
+            lines: straight segments, for lines.
             crossing: whether agents also meet on edges.
-            by_metres: whether the games are by metres.
+            by_metres: whether the game is by metres.
         """
         self.tracks = tracks
         self.legs = legs
         self.names = names
-        self.purposes = purposes
-        self.turns = turns
+        self.purpose = purpose
+        self.turn = turn
         self.crossing = crossing
         self.by_metres = by_metres
         self.reach = reach
@@ -453,8 +452,8 @@ class Contacts:
 
     def make_room(self, contacts: int) -> int:
         """Allocate columns for `contacts` contacts; the previous contacts are lost."""
-        ints = [memoryview(array("q", bytes(8 * contacts))) for _ in range(7)]
-        self.games, self.a, self.b, self.a_nodes, self.b_nodes, self.on_edges, self.order = ints
+        ints = [memoryview(array("q", bytes(8 * contacts))) for _ in range(6)]
+        self.a, self.b, self.a_nodes, self.b_nodes, self.on_edges, self.order = ints
         times: Any = memoryview(array("d", bytes(8 * contacts)))
         distances: Any = memoryview(array("d", bytes(8 * contacts)))
         self.times: memoryview[float] = times
@@ -470,109 +469,63 @@ class Contacts:
             search: the kind of search, one of `SEARCHES`.
             limit: the maximum distance of a contact, in the unit of the kind.
         """
-        while self._search(search, limit) > self.room:
+        self.limit = limit
+        self.is_exact = search in (ON_WAYS, ON_LINES)
+        self._search(search)
+        while self.count > self.room:
             self.make_room(2 * self.count)
+            self._search(search)
         return self.kept
 
-    def _search(self, search: int, limit: float) -> int:
+    def _search(self, search: int) -> int:
+        """Find contacts by one of `SEARCHES`; if there are more than `room`, only count them."""
+        self.count = 0
+        self.kept = 0
         if search == ON_NODES:
-            return self.find_on_nodes()
-        if search == NEAR_PLACES:
-            return self.find_near_places(limit)
-        if search == ON_LINES:
-            return self.find_on_lines(limit)
-        return self.find_by_paths(limit, search == ON_WAYS)
+            if not self.by_metres and not self._share_nodes(self.tracks.nodes, self.tracks.lengths, self.pieces.first):
+                return 0
+            self._on_nodes()
+        elif search == BY_PATHS:
+            self._near()
+        elif search == ON_WAYS:
+            self._within()
+        elif search == NEAR_PLACES:
+            self._put_steps()
+            self._place_steps()
+            self._sweep()
+        else:
+            self._put_lines()
+            self._sweep()
+        return self._finish()
 
-    # -- all games -----------------------------------------------------------------------------------------------------
-
-    def find_on_nodes(self) -> int:
-        """Find the agents that are on the same node at the same time."""
-        self.count = 0
-        self.kept = 0
-        for game in range(len(self.purposes)):
-            if self.by_metres or self._share_nodes(game, self.tracks.nodes, self.tracks.lengths, self.pieces.first):
-                begin = self.count
-                self._on_nodes(game)
-                self._finish(game, begin)
-        return self.count
-
-    def find_by_paths(self, limit: float, is_exact: bool) -> int:
-        """Find the agents that are near each other along edges; the shorter of the two directions counts.
-
-        Args:
-            limit: the maximum distance.
-            is_exact: whether positions on edges count, rather than the nodes that agents passed last.
-        """
-        self.limit = limit
-        self.is_exact = is_exact
-        self.count = 0
-        self.kept = 0
-        for game in range(len(self.purposes)):
-            begin = self.count
-            if is_exact:
-                self._within(game)
-            else:
-                self._near(game)
-            self._finish(game, begin)
-        return self.count
-
-    def find_near_places(self, limit: float) -> int:
-        """Find the agents within a straight-line distance, measured between the nodes that they passed last."""
-        self.limit = limit
-        self.count = 0
-        self.kept = 0
-        for game in range(len(self.purposes)):
-            begin = self.count
-            self.pieces.count = 0
-            self._put_steps(game)
-            self._place_steps(game)
-            self._sweep(game)
-            self._finish(game, begin)
-        return self.count
-
-    def find_on_lines(self, limit: float) -> int:
-        """Find the agents within a straight-line distance, anywhere on their paths."""
-        self.limit = limit
-        self.is_exact = True
-        self.count = 0
-        self.kept = 0
-        for game in range(len(self.purposes)):
-            begin = self.count
-            self.pieces.count = 0
-            self._put_lines(game)
-            self._sweep(game)
-            self._finish(game, begin)
-        return self.count
-
-    def _finish(self, game: int, begin: int) -> int:
-        """Add meetings on edges, and append the contacts of a game, numbered from `begin`, to `order`, sorted."""
+    def _finish(self) -> int:
+        """Add meetings on edges, and sort the contacts in `order`."""
         if self.crossing:
             if self.by_metres:
-                self._on_streets(game)
+                self._on_streets()
             else:
-                self._pass_by(game)
-        if begin == self.count or self.count > self.room:
+                self._pass_by()
+        if self.count == 0 or self.count > self.room:
             return 0
-        for contact in range(begin, self.count):
+        for contact in range(self.count):
             pair = draws.mix(self.names[self.a[contact]]) ^ self.names[self.b[contact]]
-            key = draws.turn_key(draws.first_key(self.purposes[game], pair), self.turns[game])
+            key = draws.turn_key(draws.first_key(self.purpose[0], pair), self.turn[0])
             self.draws[contact] = draws.bits_at(key, 0)
-            self.order[self.kept + contact - begin] = contact
-        last = self.kept + self.count - begin
+            self.order[contact] = contact
+        self.kept = self.count
         if self.by_metres:
-            self._sort(self.order, self.kept, last, BY_PAIR)
-            last = self._distinct(last)
-        self._sort(self.order, self.kept, last, BY_RANK)
-        self.kept = last
+            self._sort(self.order, 0, self.kept, BY_PAIR)
+            self._drop_repeated()
+        self._sort(self.order, 0, self.kept, BY_RANK)
         return 0
 
-    def _distinct(self, last: int) -> int:
-        """Remove duplicates of a game by metres from `order[kept:last]`; return the new end."""
-        kept = self.kept
+    def _drop_repeated(self) -> int:
+        """Remove contacts of a pair that were found twice, or while it stays near, in games by metres."""
+        kept = 0
         previous = -1
         has_been_near = False
         before = -INFINITE
-        for place in range(self.kept, last):
+        for place in range(self.count):
             contact = self.order[place]
             if previous < 0 or self.a[contact] != self.a[previous] or self.b[contact] != self.b[previous]:
                 has_been_near = False
@@ -586,18 +539,16 @@ class Contacts:
                 self.order[kept] = contact
                 kept += 1
             before = self.times[contact]
-        return kept
+        self.kept = kept
+        return 0
 
-    def _meet(
-        self, game: int, time: float, distance: float, on_edge: int, a: int, b: int, a_node: int, b_node: int
-    ) -> int:
+    def _meet(self, time: float, distance: float, on_edge: int, a: int, b: int, a_node: int, b_node: int) -> int:
         """Add a contact of two agents, unless they are the same."""
         if a == b:
             return 0
         contact = self.count
         self.count = contact + 1
         if contact < self.room:
-            self.games[contact] = game
             self.times[contact] = time
             self.distances[contact] = distance
             self.on_edges[contact] = on_edge
@@ -607,47 +558,44 @@ class Contacts:
             self.b_nodes[contact] = b_node
         return 0
 
-    # -- the intervals of a game ---------------------------------------------------------------------------------------
+    # -- the intervals of the agents ---------------------------------------------------------------------------------------
 
-    def _share_nodes(self, game: int, nodes: memoryview[int], lengths: memoryview[int], first: memoryview[int]) -> bool:
+    def _share_nodes(self, nodes: memoryview[int], lengths: memoryview[int], first: memoryview[int]) -> bool:
         """Return whether agents of both sides pass a common node; a quick test before the search.
 
         Args:
-            game: the game.
             nodes: those of `tracks`.
             lengths: those of `tracks`.
             first: the column of `pieces`, as working memory.
         """
         most = self.tracks.most
-        begin = game * self.tracks.agents
-        end = begin + self.tracks.agents
         found = False
-        for row in range(begin, end):
-            if self.tracks.sides[row] & THEIRS:
-                for place in range(row * most, row * most + lengths[row]):
+        for agent in range(self.tracks.agents):
+            if self.tracks.sides[agent] & THEIRS:
+                for place in range(agent * most, agent * most + lengths[agent]):
                     first[nodes[place]] = 0
-        for row in range(begin, end):
-            if self.tracks.sides[row] & OURS and not found:
-                for place in range(row * most, row * most + lengths[row]):
+        for agent in range(self.tracks.agents):
+            if self.tracks.sides[agent] & OURS and not found:
+                for place in range(agent * most, agent * most + lengths[agent]):
                     found = found or first[nodes[place]] == 0
-        for row in range(begin, end):
-            if self.tracks.sides[row] & THEIRS:
-                for place in range(row * most, row * most + lengths[row]):
+        for agent in range(self.tracks.agents):
+            if self.tracks.sides[agent] & THEIRS:
+                for place in range(agent * most, agent * most + lengths[agent]):
                     first[nodes[place]] = -1
         return found
 
-    def _put_steps(self, game: int) -> int:
-        """Add the intervals between nodes: the node that each agent passed last, and from when until when."""
+    def _put_steps(self) -> int:
+        """List the intervals between nodes: the node that each agent passed last, and from when until when."""
+        self.pieces.count = 0
         soonest = INFINITE  # when the first of them reaches a node
-        for row in range(game * self.tracks.agents, (game + 1) * self.tracks.agents):
-            if self.tracks.sides[row] and self.tracks.lengths[row] > 1:
-                soonest = min(soonest, self.tracks.times[row * self.tracks.most + 1])
         for agent in range(self.tracks.agents):
-            row = game * self.tracks.agents + agent
-            if not self.tracks.sides[row]:
+            if self.tracks.sides[agent] and self.tracks.lengths[agent] > 1:
+                soonest = min(soonest, self.tracks.times[agent * self.tracks.most + 1])
+        for agent in range(self.tracks.agents):
+            if not self.tracks.sides[agent]:
                 continue
-            first = row * self.tracks.most
-            last = first + self.tracks.lengths[row] - 1
+            first = agent * self.tracks.most
+            last = first + self.tracks.lengths[agent] - 1
             if self.tracks.at_end:
                 piece = self.pieces.put(agent, self.tracks.nodes[last], ON_NODE, 1.0, INFINITE)
                 self.pieces.keys[piece] = last - first
@@ -655,7 +603,9 @@ class Contacts:
             for place in range(first, last + 1):
                 until = INFINITE if place == last else self.tracks.times[place + 1]
                 leg = (
-                    LEAVES if place == first and place < last and not is_there(self.tracks, self.legs, row) else ON_NODE
+                    LEAVES
+                    if place == first and place < last and not is_there(self.tracks, self.legs, agent)
+                    else ON_NODE
                 )
                 if (
                     leg == ON_NODE or until > soonest
@@ -664,19 +614,17 @@ class Contacts:
                     self.pieces.keys[piece] = place - first
         return 0
 
-    def _put_legs(self, game: int, are_known: bool) -> int:
+    def _put_legs(self, are_known: bool) -> int:
         """Add the parts of edges that agents cover, or with `at_end`, their final positions on edges.
 
         Args:
-            game: the game.
             are_known: whether to skip edges of unknown position.
         """
         for agent in range(self.tracks.agents):
-            row = game * self.tracks.agents + agent
-            if not self.tracks.sides[row] or not self.legs.most or not self.legs.counts[row]:
+            if not self.tracks.sides[agent] or not self.legs.most or not self.legs.counts[agent]:
                 continue
-            leg = row * self.legs.most
-            last = leg + self.legs.counts[row] - 1
+            leg = agent * self.legs.most
+            last = leg + self.legs.counts[agent] - 1
             if self.tracks.at_end:
                 leg = last
                 if self.legs.ends[last] <= 0.0 or self.legs.ends[last] >= 1.0:
@@ -693,14 +641,14 @@ class Contacts:
                     self.pieces.until[piece] = 1.0
         return 0
 
-    def _is_of(self, game: int, piece: int, side: int) -> bool:
+    def _is_of(self, piece: int, side: int) -> bool:
         """Return whether the agent of an interval is of a side."""
-        return (self.tracks.sides[game * self.tracks.agents + self.pieces.agents[piece]] & side) != 0
+        return (self.tracks.sides[self.pieces.agents[piece]] & side) != 0
 
-    def _node_at(self, game: int, agent: int, time: float) -> int:
+    def _node_at(self, agent: int, time: float) -> int:
         """Return the node that an agent passed last; a node reached immediately after the time counts, too."""
-        first = (game * self.tracks.agents + agent) * self.tracks.most
-        last = first + self.tracks.lengths[game * self.tracks.agents + agent] - 1
+        first = agent * self.tracks.most
+        last = first + self.tracks.lengths[agent] - 1
         if not self.tracks.at_end:
             while last > first and self.tracks.times[last] > time + SLACK:
                 last -= 1
@@ -708,17 +656,16 @@ class Contacts:
 
     # -- at the same place ---------------------------------------------------------------------------------------------
 
-    def _on_nodes(self, game: int) -> int:
+    def _on_nodes(self) -> int:
         """Find the pairs that are on the same node at the same time."""
-        self.pieces.count = 0
-        put_visits(self.tracks, self.legs, self.pieces, game)
+        put_visits(self.tracks, self.legs, self.pieces)
         slack = SLACK if self.by_metres else 0.0
         for piece in range(self.pieces.count):
             self.pieces.keys[piece] = -1
-            if self._is_of(game, piece, THEIRS):
+            if self._is_of(piece, THEIRS):
                 self.pieces.enter(piece, self.pieces.nodes[piece])
         for piece in range(self.pieces.count):
-            if self._is_of(game, piece, OURS):
+            if self._is_of(piece, OURS):
                 node = self.pieces.nodes[piece]
                 other = self.pieces.first[node]
                 while other >= 0:
@@ -727,19 +674,18 @@ class Contacts:
                         and self.pieces.since[other] <= self.pieces.until[piece] + slack
                     ):
                         time = max(self.pieces.since[piece], self.pieces.since[other])
-                        self._meet(game, time, 0.0, 0, self.pieces.agents[piece], self.pieces.agents[other], node, node)
+                        self._meet(time, 0.0, 0, self.pieces.agents[piece], self.pieces.agents[other], node, node)
                     other = self.pieces.next[other]
         self.pieces.forget(self.pieces.count)
         return 0
 
-    def _pass_by(self, game: int) -> int:
+    def _pass_by(self) -> int:
         """Find the pairs that pass each other on an edge in opposite directions, in a game that counts edges."""
         self.pieces.count = 0
         for agent in range(self.tracks.agents):
-            row = game * self.tracks.agents + agent
-            if self.tracks.sides[row]:
-                first = row * self.tracks.most
-                for place in range(first, first + self.tracks.lengths[row] - 1):
+            if self.tracks.sides[agent]:
+                first = agent * self.tracks.most
+                for place in range(first, first + self.tracks.lengths[agent] - 1):
                     if self.tracks.nodes[place] != self.tracks.nodes[place + 1]:
                         piece = self.pieces.put(
                             agent,
@@ -749,10 +695,10 @@ class Contacts:
                             self.tracks.times[place + 1],
                         )
                         self.pieces.keys[piece] = -1
-                        if self.tracks.sides[row] & THEIRS:
+                        if self.tracks.sides[agent] & THEIRS:
                             self.pieces.enter(piece, self.tracks.nodes[place + 1])
         for piece in range(self.pieces.count):
-            if self._is_of(game, piece, OURS):
+            if self._is_of(piece, OURS):
                 source = self.pieces.legs[piece]
                 other = self.pieces.first[source]
                 while other >= 0:
@@ -765,32 +711,30 @@ class Contacts:
                         b = self.pieces.agents[other]
                         time = max(self.pieces.since[piece], self.pieces.since[other])
                         if self.tracks.at_end:
-                            self._meet(
-                                game, 1.0, 0.0, 1, a, b, self._node_at(game, a, 1.0), self._node_at(game, b, 1.0)
-                            )
+                            self._meet(1.0, 0.0, 1, a, b, self._node_at(a, 1.0), self._node_at(b, 1.0))
                         else:
-                            self._meet(game, time, 0.0, 1, a, b, source, self.pieces.legs[other])
+                            self._meet(time, 0.0, 1, a, b, source, self.pieces.legs[other])
                     other = self.pieces.next[other]
         self.pieces.forget(self.pieces.count)
         return 0
 
-    def _on_streets(self, game: int) -> int:
+    def _on_streets(self) -> int:
         """Find the pairs at the same point of a street at the same time: they pass, overtake, or stand together."""
         self.pieces.count = 0
-        self._put_legs(game, False)
+        self._put_legs(False)
         for piece in range(self.pieces.count):
             self.pieces.keys[piece] = -1
-            if self._is_of(game, piece, THEIRS):
+            if self._is_of(piece, THEIRS):
                 self.pieces.enter(piece, self.legs.streets[self.pieces.legs[piece]])
         for piece in range(self.pieces.count):
-            if self._is_of(game, piece, OURS):
+            if self._is_of(piece, OURS):
                 other = self.pieces.first[self.legs.streets[self.pieces.legs[piece]]]
                 while other >= 0:
                     time = self._first_touch(piece, other)
                     if time >= 0.0:
                         a = self.pieces.agents[piece]
                         b = self.pieces.agents[other]
-                        self._meet(game, time, 0.0, 1, a, b, self._node_at(game, a, time), self._node_at(game, b, time))
+                        self._meet(time, 0.0, 1, a, b, self._node_at(a, time), self._node_at(b, time))
                     other = self.pieces.next[other]
         self.pieces.forget(self.pieces.count)
         return 0
@@ -820,18 +764,17 @@ class Contacts:
 
     # -- within a distance of the nodes passed last --------------------------------------------------------------------
 
-    def _near(self, game: int) -> int:
+    def _near(self) -> int:
         """Find the pairs within the distance along edges, tested whenever one of the two reaches a node."""
-        self.pieces.count = 0
         self.reach.begin()
-        self._put_steps(game)
+        self._put_steps()
         for side in range(2):  # paths from ours to theirs, and then those back
             for piece in range(self.pieces.count):
                 self.pieces.keys[piece] = -1
-                if self._is_of(game, piece, OURS if side else THEIRS):
+                if self._is_of(piece, OURS if side else THEIRS):
                     self.pieces.enter(piece, self.pieces.nodes[piece])
             for piece in range(self.pieces.count):
-                if not self._is_of(game, piece, THEIRS if side else OURS):
+                if not self._is_of(piece, THEIRS if side else OURS):
                     continue
                 node = self.pieces.nodes[piece]
                 begin = self.reach.learn(node)
@@ -845,14 +788,14 @@ class Contacts:
                     distance = min(self.reach.far[entry], back)
                     while other >= 0:
                         if side:
-                            self._come_near(game, other, piece, distance)
+                            self._come_near(other, piece, distance)
                         else:
-                            self._come_near(game, piece, other, distance)
+                            self._come_near(piece, other, distance)
                         other = self.pieces.next[other]
             self.pieces.forget(self.pieces.count)
         return 0
 
-    def _come_near(self, game: int, piece: int, other: int, distance: float) -> int:
+    def _come_near(self, piece: int, other: int, distance: float) -> int:
         """Add a contact at the later of two arrivals, if the other agent has not moved on."""
         time = max(self.pieces.since[piece], self.pieces.since[other])
         if time >= self.pieces.until[piece] or time >= self.pieces.until[other]:
@@ -863,25 +806,25 @@ class Contacts:
             return 0
         a_node = self.pieces.nodes[piece]
         b_node = self.pieces.nodes[other]
-        return self._meet(game, time, distance, 0, self.pieces.agents[piece], self.pieces.agents[other], a_node, b_node)
+        return self._meet(time, distance, 0, self.pieces.agents[piece], self.pieces.agents[other], a_node, b_node)
 
     # -- in a straight line --------------------------------------------------------------------------------------------
 
-    def _sweep(self, game: int) -> int:
+    def _sweep(self) -> int:
         """Find the pairs of intervals within a straight-line distance, by a sweep over x."""
         theirs = 0
         width = 0.0
         farthest = 0.0
         for piece in range(self.pieces.count):
             farthest = max(farthest, fabs(self.pieces.begins[piece]), fabs(self.pieces.ends[piece]))
-            if self._is_of(game, piece, THEIRS):
+            if self._is_of(piece, THEIRS):
                 width = max(width, self.pieces.ends[piece] - self.pieces.begins[piece])
                 self.pieces.order[theirs] = piece
                 theirs += 1
         self._sort(self.pieces.order, 0, theirs, BY_PLACE)
         rim = self.limit + SLACK * (self.limit + farthest)  # the limit plus rounding errors
         for piece in range(self.pieces.count):
-            if self._is_of(game, piece, OURS):
+            if self._is_of(piece, OURS):
                 first = 0
                 last = theirs
                 while first < last:
@@ -892,34 +835,34 @@ class Contacts:
                         last = middle
                 while first < theirs and self.pieces.begins[self.pieces.order[first]] <= self.pieces.ends[piece] + rim:
                     if self.by_metres:
-                        self._approach(game, piece, self.pieces.order[first])
+                        self._approach(piece, self.pieces.order[first])
                     else:
-                        self._step_near(game, piece, self.pieces.order[first])
+                        self._step_near(piece, self.pieces.order[first])
                     first += 1
         return 0
 
-    def _put_lines(self, game: int) -> int:
-        """Add the straight segments of the paths of agents."""
+    def _put_lines(self) -> int:
+        """List the straight segments of the paths of agents."""
+        self.pieces.count = 0
         for agent in range(self.tracks.agents):
-            row = game * self.tracks.agents + agent
-            if self.tracks.sides[row]:
-                for part in range(self.lines.offsets[row], self.lines.offsets[row + 1]):
+            if self.tracks.sides[agent]:
+                for part in range(self.lines.offsets[agent], self.lines.offsets[agent + 1]):
                     piece = self.pieces.put(agent, -1, part, self.lines.since[part], self.lines.until[part])
                     self.pieces.begins[piece] = min(self.lines.begins[3 * part], self.lines.ends[3 * part])
                     self.pieces.ends[piece] = max(self.lines.begins[3 * part], self.lines.ends[3 * part])
         return 0
 
-    def _place_steps(self, game: int) -> int:
+    def _place_steps(self) -> int:
         """Set the positions of the steps for `_sweep`, and their keys to the numbers of these positions."""
         for piece in range(self.pieces.count):
-            row = game * self.tracks.agents + self.pieces.agents[piece]
-            place = self.places.numbers[row * self.tracks.most + self.pieces.keys[piece]]
+            agent = self.pieces.agents[piece]
+            place = self.places.numbers[agent * self.tracks.most + self.pieces.keys[piece]]
             self.pieces.keys[piece] = place
             self.pieces.begins[piece] = self.places.xyz[3 * place]
             self.pieces.ends[piece] = self.places.xyz[3 * place]
         return 0
 
-    def _step_near(self, game: int, piece: int, other: int) -> int:
+    def _step_near(self, piece: int, other: int) -> int:
         """Add a contact of two agents on nodes, if they are within the distance."""
         a = 3 * self.pieces.keys[piece]
         b = 3 * self.pieces.keys[other]
@@ -928,10 +871,10 @@ class Contacts:
         z = self.places.xyz[a + 2] - self.places.xyz[b + 2]
         far = x * x + y * y + z * z
         if far <= self.limit * self.limit:  # squares, because they are exact on every machine
-            self._come_near(game, piece, other, sqrt(far))
+            self._come_near(piece, other, sqrt(far))
         return 0
 
-    def _approach(self, game: int, piece: int, other: int) -> int:
+    def _approach(self, piece: int, other: int) -> int:
         """Add a contact at the first time when two agents on straight segments are within the distance."""
         part = self.pieces.legs[piece]
         their = self.pieces.legs[other]
@@ -945,7 +888,7 @@ class Contacts:
         z = self.lines.at(part, 2, since) - self.lines.at(their, 2, since)
         far = x * x + y * y + z * z
         if far <= limit:
-            return self._meet_on_way(game, since, sqrt(far), piece, other)
+            return self._meet_on_way(since, sqrt(far), piece, other)
         dx = self.lines.at(part, 0, until) - self.lines.at(their, 0, until) - x
         dy = self.lines.at(part, 1, until) - self.lines.at(their, 1, until) - y
         dz = self.lines.at(part, 2, until) - self.lines.at(their, 2, until) - z
@@ -957,50 +900,49 @@ class Contacts:
             return 0
         share = (-mixed - sqrt(inside)) / square
         if 0.0 <= share <= 1.0:
-            self._meet_on_way(game, since + share * (until - since), self.limit, piece, other)
+            self._meet_on_way(since + share * (until - since), self.limit, piece, other)
         return 0
 
-    def _meet_on_way(self, game: int, time: float, distance: float, piece: int, other: int) -> int:
+    def _meet_on_way(self, time: float, distance: float, piece: int, other: int) -> int:
         """Add a contact of two agents at their positions at a time, on nodes or between them."""
         a = self.pieces.agents[piece]
         b = self.pieces.agents[other]
-        a_node = self._node_at(game, a, time)
-        b_node = self._node_at(game, b, time)
-        return self._meet(game, time, distance, 0, a, b, a_node, b_node)
+        a_node = self._node_at(a, time)
+        b_node = self._node_at(b, time)
+        return self._meet(time, distance, 0, a, b, a_node, b_node)
 
     # -- within a distance along edges, with exact positions -----------------------------------------------------------
 
-    def _within(self, game: int) -> int:
+    def _within(self) -> int:
         """Find the pairs within the distance along edges, on nodes or between them."""
-        self.pieces.count = 0
         self.reach.begin()
-        put_visits(self.tracks, self.legs, self.pieces, game)
-        self._put_legs(game, True)
+        put_visits(self.tracks, self.legs, self.pieces)
+        self._put_legs(True)
         for side in range(2):  # paths from ours to theirs, and then those back
             # Paths reach an agent through at most two nodes: the entries 2 * piece and 2 * piece + 1.
             for piece in range(self.pieces.count):
                 for end in range(2):
                     self.pieces.keys[2 * piece + end] = -1
-                    if self._is_of(game, piece, OURS if side else THEIRS):
+                    if self._is_of(piece, OURS if side else THEIRS):
                         node = self._door(piece, end, True)
                         if node >= 0:
                             self.pieces.enter(2 * piece + end, node)
             for piece in range(self.pieces.count):
-                if self._is_of(game, piece, THEIRS if side else OURS):
+                if self._is_of(piece, THEIRS if side else OURS):
                     for end in range(2):
                         node = self._door(piece, end, False)
                         if node >= 0:
-                            self._go_from(game, piece, end, node, side)
+                            self._go_from(piece, end, node, side)
             self.pieces.forget(2 * self.pieces.count)
             for piece in range(self.pieces.count):
                 self.pieces.keys[piece] = -1
-                if self.pieces.legs[piece] >= 0 and self._is_of(game, piece, OURS if side else THEIRS):
+                if self.pieces.legs[piece] >= 0 and self._is_of(piece, OURS if side else THEIRS):
                     self.pieces.enter(piece, self.legs.streets[self.pieces.legs[piece]])
             for piece in range(self.pieces.count):
-                if self.pieces.legs[piece] >= 0 and self._is_of(game, piece, THEIRS if side else OURS):
+                if self.pieces.legs[piece] >= 0 and self._is_of(piece, THEIRS if side else OURS):
                     other = self.pieces.first[self.legs.streets[self.pieces.legs[piece]]]
                     while other >= 0:
-                        self._along_street(game, piece, other, side)
+                        self._along_street(piece, other, side)
                         other = self.pieces.next[other]
             self.pieces.forget(self.pieces.count)
         return 0
@@ -1041,7 +983,7 @@ class Contacts:
         until = self.pieces.until[piece]
         return end if until <= since else begin + (end - begin) * (time - since) / (until - since)
 
-    def _go_from(self, game: int, piece: int, end: int, node: int, side: int) -> int:
+    def _go_from(self, piece: int, end: int, node: int, side: int) -> int:
         """Follow the paths that leave the position of an agent through a node.
 
         The lengths of these paths change linearly while both intervals last.
@@ -1059,11 +1001,11 @@ class Contacts:
                     begin += self._metres_to(other, is_source, since)
                     last = self.reach.far[row] + self._metres_to(piece, end == 1, until)
                     last += self._metres_to(other, is_source, until)
-                    self._come_within(game, piece, other, since, until, begin, last, side)
+                    self._come_within(piece, other, since, until, begin, last, side)
                 entry = self.pieces.next[entry]
         return 0
 
-    def _along_street(self, game: int, piece: int, other: int, side: int) -> int:
+    def _along_street(self, piece: int, other: int, side: int) -> int:
         """Follow the path between two agents along the street that both are on."""
         since = max(self.pieces.since[piece], self.pieces.since[other])
         until = min(self.pieces.until[piece], self.pieces.until[other])
@@ -1074,8 +1016,8 @@ class Contacts:
         last = (self._street_share(piece, until) - self._street_share(other, until)) * length
         if first * last < 0.0:  # they pass each other
             passing = since + (until - since) * first / (first - last)
-            return self._come_within(game, piece, other, since, passing, fabs(first), 0.0, side)
-        return self._come_within(game, piece, other, since, until, fabs(first), fabs(last), side)
+            return self._come_within(piece, other, since, passing, fabs(first), 0.0, side)
+        return self._come_within(piece, other, since, until, fabs(first), fabs(last), side)
 
     def _street_share(self, piece: int, time: float) -> float:
         """Return the position of an agent on its street at a time, as a share, by interpolation between the ends."""
@@ -1087,16 +1029,16 @@ class Contacts:
         return self._even(piece, begin, end, time)
 
     def _come_within(
-        self, game: int, piece: int, other: int, since: float, until: float, begin: float, end: float, side: int
+        self, piece: int, other: int, since: float, until: float, begin: float, end: float, side: int
     ) -> int:
         """Add a contact at the first time within the distance, when the distance changes linearly between two times."""
         if side:
             piece, other = other, piece
         if begin <= self.limit:
-            return self._meet_on_way(game, since, begin, piece, other)
+            return self._meet_on_way(since, begin, piece, other)
         if end <= self.limit:
             time = since + (until - since) * (begin - self.limit) / (begin - end)
-            return self._meet_on_way(game, time, self.limit, piece, other)
+            return self._meet_on_way(time, self.limit, piece, other)
         return 0
 
     # -- order ---------------------------------------------------------------------------------------------------------
@@ -1145,21 +1087,21 @@ class Contacts:
         return 0
 
 
-def put_visits(tracks: Tracks, legs: Legs, pieces: MotionIntervals, game: int) -> int:
-    """Add the intervals in which agents are on nodes; a node that is left at time 0 is no visit of this turn."""
+def put_visits(tracks: Tracks, legs: Legs, pieces: MotionIntervals) -> int:
+    """List the intervals in which agents are on nodes; a node that is left at time 0 is no visit of this turn."""
+    pieces.count = 0
     for agent in range(tracks.agents):
-        row = game * tracks.agents + agent
-        if not tracks.sides[row]:
+        if not tracks.sides[agent]:
             continue
-        first = row * tracks.most
-        last = first + tracks.lengths[row] - 1
-        leg = row * legs.most
-        beyond = leg + (legs.counts[row] if legs.most else 0)
+        first = agent * tracks.most
+        last = first + tracks.lengths[agent] - 1
+        leg = agent * legs.most
+        beyond = leg + (legs.counts[agent] if legs.most else 0)
         if tracks.at_end:
             if beyond == leg or legs.ends[beyond - 1] <= 0.0 or legs.ends[beyond - 1] >= 1.0:
                 pieces.put(agent, tracks.nodes[last], ON_NODE, 1.0, 1.0)
         elif beyond > leg:
-            if is_there(tracks, legs, row):
+            if is_there(tracks, legs, agent):
                 pieces.put(agent, tracks.nodes[first], ON_NODE, tracks.times[first], legs.since[leg])
             for one in range(leg, beyond):
                 if legs.begins[one] != legs.ends[one] and (legs.ends[one] == 0.0 or legs.ends[one] == 1.0):
@@ -1167,7 +1109,7 @@ def put_visits(tracks: Tracks, legs: Legs, pieces: MotionIntervals, game: int) -
                     until = legs.since[one + 1] if one + 1 < beyond else 1.0
                     pieces.put(agent, node, ON_NODE, legs.until[one], until)
         else:
-            for place in range(first if is_there(tracks, legs, row) else first + 1, last + 1):
+            for place in range(first if is_there(tracks, legs, agent) else first + 1, last + 1):
                 until = tracks.times[place]
                 if place == last:
                     until = 1.0
@@ -1177,13 +1119,13 @@ def put_visits(tracks: Tracks, legs: Legs, pieces: MotionIntervals, game: int) -
     return 0
 
 
-def is_there(tracks: Tracks, legs: Legs, row: int) -> bool:
+def is_there(tracks: Tracks, legs: Legs, agent: int) -> bool:
     """Return whether an agent stays on its first node for a time, rather than leaving it at once."""
-    first = row * tracks.most
-    if legs.most and legs.counts[row]:
-        leg = row * legs.most
+    first = agent * tracks.most
+    if legs.most and legs.counts[agent]:
+        leg = agent * legs.most
         return legs.since[leg] > tracks.times[first] and (legs.begins[leg] == 0.0 or legs.begins[leg] == 1.0)
-    return tracks.lengths[row] == 1 or tracks.nodes[first] == tracks.nodes[first + 1]
+    return tracks.lengths[agent] == 1 or tracks.nodes[first] == tracks.nodes[first + 1]
 
 
 def compared(one: float, other: float) -> int:

@@ -337,8 +337,7 @@ def find_arrivals(
         owners: (nodes,) the team of each node.
         team: the team.
     """
-    pieces.count = 0
-    contacts.put_visits(tracks, legs, pieces, 0)
+    contacts.put_visits(tracks, legs, pieces)
     found = 0
     last = -1
     for piece in range(pieces.count):
@@ -721,8 +720,7 @@ class Flags:
             legs: the edges that they cover.
             pieces: working memory.
         """
-        pieces.count = 0
-        contacts.put_visits(tracks, legs, pieces, 0)
+        contacts.put_visits(tracks, legs, pieces)
         self._find_involved(game, pieces)
         for flag in range(self.flags):
             self.taken[flag] = -1.0
@@ -1213,8 +1211,7 @@ class ReachRule(Rule):
 
     def _reach(self, game: int) -> int:
         self.visitors.follow(self.games, game)
-        self.pieces.count = 0
-        contacts.put_visits(self.visitors.tracks, self.visitors.legs, self.pieces, 0)
+        contacts.put_visits(self.visitors.tracks, self.visitors.legs, self.pieces)
         earliest = 2.0
         for piece in range(self.pieces.count):
             since = self.pieces.since[piece]
