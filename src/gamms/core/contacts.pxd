@@ -85,10 +85,10 @@ cdef class NodeNumbers:
 @cython.final
 cdef class MotionIntervals:
     cdef readonly i64[::1] agents, nodes, order
-    cdef readonly double[::1] since
+    cdef readonly double[::1] since, until
     cdef i64[::1] legs, keys, next, first
-    cdef double[::1] until, begins, ends
-    cdef i64 count
+    cdef double[::1] begins, ends
+    cdef readonly i64 count
 
     @cython.locals(piece=i64)
     cdef Py_ssize_t put(self, i64 agent, i64 node, i64 leg, double since, double until) except -1 nogil
@@ -194,7 +194,7 @@ cdef class Contacts:
 
 
 @cython.locals(agent=i64, first=i64, last=i64, leg=i64, beyond=i64, one=i64, node=i64, until=double, place=i64)
-cdef int put_visits(Tracks tracks, Legs legs, MotionIntervals pieces) except -1 nogil
+cpdef int put_visits(Tracks tracks, Legs legs, MotionIntervals pieces) except -1 nogil
 @cython.locals(first=i64, leg=i64)
 cdef bint is_there(Tracks tracks, Legs legs, i64 agent) except -1 nogil
 cdef int compared(double one, double other) noexcept nogil

@@ -81,8 +81,8 @@ class Legs:
         counts: (agents,) the number of legs.
         sources, targets: (agents * most,) the numbers of the nodes at both ends of the edge.
         streets: (agents * most,) the street number, common to an edge and the edge back.
-        flags: (agents * most,) the sum of 1 if the street runs against the edge, 2 if agents can turn around on the edge,
-            and 4 if the position of the edge is unknown.
+        flags: (agents * most,) the sum of 1 if the street runs against the edge, 2 if agents can turn around on the
+            edge, and 4 if the position of the edge is unknown.
         begins, ends: (agents * most,) shares of the edge from its source.
         since, until: (agents * most,) the times of the leg.
         lengths: (agents * most,) the lengths of the edges, metres.
@@ -558,7 +558,7 @@ class Contacts:
             self.b_nodes[contact] = b_node
         return 0
 
-    # -- the intervals of the agents ---------------------------------------------------------------------------------------
+    # -- the intervals of the agents -----------------------------------------------------------------------------------
 
     def _share_nodes(self, nodes: memoryview[int], lengths: memoryview[int], first: memoryview[int]) -> bool:
         """Return whether agents of both sides pass a common node; a quick test before the search.

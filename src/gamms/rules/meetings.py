@@ -21,7 +21,7 @@ from gamms.game.travel import ReachableNodes
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
 from gamms.kernels.draws import BitArray
-from gamms.rules.visits import TraveledEdges, at_end
+from gamms.rules.visits import Line, TraveledEdges, at_end
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import TEAMS, Track
 
@@ -371,8 +371,7 @@ class TurnContacts:
             return game.near(unit, nearness.limit, game.number_all())
         places = [flying.get(name) for name in self.roster.names]
         if self.by_metres:
-            tracks = self.tracks if nearness.passing else [at_end(track) for track in self.tracks]
-            return _lines(cast("TraveledEdges", self.edges), tracks, places, sides)
+            return self._segments(sides, places, passing=nearness.passing)
         ids = self.numbers.ids
         nodes = self.columns[0]
         xyz = []
@@ -380,6 +379,31 @@ class TurnContacts:
             path = nodes[self.most * agent : self.most * (agent + 1)] if side and at is None else ()
             xyz += [game.place(ids[node]) for node in path] or [at or _NOWHERE] * self.most
         return core.NodePositions(column("q", range(len(xyz))), column("d", chain.from_iterable(xyz)))
+
+    def _segments(self, sides: memoryview, flying: Sequence[Position | None], *, passing: bool) -> core.PathSegments:
+        """Return the straight parts of the paths of agents on a side: stays on nodes, then parts of edges."""
+        edges = cast("TraveledEdges", self.edges)
+        pieces = self.scratch()
+        core.put_visits(self._tracks(sides, at_end=not passing), self.legs, pieces)
+        columns = [column[: pieces.count] for column in (pieces.agents, pieces.nodes, pieces.since, pieces.until)]
+        parts: list[list[Line]] = [[] for _ in flying]
+        for agent, node, since, until in zip(*columns, strict=True):
+            place = self.game.place(self.numbers.ids[node])
+            parts[agent].append((since, until, place, place))
+        for agent, (given, at) in enumerate(zip(self.tracks, flying, strict=True)):
+            track = given if passing else at_end(given)
+            if sides[agent] and at is not None:
+                parts[agent] = [(track.times[0], 1.0, at, at)]
+            elif sides[agent]:
+                parts[agent] += edges.lines_of(track)
+        lines = list(chain.from_iterable(parts))
+        return core.PathSegments(
+            column("q", [0, *accumulate(map(len, parts))]),
+            column("d", [line[0] for line in lines]),
+            column("d", [line[1] for line in lines]),
+            column("d", chain.from_iterable([line[2] for line in lines])),
+            column("d", chain.from_iterable([line[3] for line in lines])),
+        )
 
 
 def in_air(ctx: Context, nearness: ContactOptions) -> dict[str, Position]:
@@ -594,17 +618,3 @@ def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:
         ring = [end for end in dict.fromkeys(end for start in ring for end in near[start]) if end not in hops]
         hops.update(dict.fromkeys(ring, far))
     return hops
-
-
-def _lines(
-    edges: TraveledEdges, tracks: Sequence[Track], in_air: Sequence[Position | None], sides: Sequence[int]
-) -> core.PathSegments:
-    each = zip(tracks, in_air, sides, strict=True)
-    rows = [list(edges.lines_of(track, at)) if side else [] for track, at, side in each]
-    lines = [line for row in rows for line in row]
-    offsets = column("q", [0, *accumulate(map(len, rows))])
-    since = column("d", [since for since, _, _, _ in lines])
-    until = column("d", [until for _, until, _, _ in lines])
-    begins = column("d", chain.from_iterable([begin for _, _, begin, _ in lines]))
-    ends = column("d", chain.from_iterable([end for _, _, _, end in lines]))
-    return core.PathSegments(offsets, since, until, begins, ends)

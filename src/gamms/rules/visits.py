@@ -3,7 +3,7 @@
 A turn is the time from 0 to 1.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from itertools import pairwise
 
 from gamms.context import Context
@@ -13,7 +13,6 @@ from gamms.typing.game import Leg, Track
 from gamms.typing.graph_values import OSMEdge
 from gamms.typing.on_edges import line_along, point_along
 
-Visit = tuple[int, float, float]  # node id, start time, end time
 Line = tuple[float, float, Position, Position]  # start time, end time, position at the start, position at the end
 
 
@@ -22,34 +21,6 @@ def at_end(track: Track) -> Track:
     last = track.legs[-1]._replace(begin=track.legs[-1].end, since=1.0, until=1.0) if track.legs else None
     is_on_edge = last is not None and 0.0 < last.end < 1.0
     return Track(track.path[-1:], (1.0,), (last,) if last is not None and is_on_edge else ())
-
-
-def visits_of(track: Track) -> Sequence[Visit]:
-    """Return the nodes that an agent visited; a node left at time 0 belongs to the turn before."""
-    path, times, legs = track
-    if legs:
-        return _visits_by_legs(track)
-    # NOTE: at most one edge is the usual case, for every agent (benchmarks: turns).
-    if len(path) == 1:
-        return ((path[0], times[0], 1.0),)
-    if len(path) == 2 and path[0] != path[1]:
-        return ((path[1], times[1], 1.0),)
-    left = [
-        after if end == start else now
-        for (start, end), (now, after) in zip(pairwise(path), pairwise(times), strict=True)
-    ]
-    visits = list(zip(path, times, (*left, 1.0), strict=True))
-    return visits if path[1] == path[0] else visits[1:]
-
-
-def _visits_by_legs(track: Track) -> Sequence[Visit]:
-    path, times, legs = track
-    first = legs[0]
-    visits = [(path[0], times[0], first.since)] if first.begin in (0.0, 1.0) and first.since > times[0] else []
-    for leg, after in zip(legs, (*legs[1:], None), strict=True):
-        if leg.begin != leg.end and leg.end in (0.0, 1.0):
-            visits.append((leg.target if leg.end else leg.source, leg.until, 1.0 if after is None else after.since))
-    return visits
 
 
 class TraveledEdges(dict[int, OSMEdge]):
@@ -106,14 +77,8 @@ class TraveledEdges(dict[int, OSMEdge]):
             return None
         return found.x, found.y
 
-    def lines_of(self, track: Track, at: Position | None) -> Iterator[Line]:
-        """Yield the straight parts of an agent's path; for a flying agent, its position."""
-        if at is not None:
-            yield track.times[0], 1.0, at, at
-            return
-        for node, since, until in visits_of(track):
-            _, x, y = self.graph.get_node(node)
-            yield since, until, (x, y, 0.0), (x, y, 0.0)
+    def lines_of(self, track: Track) -> Iterator[Line]:
+        """Yield the straight parts of an agent's path along edges."""
         for leg in self._known(track.legs):
             yield from _lines_along(self[leg.edge], leg)
 
