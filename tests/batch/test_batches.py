@@ -99,6 +99,25 @@ def planned(ctx):
             state["action"] = state["legal"][(k + state["turn"]) % len(state["legal"])]
     return plan
 
+def noise(ctx):
+    level = int(ctx.stream("noise").integers(9))
+    return lambda node_id, agent: (agent.name, node_id + level)
+
+def echo(ctx):
+    level = ctx.seed
+    return lambda: level
+
+def luck(ctx):
+    return ctx.seed % 7
+
+def attentive(state):
+    sensed = state["sensor"]["noise"][1][1] + state["sensor"]["echo"][1]
+    state["action"] = state["legal"][sensed % len(state["legal"])]
+
+def tell(ctx):
+    for agent in ctx.game.agents:
+        ctx.game.emit("told", agent=agent.name, luck=agent.meta.get("luck"))
+
 class Prepared:
     def prepare(self, ctx):
         ctx.game.data["lot"] = ctx.stream("lot").integers(9)
@@ -173,6 +192,41 @@ def test_strategies_that_differ_with_the_seed_are_called_in_the_core(strategy, t
             for number, seed in enumerate(seeds):
                 assert games.result(number) == scenario.play(seed=seed)
                 assert plain(games.context(number).game.result()) == plain(games.result(number))
+
+
+def test_sensors_and_descriptions_of_agents_that_differ_with_the_seed_are_those_of_each_game(tmp_path):
+    (tmp_path / "mine.py").write_text(MINE)
+    sensors = {name: {"function": f"mine:{name}"} for name in ("noise", "echo")}
+    red = {"count": 2, "sensors": [*sensors], "meta": {"luck": {"function": "mine:luck"}}, "strategy": "mine:attentive"}
+    given = {**scene([{"rule": "mine:tell"}]).to_dict(), "sensors": sensors, "folder": tmp_path}
+    scenario = Scenario(**given).replace(**{"teams.red": red})
+    with scenario.batch(4, seed=1) as games:
+        for seeds in (range(1, 5), [7, 2, 9, 9]):
+            games.reset(seeds=seeds)
+            games.run()
+            assert games.is_in_arrays, games.slow
+            for number, seed in enumerate(seeds):
+                assert plain(games.result(number)) == plain(scenario.play(seed=seed))
+
+
+def test_a_window_shows_the_game_that_is_asked_for_and_games_are_played_without_one():
+    maps = [{"grid": {"width": width, "height": 4}} for width in (4, 5)]
+    with scene([TAG]).batch(6, vis_engine=gamms.visual.Engine.OFFSCREEN, maps=maps) as games:
+        games.step()
+        first, second = np.flatnonzero(games.maps == 0)[:2].tolist()
+        shown = games.context(first)
+        games.step()
+        assert (shown.game.turn, shown.seed) == (2, games.seeds[first])
+        assert shown.visual.frame(40, 30).shape == (30, 40, 3)
+        for ask in (lambda: games.context(second), lambda: games.reset([second]), games.run):
+            ask()
+            assert games.context(second) is shown
+            assert plain(shown.game.result()) == plain(games.result(second))
+        other = games.context(int(games.maps.argmax()))
+        assert shown.is_terminated()
+        assert len(other.graph.columns().node_ids) == 20
+        assert games.is_in_arrays
+    assert other.is_terminated()
 
 
 class Planned:

@@ -191,27 +191,36 @@ class Builder:
                 self._by_seed += [path for path, image in known.items() if _image(other._called.get(path)) != image]
         return [*dict.fromkeys(self._by_seed)]
 
-    def without_deciders(self, paths: Iterable[str]) -> list[str]:
-        """Return the paths that are not those of strategies and plans, or of their parameters."""
-        deciders = {self._strategy_path(member) for member in self.members}
-        deciders |= {f"teams.{team}.plan" for team in self._plans}
-        return [path for path in paths if not any(_is_within(path, decider) for decider in deciders)]
+    def has_other_values(self, paths: Iterable[str]) -> bool:
+        """Return whether a path is none of strategies, plans and sensors, or of their parameters."""
+        known = self._function_paths().values()
+        return any(not any(_is_within(path, one) for one in known) for path in paths)
 
-    def of_agents(self, paths: Iterable[str]) -> list[str]:
-        """Return the paths of sensors and descriptions of agents."""
-        return [
-            path for path in self.without_deciders(paths) if path.partition(".")[0] not in ("rules", "facts", "data")
-        ]
+    def functions_at(self, paths: Sequence[str], seed: int) -> dict[tuple[str, str], Function | None]:
+        """Reset the game with a seed; return the functions at these paths: of strategies, plans and sensors.
 
-    def deciders_at(self, paths: Sequence[str], seed: int) -> dict[tuple[str, str], Function | None]:
-        """Reset the game with a seed; return its strategies and plans at these paths, by agent or team."""
+        Keys are ("agent", name), ("team", name) or ("sensor", id).
+        """
         self.ctx.game.reset(seed=seed)
+        known = self._function_paths().items()
+        chosen = [key for key, where in known if any(_is_within(path, where) for path in paths)]
+        return {key: self._function_of(*key) for key in chosen}
+
+    def _function_paths(self) -> dict[tuple[str, str], str]:
+        """Return the places of strategies, plans and function sensors in the scenario."""
         where = {("agent", member.name): self._strategy_path(member) for member in self.members}
         where |= {("team", team): f"teams.{team}.plan" for team in self._plans}
-        chosen = [key for key, decider in where.items() if any(_is_within(path, decider) for path in paths)]
-        return {key: self._decider(*key) for key in chosen}
+        for member in self.members:
+            declared = self._sensors(member)
+            own = self._agents[member.name].functions
+            where |= {("sensor", sensor.sensor_id): declared[name][1] for name, (sensor, _) in own.items()}
+        return where
 
-    def _decider(self, kind: str, name: str) -> Function | None:
+    def _function_of(self, kind: str, name: str) -> Function | None:
+        if kind == "sensor":
+            sensor: Any = self.ctx.sensor.get_sensor(name)
+            function: Function = sensor.function
+            return function
         return self._plans[name].function if kind == "team" else self._agents[name].strategy
 
     def _strategy_path(self, member: TeamMember) -> str:

@@ -337,7 +337,7 @@ class Scenario(Surface, Immutable):
             strategies: see `build`.
             record: keep the actions that are given to `step`, so that games can be recorded.
             one_by_one: deprecated, and without an effect: `batch.context` needs it no more.
-            vis_engine: shows the games in turn, one by one; see `build`.
+            vis_engine: shows the game of `batch.context(i)` in a window, or films it; see `build`.
             most_agents: how many agents each team may come to have, or team -> number: rows are reserved for those
                 that rules create, named `red_3`, `red_4`, … where `red` begins with three; or team -> their names.
             maps: in place of the map of the scenario, several, each as a scenario has it under `map`: the seed of a
@@ -357,15 +357,12 @@ class Scenario(Surface, Immutable):
                 DeprecationWarning,
                 stacklevel=2,
             )
-        reason = None if vis_engine is None else "a window that shows its games"
         scenarios = [self] if maps is None else self._on_maps(maps)
-        if vis_engine is not None and len(scenarios) > 1:
-            raise BadValue("A window shows games on one map: give vis_engine= or several maps, not both.")
         sources: list[BatchSource] = []
         try:
             for number, scenario in enumerate(scenarios):
                 with on_map(None if maps is None else number):
-                    sources.append(scenario._source_of_batch(chosen, strategies, vis_engine, reason))
+                    sources.append(scenario._source_of_batch(chosen, strategies, vis_engine))
             sources[0].game.internals.parts.rules.warn()
             return Batch(sources, chosen, record=record, most_agents=most_agents)
         except BaseException:
@@ -384,21 +381,20 @@ class Scenario(Surface, Immutable):
         return found
 
     def _source_of_batch(
-        self, seeds: Sequence[int], strategies: Strategies | None, vis_engine: Engine | None, reason: str | None
+        self, seeds: Sequence[int], strategies: Strategies | None, vis_engine: Engine | None
     ) -> BatchSource:
-        """Return the source of a batch's games on this map; `reason` says why they are played one by one, if known."""
+        """Return the source of a batch's games on this map."""
         are_drawn = any(team.count or any(one.node is None for one in team.agents) for team in self.spec.teams.values())
-        ctx, builder = self._built(seeds[0], strategies, vis_engine)
+        ctx, builder = self._built(seeds[0], strategies)
         try:
             others = islice(dict.fromkeys(seeds[:_AMONG]), 1, 1 + _PROBES)
-            varying = [] if reason else builder.varying(self._builder_for(one, strategies) for one in others)
-            unknown = builder.of_agents(varying)
-            differs = len(builder.without_deciders(varying)) > 0
-            reason = f"{unknown[0]}, which a function makes for each game" if unknown else reason
-            deciders = partial(builder.deciders_at, varying) if varying and not unknown else None
+            varying = builder.varying(self._builder_for(one, strategies) for one in others)
+            functions = partial(builder.functions_at, varying) if varying else None
+            differs = builder.has_other_values(varying)
             place = AgentPlacement(ctx, self.spec, members(self.spec)).place if are_drawn else None
             build = partial(self.build, strategies=strategies)
-            return BatchSource(ctx.game, place, reason, build, deciders, differs)
+            show = None if vis_engine is None else partial(build, vis_engine=vis_engine)
+            return BatchSource(ctx.game, place, build, show, functions, differs)
         except BaseException:
             ctx.terminate()
             raise

@@ -45,6 +45,11 @@ class FunctionSensor(Sensor):
         self._takes = _parameters(fn, self.sensor_id)
         self._function = fn
 
+    def called_with_both(self) -> Callable[[int | None, Any], Any]:
+        """Return the function as one of a node and an agent, which passes on as many as the function takes."""
+        function, takes = self._function, self._takes
+        return lambda node_id, agent: function(*(node_id, agent)[:takes])
+
     @refused_while_deciding
     def reset(self) -> None:
         """Clear the sensed data."""

@@ -16,7 +16,16 @@ from numpy.random import Generator
 from gamms.core.copies import copied, copied_values
 from gamms.deciding import phase_of
 from gamms.game.batch.channels import MessageTraffic
-from gamms.game.batch.columns import AgentTable, ComingAgent, Failure, NewAgents, PlayedGame, decider_of, kept_in
+from gamms.game.batch.columns import (
+    AgentTable,
+    ComingAgent,
+    Failure,
+    NewAgents,
+    PlayedGame,
+    decider_of,
+    kept_in,
+    sensors_of,
+)
 from gamms.game.batch.courses import Routes
 from gamms.game.batch.flights import Flights
 from gamms.game.batch.forms import decides_in_arrays, strategy_spec_of
@@ -322,7 +331,11 @@ class Cursor:
         self._periods = {one.every for one in collectors}
         self._first_values = first_values
         of_rules = [function for one in game.rules for function in (one.rule, one.spec.check)]
-        self._own_functions = [one for one in (*deciders, *of_rules) if isinstance(one, FunctionPerGame)]
+        of_sensors = [
+            getattr(one, "function", None) for agent in state.roster.agents for one in sensors_of(agent).values()
+        ]
+        functions = *deciders, *of_rules, *of_sensors
+        self._own_functions = [one for one in functions if isinstance(one, FunctionPerGame)]
         self.functions = [
             *map(some_function, _functions_of_rules(game, state.roster)),
             *map(some_function, deciders),
@@ -570,6 +583,7 @@ class Cursor:
                     {key: one for key, one in own.data.items() if key not in self._core_keys}
                 )
                 self._facts_of[number] = dict(own.facts)
+                self._attributes[number] = [copied_values(one) for one in own.attributes]
                 private_facts = own.agent_facts, own.team_facts
             self._private_facts[number] = copied(private_facts) if any(private_facts) else None
             self._memories[number] = defaultdict(dict, copied(first.memories))

@@ -25,7 +25,7 @@ from gamms.game.batch.cursor import first_called
 from gamms.game.batch.given import OutsideActions, OutsideActor, as_given, as_kept
 from gamms.game.batch.maps import SequentialMapsEngine, drawn_maps
 from gamms.game.batch.one_by_one import SequentialEngine
-from gamms.game.batch.own_functions import FunctionsPerGame, MakeDeciders
+from gamms.game.batch.own_functions import FunctionsPerGame, MakeFunctions
 from gamms.game.batch.state import Columns, GameArrays, NotInCore
 from gamms.game.batch.view import ArrayView
 from gamms.game.global_random import global_state, seeded_for_run
@@ -55,17 +55,17 @@ class BatchSource(NamedTuple):
         game: the game at its start, in a context that belongs to the batch.
         starts: returns the ids of the start nodes for several seeds, agent name -> (seeds,); None: the start nodes do
             not depend on the seed.
-        follows_seed: a description of other parts that depend on the seed; None: there are none.
-        deciders: makes the strategies and plans that depend on the seed; None: nothing does.
-        differs: whether rules, facts or data depend on the seed, too.
         build: makes a context with the game of a seed; None: the batch was not made from a scenario.
+        show: does the same with a window; None: games are shown without one.
+        functions: makes the strategies, plans and functions of sensors that depend on the seed; None: none do.
+        differs: whether rules, facts, data or attributes of agents depend on the seed, too.
     """
 
     game: PlayedGame
     starts: Callable[[Sequence[int]], Mapping[str, IntArray]] | None
-    follows_seed: str | None
     build: Callable[[int], Any] | None
-    deciders: MakeDeciders | None = None
+    show: Callable[[int], Any] | None
+    functions: MakeFunctions | None = None
     differs: bool = False
 
 
@@ -119,7 +119,7 @@ class Batch(Immutable):
             roster.first_nodes(source.game) for source, roster in zip(sources, self._rosters, strict=True)
         ]
         self._begin: IntArray = np.zeros((len(seeds), len(self._roster.names)), np.int64)  # see `_starts`
-        own = [FunctionsPerGame(one.game, one.deciders, self.seeds, differs=one.differs) for one in sources]
+        own = [FunctionsPerGame(one.game, one.functions, self.seeds, differs=one.differs) for one in sources]
         self._own = [one if one.is_needed else None for one in own]
         self._engine = self._made_engine()
         self._left: str | None = None  # why the games left the core
@@ -131,6 +131,7 @@ class Batch(Immutable):
         self._is_said = False  # whether the slow part was logged
         self._first_turn = sources[0].game.turn  # the number of turns played before the batch
         self._shown: _SingleGame | None = None  # the game in the context that `context` returned
+        self._window: _SingleGame | None = None  # the game in the window, with the number of its map
         self._alone: _SingleGame | None = None  # the game that is playing now
         self._was_given = False  # whether actions were passed to `step` and not logged
         self._lock = RLock()  # of the thread that plays
@@ -139,7 +140,7 @@ class Batch(Immutable):
         """Return the engine of the games: the core, or the turn engine for unsupported games; set `slow`."""
         try:
             engine = self._made_in_core()
-        except GammsError as error:
+        except NotInCore as error:
             self._put_public(slow=str(error))
             self._refuse_too_many(_BYTES_PER_RESULT)
             return self._made_one_by_one()
@@ -150,12 +151,9 @@ class Batch(Immutable):
         """Return the engine that plays the games in the core.
 
         Raises:
-            NotInCore: the core does not support a part of the games.
-            GammsError: a part does not fit into memory, or refers to a node or edge that the map no longer has.
+            TooLarge: the games do not fit into memory.
+            BadValue, UnknownName: a game that has begun refers to a node or edge that the map no longer has.
         """
-        for source in self._sources:
-            if source.follows_seed is not None:
-                raise NotInCore(source.follows_seed)
         self._take_functions(np.arange(len(self)))
         games = [source.game for source in self._sources]
         movements = [movement_in_core(game, roster) for game, roster in zip(games, self._rosters, strict=True)]
@@ -205,6 +203,7 @@ class Batch(Immutable):
         """End the contexts of the batch."""
         self._put_public(is_closed=True)
         self._hide()
+        self._close_window()
         for source in self._sources:
             source.game.ctx.terminate()
 
@@ -729,7 +728,8 @@ class Batch(Immutable):
 
         A game that the core plays, or that the turn engine can no longer show, is played again in a separate context,
         which takes as long as playing it alone, now and in each later turn. This context is terminated when another
-        game needs one, and when the game is reset. Other games are shown in the batch's context of their map.
+        game needs one, and when the game is reset; with `vis_engine=`, its window then shows the next game.
+        Other games are shown in the batch's context of their map.
 
         Raises:
             BadValue: actions were passed to `step` without `record=True`, or the game was loaded and not reset since.
@@ -755,6 +755,8 @@ class Batch(Immutable):
         """Return a game at its start, in a separate context."""
         source, seed = self._sources[self.maps[number]], self.seeds[number]
         game: PlayedGame
+        if source.show is not None:
+            return self._shown_in_window(source.show, number)
         if source.build is not None:
             game = source.build(seed).game
             return game
@@ -770,6 +772,21 @@ class Batch(Immutable):
         game.reset(seed=seed)
         return game
 
+    def _shown_in_window(self, show: Callable[[int], Any], number: int) -> PlayedGame:
+        """Return a game at its start, in the context with the window; `show` opens one for its map."""
+        seed, map = self.seeds[number], int(self.maps[number])
+        if self._window is not None and self._window.number == map and not self._window.game.ctx.is_terminated():
+            self._window.game.reset(seed=seed)
+            return self._window.game
+        self._close_window()
+        self._window = _SingleGame(map, show(seed).game)
+        return self._window.game
+
+    def _close_window(self) -> None:
+        if self._window is not None:
+            self._window.game.ctx.terminate()
+            self._window = None
+
     def _begin_log(self) -> None:
         """Log actions from now on; none were passed before."""
         turns = self._engine.turns() - self._first_turn
@@ -783,10 +800,10 @@ class Batch(Immutable):
             self._play_alone(self._shown.game, self._shown.number)
 
     def _hide(self) -> None:
-        """Terminate the separate context that shows a game."""
-        if self._shown is not None:
+        """Terminate the separate context that shows a game; a window stays open for the next game."""
+        if self._shown is not None and (self._window is None or self._shown.game is not self._window.game):
             self._shown.game.ctx.terminate()
-            self._shown = None
+        self._shown = None
 
     @property
     def is_in_arrays(self) -> bool:

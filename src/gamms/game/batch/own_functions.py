@@ -4,7 +4,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from gamms.core.copies import copied
+from gamms.core.copies import copied, copied_values
 from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.settings import NamedRule, Plan, declared
@@ -12,14 +12,14 @@ from gamms.game.snapshots import own
 from gamms.ir.graph import IntArray
 from gamms.text import as_code
 
-Decider = tuple[str, str]
-"""The owner of a function: ("agent", name) for a strategy, ("team", team) for a plan."""
-MakeDeciders = Callable[[int], Mapping[Decider, Any]]
-"""Resets a game with a seed, and returns its strategies and plans that depend on the seed."""
+Owner = tuple[str, str]
+"""The owner of a function: ("agent", name) for a strategy, ("team", team) for a plan, ("sensor", id) for a sensor."""
+MakeFunctions = Callable[[int], Mapping[Owner, Any]]
+"""Resets a game with a seed, and returns its strategies, plans and sensor functions that depend on the seed."""
 
 
 class FunctionPerGame:
-    """A strategy, a rule, or the plan of a team, with a different function in each game.
+    """A strategy, a rule, a sensor, or the plan of a team, with a different function in each game.
 
     Attributes:
         of_game: the function of each game; None: the game has none yet.
@@ -30,9 +30,9 @@ class FunctionPerGame:
         self.of_game: list[Any] = [None] * num_games
         self.number = 0
 
-    def __call__(self, asked: Any) -> Any:
+    def __call__(self, *asked: Any) -> Any:
         """Call the function of the current game."""
-        return self.of_game[self.number](asked)
+        return self.of_game[self.number](*asked)
 
     def __repr__(self) -> str:
         """Return the name of the first game's function that exists."""
@@ -77,10 +77,11 @@ def _stay(state: dict[str, Any]) -> None:
 
 
 class FirstValues(NamedTuple):
-    """What a game begins with; see `GameState`."""
+    """What a game begins with; see `GameState`. `attributes` are those of the agents, in the order of their rows."""
 
     facts: dict[str, Any]
     data: dict[Any, Any]
+    attributes: list[dict[str, Any]]
     agent_facts: dict[Any, dict[str, Any]]
     team_facts: dict[Any, dict[str, Any]]
 
@@ -89,7 +90,8 @@ class FirstValues(NamedTuple):
         """Return what a game begins with."""
         state = game.internals.state
         private = copied((state.agent_facts, state.team_facts))
-        return cls(dict(state.facts), copied(state.data), *private)
+        attributes = [copied_values(vars(agent)) for agent in game.ctx.agent.storage.share().members]
+        return cls(dict(state.facts), copied(state.data), attributes, *private)
 
 
 class FunctionsPerGame:
@@ -97,30 +99,30 @@ class FunctionsPerGame:
 
     Args:
         game: the game in whose context the functions are called.
-        make: resets the game with a seed, and makes the strategies and plans of the seed; None: they do not differ.
+        make: resets the game with a seed, and makes the functions of the seed; None: they do not differ.
         seeds: the seeds of all games of the batch.
-        differs: whether rules, facts or data differ with the seed, too.
+        differs: whether rules, facts, data or attributes of agents differ with the seed, too.
 
     Attributes:
         first: what each game begins with; empty: all begin with the same.
     """
 
-    def __init__(self, game: PlayedGame, make: MakeDeciders | None, seeds: Sequence[int], *, differs: bool) -> None:
+    def __init__(self, game: PlayedGame, make: MakeFunctions | None, seeds: Sequence[int], *, differs: bool) -> None:
         self._game = game
         self._make = make
         self._seed = seeds[0]
-        self._own: dict[Decider, FunctionPerGame] = {}
+        self._own: dict[Owner, FunctionPerGame] = {}
         self._rules: dict[str, FunctionPerGame] = {}
         self._values: list[FirstValues | None] = [None] * len(seeds)
         agents = game.ctx.agent.agents.values()
-        deciders: dict[Decider, Any] = {("agent", agent.name): agent.strategy for agent in agents}
+        deciders: dict[Owner, Any] = {("agent", agent.name): agent.strategy for agent in agents}
         deciders |= {("team", team): plan.function for team, plan in game.plans.items()}
         self._preparing = {who: one for who, one in deciders.items() if _prepares(one)}
         self._differs = differs or len(self._preparing) > 0
         self.first = self._values if self._differs else []
         self._shared = {who: one for who, one in deciders.items() if one is not None}
         self._first_rules = self._unprepared_rules = game.rules
-        self._first: Mapping[Decider, Any] = {}  # of the seed of the context
+        self._first: Mapping[Owner, Any] = {}  # of the seed of the context
 
     @property
     def is_needed(self) -> bool:
@@ -134,8 +136,8 @@ class FunctionsPerGame:
         """
         self._decide_by(self._first)
         for number, seed in zip(games.tolist(), seeds, strict=True):
-            for decider, function in self._begin(seed).items():
-                self._of(self._own, decider).of_game[number] = function or _stay
+            for owner, function in self._begin(seed).items():
+                self._of(self._own, owner).of_game[number] = self._called(owner, function)
             for rule in self._game.rules if self._differs else ():
                 self._of(self._rules, rule.name).of_game[number] = rule.rule
             self._values[number] = FirstValues.of(self._game) if self._differs else None
@@ -145,8 +147,13 @@ class FunctionsPerGame:
     def _of(self, known: dict[Any, FunctionPerGame], key: Hashable) -> FunctionPerGame:
         return known.setdefault(key, FunctionPerGame(len(self._values)))
 
-    def _begin(self, seed: int) -> dict[Decider, Any]:
-        """Reset the game with a seed; return its own strategies and plans, which are prepared and may add rules."""
+    def _called(self, owner: Owner, function: Callable[..., Any] | None) -> Any:
+        """Return what a game calls in place of a function of its own."""
+        kind, name = owner
+        return self._game.ctx.sensor.get_sensor(name).called_with_both() if kind == "sensor" else function or _stay
+
+    def _begin(self, seed: int) -> dict[Owner, Any]:
+        """Reset the game with a seed; return its own functions, which are prepared and may add rules."""
         self._game.internals.restore_rules(self._unprepared_rules)
         if self._make is None:
             self._game.reset(seed=seed)
@@ -182,11 +189,13 @@ class FunctionsPerGame:
         self._decide_by({**self._first, **self._preparing})
         self._game.internals.restore_rules(self._unprepared_rules)
 
-    def _decide_by(self, functions: Mapping[Decider, Any]) -> None:
+    def _decide_by(self, functions: Mapping[Owner, Any]) -> None:
         plans = dict(self._game.plans)
         for (kind, name), function in functions.items():
             if kind == "team":
                 plans[name] = Plan(function, plans[name].arrays)
+            elif kind == "sensor":
+                self._game.ctx.sensor.get_sensor(name).function = function
             else:
                 self._game.ctx.agent.agents[name].decide_by(function)
         self._game.plans = plans
