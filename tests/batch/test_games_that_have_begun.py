@@ -2,12 +2,14 @@
 
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from batch_scenes import plain, scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import gamms
+from gamms.errors import UnknownName
 from gamms.strategies import (
     assign,
     chase,
@@ -191,6 +193,27 @@ def test_games_that_are_reset_have_the_last_moves_of_their_beginning_beside_othe
                 assert plain(games.result(number)) == plain(alone.game.run())
 
 
+@gamms.array_rule
+def number_turns(turn):
+    """Count the turns of each agent, and score the counts of those that are there."""
+    kept = turn.keep("turns", lambda games: {"turns": np.zeros((games, len(turn.roster.names)), np.int64)})
+    kept["turns"][turn.games] += 1
+    turn.add_score("turns", np.arange(len(turn.games)), (kept["turns"][turn.games] * turn.alive).sum(axis=1))
+
+
+def test_memory_of_array_rules_has_rows_for_agents_that_come_later():
+    with scene(side=4, red=2).build(seed=3) as ctx:
+        ctx.game.add(number_turns)
+        ctx.game.step()
+        with ctx.game.batch(2) as games, ctx.game.batch(2, most_agents=4) as more:
+            for one in (games, more):
+                one.run()
+            assert more.observe("red").mask.shape == (2, 4)
+            assert [plain(more.result(number)) for number in (0, 1)] == [
+                plain(games.result(number)) for number in (0, 1)
+            ]
+
+
 def test_rules_before_turns_look_along_no_node_that_was_removed():
     with (
         scene(side=4)
@@ -203,5 +226,6 @@ def test_rules_before_turns_look_along_no_node_that_was_removed():
         ctx.game.step()
         passed = ctx.game.moves["red_0"].path[1]
         ctx.graph.graph.remove_node(passed)
-        with ctx.game.batch(1) as games:
-            assert games.slow == f"Unknown node {passed}."
+        for play in (ctx.game.step, lambda: ctx.game.batch(1)):
+            with pytest.raises(UnknownName, match=f"Unknown node {passed}"):
+                play()

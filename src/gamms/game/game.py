@@ -515,8 +515,10 @@ class Game(Surface, RuleVerbs):
                 rules create, named `red_3`, `red_4`, … if `red` begins with three; or team -> their names.
 
         Raises:
-            BadType, BadValue: there is no game, a seed is not an integer, or `record` is True.
+            BadType, BadValue: there is no game, a seed is not an integer, or `record` is True; or a node where an agent
+                started, or was before, is no longer on the map.
             SnapshotError: a turn is being played.
+            TooLarge: the games would not fit into memory.
         """
         from gamms.game.batch.columns import as_seeds  # few programs need it
         from gamms.game.batch.games import Batch, BatchSource
@@ -528,7 +530,12 @@ class Game(Surface, RuleVerbs):
             )
         chosen = as_seeds(num_games, seed, seeds)
         self._ruleset.warn()
-        return Batch([BatchSource(self.fork(0), None, None, None)], chosen, record=False, most_agents=most_agents)
+        fork = self.fork(0)
+        try:
+            return Batch([BatchSource(fork, None, None, None)], chosen, record=False, most_agents=most_agents)
+        except BaseException:
+            fork.ctx.terminate()
+            raise
 
     # -- inside -------------------------------------------------------------------------------------------------
 

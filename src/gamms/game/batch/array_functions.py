@@ -21,7 +21,7 @@ from gamms.game.batch.given import as_flights, flown
 from gamms.game.batch.initial_state import LastTurn, movement_of
 from gamms.game.batch.movement import AIMS, LIMITED, STOP, Movement
 from gamms.game.batch.sensing import note_sensors, note_sights
-from gamms.game.batch.state import KEPT, STOPPED, Arrays, EmittedEvents, GameArrays, NotInCore
+from gamms.game.batch.state import KEPT, STOPPED, Arrays, EmittedEvents, GameArrays
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView, asked_view
 from gamms.game.deeds import checked_value
@@ -122,12 +122,9 @@ def _documented(function: F, form: Callable[..., object]) -> F:
 
 def _kept_before(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
     """Return the arrays that functions keep in the game of a context; its rules continue after the events they read."""
-    kept = ctx.game.data.get(KEPT, {})
-    if kept and not state.roster.is_first.all():
-        raise NotInCore("arrays kept by array functions, which have no rows for agents that enter later")
     for reader, number in ctx.game.data.get(_READ, {}).items():
         state.events.read(reader, number)
-    return dict(kept)
+    return dict(ctx.game.data.get(KEPT, {}))
 
 
 # -- a block of one game ----------------------------------------------------------------------------------------------

@@ -196,7 +196,7 @@ def _refuse_other_arrays(made: object, games: int) -> None:
             )
 
 
-def _as_made(key: Hashable, named: str, first: Arrays, made: object) -> Arrays:
+def _as_made(key: Hashable, named: str, first: Arrays, made: object, is_first: BoolArray) -> Arrays:
     """Return the memory of a game that has begun, with the names, shapes and data types that `make` makes.
 
     Args:
@@ -204,9 +204,11 @@ def _as_made(key: Hashable, named: str, first: Arrays, made: object) -> Arrays:
         named: the rule or strategy, for messages.
         first: the memory of one game.
         made: the arrays that `make` made for one game.
+        is_first: (agents,) which agents are in the game; the memory may have rows for these alone.
     """
     _refuse_other_arrays(made, 1)
     like: Arrays = made  # type: ignore[assignment] # checked above
+    first = {name: _with_all_rows(one, like[name], is_first) if name in like else one for name, one in first.items()}
     given, wanted = ({name: np.shape(one) for name, one in those.items()} for those in (first, like))
     for name in wanted | given:
         if given.get(name) != wanted.get(name):
@@ -219,6 +221,17 @@ def _as_made(key: Hashable, named: str, first: Arrays, made: object) -> Arrays:
         if not np.can_cast(own, kind, "same_kind") and like[name].size:
             raise BadValue(f"begins of {named} returns {shown(name)} of {own} under {shown(key)}, not of {kind}.")
     return {name: np.asarray(first[name]).astype(one.dtype) for name, one in like.items()}
+
+
+def _with_all_rows(given: object, like: np.ndarray[Any, Any], is_first: BoolArray) -> np.ndarray[Any, Any]:
+    """Return an array of one game, with the rows of `like` for the agents that are to come if it lacks them."""
+    array = np.asarray(given)
+    number = np.count_nonzero(is_first)
+    if array.shape != (1, number, *like.shape[2:]) or like.shape[1:2] != is_first.shape:
+        return array
+    found = like.astype(array.dtype)
+    found[:, is_first] = array
+    return found
 
 
 def _purpose_keys(seeds: Sequence[int], purposes: Sequence[Purpose]) -> BitArray:
@@ -501,7 +514,8 @@ class GameArrays:
             first = self.first.get(key)
             if first is not None:
                 named = self.first_by.get(key)
-                make = partial(_repeated, first if named is None else _as_made(key, named, first, make(1)))
+                is_first = self.roster.is_first
+                make = partial(_repeated, first if named is None else _as_made(key, named, first, make(1), is_first))
             known = make(len(self))
             _refuse_other_arrays(known, len(self))
             self.kept[key], self._makers[key] = known, make
