@@ -69,10 +69,6 @@ cdef class PathTables:
 cpdef int find_distances(
     PathTables ways, const i64[::1] order, const i64[::1] nodes, const i64[::1] targets, double[::1] found
 ) except -1 nogil
-@cython.locals(place=i64, number=i64)
-cpdef int find_next(
-    PathTables ways, const i64[::1] order, const i64[::1] nodes, const i64[::1] targets, i64[::1] found
-) except -1 nogil
 @cython.locals(place=i64, number=i64, first=i64, count=i64, node=i64)
 cpdef int find_actions(
     PathTables ways,

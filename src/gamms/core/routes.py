@@ -293,19 +293,6 @@ def find_distances(
     return 0
 
 
-def find_next(
-    ways: PathTables, order: memoryview[int], nodes: memoryview[int], targets: memoryview[int], found: memoryview[int]
-) -> int:
-    """Write the next node on the path from each node to its target; the node itself at the target or without a path."""
-    for place in range(len(order)):
-        number = order[place]
-        ways.fill(targets[number])
-        found[number] = nodes[number]
-        if nodes[number] != targets[number] and ways.distance(nodes[number], targets[number]) < INFINITE:
-            found[number] = ways.following[ways.place(nodes[number], targets[number])]
-    return 0
-
-
 def find_actions(
     ways: PathTables,
     offsets: memoryview[int],

@@ -7,13 +7,13 @@ OCCLUDED_AGENT. Such a sensor shows a flying agent at its nearest node.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from inspect import iscoroutinefunction
-from itertools import takewhile
-from math import inf, isfinite
+from math import inf
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 from weakref import WeakKeyDictionary
 
 from gamms.arguments import as_function_of, as_int, as_items
-from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
+from gamms.errors import BadType, BadValue, MissingKey, UnknownName
+from gamms.game.batch import aims
 from gamms.game.batch.forms import CoreStep, StrategySpec, declare, strategy_spec_of
 from gamms.game.batch.strategy_steps import begin_steps
 from gamms.typing import IContext
@@ -265,38 +265,19 @@ def step_towards(
         is_allowed: whether the agent may enter a node; None: every node.
 
     Returns:
-        A node id, maybe the agent's own; for an agent with a speed the nodes of the path, up to the first one out of
-        reach, so that the rest of its metres is used next turn; None if there is no path.
+        See `gamms.game.batch.aims.step_towards`; None if there is no path.
 
     Raises:
         BadType: the agent flies.
     """
     here = node_of(state, caller)
+    is_paced = has_speed(ctx, state)
+    ends: tuple[int, ...] = ()
+    if is_paced and state.get("xy") is not None:
+        ends = (here,) if state["edge"] is None else (here, state["edge"][1])
     legal = legal_on_map(ctx, state)
-    if is_allowed is None and state.get("xy") is not None and has_speed(ctx, state):
-        starts = {here} if state["edge"] is None else {here, state["edge"][1]}
-        return target if any(isfinite(ctx.graph.graph.distance(one, target)) for one in starts) else None
-    if target in legal and (is_allowed is None or is_allowed(target)):
-        return target
-    try:
-        path = _path_ahead(ctx, here, target, legal)
-    except NoPath:
-        return None
-    allowed = list(path if is_allowed is None else takewhile(is_allowed, path))
-    reached = sum(1 for _ in takewhile(legal.__contains__, allowed))
-    if has_speed(ctx, state):
-        return allowed[: reached + 1] or here
-    return allowed[reached - 1] if reached else here
-
-
-def _path_ahead(ctx: IContext, here: int, target: int, legal: Sequence[int]) -> list[int]:
-    """Return the nodes after `here` on the shortest path, at least up to the first node that is not legal."""
-    edges = 2  # enough for agents that move along one edge
-    while True:
-        path = ctx.graph.graph.shortest_path(here, target, most_edges=edges)[1:]
-        if len(path) < edges or path[-1] not in legal:
-            return path
-        edges *= 2
+    graph = ctx.graph.graph
+    return aims.step_towards(graph, here, legal, target, has_speed=is_paced, ends=ends, is_allowed=is_allowed)
 
 
 def as_otherwise(otherwise: Strategy | None, caller: str) -> Strategy:

@@ -13,13 +13,14 @@ import numpy as np
 from gamms.arguments import as_context, as_function_of, as_numbers_of
 from gamms.deciding import phase_of
 from gamms.errors import BadType
+from gamms.game.batch.aims import Aims
 from gamms.game.batch.channels import MessageTraffic
 from gamms.game.batch.columns import AgentTable, decider_of
 from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.forms import F, StrategySpec, declare, key_of, strategy_spec_of
 from gamms.game.batch.given import as_flights, flown
 from gamms.game.batch.initial_state import LastTurn, movement_of
-from gamms.game.batch.movement import AIMS, LIMITED, STOP, Movement
+from gamms.game.batch.movement import Movement, PacedMovement
 from gamms.game.batch.sensing import note_sensors, note_sights
 from gamms.game.batch.state import KEPT, STOPPED, Arrays, EmittedEvents, GameArrays
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
@@ -219,7 +220,10 @@ def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name:
     if view.flies:
         state["action"] = flown(known.given[0, place].tolist(), ctx.agent.agents[agent].speed, done)
         return
-    action = _plain_action(ctx, state, view, int(view.node[0, place]), int(known.given[0, place]))
+    number = int(known.given[0, place])
+    action = None if view._aims is None else view._aims.action(number)
+    if action is None:
+        action = state["legal"][number]
     state["action"] = {"node_id": action, "do": done} if done else action
 
 
@@ -232,13 +236,14 @@ def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, n
         asked = turns.asked if turns.is_deciding else -1
         here, drawn = _deciding_now(ctx, block, state)
     view = asked_view(block, _ONE, agents, here)
-    view._may_aim = True
+    if isinstance(view._movement, PacedMovement):
+        view._aims = Aims(ctx.graph.graph, view._movement)
     view.draw = view.draw.after(drawn[:, agents]).only(view.mask)
     given = function(view)
     if view.flies:
         given = as_flights(given, f"{name}: what an agent that flies does", view.node.shape)
     else:
-        given = view._checked(given, name, may_aim=True)
+        given = view._checked(given, name)
     if block.kept:
         data[KEPT] = block.kept
     names = block.roster.names
@@ -309,23 +314,6 @@ def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
     if game.channels:
         block.radio = MessageTraffic(game.channels, roster, roster.part_of(None), 1)
         block.radio.go_on(_ONE, turns.inboxes.entries(), game.turn)
-
-
-def _plain_action(
-    ctx: HostContext, state: dict[str, Any], view: ArrayView, row: int, number: int
-) -> int | list[int] | None:
-    """Return the value of `state["action"]` for an action `number` of an agent on the node `row`."""
-    if number < STOP:
-        legal: int = state["legal"][number]
-        return legal
-    if number == STOP:
-        return None
-    here, target = view.streets.ids(np.array([row, number % AIMS])).tolist()
-    limit = number // AIMS - LIMITED  # the number of nodes of the path; less than 0: all
-    if limit < 0 and (target in state["legal"] or len(view._movement.edge)):
-        return int(target)
-    path: list[int] = ctx.graph.graph.shortest_path(here, target)[1:]
-    return (path if limit < 0 else path[:limit]) or int(here)
 
 
 # -- rules ------------------------------------------------------------------------------------------------------------

@@ -8,11 +8,10 @@ import numpy as np
 
 from gamms.core import by_edges as core
 from gamms.core.travel import GoalPaths
-from gamms.game.batch.movement import AIMS, LIMITED, PacedMovement
+from gamms.game.batch.movement import PacedMovement
 from gamms.game.streets import StreetGraph
 from gamms.game.travel import ReachableNodes, StoredPaths
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
-from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
 from gamms.kernels import buffer
 
@@ -116,31 +115,3 @@ class EdgeMovement(PacedMovement):
                 if most > limit:
                     return most
         return most
-
-    # -- moves ----------------------------------------------------------------------------------------------------
-
-    def towards(
-        self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None = None
-    ) -> IntArray:
-        """Return the actions that lead agents from nodes towards others; -1: no path."""
-        has_speed = self._is_paced[which[1]]
-        found = np.full(node.shape, -1)
-        table = self.routes("length")
-        found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed)
-        here = node[has_speed]
-        ends = targets[has_speed]
-        limit = np.zeros(len(here), np.int64)
-        if allowed is not None:  # of the first edges of the way
-            at = here
-            goes = np.ones(len(here), np.bool_)
-            for _ in range(int(np.nanmax(self.paces)) + 2):
-                at = table.following(at, ends)
-                goes &= allowed[at]
-                limit += goes
-                goes &= at != ends
-                if not goes.any():
-                    break
-        first = 1 if allowed is None else LIMITED
-        has_path = np.isfinite(table.distances(here, ends))
-        found[has_speed] = np.where(has_path, AIMS * (first + limit) + ends, -1)
-        return found

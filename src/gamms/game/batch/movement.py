@@ -18,9 +18,6 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
 from gamms.typing.on_edges import Lines
 
-STOP = (1 << 32) - 1  # the action of stopping where one is, in games by metres
-AIMS = 1 << 32  # actions from here on are no numbers of legal nodes, but lead towards nodes; see `towards`
-LIMITED = 2  # how many `AIMS` an action has from where on the rest says how many nodes of the way are gone to
 _MOST_ACTIONS = 4096  # that masks and vectors have
 _ROOM = 1 << 12  # nodes that the core lists at once, besides those of one agent
 
@@ -88,19 +85,15 @@ class Movement:
     Attributes:
         streets, whole, closed: as given.
         all_roads: which are open in each game.
-        idle: the action of agents that decide nothing.
         is_plain: whether legal are the own node and its neighbours, as `streets` has them, whatever the game.
         leaves_nodes: whether agents may be elsewhere than on nodes.
-        has_aims: whether actions may also lead towards nodes that are not legal, see `towards`.
         turn_seconds: how long a turn lasts, in the time of speeds by metres; None: speeds count edges.
         remembers: the names of arrays (games, agents) that say what agents have covered of an edge.
         roads: of the games; None: in all of them those are open that are in `streets`.
     """
 
-    idle = 0
     is_plain = True
     leaves_nodes = False
-    has_aims = False
     all_roads: OpenRoads
     turn_seconds: float | None = None
     remembers: tuple[str, ...] = ()
@@ -324,17 +317,17 @@ class PacedMovement(Movement):
 
     Attributes:
         paces: see the argument.
+        is_paced: (agents,) whether each agent has a speed.
     """
 
     is_plain = False
-    has_aims = True
 
     def __init__(
         self, streets: StreetGraph, paces: FloatArray, whole: StreetGraph | None, closed: ClosedEdges | None
     ) -> None:
         super().__init__(streets, whole, closed)
         self.paces = paces
-        self._is_paced = ~np.isnan(paces)
+        self.is_paced = ~np.isnan(paces)
         self._room = np.empty(streets.num_nodes + _ROOM, np.int64)
         self.begin((0, len(paces)))
 
@@ -378,4 +371,4 @@ class PacedMovement(Movement):
 
     def are_plain(self, agents: IntArray) -> bool:
         """Return whether agents have no speed, and are always on nodes."""
-        return not (self.leaves_nodes or self._is_paced[agents].any())
+        return not (self.leaves_nodes or self.is_paced[agents].any())

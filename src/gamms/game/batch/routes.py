@@ -158,13 +158,6 @@ class RouteTable:
         checked = self._streets.checked
         return as_one_shape({"sources": checked(sources, "sources"), "targets": checked(targets, "targets")})
 
-    def following(self, sources: IntArray, targets: IntArray) -> IntArray:
-        """Return the rows of the next nodes on the shortest paths, (queries,); the source itself without a path."""
-        found = np.empty(len(sources), np.int64)
-        with _lock:
-            routes.find_next(self._paths, *_queries(sources, targets), buffer(found))
-        return found
-
 
 def _queries(sources: IntArray, targets: IntArray) -> tuple[Any, Any, Any]:
     """Return queries for the core: their order by target, so that each table is made once, sources and targets."""

@@ -11,11 +11,10 @@ import numpy as np
 
 from gamms.core import travel as core
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.movement import AIMS, LIMITED, STOP, PacedMovement, Places
+from gamms.game.batch.movement import PacedMovement, Places
 from gamms.game.streets import StreetGraph
 from gamms.game.travel import ReachableNodes, map_of
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
-from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
 from gamms.kernels import buffer
 
@@ -75,7 +74,6 @@ class MetricMovement(PacedMovement):
 
     leaves_nodes = True
     remembers = ("edge", "share", "motion")
-    idle = STOP
 
     def __init__(
         self,
@@ -191,60 +189,7 @@ class MetricMovement(PacedMovement):
                 most = max(most, len(reached[source] | reached[target]))
         return most
 
-    # -- what strategies decide -----------------------------------------------------------------------------------
-
-    def towards(
-        self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None = None
-    ) -> IntArray:
-        """Return the actions that lead agents towards nodes; -1: no path."""
-        games, agents = which
-        has_speed = self._is_paced[agents]
-        table = self.routes("length")
-        edge = self.on_edge(which)
-        found = np.full(node.shape, -1)
-        found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed)
-        stopped = np.flatnonzero(~has_speed & (edge >= 0) & (found >= 0))  # just before a node, by a conflict
-        if len(stopped):
-            those = games[stopped], agents[stopped]
-            found[stopped] = AIMS + self._next_legal(node[stopped], targets[stopped], those, allowed)
-        has_path = np.isfinite(table.distances(node, targets))
-        on = edge >= 0
-        if allowed is not None:
-            some = np.flatnonzero(has_speed & has_path)
-            found[some] = self._as_far_as_allowed(node[some], targets[some], (games[some], agents[some]), allowed)
-            return found
-        has_path[on] |= np.isfinite(table.distances(self.columns.targets[edge[on]], targets[on]))
-        return np.where(has_speed, np.where(has_path, AIMS + targets, -1), found)
-
-    def _next_legal(
-        self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None
-    ) -> IntArray:
-        """Return targets that are legal, and of the others as far as the nodes of the shortest path are legal."""
-        table = self.routes("length")
-        goes_on = np.ones(len(node), np.bool_)
-        found = np.where(self.action_to(node, which, targets) >= 0, targets, node)
-        while goes_on.any():
-            ahead = table.following(found, targets)
-            goes_on &= (found != targets) & (self.action_to(node, which, ahead) >= 0)
-            goes_on &= True if allowed is None else allowed[ahead]
-            found = np.where(goes_on, ahead, found)
-        return found
-
-    def _as_far_as_allowed(
-        self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray
-    ) -> IntArray:
-        """Return the actions that lead to targets that are legal, and to others along nodes of the shortest path."""
-        table = self.routes("length")
-        limit = np.zeros(len(node), np.int64)
-        at = node
-        is_legal = self.action_to(node, which, targets) >= 0
-        goes_on = ~is_legal & (node != targets)
-        while goes_on.any():
-            at = np.where(goes_on, table.following(at, targets), at)
-            goes_on &= allowed[at]
-            limit += goes_on
-            goes_on &= at != targets
-        return np.where(is_legal, AIMS + targets, np.where(limit > 0, AIMS * (LIMITED + limit) + targets, AIMS + node))
+    # -- positions ------------------------------------------------------------------------------------------------
 
     def places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:
         """Return where agents are."""

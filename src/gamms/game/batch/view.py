@@ -9,11 +9,12 @@ import numpy as np
 from gamms.arguments import as_array, as_count, as_key, as_numbers_of
 from gamms.core import observe, strategies
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch.aims import Aims
 from gamms.game.batch.channels import OutgoingMessages, ReceivedMessages
 from gamms.game.batch.columns import kept_in
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
-from gamms.game.batch.movement import STOP, Movement, Places
+from gamms.game.batch.movement import Movement, PacedMovement, Places
 from gamms.game.batch.roads import OpenRoads
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sensing import (
@@ -73,7 +74,7 @@ class ArrayView(Mapping[str, Any]):
     _deeds: list[ArrayDeeds] | None = None  # the deeds of the agents, in order; None: no strategy is deciding
     _outboxes: list[OutgoingMessages] | None = None  # their messages, in order; None: no strategy is deciding
     _channels: Iterable[str] = ()  # the names of the channels with an inbox
-    _may_aim = False  # whether actions may lead toward nodes that are not legal
+    _aims: Aims | None = None  # the actions of agents with speeds toward nodes, in single games
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
         self._state = state
@@ -205,14 +206,15 @@ class ArrayView(Mapping[str, Any]):
         Returns:
             The actions; -1 if there is no path.
         """
-        if self._movement.has_aims and not self._may_aim:
-            if self._deeds is None:
-                raise BadValue("view.towards of agents with speeds works only while a strategy decides.")
-            raise TowardsInBatch
         node, (games, agents) = self.node[which], numbers_in(self, which)
-        ends = np.broadcast_to(targets, node.shape).ravel()
-        found = self._movement.towards(node.ravel(), ends, (games.ravel(), agents.ravel()), allowed)
-        return found.reshape(node.shape)
+        asked = node.ravel(), np.broadcast_to(targets, node.shape).ravel(), (games.ravel(), agents.ravel()), allowed
+        if not isinstance(self._movement, PacedMovement):
+            return self._movement.towards(*asked).reshape(node.shape)
+        if self._aims is not None:
+            return self._aims.towards(*asked).reshape(node.shape)
+        if self._deeds is None:
+            raise BadValue("view.towards of agents with speeds works only while a strategy decides.")
+        raise TowardsInBatch
 
     def only(self, asked: BoolArray) -> Self:
         """Return a view for a part of a strategy that decides only for the agents in `asked`, (games, agents).
@@ -513,25 +515,22 @@ class ArrayView(Mapping[str, Any]):
         """
         return self._state.keep(key, make)
 
-    def _checked(self, given: object, by: str, *, may_aim: bool = False) -> IntArray:
+    def _checked(self, given: object, by: str) -> IntArray:
         """Return actions as integers (games, agents), 0 for dead agents.
 
         Args:
             given: the actions.
             by: the function that returned them, for messages.
-            may_aim: whether they may come from `towards`.
 
         Raises:
             BadType, BadValue: they are not integers, have a wrong shape, or are not numbers of legal nodes.
         """
         actions = as_actions(given, self.node.shape, by)
-        chosen = np.where(self.mask, actions.astype(np.int64, copy=False), self._movement.idle)  # 64 bits hold STOP
-        may_aim &= self._movement.has_aims
-        leads_on = None if chosen.max(initial=0) < STOP else (chosen >= STOP) & (may_aim | ~self.mask)
-        if leads_on is not None and leads_on.all():
-            return chosen
+        chosen = np.where(self.mask, actions.astype(np.int64, copy=False), 0)
         # NOTE: one comparison, because a negative number is a large one when unsigned (benchmarks: batches).
-        is_wrong = chosen.view(np.uint64) >= self._counts_of(leads_on).view(np.uint64)
+        is_wrong = chosen.view(np.uint64) >= self.counts.view(np.uint64)
+        if self._aims is not None:
+            is_wrong &= ~self._aims.are_known(chosen)
         if is_wrong.any():
             game, agent = np.argwhere(is_wrong)[0]
             raise BadValue(
@@ -540,15 +539,6 @@ class ArrayView(Mapping[str, Any]):
                 f"{self.counts[game, agent]}, numbered from 0."
             )
         return chosen
-
-    def _counts_of(self, leads_on: BoolArray | None) -> IntArray:
-        """Return the number of valid actions of each agent; for agents in `leads_on`, any number is valid."""
-        if leads_on is None:
-            return self.counts
-        which = np.nonzero(~leads_on)
-        found = np.full(self.node.shape, np.iinfo(np.int64).max)
-        found[which] = self._movement.counts(self.node[which], numbers_in(self, which))
-        return found
 
 
 def as_actions(given: object, shape: tuple[int, ...], by: str) -> IntArray:
