@@ -1,9 +1,10 @@
 """Agents that rules create in batches: where they are observed, they take rows that were reserved for them."""
 
 import pytest
-from batch_scenes import scene
+from batch_scenes import plain, scene
 
 from gamms.errors import BadValue, TooLarge, UnknownName
+from gamms.game.batch import games as batch_games
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 NEAR = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
@@ -50,3 +51,36 @@ def test_agents_that_come_without_sensors_are_observed_one_by_one():
         assert games.observe("red").mask.all()
         assert games.observe("red").seen().mask[0].tolist() == [[True, False, True], [False] * 3]  # it carries none
         assert games.observe("red").seen_nodes().mask[0].all(axis=1).tolist() == [True, False]
+
+
+def visit(ctx):
+    """Let agents come in every third turn, and leave after two."""
+    turn, visitors = ctx.game.turn, ctx.game.data.setdefault("visitors", [])
+    if turn % 3 == 1:
+        visitors.append(f"visitor_{turn}")
+        ctx.agent.create_agent(visitors[-1], start_node_id=(turn + ctx.seed) % 9, team="red", strategy=late_or_first)
+    elif turn % 3 == 0:
+        ctx.agent.delete_agent(visitors[-1])
+
+
+def late_or_first(state):
+    state["action"] = state["legal"][state["turn"] % len(state["legal"])]
+
+
+def test_rows_for_agents_that_come_later_are_made_at_once(monkeypatch):
+    made_engines = []
+
+    class CountedEngine(batch_games.ArrayEngine):
+        def __init__(self, *args):
+            made_engines.append(self)
+            super().__init__(*args)
+
+    monkeypatch.setattr(batch_games, "ArrayEngine", CountedEngine)
+    with made().build(seed=1) as ctx:
+        ctx.game.add(visit)
+        with ctx.game.batch(seeds=[5, 6, 7]) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert len(made_engines) == 2
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
