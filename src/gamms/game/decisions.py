@@ -481,7 +481,7 @@ class Decisions:
         indices = question.indices
         is_all = len(indices) == len(starts)
         chosen = arrays.take_chosen(nodes)
-        if question.are_plain and chosen is not None and is_all and isinstance(starts, memoryview):
+        if question.are_plain and chosen is not None and is_all:
             self.ends = chosen.data
             self.moves = None
             return
@@ -489,13 +489,7 @@ class Decisions:
         is_known = np.ones(len(nodes), np.bool_) if chosen is not None else arrays.is_legal(nodes)
         if question.are_plain and is_known.all():
             # NOTE: all at once, for teams of many (benchmarks: teams).
-            if isinstance(ends, memoryview):
-                np.asarray(ends)[... if is_all else indices] = nodes
-            elif is_all:
-                ends[:] = nodes.tolist()
-            else:
-                for i, node in zip(indices, nodes.tolist(), strict=True):
-                    ends[i] = node
+            np.asarray(ends)[... if is_all else indices] = nodes
             return
         for i, node, is_legal in zip(indices, nodes.tolist(), is_known.tolist(), strict=True):
             if is_legal and slots[i].is_plain:

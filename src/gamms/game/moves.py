@@ -12,7 +12,6 @@ import numpy as np
 from gamms.core.agents import MoveColumns
 from gamms.core.arrivals import short_of
 from gamms.game.order import TurnOrder
-from gamms.game.slots import LazySlots
 from gamms.game.travel import ResolvedAction, Travel
 from gamms.ir.agents import AgentBlock, moves_of
 from gamms.ir.columns import copied_column
@@ -114,15 +113,9 @@ class TurnMoves:
     ) -> "TurnMoves":
         """Return the same moves for the agents of a copied game, matched by name."""
         order = copy(self.order)
-        slots = self.slots
         order.block = block
         order.structure_version = -1  # versions of the copy are numbered independently
-        if isinstance(slots, LazySlots):
-            order.slots = slots.of_agents(agents)
-        else:
-            order.slots = [copy(slot) for slot in slots]
-            for slot in order.slots:
-                slot.agent = twin_of(slot.agent)
+        order.slots = self.slots.of_agents(agents, twin_of)
         return TurnMoves(order, self.starts, self.ends, self.actions)
 
     def are_steps(self, block: AgentBlock) -> bool:
@@ -324,8 +317,7 @@ class TurnMoves:
             return self
         places = np.fromiter(map(self.order.index_of.get, order.names, repeat(-1)), np.int64, len(order.names))
         if order.rows_version != self.order.rows_version:  # a new agent may have the name of a deleted one
-            replaced = self.slots.departed if isinstance(self.slots, LazySlots) else order.names
-            for i in [i for name in replaced if (i := order.index_of.get(name)) is not None]:
+            for i in [i for name in self.slots.departed if (i := order.index_of.get(name)) is not None]:
                 j = places[i]
                 if j >= 0 and order.slots[i].agent is not self.slots[j].agent:
                     places[i] = -1
@@ -339,9 +331,7 @@ class TurnMoves:
         ends[there] = np.asarray(self.ends)[before]
         number = dict(zip(before.tolist(), there.tolist(), strict=True)) if self.actions else {}
         actions = {number[j]: self.actions[j] for j in sorted(self.actions) if j in number}
-        are_listed = isinstance(nodes, list)
-        now: list[Any] = [column.tolist() if are_listed else column.data for column in (starts, ends)]
-        return TurnMoves(order, now[0], now[1], actions)
+        return TurnMoves(order, starts.data, ends.data, actions)
 
     def in_parts(self, parts: Sequence[Sequence[Any]]) -> "TurnMoves":
         """Return the same moves, each made in the part of the turn of the agent's team."""

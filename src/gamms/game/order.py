@@ -14,7 +14,7 @@ from gamms.core.block import INT64
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, UnknownName
 from gamms.game.settings import Plan, Settings
-from gamms.game.slots import AgentSlot, LazySlots
+from gamms.game.slots import AgentSlot, Slots
 from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import AgentSetChange, Selection
 from gamms.ir.graph import IntArray, RowArray
@@ -69,7 +69,6 @@ class TurnPart:
     Args:
         slots: the slots of all living agents.
         members: the indices of the agents' slots; None: all.
-        progress: by row of the agents, the position on a partly covered edge.
         settings: the settings of the game.
 
     Attributes:
@@ -89,16 +88,10 @@ class TurnPart:
         decides_at_arrivals: whether some agents decide at each arrival.
     """
 
-    def __init__(
-        self, slots: Sequence[AgentSlot], members: list[int] | None, progress: list[Any], settings: Settings
-    ) -> None:
+    def __init__(self, slots: Slots, members: list[int] | None, settings: Settings) -> None:
         self.members: Sequence[int] = range(len(slots)) if members is None else members
         self.commanded = list[PlannedAgents]()
-        asked = (
-            self._take_columns(slots, settings.plans)
-            if isinstance(slots, LazySlots)
-            else self._take_slots(slots, settings.plans, progress)
-        )
+        asked = self._take(slots, settings.plans)
         are_usual = settings.team_memory and settings.time_budget is None and not settings.channels
         self.individuals = [slot.asked for slot in asked] if are_usual else []
         self.sensors = [one.sensors for one in self.individuals]
@@ -109,36 +102,7 @@ class TurnPart:
         self.is_usual = len(self.individuals) == len(self.members) > 0 and self.see_world_only
         self.decides_at_arrivals = settings.decide == "arrival" and any(slots[i].travels for i in self.paced)
 
-    def _take_slots(
-        self, slots: Sequence[AgentSlot], plans: Mapping[Any, Plan], progress: list[Any]
-    ) -> Sequence[AgentSlot]:
-        """Read the slots of all living agents; return the slots of agents without a plan."""
-        members = self.members
-        mine = slots if isinstance(members, range) else [slots[i] for i in members]
-        self.asked = members
-        if plans:
-            pairs = list(zip(self.members, mine, strict=True))
-            self.asked = [i for i, slot in pairs if slot.team not in plans]
-            self.commanded = [
-                _planned_agents(pairs, team, plans[team])
-                for team in dict.fromkeys(slot.team for slot in mine)
-                if team in plans
-            ]
-        blind = {i for one in self.commanded if one.plan.arrays for i in one.indices}
-        self.observing = [i for i in self.members if i not in blind] if blind else self.members
-        self.see_world_only = all(slots[i].sees_world_only for i in self.observing)
-        fly = [slot.flies for slot in mine]
-        ground = [i for i, flies in zip(self.members, fly, strict=True) if not flies] if any(fly) else self.members
-        self.on_ground = None if len(ground) == len(slots) else list(ground)
-        self.ground = Selection([slots[i].row for i in ground])
-        self.paced = [
-            i
-            for i, slot in zip(self.members, mine, strict=True)
-            if slot.speed is not None or slot.travels or progress[slot.row]
-        ]
-        return mine if self.asked is members else [slots[i] for i in self.asked]
-
-    def _take_columns(self, slots: LazySlots, plans: Mapping[Any, Plan]) -> Sequence[AgentSlot]:
+    def _take(self, slots: Slots, plans: Mapping[Any, Plan]) -> list[AgentSlot]:
         """Read the columns of agents; return the slots of agents without a plan.
 
         No slots are made for agents with a plan of arrays.
@@ -219,11 +183,9 @@ class TurnOrder:
         slots, block: see the arguments.
         groups: the order of play.
         has_channels, has_deeds: whether the game has channels and deeds.
-        progress: by row of the agents, the position on a partly covered edge.
         whole: all agents.
         parts: the groups of agents that move simultaneously, in order.
         has_parts: whether there are several groups.
-        is_lazy: whether slots are made on demand, because there are many.
         unlisted: the slot of the first agent whose team is in no group; None: there is none.
         selection: the rows of all agents.
         moving: all agents in the form of the core.
@@ -234,13 +196,13 @@ class TurnOrder:
     # reset).
     __slots__ = (
         *("__dict__", "_blank", "_blocked", "_ended", "_moved", "block", "groups", "has_channels"),
-        *("has_deeds", "has_parts", "is_lazy", "moving", "parts", "progress", "rows_version", "selection", "slots"),
+        *("has_deeds", "has_parts", "moving", "parts", "rows_version", "selection", "slots"),
         *("structure_version", "unlisted", "whole"),
     )
 
     def __init__(
         self,
-        slots: Sequence[AgentSlot],
+        slots: Slots,
         block: AgentBlock,
         settings: Settings,
         order: Sequence[Sequence[Any]] | None,
@@ -250,12 +212,11 @@ class TurnOrder:
         self.slots = slots
         self.block = block
         self.structure_version = block.structure.version
-        self.progress = block.progress
         self.rows_version = block.rows.version
         self.groups = order
         self.has_channels = bool(settings.channels)
         self.has_deeds = bool(settings.deeds)
-        self.whole = TurnPart(slots, None, block.progress, settings)
+        self.whole = TurnPart(slots, None, settings)
         self.parts = [self.whole]
         self.unlisted = None
         if order is not None:
@@ -263,19 +224,12 @@ class TurnOrder:
             listed = {team for teams in order for team in teams}
             self.unlisted = next((slots[i] for i, team in enumerate(all_teams) if team not in listed), None)
             members = [[i for i, team in enumerate(all_teams) if team in teams] for teams in order]
-            self.parts = [TurnPart(slots, some, block.progress, settings) for some in members]
+            self.parts = [TurnPart(slots, some, settings) for some in members]
         self.has_parts = len(self.parts) > 1
-        self.selection = self.whole.ground
-        if self.whole.on_ground is not None:
-            self.selection = (
-                slots.selection if isinstance(slots, LazySlots) else Selection([slot.row for slot in slots])
-            )
+        self.selection = slots.selection
         self._first_keys: dict[tuple[int, str], BitArray] = {}
-        self.is_lazy = isinstance(slots, LazySlots)
         self._moved: RowArray = np.zeros(len(slots), np.int32)  # the number of moves of each agent
-        self._blocked: RowArray = np.zeros(
-            len(slots) if self.is_lazy else 0, np.int32
-        )  # and of moves stopped by conflicts
+        self._blocked: RowArray = np.zeros(len(slots), np.int32)  # and of moves that conflicts have stopped
         self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the nodes at that version
         if before is not None and change is not None:
             self._follow(before, change)
@@ -283,19 +237,16 @@ class TurnOrder:
         self._blank = array(INT64, bytes(16 * len(slots)))
 
     def _follow(self, before: "TurnOrder", change: AgentSetChange) -> None:
-        """Continue from an earlier order: take over its counts, and its names for agents that remain."""
-        if isinstance(self.slots, LazySlots):
-            before.update_some(change.gone)
-            self._moved = change.of_array(before._moved, 0)
-            self._blocked = change.of_array(before._blocked, 0)
-            return
-        before.update_counts()
-        self.names = change.of(before.names, [self.block.names[row] for row in change.rows])
+        """Continue the counts of an earlier order for agents that remain."""
+        before._add_to_counts(change.gone)
+        new = np.zeros(len(change.rows), np.int32)
+        self._moved = change.of_array(before._moved, new)
+        self._blocked = change.of_array(before._blocked, new)
 
-    @cached_property
+    @property
     def names(self) -> list[str]:
         """The names of the agents."""
-        return self.slots.names if isinstance(self.slots, LazySlots) else [slot.name for slot in self.slots]
+        return self.slots.names
 
     @cached_property
     def living(self) -> list[IAgent]:
@@ -318,10 +269,10 @@ class TurnOrder:
         number = {team: i for i, team in enumerate(self.teams)}
         return np.array([number[team] for team in self.all_teams()], np.int64)
 
-    @cached_property
+    @property
     def keys(self) -> BitArray:
         """The hashes of the names, for keyed draws, (agents,)."""
-        return self.slots.keys if isinstance(self.slots, LazySlots) else kernels.name_keys(self.names)
+        return self.slots.keys
 
     def first_keys(self, seed: int, purpose: str) -> BitArray:
         """Return the keys of the agents' draws for a purpose in games of a seed, (agents,)."""
@@ -333,23 +284,21 @@ class TurnOrder:
 
     def all_teams(self) -> list[Any]:
         """Return the team of each agent, by slot."""
-        return self.slots.teams if isinstance(self.slots, LazySlots) else [slot.team for slot in self.slots]
+        return self.slots.teams
 
     def nodes(self) -> Any:
-        """Return the node of each agent, by slot: a list, or a view of an array; read-only."""
-        if self.is_lazy:
-            version, ends = self._ended
-            if version == self.block.version:
-                return ends
-            return self.selection.of(self.block.node)
-        return self.selection.listed(self.block.node)
+        """Return the node of each agent, by slot, as a view of an array; read-only."""
+        version, ends = self._ended
+        if version == self.block.version:
+            return ends
+        return self.selection.of(self.block.node)
 
     def begin(self) -> tuple[Any, Any, MoveColumns | None]:
         """Return the node of each agent by slot, read-only; a writable copy; and both as arrays of the core.
 
-        The last two are None if there are many agents, because one plan may move them all.
+        The last two are None if plans decide for all agents, because one plan may move them all.
         """
-        if self.is_lazy:
+        if not self.whole.asked:
             return self.nodes(), None, None
         agents = len(self.slots)
         both = memoryview(self._blank[:])
@@ -362,43 +311,37 @@ class TurnOrder:
     def count_moves(self, moves: MoveColumns, ends: Any) -> None:
         """Count the moves; `ends` are the current nodes of the agents."""
         self.moving.count(moves)
-        if self.is_lazy and not self.block.flyers:
+        if not (self.whole.asked or self.block.flyers):
             self._ended = self.block.version, ends
 
     def count_blocked(self, stopped: IntArray) -> None:
-        """Count the moves of slots that conflicts have stopped, if slots are made on demand."""
+        """Count the moves of slots that conflicts have stopped."""
         self._blocked[stopped] += 1
 
     def update_counts(self) -> None:
         """Add the counted moves and conflicts to the counts of the agents."""
-        if not self.is_lazy:
-            for slot, moves in zip(self.slots, self._moved.tolist(), strict=True):
-                slot.counts["moves"] += moves
-        else:
-            self._add_to_counts("moves", self._moved, np.flatnonzero(self._moved).tolist())
-            self.update_blocked()
+        self._add_to_counts(np.flatnonzero(self._moved + self._blocked).tolist())
         self.restart_counts()
 
-    def update_blocked(self) -> None:
-        """Add the counted conflicts to the counts of the agents."""
-        self._add_to_counts("blocked", self._blocked, np.flatnonzero(self._blocked).tolist())
-        self._blocked[:] = 0
+    def _add_to_counts(self, indices: list[int]) -> None:
+        """Add the counted moves and conflicts of some slots."""
+        columns = indices, self._moved[indices].tolist(), self._blocked[indices].tolist()
+        for i, moved, blocked in zip(*columns, strict=True):
+            counts = self.slots.counts_of(i)
+            counts["moves"] += moved
+            counts["blocked"] += blocked
 
-    def update_some(self, indices: list[int]) -> None:
-        """Add the counted moves and conflicts of some slots, if slots are made on demand."""
-        self._add_to_counts("moves", self._moved, indices)
-        self._add_to_counts("blocked", self._blocked, indices)
-
-    def _add_to_counts(self, key: str, numbers: RowArray, indices: list[int]) -> None:
-        counts_of = cast("LazySlots", self.slots).counts_of
-        for i, number in zip(indices, numbers[indices].tolist(), strict=True):
-            counts_of(i)[key] += number
+    def list_counts(self) -> None:
+        """Add the counted conflicts, and agents whose slots are not made, to the counts of the agents."""
+        for i in np.flatnonzero(self._blocked).tolist():
+            self.slots.counts_of(i)["blocked"] += int(self._blocked[i])
+        self._blocked.fill(0)
+        self.slots.list_counts()
 
     def restart_counts(self) -> None:
         """Set the counters to 0."""
         self._moved.fill(0)
-        if self.is_lazy:
-            self._blocked.fill(0)
+        self._blocked.fill(0)
 
 
 def _numbered(one: SensorCall, first: dict[Hashable, tuple[int, ISensor]]) -> SensorCall:
@@ -430,10 +373,3 @@ def note_lost(error: BaseException, ctx: HostContext) -> None:
                 "delete it."
             )
             return
-
-
-def _planned_agents(members: Sequence[tuple[int, AgentSlot]], team: Hashable, plan: Plan) -> PlannedAgents:
-    own = [(i, slot) for i, slot in members if slot.team == team]
-    are_plain = all(slot.is_plain for _, slot in own)
-    names = [slot.name for _, slot in own]
-    return PlannedAgents(team, plan, [i for i, _ in own], names, partial(kernels.name_keys, names), are_plain=are_plain)

@@ -1,6 +1,6 @@
-"""Slots: the data of each living agent in the turn engine; in large teams, slots are made on demand."""
+"""Slots: the data of each living agent in the turn engine, made on first use."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cached_property
 from typing import Any
@@ -175,36 +175,36 @@ class AgentSlot:
             self.rng.go_to(rng)
 
 
-class LazySlots(Sequence[AgentSlot]):
-    """The slots of the living agents in the order of names, each made on demand.
+class Slots(Sequence[AgentSlot]):
+    """The slots of the living agents in the order of names, each made on first use.
 
     Args:
         block: the agents.
         settings: the settings of the game.
         make: makes the slot of an agent from its name, or from a deleted agent of this name.
+        idle: returns the names of agents with neither a strategy nor sensors.
         counts: agent -> its counts.
         departure: the last agent deleted before now.
         before: the slots at an earlier time; None: there are none.
         change: the agents that came, left or changed since then.
 
     Attributes:
+        idle: see the argument.
         selection, names, teams: the rows, names and teams of the agents.
         flying: the indices of agents that fly.
         paced: the indices of agents on the ground that may be on an edge.
         are_plain: whether all agents move along one edge, on the ground.
-        idle: returns the names of agents with neither a strategy nor sensors.
     """
-
-    idle: Callable[[], Collection[str]]
 
     def __init__(
         self,
         block: AgentBlock,
         settings: Settings,
         make: Callable[[str, IAgent | None], AgentSlot],
+        idle: Callable[[], Collection[str]],
         counts: dict[str, dict[str, int]],
         departure: DeletedAgent,
-        before: "LazySlots | None",
+        before: "Slots | None",
         change: AgentSetChange,
     ) -> None:
         kind = block.kind
@@ -213,13 +213,16 @@ class LazySlots(Sequence[AgentSlot]):
         selection = Selection([])
         names = list[str]()
         teams = list[Any]()
+        made = list[AgentSlot | None]()
         if before is not None:
             selection = before.selection
             names = before.names
             teams = before.teams
+            made = before._made
         self.names: list[str] = change.of(names, [block.names[row] for row in change.rows])
         self.selection: Selection = selection.after(change)
         self.teams: list[Any] = change.of(teams, [block.teams[row] for row in change.rows])
+        self._made: list[AgentSlot | None] = change.of(made, [None] * len(change.rows))
         rows = self.selection.rows
         self.flying = [i for i, row in enumerate(rows) if kind[row]] if block.flyers else []
         travels = settings.legal == "edges" and settings.speed_unit != "edges"
@@ -231,31 +234,34 @@ class LazySlots(Sequence[AgentSlot]):
         ]
         has_speed = travels or any(speed[rows[i]] is not None for i in self.paced)
         self.are_plain = settings.legal == "edges" and not self.flying and not has_speed
+        self.idle = idle
         self._make = make
         self._counts = counts
         self._departure = departure
         self._departed: dict[str, IAgent] = {}
-        self._made: dict[str, AgentSlot] = {}
-        if before is not None:
-            self._made = before._made.copy()
-            for i in change.gone:
-                self._made.pop(before.names[i], None)
-            if change.closed:
-                number(self._made.values(), block)
-            if "keys" in before.__dict__:
-                self.keys = change.of_array(before.keys, kernels.name_keys(self.names[i] for i in change.places))
+        if change.closed:
+            self._renumber(block)
+        if before is not None and "keys" in before.__dict__:
+            self.keys = change.of_array(before.keys, kernels.name_keys(self.names[i] for i in change.places))
+
+    def _renumber(self, block: AgentBlock) -> None:
+        """Update the rows of slots, after agents have left."""
+        slots = self.made()
+        for slot, row in zip(slots, block.rows.of_each([slot.name for slot in slots]), strict=True):
+            slot.row = row
 
     def __len__(self) -> int:
         return len(self.names)
 
     def __getitem__(self, i: Any) -> Any:
-        if isinstance(i, slice):
-            return [self[one] for one in range(*i.indices(len(self)))]
-        name = self.names[i]
-        slot = self._made.get(name)
+        slot = self._made[i]
         if slot is None:
-            slot = self._made[name] = self._make(name, self.departed.get(name))
+            name = self.names[i]
+            slot = self._made[i] = self._make(name, self.departed.get(name))
         return slot
+
+    def __iter__(self) -> Iterator[AgentSlot]:
+        return iter(self.at(range(len(self))))
 
     @cached_property
     def keys(self) -> BitArray:
@@ -266,23 +272,20 @@ class LazySlots(Sequence[AgentSlot]):
         """Return the keys of the agents at some indices."""
         return self.keys if len(indices) == len(self) else self.keys[indices]
 
-    def __iter__(self) -> Iterator[AgentSlot]:
-        return iter(self.at(range(len(self))))
-
     def at(self, indices: Sequence[int]) -> list[AgentSlot]:
         """Return the slots at some indices."""
-        names = self.names if len(indices) == len(self) else [self.names[i] for i in indices]
-        self.make([name for name in names if name not in self._made])
-        return list(map(self._made.__getitem__, names))
+        slots = [self._made[i] for i in indices]
+        return [self[i] if slot is None else slot for i, slot in zip(indices, slots, strict=True)]
 
     def counts_of(self, i: int) -> dict[str, int]:
         """Return the counts of an agent; see `COUNTED`."""
         return self._counts.setdefault(self.names[i], dict.fromkeys(COUNTED, 0))
 
-    def make(self, names: Iterable[str]) -> None:
-        """Make the slots of agents, by name."""
-        departed = self.departed
-        self._made |= {name: self._make(name, departed.get(name)) for name in names}
+    def list_counts(self) -> None:
+        """Add the agents whose slots are not made to the counts."""
+        for i, slot in enumerate(self._made):
+            if slot is None:
+                self.counts_of(i)
 
     @property
     def departed(self) -> dict[str, IAgent]:
@@ -294,14 +297,21 @@ class LazySlots(Sequence[AgentSlot]):
 
     def made(self) -> list[AgentSlot]:
         """Return all slots made so far."""
-        return list(self._made.values())
+        return [slot for slot in self._made if slot is not None]
 
-    def is_made(self, i: int) -> bool:
-        """Return whether the slot at an index was made."""
-        return self.names[i] in self._made
+    def set_blocked(self, i: int, why: str | None) -> None:
+        """Set the reason in the state of an agent why its last action was not executed, if its slot is made."""
+        slot = self._made[i]
+        if slot is not None:
+            slot.set_blocked(why)
 
-    def of_agents(self, agents: Mapping[str, IAgent]) -> "LazySlots":
-        """Return the same slots for other agents with the same names."""
+    def of_agents(self, agents: Mapping[str, IAgent], twin_of: Callable[[IAgent], IAgent]) -> "Slots":
+        """Return the same slots for a copied game.
+
+        Args:
+            agents: the agents of the copy, by name.
+            twin_of: returns the copy of an agent, which may be deleted.
+        """
 
         def make(name: str, departed: IAgent | None) -> AgentSlot:
             slot = copy(self._make(name, departed))
@@ -310,7 +320,9 @@ class LazySlots(Sequence[AgentSlot]):
 
         twin = copy(self)
         twin._make = make
-        twin._made = {}
+        twin._made = [None if slot is None else copy(slot) for slot in self._made]
+        for slot in twin.made():
+            slot.agent = twin_of(slot.agent)
         return twin
 
 
@@ -357,42 +369,36 @@ class SlotMaker:
         if self._table is not None:
             self._table.begin_again()
 
-    def of_living(
-        self, before: Sequence[AgentSlot], names: Sequence[str], version: int | None
-    ) -> tuple[Sequence[AgentSlot], AgentSetChange | None]:
+    def of_living(self, before: Slots | None, version: int) -> tuple[Slots, AgentSetChange | None]:
         """Return the slots of the living agents by name, and the change from the previous slots.
 
-        With teams in arrays, slots are made on demand. Previous slots are reused if they are still valid.
+        Previous slots are reused if they are still valid.
 
         Args:
-            before: the slots of the game at an earlier time; empty at first.
-            names: their names.
-            version: the `structure_version` at that time; None at first.
+            before: the slots of the game at an earlier time; None: there are none.
+            version: the `structure_version` at that time.
         """
         agents = self._ctx.agent
-        seed = self._ctx.seed
-        block = self._ctx.agent.block
-        table = self._table
-        are_lazy = isinstance(before, LazySlots)
-        made = made_slots(before)
+        block = agents.block
+        known = dict[str, AgentSlot]()
         since = None
-        if table is None or version is None:
-            table = DrawTable(seed, self._state)
-            made = ()
-        elif are_lazy == block.has_teams:
+        table = self._table
+        if table is None or before is None:
+            table = self._table = DrawTable(self._ctx.seed, self._state)
+        else:
             since = block.structure.since(version)
-        self._table, given = table, (self._state, table, self._facts, self._settings, self._fork)
+        if since is not None and before is not None:
+            rows, closed = since
+            change = AgentSetChange(before.names, rows, block.names, block.inactive, closed)
+            known = {slot.name: slot for i in change.gone if (slot := before._made[i]) is not None}
+        else:
+            change = AgentSetChange((), range(len(block)), block.names, block.inactive)
+            known = {} if before is None else {slot.name: slot for slot in before.made()}
         all_agents = agents.agents
         access_of = agents.storage.turn_access
-        if since is None:
-            change = AgentSetChange((), range(len(block)), block.names, block.inactive)
-            known = {slot.name: slot for slot in made}
-        else:
-            rows, closed = since
-            change = AgentSetChange(names, rows, block.names, block.inactive, closed)
-            known = {names[i]: before[i] for i in change.gone if not isinstance(before, LazySlots) or before.is_made(i)}
+        given = self._state, table, self._facts, self._settings, self._fork
 
-        def make(name: str, departed: IAgent | None = None) -> AgentSlot:
+        def make(name: str, departed: IAgent | None) -> AgentSlot:
             agent = all_agents[name] if departed is None else departed
             slot = known.get(name)
             access = access_of(agent)
@@ -402,34 +408,17 @@ class SlotMaker:
             return slot
 
         def idle() -> set[str]:
+            if not block.has_teams:
+                return set()
             found = {name for name, one in zip(block.names, agents.storage.strategies(), strict=True) if one is None}
             return found and found - {agent.name for agent in agents.storage.made() if agent.sensors}
 
-        now = [block.names[row] for row in change.rows]
-        if block.has_teams:
-            past = before if since is not None and isinstance(before, LazySlots) else None
-            departure = agents.storage.last_departure
-            slots = LazySlots(block, self._settings, make, self._state.counts, departure, past, change)
-            slots.idle = idle
-            slots.make([name for name in now if name in known])
-            return slots, None if since is None else change
-        if since is None:
-            return list(map(make, now)), None
-        living = change.of(before, list(map(make, now)))
-        if change.closed:
-            number(living, block)
-        return living, change
-
-
-def number(slots: Collection[AgentSlot], block: AgentBlock) -> None:
-    """Update the rows of slots, after agents have left."""
-    for slot, row in zip(slots, block.rows.of_each([slot.name for slot in slots]), strict=True):
-        slot.row = row
-
-
-def made_slots(slots: Sequence[AgentSlot]) -> Sequence[AgentSlot]:
-    """Return the slots made so far."""
-    return slots.made() if isinstance(slots, LazySlots) else slots
+        past = None if since is None else before
+        departure = agents.storage.last_departure
+        slots = Slots(block, self._settings, make, idle, self._state.counts, departure, past, change)
+        if known:
+            slots.at([i for i in change.places if slots.names[i] in known])
+        return slots, None if since is None else change
 
 
 def _speed(agent: IAgent) -> float | None:

@@ -21,7 +21,7 @@ from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import TurnOrder, TurnPart, left_out, note_lost
 from gamms.game.random_streams import DrawTable
 from gamms.game.settings import RuleSet, Settings, refuse_unused
-from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, own_copy
+from gamms.game.slots import AgentSlot, SlotMaker, own_copy
 from gamms.game.travel import ResolvedAction
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
@@ -113,10 +113,8 @@ class TurnEngine:
         settings = self._settings
         refuse_unused(settings)
         before = None if self._order_key[:-1] != key[:-1] else self._order
-        if before is None:
-            slots, change = self._slots.of_living((), (), None)
-        else:
-            slots, change = self._slots.of_living(before.slots, before.names, before.structure_version)
+        version = 0 if before is None else before.structure_version
+        slots, change = self._slots.of_living(None if before is None else before.slots, version)
         self.note_departed()
         if change is None:
             self.update_counts()
@@ -146,7 +144,7 @@ class TurnEngine:
         agents = self._ctx.agent
         order = self._order
         if order is not None and (self._phase.agent is not None or self._is_current(order)):
-            return [slot.agent for slot in order.slots] if order.is_lazy else [*order.living]
+            return [*order.living]
         if agents.block.has_teams:
             return [slot.agent for slot in self.order().slots]
         # NOTE: a changed set of agents does not require a new order here, which costs more (decision 0057).
@@ -210,18 +208,16 @@ class TurnEngine:
                 state.departed[since.agent.name] = since.team, since.node
 
     def list_counts(self) -> None:
-        """Add all agents to the counts, also agents of large teams whose slots are not made."""
-        if self._order is not None and isinstance(self._order.slots, LazySlots):
-            self._order.update_blocked()
-            for i in range(len(self._order.slots)):
-                self._order.slots.counts_of(i)
+        """Add conflicts, and agents whose slots are not made, to the counts."""
+        if self._order is not None:
+            self._order.list_counts()
 
     def snapshot(self) -> dict[str, tuple[Any, Any]]:
         """Return the positions of random streams that were used in this turn, for `restore`."""
         self.update_counts()
         if self._order is None or not self._slots.have_drawn:
             return {}
-        each = {slot.name: slot.marks() for slot in made_slots(self._order.slots)}
+        each = {slot.name: slot.marks() for slot in self._order.slots.made()}
         return {name: marks for name, marks in each.items() if marks != (None, None)}
 
     def restore(self, drawn: dict[str, tuple[Any, Any]], *, shows_blocked: bool = True) -> None:
@@ -237,7 +233,7 @@ class TurnEngine:
             return
         order.restart_counts()
         self._slots.forget_draws()
-        for slot in made_slots(order.slots) if shows_blocked else ():
+        for slot in order.slots.made() if shows_blocked else ():
             slot.show_blocked()
         for name, marks in drawn.items():
             if name in order.index_of:
@@ -495,7 +491,7 @@ class TurnEngine:
         places = {i: block.on_edge(slots[i].row) for i in part.paced if slots[i].travels}
         going = {i: place for i, place in places.items() if place is not None and travel.is_going(place)}
         resting = [i for i in part.members if i not in going]
-        turn = self._ask(order, TurnPart(slots, resting, order.progress, self._settings), observers)
+        turn = self._ask(order, TurnPart(slots, resting, self._settings), observers)
         turn.let_stand([i for i in places if i not in going], travel)
         for i, place in going.items():
             turn.go(i, travel.go_on(place, block.node[slots[i].row], slots[i].speed))
@@ -510,7 +506,7 @@ class TurnEngine:
                 travel.now = now
                 actions = dict[int, ResolvedAction]()
                 if now < 1.0:
-                    actions = self._ask(order, TurnPart(slots, here, order.progress, self._settings), []).actions
+                    actions = self._ask(order, TurnPart(slots, here, self._settings), []).actions
                 losers = self._give_way(turn, arrivals, here, actions)
                 for i in here:
                     asked[i] += 1
@@ -586,8 +582,7 @@ class TurnEngine:
         for name in forgotten:
             del blocked[name]
         for i in [number[name] for name in forgotten]:
-            if not isinstance(slots, LazySlots) or slots.is_made(i):
-                slots[i].set_blocked(None)
+            slots.set_blocked(i, None)
 
     def _observe_first(
         self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer]
@@ -600,7 +595,7 @@ class TurnEngine:
 
     def _resolve(self, turn: TurnMoves) -> None:
         """Resolve conflicts, and stop the losers."""
-        losers = self._losers_among_many(turn) if turn.order.is_lazy else None
+        losers = self._losers_among_many(turn) if turn.order.block.has_teams else None
         if losers is not None:
             self._stop_each(turn, losers)
             return
@@ -613,7 +608,7 @@ class TurnEngine:
         turn.stop_each(losers)
         are_stopped = np.zeros(len(turn.slots), np.bool_)
         are_stopped[losers] = True
-        for slot in made_slots(turn.slots):
+        for slot in turn.slots.made():
             if are_stopped[turn.order.index_of[slot.name]]:
                 slot.show_blocked()
 

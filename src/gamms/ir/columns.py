@@ -202,8 +202,17 @@ class AgentSetChange:
         return rows
 
     def of_array(self, column: Column, values: ArrayLike) -> Column:
-        """Return an updated array column: without removed agents, with one value, or values, for new agents."""
-        return np.insert(np.delete(column, self.gone), self._places, values)
+        """Return an updated array column: without removed agents, with the values of new agents."""
+        stays = np.ones(len(column), np.bool_)
+        stays[self.gone] = False
+        left = column[stays]
+        new = np.asarray(values, column.dtype)
+        parts = []
+        begin = 0
+        for i, place in enumerate(self._places):  # NOTE: half the time of `np.insert` (benchmarks: death)
+            parts += [left[begin:place], new[i : i + 1]]
+            begin = place
+        return np.concatenate([*parts, left[begin:]])
 
     def of(self, column: Sequence[Any], values: Iterable[Any]) -> list[Any]:
         """Return an updated list column: without removed agents, with the values of new agents."""

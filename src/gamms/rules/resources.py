@@ -170,7 +170,8 @@ class _ResourceRule(NamedTuple):
             deeds.setdefault(deed.agent, []).append(deed.kind)
         if state["turn"] != ctx.game.turn:  # with an order of play a turn has several checks
             flying = [agent.name for agent in self._agents(ctx) if _flies(agent)]
-            state["flights"] = {name: _num_moves(ctx, name) for name in flying}
+            counts = ctx.game.counts
+            state["flights"] = {name: _num_moves(counts, name) for name in flying}
             state["turn"] = ctx.game.turn
         for agent in ctx.game.agents:
             if not self._counts(agent):
@@ -201,13 +202,14 @@ class _ResourceRule(NamedTuple):
             if deed.agent in used:
                 used[deed.agent] += self.per_deed.get(deed.kind, 0.0)
         out_now = _eliminated(ctx)
+        counts = ctx.game.counts
         for agent in self._agents(ctx):
             name = agent.name
             if not agent.alive and name not in out_now:
                 self._give(ctx, agent, self.start)
                 continue
             if _flies(agent):
-                flights = _num_moves(ctx, name) - state["flights"].get(name, 0)
+                flights = _num_moves(counts, name) - state["flights"].get(name, 0)
                 price = flights * self.per_metre * (agent.speed or 0.0)
             else:
                 price = self._price(ctx, moves[name], lengths) if name in moves else 0.0
@@ -253,10 +255,9 @@ def _check_declared(ctx: Context, deed: str) -> None:
         raise UnknownName("deed" if ctx.game.deeds else "deed, as ctx.game.deeds declares none:", deed, ctx.game.deeds)
 
 
-def _num_moves(ctx: Context, name: str) -> int:
+def _num_moves(counts: Mapping[str, Mapping[str, int]], name: str) -> int:
     """Return how often an agent has moved; 0 before its first decision."""
-    counts = ctx.game.counts.get(name)
-    return counts["moves"] if counts else 0
+    return counts[name]["moves"] if name in counts else 0
 
 
 def _flies(agent: IAgent) -> bool:

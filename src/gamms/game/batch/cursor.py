@@ -1262,7 +1262,7 @@ class Cursor:
         members = [(i, name) for i, name in zip(places, named, strict=True) if i >= 0]
         part = order.whole
         if len(members) < len(order.slots):
-            part = TurnPart(order.slots, [i for i, _ in members], order.progress, self._parts.settings)
+            part = TurnPart(order.slots, [i for i, _ in members], self._parts.settings)
         others = {order.index_of.get(names[number], -1) for number in observing.tolist()} - {-1}
         if others:
             part.observing = sorted(others.union(part.observing))
