@@ -56,3 +56,31 @@ def test_a_fork_prepares_its_own_strategies():
         ahead = ctx.game.fork(1)
         assert ahead.run(2).scores == {"turns": 2}
         assert ctx.game.rules == ()
+
+
+class Drawing:
+    """Goes to a node that it has drawn before the first turn."""
+
+    def prepare(self, ctx):
+        self.goal = int(ctx.rng.integers(9))
+
+    def __call__(self, state):
+        state["action"] = state["legal"][self.goal % len(state["legal"])]
+
+
+def places(ctx):
+    ctx.game.run(1)
+    return ctx.agent.get_agent("anna").current_node_id
+
+
+def test_a_strategy_that_draws_when_it_is_prepared_draws_anew_in_each_reset_game():
+    seeds = [1, 2, 3, 4, 1]
+    with new_game(Drawing(), "anna") as ctx:
+        again = [(ctx.game.reset(seed), places(ctx))[1] for seed in seeds]
+    alone = []
+    for seed in seeds:
+        with new_game(Drawing(), "anna") as ctx:
+            ctx.game.reset(seed)
+            alone.append(places(ctx))
+    assert again == alone
+    assert len({*alone}) > 1

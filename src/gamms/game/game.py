@@ -199,10 +199,10 @@ class Game(Surface, RuleVerbs):
         turns = self._turns
         if self.ctx.is_terminated() or state.over is not None:
             return False
-        if self._turns.prepared != self._phase.strategy_changes:
-            self._prepare_strategies()
         if not state.has_begun:
             self._begin()
+        if self._turns.prepared != self._phase.strategy_changes:
+            self._prepare_strategies()
         if self._ruleset.unchecked:
             self._ruleset.warn()
         if self._unchecked_plans:
@@ -387,6 +387,7 @@ class Game(Surface, RuleVerbs):
             state.start = start
             state.has_begun = False
             state.last_turn = None
+            self._turns.prepared = -1
             self._reseed(start.snapshot.seed)
         elif wanted is None:
             return
