@@ -76,6 +76,10 @@ WRONG = {
         "then must be 'respawn', 'eliminate' or a function, not 'eliminat'. Did you mean 'eliminate'?",
     ),
     "a rule to remove": (lambda ctx: (ctx.game.add(tag("red", "blue")), ctx.game.remove("tga")), "Did you mean 'tag'?"),
+    "an attribute of the graph": (
+        lambda ctx: ctx.graph.graph.nods,
+        "ctx.graph.graph has no attribute 'nods'. Did you mean 'add_nodes' or 'get_nodes'?",
+    ),
     "a keyword of contexts": (
         lambda _: gamms.create_context(sed=1),
         "create_context takes no keyword 'sed'. Did you mean 'seed'?",

@@ -11,6 +11,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_bool, as_float, as_numbers, as_range
+from gamms.compat import Surface
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadValue, DuplicateId, MissingKey, UnknownName
 from gamms.graph import positions, records
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 _DISC_BYTES = 1 << 27  # most memory of the surroundings that one call computes at once
 
 
-class Graph(Guarded, IGraph):
+class Graph(Surface, Guarded, IGraph):
     """A graph over columns; `IGraph` documents each call.
 
     Args:
