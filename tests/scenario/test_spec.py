@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 import pytest
 
+import gamms
 from gamms import rules, scenario
 from gamms.errors import GammsError
 from gamms.scenario import ScenarioError
@@ -286,3 +287,24 @@ def test_scalars_of_numpy_are_the_numbers_that_a_file_could_hold(made):
     assert [(type(given[key]), given[key]) for key in ("max_turns", "seed")] == [(int, 7), (int, 3)]
     with pytest.raises(ScenarioError, match=r"max_turns: array\(\[7\]\) is not a plain value"):
         made({"max_turns": np.array([7])})
+
+
+def decide(state):
+    state["action"] = state["curr_pos"]
+
+
+NAMES = {
+    "a function of a module": (decide, f"Write its name, '{__name__}:decide', with the folder of its file as folder=."),
+    "a function of a function": (lambda state: None, "Move it to a file, such as strategies.py, and write"),
+    "a strategy of gamms": (gamms.strategies.random_walk, "Write its name, such as 'gamms.strategies:chase'"),
+    "a rule": (gamms.rules.last_team(), "or 'tag' for a rule."),
+    "a module": (pytest, "Write its name, 'pytest:decide', with the folder"),
+}
+
+
+@pytest.mark.parametrize("given", NAMES)
+def test_a_function_in_a_scenario_is_refused_and_the_error_says_how_to_name_it(made, given):
+    value, way_out = NAMES[given]
+    with pytest.raises(ScenarioError) as caught:
+        made({"rules": [value]})
+    assert way_out in str(caught.value)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path, PurePath
+from types import ModuleType
 from typing import TYPE_CHECKING, NoReturn
 
 from gamms.errors import GammsError, nearest
@@ -145,8 +146,22 @@ def copied(value: Plain, path: str = "", depth: int = 0) -> Plain:
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
     raise ScenarioError(
-        path, f"{shown(value)} is not a plain value; a scenario holds only values that a file could hold."
+        path,
+        f"{shown(value)} is not a plain value; a scenario holds only values that a file could hold.{_named(value)}",
     )
+
+
+def _named(value: object) -> str:
+    """Return the way out for a function, class, rule or module: its name as text."""
+    name = getattr(value, "__qualname__", "decide")  # a module has none
+    module = getattr(value, "__module__", None) or getattr(value, "__name__", "")
+    if not callable(value) and not isinstance(value, ModuleType):
+        return ""
+    if module.startswith("gamms."):
+        return " Write its name, such as 'gamms.strategies:chase' for a strategy, or 'tag' for a rule."
+    if module == "__main__" or not name.isidentifier():  # no scenario imports the program, or a function of a function
+        return " Move it to a file, such as strategies.py, and write 'strategies:decide' here, with folder='.'."
+    return f" Write its name, '{module}:{name}', with the folder of its file as folder=."
 
 
 def checked_key(key: object, path: str = "") -> str | int:
