@@ -154,7 +154,7 @@ def copied(value: Plain, path: str = "", depth: int = 0) -> Plain:
 def _named(value: object) -> str:
     """Return the way out for a function, class, rule or module: its name as text."""
     name = getattr(value, "__qualname__", "decide")  # a module has none
-    module = getattr(value, "__module__", None) or getattr(value, "__name__", "")
+    module = str(getattr(value, "__module__", None) or getattr(value, "__name__", ""))
     if not callable(value) and not isinstance(value, ModuleType):
         return ""
     if module.startswith("gamms."):
