@@ -75,6 +75,13 @@ def test_an_agent_may_come_back_once(road):
     assert [event["turn"] for event in ctx.game.run(9).events if event["kind"] == "respawned"] == [2]
 
 
+def test_an_agent_that_began_on_the_first_node_comes_back_there(road):
+    ctx = road(a=("red", 0, 1), b=("blue", 1))
+    ctx.game.add(respawn())
+    ctx.game.add(tag("blue", "red", then="eliminate"))
+    assert [event["node"] for event in ctx.game.run(3).events if event["kind"] == "respawned"] == [0]
+
+
 def test_both_of_a_contact_may_be_eliminated_and_come_back(road):
     ctx = road(a=("red", 3, 4), b=("blue", 5, 4))
     ctx.game.add(tag("red", "blue", mutual=True, then="eliminate"))
