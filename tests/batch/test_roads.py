@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import assert_as_shown, plain, scene
 
 import gamms
 from gamms.errors import UnknownName
@@ -135,8 +135,82 @@ def test_agents_stop_where_their_way_is_closed_and_leave_edges_that_are(phase, s
     tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "euclid": 4.0, "then": "respawn"}}
     fuel = {"rule": "resource", "with": {"name": "fuel", "start": 400, "per_metre": 0.5}}
     scenario = scene([tag, fuel], teams=teams, settings=settings, conflicts={"capacity": 1})
-    results = check(scenario, rules=(undermine, tell), phase=phase, seeds=range(20, 25))
+    results = check(scenario, rules=(undermine, tell), phase=phase, seeds=range(20, 25), stays=True)
     assert any(result.agents[name]["blocked"] for result in results for name in result.agents)
+
+
+@gamms.array_strategy
+def go_far(view):
+    """Go to the last legal node, or one that is drawn by where the agent is on its edge."""
+    is_far = (view["edge"][..., 0] >= 0) | (view["xy"].sum(axis=-1) % 20 > 10)
+    return np.where(is_far, view.counts - 1, view.draw.below(view.counts))
+
+
+@gamms.array_rule
+def block(turn):
+    """Close other edges in each game, one in a call."""
+    calls = turn.keep("block", lambda games: {"calls": np.zeros(games, np.int64)})["calls"]
+    for at in np.flatnonzero(turn.node.sum(axis=1) % 2).tolist():
+        turn.close_roads([at], [41 + int(calls[turn.games[at]])])
+    calls[turn.games] += 1
+
+
+UNDER_SPEEDS = [
+    ("before", {"speed_unit": "metres"}),
+    ("deeds", {"speed_unit": "metres", "order": [["blue"], ["red"]]}),
+    ("after", {"speed_unit": "metres_per_second", "turn_seconds": 2.0}),
+    ("deeds", {"speed_unit": "metres", "decide": "arrival"}),
+    ("before", {"order": [["red"], ["blue"]]}),
+    ("after", {}),
+]
+
+
+@pytest.mark.parametrize("rule", [undermine, block])
+@pytest.mark.parametrize(("phase", "settings"), UNDER_SPEEDS)
+@pytest.mark.parametrize(
+    "red",
+    ["gamms.strategies:random_walk", {"function": "gamms.strategies:random_waypoints", "with": {"pause": 1}}, go_far],
+)
+def test_games_with_speeds_in_which_a_rule_closes_roads_stay_in_the_core(red, settings, phase, rule):
+    speed = {"speed": 7.0 if settings.get("speed_unit") else 2.5}
+    blue = {"function": "gamms.strategies:patrol", "with": {"nodes": [0, 12, 20]}}
+    is_called = callable(red)
+    teams = {"red": {"count": 3, **speed} | ({} if is_called else {"strategy": red})}
+    teams["blue"] = {"count": 3, "strategy": blue, **speed}
+    limit = {"hops": 1} if phase == "after" else {}
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "respawn", **limit}}
+    scenario = scene([tag], teams=teams, settings=settings, conflicts={"capacity": 1})
+    rules = (rule, tell)
+    check(scenario, {"red": red} if is_called else None, rules, phase, closed=[3, 9, 40], turns=2, stays=True)
+
+
+def test_closed_roads_under_speeds_are_the_same_alone_and_in_small_and_large_batches():
+    teams = {name: {"count": 2, "strategy": "gamms.strategies:random_walk", "speed": 14.0} for name in ("red", "blue")}
+    scenario = scene(teams=teams, settings={"speed_unit": "metres"})
+    few = check(scenario, rules=(undermine,), seeds=range(2), stays=True)
+    assert list(map(plain, few)) == list(
+        map(plain, check(scenario, rules=(undermine,), seeds=range(40), stays=True)[:2])
+    )
+
+
+@pytest.mark.parametrize(("phase", "settings"), UNDER_SPEEDS[:4:3] + UNDER_SPEEDS[4:5])
+def test_actions_are_given_on_the_roads_that_are_open_in_each_game(phase, settings):
+    speed = {"speed": 7.0 if settings.get("speed_unit") else 2.5}
+    teams = {name: {"count": 2, "strategy": "gamms.strategies:random_walk", **speed} for name in ("red", "blue")}
+    with scene(teams=teams, settings={**settings, "on_illegal": "stay"}).build(seed=1) as ctx:
+        ctx.game.add(undermine, phase=phase)
+        with ctx.game.batch(seeds=range(6)) as games:
+            shown = games.context(3)
+            while not games.is_over.all():
+                view = games.observe("red")
+                legal = [shown.game.observation(name)["legal"] for name in ("red_0", "red_1")]
+                counts = view.counts[3].tolist()
+                assert [view["legal"][3, i, :count].tolist() for i, count in enumerate(counts)] == list(
+                    map(list, legal)
+                )
+                games.step({"red": (view.turn[:, None] * 5) % view.counts}, on_illegal="stay")
+            assert_as_shown(games)
+            assert games.is_in_arrays, games.slow
 
 
 def test_an_observer_asks_for_routes_of_games_with_the_same_roads():

@@ -377,6 +377,6 @@ def hold(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
     t.trips.share[i] = t.trips.ends[leg]
     t.trips.motion[i] = travel.STOPPED
     t.trips.now[i] = t.trips.until[leg]
-    travel.stand(t.trips, i)
+    travel.stand(t.roads, t.trips, i)
     games.node[row] = t.trips.node[i]
     return 0

@@ -15,6 +15,7 @@ cdef extern from "math.h":
 
 cdef class EdgePaths(AgentPaths):
     cdef LegalMoves streets
+    cdef i64 first
     cdef GoalPaths hops
     cdef ReachSearch reach
     cdef i64 most
@@ -34,17 +35,20 @@ cdef class EdgeMovers:
     cdef EdgePaths walks
     cdef i64[::1] ahead
     cdef double[::1] covered
+    cdef GoalPaths long_ways
+    cdef bint goes_far
 
 
+cdef int take_map(EdgeMovers w, i64 first) except -1 nogil
 cpdef int begin(EdgePaths walks, i64 i, i64 node, i64 ahead, double covered) except -1 nogil
-@cython.locals(found=bint, place=i64)
-cdef bint is_next(LegalMoves streets, i64 node, i64 other) except -1 nogil
-@cython.locals(node=i64, place=i64)
+@cython.locals(found=bint, place=i64, at=i64)
+cdef bint is_next(EdgePaths walks, i64 node, i64 other) except -1 nogil
+@cython.locals(node=i64, place=i64, at=i64)
 cpdef Py_ssize_t list_legal(EdgePaths walks, i64 i) except -1 nogil
 @cython.locals(used=i64, i=i64, count=i64, place=i64)
 cpdef Py_ssize_t list_each(EdgePaths walks, i64 first, i64[::1] found, i64[::1] counts) except -1 nogil
 cdef double whole_edges(double budget) except? -1.0 nogil
-@cython.locals(number=i64, at=i64, place=i64, other=i64)
+@cython.locals(number=i64, at=i64, here=i64, place=i64, other=i64)
 cdef int list_within(EdgePaths walks, i64 node, double hops) except -1 nogil
 @cython.locals(node=i64, by_hops=bint, first=i64, ahead=i64, onward=double, count=i64)
 cpdef bint go_towards(EdgePaths walks, i64 i, GoalPaths ways, i64 memory, i64 target) except -1 nogil

@@ -21,6 +21,7 @@ class EdgePaths(AgentPaths):
     Attributes:
         nodes, times, lengths: see `AgentPaths`; each agent has room for `most` nodes, beginning with its start node.
         streets: the legal moves along one edge.
+        first: the place of the first node of the map in use; see `LegalMoves`.
         hops: shortest paths by the number of edges.
         reach: working memory; after `list_legal`, the legal nodes of one agent.
         most: the maximum number of nodes of an agent.
@@ -49,6 +50,7 @@ class EdgePaths(AgentPaths):
         super().__init__(nodes, times, lengths)
         self.are_one_edge = False
         self.streets = streets
+        self.first = 0
         self.hops = hops
         self.reach: ReachSearch = self.hops.reach
         self.most = most
@@ -58,6 +60,10 @@ class EdgePaths(AgentPaths):
         self.route = route
         self.kept = kept
         self.keeps = kept is not None
+
+    def take(self, streets: LegalMoves) -> None:
+        """Replace the legal moves."""
+        self.streets = streets
 
     def fill(self, games: GameColumns, game: int) -> int:
         """Write the paths of the agents of a game; agents that a rule has placed elsewhere only get their node."""
@@ -80,16 +86,33 @@ class EdgeMovers:
     Attributes:
         movers: the columns that are common to all kinds of movement.
         walks: the paths of one game.
+        long_ways: the shortest paths of agents that go beyond their legal nodes, if some do (`goes_far`).
         ahead, covered: (rows,) the values of `GameColumns.edge` and `GameColumns.share` after the moves.
     """
 
     def __init__(
-        self, movers: OneEdgeMovers, walks: EdgePaths, ahead: memoryview[int], covered: memoryview[float]
+        self,
+        movers: OneEdgeMovers,
+        walks: EdgePaths,
+        ahead: memoryview[int],
+        covered: memoryview[float],
+        long_ways: GoalPaths | None,
     ) -> None:
         self.movers = movers
         self.walks = walks
         self.ahead = ahead
         self.covered = covered
+        self.long_ways = long_ways
+        self.goes_far = long_ways is not None
+
+
+def take_map(w: EdgeMovers, first: int) -> int:
+    """Use the map whose first node has this place."""
+    w.walks.first = first
+    w.walks.hops.roads.first = first
+    if w.goes_far:
+        w.long_ways.roads.first = first  # type: ignore[union-attr] # there are some
+    return 0
 
 
 # -- one agent -------------------------------------------------------------------------------------------------------
@@ -100,16 +123,17 @@ def begin(walks: EdgePaths, i: int, node: int, ahead: int, covered: float) -> in
     walks.nodes[i * walks.most] = node
     walks.times[i * walks.most] = 0.0
     walks.lengths[i] = 1
-    walks.ahead[i] = ahead if ahead >= 0 and is_next(walks.streets, node, ahead) else -1
+    walks.ahead[i] = ahead if ahead >= 0 and is_next(walks, node, ahead) else -1
     walks.covered[i] = covered if walks.ahead[i] >= 0 else 0.0
     return 0
 
 
-def is_next(streets: LegalMoves, node: int, other: int) -> bool:
+def is_next(walks: EdgePaths, node: int, other: int) -> bool:
     """Return whether the nodes are equal or an edge leads from the first to the second."""
     found = False
-    for place in range(streets.offsets[node], streets.offsets[node + 1]):
-        found = found or streets.targets[place] == other
+    at = walks.first + node
+    for place in range(walks.streets.offsets[at], walks.streets.offsets[at + 1]):
+        found = found or walks.streets.targets[place] == other
     return found
 
 
@@ -121,7 +145,8 @@ def list_legal(walks: EdgePaths, i: int) -> int:
     node = walks.nodes[i * walks.most]
     walks.reach.search += 1
     walks.reach.found = 0
-    for place in range(walks.streets.offsets[node], walks.streets.offsets[node + 1]):
+    at = walks.first + node
+    for place in range(walks.streets.offsets[at], walks.streets.offsets[at + 1]):
         travel.list_node(walks.reach, walks.streets.targets[place], 0.0)
     if walks.speeds[i] == walks.speeds[i]:  # not NaN
         list_within(walks, node, whole_edges(walks.speeds[i]))
@@ -166,7 +191,8 @@ def list_within(walks: EdgePaths, node: int, hops: float) -> int:
         at = walks.reach.seen[number]
         number += 1
         if walks.reach.when[at] + 1.0 <= hops:
-            for place in range(walks.streets.offsets[at], walks.streets.offsets[at + 1]):
+            here = walks.first + at
+            for place in range(walks.streets.offsets[here], walks.streets.offsets[here + 1]):
                 other = walks.streets.targets[place]
                 if walks.reach.places[other] == 0:
                     walks.reach.places[other] = 1
@@ -198,7 +224,7 @@ def go_towards(walks: EdgePaths, i: int, ways: GoalPaths, memory: int, target: i
         return True
     by_hops = ways is walks.hops
     first = target
-    if not by_hops or not is_next(walks.streets, node, target):
+    if not by_hops or not is_next(walks, node, target):
         first = travel.following(ways, memory, node, target)
         if first == node:
             return False
@@ -287,7 +313,7 @@ def choose(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
         if w.walks.reach.listed[target] == w.walks.reach.search:
             go_towards(w.walks, i, w.walks.hops, row, target)
         else:
-            go_towards(w.walks, i, w.movers.by_steps.long_ways, row, target)  # type: ignore[union-attr,arg-type]
+            go_towards(w.walks, i, w.long_ways, row, target)  # type: ignore[arg-type] # there are some
     else:
         begin(w.walks, i, node, -1, 0.0)
     w.ahead[row] = w.walks.ahead[i]

@@ -9,7 +9,7 @@ from gamms.core.travel cimport LegalCache, ReachSearch, RoadEdges, TurnPaths, Go
 ctypedef unsigned char u8
 ctypedef long long i64
 
-cdef i64 ENDLESS
+cdef i64 ENDLESS, BACKWARDS, TURNS, UNKNOWN
 
 
 @cython.final
@@ -29,11 +29,14 @@ cdef class MetreMovers:
     cdef bint keeps
 
 
+cdef int take_map(MetreMovers t, i64 first) except -1 nogil
 @cython.locals(i=i64, row=i64)
 cpdef int decide(GameColumns games, MetreMovers t, i64 game) except -1 nogil
-@cython.locals(row=i64)
+@cython.locals(row=i64, edge=i64)
 cdef bint is_there(GameColumns games, MetreMovers t, i64 game, i64 i) except -1 nogil
 cdef int set_out(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
+@cython.locals(edge=i64)
+cdef Py_ssize_t edge_of(GameColumns games, MetreMovers t, i64 row) except -2 nogil
 cdef int rest(MetreMovers t, i64 i) except -1 nogil
 @cython.locals(row=i64, target=i64, can_go=bint, slot=i64, where=i64)
 cdef int choose(GameColumns games, MetreMovers t, i64 game, i64 i) except -1 nogil
@@ -46,6 +49,7 @@ cdef Py_ssize_t target_of(GameColumns games, MetreMovers t, i64 game, i64 i) exc
 cdef i64 drawn(GameColumns games, MetreMovers t, i64 row, i64 bound) except? -2 nogil
 @cython.locals(row=i64, edge=i64, node=i64)
 cdef Py_ssize_t by_steps(MetreMovers t, i64 game, i64 i) except -2 nogil
+@cython.locals(leg=i64, had_begun=bint, back=i64)
 cdef int stay(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
 @cython.locals(i=i64, row=i64, leg=i64, goes=bint)
 cpdef int give_way(GameColumns games, MetreMovers t, i64 game) except -1 nogil
@@ -63,11 +67,11 @@ cdef int go(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
 cdef class MetrePaths(AgentPaths):
     cdef TurnPaths trips
     cdef RoadEdges roads
-    cdef const i64[::1] edge_streets, edge_flags
+    cdef const i64[::1] edge_ids
     cdef i64[::1] sources, targets, streets, flags
     cdef double[::1] metres
     cdef TurnPaths kept
     cdef bint keeps
 
-    @cython.locals(agent=i64, row=i64, first=i64, leg=i64, edge=i64)
+    @cython.locals(agent=i64, row=i64, first=i64, leg=i64, edge=i64, back=i64, is_back=bint)
     cdef int fill(self, GameColumns games, i64 game) except -1 nogil

@@ -9,6 +9,9 @@ from gamms.core.rules import AgentPaths, Events, GameColumns
 from gamms.core.travel import GoalPaths, LegalCache, ReachSearch, RoadEdges, TurnPaths
 
 ENDLESS = 1 << 32  # edges: more than any path has
+BACKWARDS = 1  # flags of legs, see `contacts.Legs`
+TURNS = 2
+UNKNOWN = 4
 
 
 class MetreMovers:
@@ -75,6 +78,12 @@ class MetreMovers:
         self.keeps = True
 
 
+def take_map(t: MetreMovers, first: int) -> int:
+    """Use the map whose first node has this place."""
+    t.roads.first = first
+    return 0
+
+
 def decide(games: GameColumns, t: MetreMovers, game: int) -> int:
     """Choose the moves of the living agents in this part of the turn, and find their paths; all other agents stay."""
     for i in range(games.agents):
@@ -99,7 +108,8 @@ def is_there(games: GameColumns, t: MetreMovers, game: int, i: int) -> bool:
         return False
     if t.keeps:
         travel.copy_trip(t.kept, row, t.trips, i)  # type: ignore[arg-type] # there are some
-    t.starts[row] = games.node[row] if games.edge[row] < 0 else t.nodes + games.edge[row]
+    edge = edge_of(games, t, row)
+    t.starts[row] = games.node[row] if edge < 0 else t.nodes + edge
     return True
 
 
@@ -109,14 +119,23 @@ def set_out(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
         moves.set_out(games, t.movers, row)
     t.drawn[row] = 0
     begin(games, t, row, i)
+    if t.trips.edge[i] >= 0 and edge_of(games, t, row) < 0:
+        t.trips.edge[i] = -1
+        t.trips.share[i] = 0.0
     t.starts[row] = place_of(t, i)
     return 0
+
+
+def edge_of(games: GameColumns, t: MetreMovers, row: int) -> int:
+    """Return the edge that an agent is on; -1: it is on its node, or its edge is closed."""
+    edge = games.edge[row]
+    return edge if edge >= 0 and travel.is_open(t.roads, edge) else -1
 
 
 def rest(t: MetreMovers, i: int) -> int:
     """Stop an agent that is on an edge and has not moved."""
     if t.trips.edge[i] >= 0 and t.trips.legs[i] == 0:
-        travel.stand(t.trips, i)
+        travel.stand(t.roads, t.trips, i)
         t.trips.motion[i] = travel.STOPPED
     return 0
 
@@ -210,9 +229,14 @@ def by_steps(t: MetreMovers, game: int, i: int) -> int:
 
 
 def stay(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
-    """Undo the move of an agent: it stays at its position for the whole turn."""
+    """Undo the move of an agent: it stays at its position for the whole turn, with the map on which it has decided."""
+    leg = i * t.trips.most
+    had_begun = t.trips.legs[i] > 0 and 0.0 < t.trips.begins[leg] < 1.0
+    back = t.trips.backs[leg]
     begin(games, t, row, i)
-    travel.stand(t.trips, i)
+    travel.stand(t.roads, t.trips, i)
+    if had_begun:
+        t.trips.backs[leg] = back
     t.trips.motion[i] = travel.STOPPED
     return 0
 
@@ -298,7 +322,7 @@ class MetrePaths(AgentPaths):
     Args:
         trips: the paths; its columns are those of the tracks and legs.
         roads: the map.
-        edge_streets, edge_flags: (edges,) the street and flags of each edge; see `contacts.Legs`.
+        edge_ids: (edges,) the ids of the edges.
         sources, targets, streets, flags, metres: (agents * most,) columns of the legs.
         kept: see `MetreMovers`.
     """
@@ -310,8 +334,7 @@ class MetrePaths(AgentPaths):
         nodes: memoryview[int],
         times: memoryview[float],
         lengths: memoryview[int],
-        edge_streets: memoryview[int],
-        edge_flags: memoryview[int],
+        edge_ids: memoryview[int],
         sources: memoryview[int],
         targets: memoryview[int],
         streets: memoryview[int],
@@ -323,8 +346,7 @@ class MetrePaths(AgentPaths):
         self.are_one_edge = False
         self.trips = trips
         self.roads = roads
-        self.edge_streets = edge_streets
-        self.edge_flags = edge_flags
+        self.edge_ids = edge_ids
         self.sources = sources
         self.targets = targets
         self.streets = streets
@@ -335,6 +357,7 @@ class MetrePaths(AgentPaths):
 
     def fill(self, games: GameColumns, game: int) -> int:
         """Write the paths of the agents of a game; agents that a rule has placed elsewhere only get their node."""
+        self.roads.first = games.first_node[game]
         for agent in range(games.agents):
             row = game * games.agents + agent
             first = agent * self.trips.most
@@ -347,8 +370,12 @@ class MetrePaths(AgentPaths):
                 self.trips.times[agent * (self.trips.most + 1)] = 1.0
             for leg in range(first, first + self.trips.legs[agent]):
                 edge = self.trips.edges[leg]
-                self.streets[leg] = self.edge_streets[edge]
-                self.flags[leg] = self.edge_flags[edge]
+                back = self.trips.backs[leg]
+                is_back = back >= 0 and self.edge_ids[back] < self.edge_ids[edge]
+                self.streets[leg] = back if is_back else edge
+                self.flags[leg] = (BACKWARDS if is_back else 0) + (TURNS if back >= 0 else 0)
+                if travel.is_removed(self.roads, edge):
+                    self.flags[leg] += UNKNOWN
                 self.sources[leg] = self.roads.sources[edge]
                 self.targets[leg] = self.roads.targets[edge]
                 self.metres[leg] = self.roads.lengths[edge]

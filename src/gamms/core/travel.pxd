@@ -12,16 +12,13 @@ cdef i64 FORWARD, BACK, STOPPED
 
 @cython.final
 cdef class RoadEdges:
-    cdef const i64[::1] ids, offsets, leaving, patched, patch_offsets, patch, sources, targets
+    cdef const i64[::1] ids, offsets, leaving, sources, targets
+    cdef const u8[::1] removed
     cdef const double[::1] lengths, costs, seconds
     cdef double turn_seconds
-    cdef bint is_patched
+    cdef i64 first
 
-    @cython.locals(first=i64, last=i64, middle=i64)
-    cdef Py_ssize_t place(self, i64 node) except -2 nogil
-    @cython.locals(place=i64)
     cdef Py_ssize_t count(self, i64 node) except -1 nogil
-    @cython.locals(place=i64)
     cdef Py_ssize_t edge(self, i64 node, i64 number) except -1 nogil
 
 
@@ -42,7 +39,7 @@ cdef class LegalCache:
 @cython.final
 cdef class TurnPaths:
     cdef i64 most
-    cdef i64[::1] node, edge, motion, left, legs, passed, edges, nodes, route
+    cdef i64[::1] node, edge, motion, left, legs, passed, edges, backs, nodes, route
     cdef double[::1] share, now, speed, pace, begins, ends, since, until, times
 
 
@@ -63,6 +60,9 @@ cpdef Py_ssize_t back(RoadEdges roads, i64 edge) except -2 nogil
 @cython.locals(metres=double, pace=double, taken=double, least=double)
 cpdef double turns(RoadEdges roads, i64 edge, double share, double speed) except? -1.0 nogil
 cpdef bint is_endless(RoadEdges roads, double speed) except -1 nogil
+@cython.locals(node=i64, number=i64, found=bint)
+cdef bint is_open(RoadEdges roads, i64 edge) except -1 nogil
+cdef bint is_removed(RoadEdges roads, i64 edge) except -1 nogil
 cpdef bint is_going(RoadEdges roads, i64 edge, i64 motion) except -1 nogil
 
 @cython.locals(left=double, is_paced=bint, end=i64, ahead=double, behind=double, may_turn=bint)
@@ -71,7 +71,7 @@ cpdef Py_ssize_t reachable(
 ) except -1 nogil
 @cython.locals(key=i64, count=i64, place=i64)
 cpdef Py_ssize_t count_legal(RoadEdges roads, ReachSearch reach, LegalCache known, i64 agent, i64 node, double speed) except -1 nogil
-@cython.locals(key=i64)
+@cython.locals(key=i64, is_known=bint)
 cpdef Py_ssize_t legal_node(RoadEdges roads, ReachSearch reach, LegalCache known, i64 agent, i64 node, i64 number) except -1 nogil
 cdef int list_node(ReachSearch reach, i64 node, double time) except -1 nogil
 @cython.locals(number=i64)
@@ -113,20 +113,20 @@ cpdef int begin(
     TurnPaths trips, i64 row, i64 node, i64 edge, double share, i64 motion, double now, double speed, i64 left
 ) except -1 nogil
 @cython.locals(place=i64)
-cdef int add_leg(TurnPaths trips, i64 row, i64 edge, double begin, double end, double until) except -1 nogil
+cdef int add_leg(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, double begin, double end, double until) except -1 nogil
 @cython.locals(share=double)
 cdef double turns_to_end(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, i64 motion) except? -1.0 nogil
 @cython.locals(first=double, last=double, part=double, stop=double)
 cdef double stop_before_end(TurnPaths trips, i64 row, i64 motion, double takes) except? -1.0 nogil
 @cython.locals(first=double, takes=double, until=double, stop=double, node=i64, place=i64)
 cdef bint cover(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, i64 motion) except -1 nogil
-cpdef int stand(TurnPaths trips, i64 row) except -1 nogil
-@cython.locals(first=i64, node=i64, stands=bint, leg=i64, place=i64)
+cpdef int stand(RoadEdges roads, TurnPaths trips, i64 row) except -1 nogil
+@cython.locals(first=i64, node=i64, stands=bint, leg=i64, place=i64, last=i64)
 cpdef int go_in_part(TurnPaths trips, i64 row, i64 part, i64 parts) except -1 nogil
 @cython.locals(share=double)
 cpdef double share_at(double begin, double end, double since, double until, double time) except? -1.0 nogil
 cpdef Py_ssize_t motion_of(double begin, double end) except -1 nogil
-cdef int put_leg(TurnPaths trips, i64 leg, i64 edge, double share, double since, double until) except -1 nogil
+cdef int put_leg(TurnPaths trips, i64 leg, i64 other, double share, double since, double until) except -1 nogil
 cdef int copy_leg(TurnPaths trips, i64 leg, TurnPaths others, i64 other) except -1 nogil
 @cython.locals(number=i64)
 cpdef int copy_trip(TurnPaths trips, i64 row, TurnPaths others, i64 other) except -1 nogil

@@ -21,15 +21,16 @@ STOPPED = 3
 
 
 class RoadEdges:
-    """The edges of a map.
+    """The edges of a map, or of several maps that differ in the open edges.
+
+    The nodes of several maps follow each other. The position of a node in this sequence is its place.
 
     Attributes:
         ids: (nodes,) node ids; of two nodes reached at the same time, the one with the smaller id comes first.
-        offsets: (nodes + 1,) where the edges out of each node begin in `leaving`.
-        leaving: (edges,) rows of edges by source node, in insertion order.
-        patched: (patched,) rows of nodes whose outgoing edges are replaced, ascending.
-        patch_offsets: (patched + 1,) where the replacing edges begin in `patch`.
-        patch: rows of edges.
+        offsets: (places + 1,) where the open edges out of each node begin in `leaving`.
+        leaving: rows of edges by source node, in insertion order.
+        first: the place of the first node of the map in use.
+        removed: (maps * edges,) 1: the edge is neither open nor closed on the map; empty: no edges were removed.
         sources, targets: (edges,) rows of nodes.
         lengths: (edges,) metres.
         costs: (edges,) the costs by which agents choose paths.
@@ -42,9 +43,6 @@ class RoadEdges:
         ids: memoryview[int],
         offsets: memoryview[int],
         leaving: memoryview[int],
-        patched: memoryview[int],
-        patch_offsets: memoryview[int],
-        patch: memoryview[int],
         sources: memoryview[int],
         targets: memoryview[int],
         lengths: memoryview[float],
@@ -55,10 +53,8 @@ class RoadEdges:
         self.ids = ids
         self.offsets = offsets
         self.leaving = leaving
-        self.patched = patched
-        self.is_patched = len(patched) > 0
-        self.patch_offsets = patch_offsets
-        self.patch = patch
+        self.first = 0
+        self.removed = memoryview(b"")
         self.sources = sources
         self.targets = targets
         self.lengths = lengths
@@ -66,33 +62,22 @@ class RoadEdges:
         self.seconds = seconds
         self.turn_seconds = turn_seconds
 
-    def place(self, node: int) -> int:
-        """Return the index of a node in `patched`, by binary search; -1: it is not there."""
-        first = 0
-        last = len(self.patched)
-        while first < last:
-            middle = (first + last) >> 1
-            if self.patched[middle] < node:
-                first = middle + 1
-            else:
-                last = middle
-        if first < len(self.patched) and self.patched[first] == node:
-            return first
-        return -1
+    def take(self, offsets: memoryview[int], leaving: memoryview[int]) -> None:
+        """Switch to other maps with the same nodes and edges."""
+        self.offsets = offsets
+        self.leaving = leaving
+
+    def note_removed(self, removed: memoryview[int]) -> None:
+        """Set which edges were removed from each map."""
+        self.removed = removed
 
     def count(self, node: int) -> int:
         """Return the number of edges out of a node."""
-        place = self.place(node) if self.is_patched else -1
-        if place < 0:
-            return self.offsets[node + 1] - self.offsets[node]
-        return self.patch_offsets[place + 1] - self.patch_offsets[place]
+        return self.offsets[self.first + node + 1] - self.offsets[self.first + node]
 
     def edge(self, node: int, number: int) -> int:
         """Return edge number `number` out of a node."""
-        place = self.place(node) if self.is_patched else -1
-        if place < 0:
-            return self.leaving[self.offsets[node] + number]
-        return self.patch[self.patch_offsets[place] + number]
+        return self.leaving[self.offsets[self.first + node] + number]
 
 
 class ReachSearch:
@@ -137,7 +122,7 @@ class ReachSearch:
 
 
 class LegalCache:
-    """Stored sets of legal nodes at the start of a turn, as far as there is room.
+    """Stored sets of legal nodes at the start of a turn on the first map, as far as there is room.
 
     Attributes:
         kinds: (agents,) the number of the agent's speed; equal speeds have equal numbers.
@@ -173,6 +158,7 @@ class TurnPaths:
             speed.
         legs: (rows,) the number of legs.
         edges: (rows * most,) the edge of each leg.
+        backs: (rows * most,) the edge for turning around on it; -1: none.
         begins, ends: (rows * most,) shares of the edge.
         since, until: (rows * most,) the times of the leg.
         passed: (rows,) the number of nodes: the one passed last at the start, then all nodes reached.
@@ -195,6 +181,7 @@ class TurnPaths:
         speed: memoryview[float],
         pace: memoryview[float],
         edges: memoryview[int],
+        backs: memoryview[int],
         begins: memoryview[float],
         ends: memoryview[float],
         since: memoryview[float],
@@ -215,6 +202,7 @@ class TurnPaths:
         self.speed = speed
         self.pace = pace
         self.edges = edges
+        self.backs = backs
         self.begins = begins
         self.ends = ends
         self.since = since
@@ -234,9 +222,10 @@ class GoalPaths:
         roads: the map; every edge has a finite cost.
         back: the map with all edges reversed.
         reach: working memory.
-        direct: (edges,) a cache, all 0 at first: 1: the edge is the only shortest path between its ends; 2: it is not.
+        direct: (edges,) a cache for the first map, all 0 at first: 1: the edge is the only shortest path between its
+            ends; 2: it is not.
         most: the maximum number of stored nodes of a path, including the first.
-        goal: (rows,) the goal of the stored path.
+        goal: (rows,) the place of the goal of the stored path.
         count: (rows,) the number of its stored nodes; 0 at first, and if there is no path.
         at: (rows,) the index of the last requested node.
         nodes, far: (rows * most,) the stored nodes, and the cost from each to the goal.
@@ -314,6 +303,20 @@ def is_endless(roads: RoadEdges, speed: float) -> bool:
     return speed == INFINITE and len(roads.seconds) == 0
 
 
+def is_open(roads: RoadEdges, edge: int) -> bool:
+    """Return whether an edge is on the map in use."""
+    node = roads.sources[edge]
+    found = False
+    for number in range(roads.count(node)):
+        found = found or roads.edge(node, number) == edge
+    return found
+
+
+def is_removed(roads: RoadEdges, edge: int) -> bool:
+    """Return whether an edge was removed from the map in use."""
+    return len(roads.removed) > 0 and roads.removed[roads.first // len(roads.ids) * len(roads.costs) + edge] > 0
+
+
 def is_going(roads: RoadEdges, edge: int, motion: int) -> bool:
     """Return whether an agent moves along an edge, or back where it can turn around."""
     return motion == FORWARD or (motion == BACK and back(roads, edge) >= 0)
@@ -386,10 +389,10 @@ def reachable(
 def count_legal(roads: RoadEdges, reach: ReachSearch, known: LegalCache, agent: int, node: int, speed: float) -> int:
     """Return the number of legal nodes of an agent on a node at the start of a turn."""
     key = known.kinds[agent] * len(roads.ids) + node
-    if known.counts[key] > 0:
+    if roads.first == 0 and known.counts[key] > 0:
         return known.counts[key]
     count = reachable(roads, reach, node, -1, 0.0, 0, speed, 0.0, False)
-    if known.used + count <= len(known.nodes):
+    if roads.first == 0 and known.used + count <= len(known.nodes):
         known.counts[key] = count
         known.first[key] = known.used
         for place in range(count):
@@ -401,7 +404,8 @@ def count_legal(roads: RoadEdges, reach: ReachSearch, known: LegalCache, agent: 
 def legal_node(roads: RoadEdges, reach: ReachSearch, known: LegalCache, agent: int, node: int, number: int) -> int:
     """Return legal node number `number` after a call of `count_legal`."""
     key = known.kinds[agent] * len(roads.ids) + node
-    return known.nodes[known.first[key] + number] if known.counts[key] > 0 else reach.nodes[number]
+    is_known = roads.first == 0 and known.counts[key] > 0
+    return known.nodes[known.first[key] + number] if is_known else reach.nodes[number]
 
 
 def list_node(reach: ReachSearch, node: int, time: float) -> int:
@@ -555,7 +559,7 @@ def is_only_way(roads: RoadEdges, reach: ReachSearch, source: int, target: int) 
 def is_direct(ways: GoalPaths, source: int, target: int) -> bool:
     """Return whether an edge is the only shortest path from one node to another."""
     edge = cheapest(ways.roads, source, target)
-    if edge < 0 or source == target:
+    if edge < 0 or source == target or ways.roads.first > 0:
         return False
     if ways.direct[edge] == 0:
         ways.direct[edge] = 1 if is_only_way(ways.roads, ways.reach, source, target) else 2
@@ -567,6 +571,7 @@ def find_way(ways: GoalPaths, row: int, source: int, goal: int) -> int:
 
     The search starts at the goal, so that the costs do not depend on the start of the path.
     """
+    ways.back.first = ways.roads.first
     ways.reach.size = 0
     ways.reach.count = 0
     reach_node(ways.reach, goal, 0.0, 0)
@@ -576,7 +581,7 @@ def find_way(ways: GoalPaths, row: int, source: int, goal: int) -> int:
             edge = ways.back.edge(at, number)
             cost = ways.reach.when[at] + ways.back.costs[edge]
             reach_node(ways.reach, ways.back.targets[edge], cost, ways.reach.rank[at] + 1)
-    ways.goal[row] = goal
+    ways.goal[row] = ways.roads.first + goal
     ways.at[row] = 0
     ways.count[row] = 0
     node = source if ways.reach.places[source] < 0 else -1
@@ -608,7 +613,7 @@ def next_on_way(ways: GoalPaths, node: int) -> int:
 
 def place_on_way(ways: GoalPaths, row: int, node: int, goal: int) -> int:
     """Return the index of a node on the stored path to a goal, after a search if necessary; -1: there is no path."""
-    if ways.goal[row] == goal:
+    if ways.goal[row] == ways.roads.first + goal:
         place = ways.at[row]
         for _ in range(ways.count[row]):
             # The last stored node has no next node, unless it is the goal.
@@ -706,10 +711,11 @@ def begin(
     return 0
 
 
-def add_leg(trips: TurnPaths, row: int, edge: int, begin: float, end: float, until: float) -> int:
+def add_leg(roads: RoadEdges, trips: TurnPaths, row: int, edge: int, begin: float, end: float, until: float) -> int:
     """Add a leg along a part of an edge, from the current time until `until`."""
     place = row * trips.most + trips.legs[row]
     trips.edges[place] = edge
+    trips.backs[place] = back(roads, edge)
     trips.begins[place] = begin
     trips.ends[place] = end
     trips.since[place] = trips.now[row]
@@ -747,14 +753,14 @@ def cover(roads: RoadEdges, trips: TurnPaths, row: int, edge: int, motion: int) 
     if until > 1.0 + SLACK:
         stop = stop_before_end(trips, row, motion, takes)
         if stop >= 0.0:
-            add_leg(trips, row, edge, first, stop, 1.0)
+            add_leg(roads, trips, row, edge, first, stop, 1.0)
             trips.edge[row] = edge
             trips.share[row] = stop
             trips.motion[row] = BACK if motion == BACK else FORWARD
-        stand(trips, row)
+        stand(roads, trips, row)
         return False
     trips.left[row] -= 1
-    add_leg(trips, row, edge, first, 0.0 if motion == BACK else 1.0, until if until < 1.0 - ROUNDED else 1.0)
+    add_leg(roads, trips, row, edge, first, 0.0 if motion == BACK else 1.0, until if until < 1.0 - ROUNDED else 1.0)
     node = roads.sources[edge] if motion == BACK else roads.targets[edge]
     if node != trips.node[row]:
         place = row * (trips.most + 1) + trips.passed[row]
@@ -767,11 +773,11 @@ def cover(roads: RoadEdges, trips: TurnPaths, row: int, edge: int, motion: int) 
     return True
 
 
-def stand(trips: TurnPaths, row: int) -> int:
+def stand(roads: RoadEdges, trips: TurnPaths, row: int) -> int:
     """Keep an agent at its position for the rest of the turn."""
     trips.left[row] = 0
     if trips.edge[row] >= 0 and trips.now[row] < 1.0:
-        add_leg(trips, row, trips.edge[row], trips.share[row], trips.share[row], 1.0)
+        add_leg(roads, trips, row, trips.edge[row], trips.share[row], trips.share[row], 1.0)
     return 0
 
 
@@ -788,7 +794,7 @@ def go_in_part(trips: TurnPaths, row: int, part: int, parts: int) -> int:
     if part > 0 and stands:
         for leg in range(first + trips.legs[row], first, -1):
             copy_leg(trips, leg - 1, trips, leg)
-        put_leg(trips, first, trips.edges[first], trips.begins[first], 0.0, part / parts)
+        put_leg(trips, first, first, trips.begins[first], 0.0, part / parts)
         trips.legs[row] += 1
     elif part > 0:
         for place in range(node + trips.passed[row], node, -1):
@@ -798,7 +804,8 @@ def go_in_part(trips: TurnPaths, row: int, part: int, parts: int) -> int:
     if part > 0:
         trips.times[node] = 0.0
     if part + 1 < parts and trips.edge[row] >= 0:
-        put_leg(trips, first + trips.legs[row], trips.edge[row], trips.share[row], (part + 1) / parts, 1.0)
+        last = first + trips.legs[row]
+        put_leg(trips, last, last - 1, trips.share[row], (part + 1) / parts, 1.0)
         trips.legs[row] += 1
     return 0
 
@@ -818,9 +825,10 @@ def motion_of(begin: float, end: float) -> int:
     return FORWARD if begin < end else BACK
 
 
-def put_leg(trips: TurnPaths, leg: int, edge: int, share: float, since: float, until: float) -> int:
-    """Write a leg of an agent that stands on an edge."""
-    trips.edges[leg] = edge
+def put_leg(trips: TurnPaths, leg: int, other: int, share: float, since: float, until: float) -> int:
+    """Write a leg of an agent that stands on the edge of another leg."""
+    trips.edges[leg] = trips.edges[other]
+    trips.backs[leg] = trips.backs[other]
     trips.begins[leg] = share
     trips.ends[leg] = share
     trips.since[leg] = since
@@ -831,6 +839,7 @@ def put_leg(trips: TurnPaths, leg: int, edge: int, share: float, since: float, u
 def copy_leg(trips: TurnPaths, leg: int, others: TurnPaths, other: int) -> int:
     """Copy a leg to the place of another."""
     others.edges[other] = trips.edges[leg]
+    others.backs[other] = trips.backs[leg]
     others.begins[other] = trips.begins[leg]
     others.ends[other] = trips.ends[leg]
     others.since[other] = trips.since[leg]

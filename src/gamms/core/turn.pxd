@@ -19,6 +19,8 @@ cdef class Player:
 
 cdef i64 DECIDE, SETTLE, MOVE
 
+@cython.locals(first=i64)
+cdef int take_map(Player p, i64 game) except -1 nogil
 cdef int decide(Player p, i64 game) except -1 nogil
 cdef int move(Player p, i64 game) except -1 nogil
 cdef int settle(Player p, i64 game) except -1 nogil

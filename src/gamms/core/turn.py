@@ -73,6 +73,14 @@ class Player:
         self.until = until
 
 
+def take_map(p: Player, game: int) -> int:
+    """Use the roads that are open in a game."""
+    first = p.games.first_node[game]
+    if p.by_metres:
+        return by_metres.take_map(p.travelers, first)  # type: ignore[arg-type] # there are some
+    return by_edges.take_map(p.walkers, first) if p.by_edges else 0  # type: ignore[arg-type]
+
+
 def decide(p: Player, game: int) -> int:
     """Let the agents of a part of a turn decide."""
     if p.at_arrivals:
@@ -133,6 +141,7 @@ def play(p: Player, begin: int, end: int) -> int:
     for game in range(begin, end):
         if p.until[game] == 0:  # it is on another map
             continue
+        take_map(p, game)
         while not p.games.over[game] and p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
             decide(p, game)
             move(p, game)
@@ -144,6 +153,7 @@ def play_phases(p: Player, phase: int, begin: int, end: int) -> int:
     parts = p.movers.parts
     for game in range(begin, end):
         if p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
+            take_map(p, game)
             play_phase(p, phase, game)
     return 0
 

@@ -193,6 +193,15 @@ def ranked(conflicts: object) -> Conflicts | None:
     return None if known is None or _ranking_of(known._resolver) is None else known
 
 
+def ranked_for_all(conflicts: object, names: Sequence[str], teams: Sequence[Hashable]) -> Conflicts | None:
+    """Return conflicts that the core can resolve by ranks, which all agents of these names and teams have."""
+    known = ranked(conflicts)
+    ranking = None if known is None else _ranking_of(known._resolver)
+    if ranking is None or ranking.rank is None:
+        return known
+    return None if (ranking.ranks(names, teams) == core.RANK_MISSING).any() else known
+
+
 def _own(conflicts: object) -> Conflicts | None:
     """Return conflicts whose contests the core finds; None: a subclass or another class decides who stays."""
     is_own = isinstance(conflicts, Conflicts) and type(conflicts).resolve is Conflicts.resolve
@@ -550,11 +559,6 @@ class ConflictTable:
     def requests(self, starts: memoryview, ends: memoryview, counts: memoryview, ranks: BitArray) -> core.MoveRequests:
         """Return the moves of games for the core; if ranks are drawn, `ranks` holds `first_key`s."""
         return core.MoveRequests(starts, ends, counts, self._places, self._limits, flat(ranks, np.uint64))
-
-    @property
-    def has_missing_ranks(self) -> bool:
-        """Whether an agent has no rank, so that its contests cannot be decided."""
-        return self.ranks is not None and bool((self.ranks == core.RANK_MISSING).any())
 
 
 def flat(column: np.ndarray[Any, Any], kind: type[np.generic]) -> Any:  # memoryviews are not subscriptable

@@ -30,7 +30,6 @@ _REMEMBERED = 64  # the number of stored nodes on the path of each agent, 16 byt
 _MORE_LEGS = 3  # legs that a path may have in addition to its nodes
 ENDLESS = 1 << 32  # edges: more than any path has
 _MOTIONS = tuple(Motion)
-_NOTHING: IntArray = np.zeros(0, np.int64)
 
 
 def map_of(
@@ -39,7 +38,6 @@ def map_of(
     seconds: FloatArray | None,
     turn_seconds: float,
     leaving: tuple[IntArray, IntArray] | None = None,
-    patch: tuple[IntArray, IntArray, IntArray] = (_NOTHING, np.zeros(1, np.int64), _NOTHING),
 ) -> core.RoadEdges:
     """Return the edges of a graph in the form of the core.
 
@@ -48,11 +46,10 @@ def map_of(
         costs: (edges,) the costs by which agents choose paths.
         seconds: (edges,) the minimum travel time of each edge; None: edges have no speed limits.
         turn_seconds: the duration of a turn, in the time unit of speeds.
-        leaving: offsets (nodes + 1,) and rows of the edges out of each node; None: those of the graph.
-        patch: rows of nodes with other outgoing edges, ascending, with offsets and rows of these edges.
+        leaving: offsets and rows of the edges out of each node, of one map or several; None: those of the graph.
     """
     offsets, edges = (columns.offsets, columns.out_edges) if leaving is None else leaving
-    ints = [columns.node_ids, offsets, edges, *patch, columns.sources, columns.targets]
+    ints = [columns.node_ids, offsets, edges, columns.sources, columns.targets]
     floats = [columns.lengths, costs, np.zeros(0) if seconds is None else seconds]
     views: list[Any] = [np.ascontiguousarray(column, np.int64).data for column in ints]
     views += [np.ascontiguousarray(column, np.float64).data for column in floats]
@@ -98,12 +95,13 @@ class TurnPaths:
         self.share, self.now, self.speed, self.pace = shares
         self.most = most
         self.edges = np.zeros((rows, most), np.int64)
+        self.backs = np.zeros((rows, most), np.int64)
         self.nodes = np.zeros((rows, most + 1), np.int64)
         parts = np.zeros((4, rows, most))
         self.times = np.zeros((rows, most + 1))
         self.route = np.zeros(most if route is None else route, np.int64)
         self.begins, self.ends, self.since, self.until = parts
-        columns = (*states, *shares, self.edges, *parts, self.nodes, self.times, self.route)
+        columns = (*states, *shares, self.edges, self.backs, *parts, self.nodes, self.times, self.route)
         views: list[Any] = [column.reshape(-1).data for column in columns]
         self.core = core.TurnPaths(most, *views)
         # NOTE: items of memoryviews are numbers of Python, which arrays make in twice the time (benchmarks: travel).
@@ -112,8 +110,8 @@ class TurnPaths:
         self._counts = views[4]
         self._passed = views[5]
         self._share = views[6]
-        self._legs = views[10:15]
-        self._nodes, self._times = views[15:17]
+        self._legs = views[10:16]
+        self._nodes, self._times = views[16:18]
 
     def ended(self, row: int, ids: Sequence[int], edge_ids: "EdgeIds", begun: Progress | None) -> "ResolvedAction":
         """Return the path that the core has written for an agent.
@@ -125,11 +123,12 @@ class TurnPaths:
             begun: the agent's position on an edge at the start; None: it was on a node.
         """
         # NOTE: loops without generators, because each agent goes a way in each turn (benchmarks: travel).
-        edges, begins, ends, since, until = self._legs
+        edges, backs, begins, ends, since, until = self._legs
         legs = list[Leg]()
         first = row * self.most
         for place in range(first, first + self._counts[row]):
-            source, target, id, back = edge_ids[edges[place]]
+            source, target, id = edge_ids[edges[place]]
+            back = None if backs[place] < 0 else edge_ids[backs[place]][2]
             leg = Leg(source, target, id, begins[place], ends[place], since[place], until[place], back)
             legs.append(leg)
         first += row  # a path has one node more than legs
@@ -138,10 +137,14 @@ class TurnPaths:
         progress = None
         edge = self._edge[row]
         if edge >= 0:
-            source, target, id, _ = edge_ids[edge]
+            source, target, id = edge_ids[edge]
             progress = Progress(source, target, self._share[row], id, _MOTIONS[self._motion[row]])
         passed = tuple(self._times[first:last])
         return ResolvedAction(path[-1], tuple(path), (), passed, progress, tuple(legs), begun)
+
+
+EdgesAt = tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray]]
+"""The edges out of each node and into each node, as offsets (nodes + 1,) and rows of edges."""
 
 
 class StoredPaths:
@@ -152,16 +155,22 @@ class StoredPaths:
         costs: (edges,) the costs by which agents choose paths.
         rows: the number of agents.
         most: the maximum number of stored nodes of each path.
+        edges_at: the open edges out of each node and into each node, as offsets and rows; None: those of the graph.
     """
 
-    def __init__(self, columns: GraphColumns, costs: FloatArray, rows: int, most: int) -> None:
+    def __init__(
+        self, columns: GraphColumns, costs: FloatArray, rows: int, most: int, edges_at: EdgesAt | None = None
+    ) -> None:
         self._costs = costs
+        self._columns = columns
         entering = kernels.group_rows(columns.targets, len(columns.node_ids))
-        turned = replace(columns, sources=columns.targets, targets=columns.sources)
-        leaving = _of_finite_costs(costs, (columns.offsets, columns.out_edges))
-        self._plain = map_of(columns, costs, None, 1.0, leaving)
-        self._back = map_of(turned, costs, None, 1.0, _of_finite_costs(costs, entering))
+        self._take_edges(((columns.offsets, columns.out_edges), entering) if edges_at is None else edges_at)
         self._begin(rows, most)
+
+    def _take_edges(self, edges_at: EdgesAt) -> None:
+        leaving, entering = edges_at
+        self._leaving = _of_finite_costs(self._costs, leaving)
+        self._entering = _of_finite_costs(self._costs, entering)
 
     def _begin(self, rows: int, most: int) -> None:
         self.most = most
@@ -169,6 +178,8 @@ class StoredPaths:
         self._ints[0] = -1  # the goal
         self._nodes: Any = np.zeros(rows * most, np.int64)
         self._far: Any = np.zeros(rows * most)
+        self._plain: list[core.RoadEdges] = []  # the maps in use,
+        self._back: list[core.RoadEdges] = []  # and with all edges reversed
 
     def apart(self, rows: int, most: int) -> "StoredPaths":
         """Return a copy with room for other numbers of agents and nodes."""
@@ -180,11 +191,32 @@ class StoredPaths:
         """Return the paths in the form of the core, for one thread on a map."""
         columns: Any = [column.data for column in (*self._ints, self._nodes, self._far)]
         direct: Any = np.zeros(len(self._costs), np.uint8).data
-        return core.GoalPaths(*[roads, self._back, reach.core, direct, self.most, *columns])
+        turned = replace(self._columns, sources=self._columns.targets, targets=self._columns.sources)
+        back = map_of(turned, self._costs, None, 1.0, self._entering)
+        self._back.append(back)
+        return core.GoalPaths(*[roads, back, reach.core, direct, self.most, *columns])
 
     def plain_ways(self, reach: ReachableNodes) -> core.GoalPaths:
         """Return the paths in the form of the core, on a map where only costs matter."""
-        return self.ways(self._plain, reach)
+        roads = map_of(self._columns, self._costs, None, 1.0, self._leaving)
+        self._plain.append(roads)
+        return self.ways(roads, reach)
+
+    def take_maps(self, edges_at: EdgesAt, moved: IntArray) -> None:
+        """Switch to other maps, and keep the paths on those that remain.
+
+        Args:
+            edges_at: the open edges out of each node and into each node, of one map after the other.
+            moved: (old maps,) the new place of the first node of each old map; -1: it is gone.
+        """
+        self._take_edges(edges_at)
+        for maps, (offsets, rows) in ((self._plain, self._leaving), (self._back, self._entering)):
+            for one in maps:
+                one.take(kernels.buffer(offsets), kernels.buffer(rows))
+        nodes = len(self._columns.node_ids)
+        goal = self._ints[0]
+        first = moved[goal // nodes]
+        goal[:] = np.where((goal >= 0) & (first >= 0), first + goal % nodes, -1)
 
 
 class PathFinder:
@@ -233,23 +265,20 @@ class PathFinder:
         return self._ways
 
 
-class EdgeIds(dict[int, tuple[int, int, int, int | None]]):
-    """Row of an edge -> the ids of its source, of its target, of the edge, and of the edge back.
+class EdgeIds(dict[int, tuple[int, int, int]]):
+    """Row of an edge -> the ids of its source, of its target, and of the edge.
 
     NOTE: entries are cached, because each agent looks around in each turn (benchmarks: travel).
     """
 
-    def __init__(self, columns: GraphColumns, roads: core.RoadEdges) -> None:
+    def __init__(self, columns: GraphColumns) -> None:
         super().__init__()
         self._columns = columns
-        self._roads = roads
 
-    def __missing__(self, row: int) -> tuple[int, int, int, int | None]:
+    def __missing__(self, row: int) -> tuple[int, int, int]:
         columns = self._columns
-        back = core.back(self._roads, row)
         source, target = columns.node_ids[[columns.sources[row], columns.targets[row]]].tolist()
-        of = columns.edge_ids.item
-        found = self[row] = source, target, of(row), None if back < 0 else of(back)
+        found = self[row] = source, target, columns.edge_ids.item(row)
         return found
 
 
@@ -275,7 +304,7 @@ class RoadMap(PathFinder):
         self._graph = graph
         self.map = map_of(columns, self._costs, seconds, turn_seconds)
         self._edge_row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
-        self.edge_ids = EdgeIds(columns, self.map)
+        self.edge_ids = EdgeIds(columns)
         self._lines: dict[int, Line] = {}  # by the id of an edge
 
     def on(self, edge: int) -> int | None:
@@ -414,7 +443,7 @@ class Travel:
             return ResolvedAction(here, (here,), (), (self.now,))
         roads = self.roads
         self._begin(roads, place._replace(motion=Motion.STOPPED), here, None)
-        core.stand(self._trips, 0)
+        core.stand(roads.map, self._trips, 0)
         return self._ended(roads, place)
 
     def go_on(self, place: Progress, here: int, speed: float | None) -> ResolvedAction:

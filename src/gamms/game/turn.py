@@ -42,6 +42,11 @@ CLOSED = "its way was closed"
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
 
 
+def closed_edge(source: int, target: int) -> str:
+    """Return the reason why an agent is back on a node: the edge that it was on was closed."""
+    return f"the edge from node {source} to node {target} was closed"
+
+
 class TurnEngine:
     """Plays the turns of one game.
 
@@ -562,7 +567,7 @@ class TurnEngine:
             place = block.on_edge(slot.row) if slot.travels else None
             if place is not None and travel.roads.on(place.edge) is None:
                 block.set_progress(slot.row, None)
-                self._block(slot, f"the edge from node {place.source} to node {place.target} was closed")
+                self._block(slot, closed_edge(place.source, place.target))
 
     def _note_illegal(self, slot: AgentSlot, message: str) -> None:
         slot.counts["illegal"] += 1

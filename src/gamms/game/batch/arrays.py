@@ -37,7 +37,7 @@ from gamms.game.batch.deeds import DeclaredDeeds, DeedLog, deed_log_of
 from gamms.game.batch.forms import call_each, decides_in_arrays, key_of, strategy_spec_of
 from gamms.game.batch.given import OutsideActions, as_flights
 from gamms.game.batch.in_core import CoreColumns, CoreGames, called_rules, is_function
-from gamms.game.batch.initial_state import InitialState, goes_along_one_edge, movement_of
+from gamms.game.batch.initial_state import InitialState, movement_of
 from gamms.game.batch.movement import Movement, MovementOnMaps
 from gamms.game.batch.own_functions import FirstValues, function_in
 from gamms.game.batch.pointed import PointedContext
@@ -134,8 +134,8 @@ class GamesOnOneMap:
         self.before = [one for one in rules if one.phase == "before"]
         self.deeds = [one for one in rules if one.phase == "deeds"]
         self._has_checks = len(game.internals.parts.rules.now.checks) > 0
-        self._has_conflicts = has_function_of_conflicts(game)
-        self.acts = acts_before_moves(game)
+        self._has_conflicts = has_function_of_conflicts(game, roster)
+        self.acts = acts_before_moves(game, roster)
         self._groups = _groups(roster, settings)
         collects = len(game.internals.parts.collectors.by_name) > 0
         self._observing = _observing(game, roster)
@@ -202,7 +202,11 @@ class GamesOnOneMap:
     @property
     def at_rest(self) -> BoolArray | None:
         """Which agents decide for certain as a turn begins, (all games, agents); None: all."""
-        return self.state.movement.edge < 0 if self._at_arrivals else None
+        if not self._at_arrivals:
+            return None
+        games, agents = self.state.node.shape
+        at_rest: BoolArray = self.state.movement.on_edge((np.arange(games)[:, None], np.arange(agents))) < 0
+        return at_rest
 
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Begin games on this map, with other seeds, their agents on these nodes, (games, agents)."""
@@ -381,6 +385,18 @@ class GamesOnOneMap:
                 error.add_note(f"In the strategy {self._called} of a batch, {in_turns(view.turn, view.games)}.")
             raise
 
+    def leave_closed_edges(self, games: IntArray, part: int) -> None:
+        """Put agents of a part of the turn that are on closed edges back on the nodes that they passed last."""
+        by = self.state.movement
+        if not isinstance(by, MetricMovement):
+            return
+        members = self.state.alive[games] & (self.core.part_of == part)
+        left = by.leave_closed_edges(games, members)
+        if self.cursor is not None:
+            self.cursor.note_closed_edges(*left)
+        if len(left[0]):
+            self.state.now.clear()
+
     def begin_arrivals(self, games: IntArray) -> None:
         """Begin a part of the turn of some games in which functions are called where agents arrive."""
         self.core.begin_arrivals(games)
@@ -441,7 +457,7 @@ class GamesOnOneMap:
 
     def check(self, games: IntArray, part: int) -> None:
         """Let rules refuse moves and deeds of a part of the turn."""
-        self.core.note_places()
+        self.core.note_places(are_open=False)
         if self._has_checks and self.cursor is not None and len(games):
             self.cursor.check(games, part)
 
@@ -462,7 +478,7 @@ class GamesOnOneMap:
 
     def stop(self, games: IntArray, changed: IntArray, part: int) -> None:
         """Let agents stay whose way was closed, in games whose roads have changed, or that lose by a function."""
-        self.core.note_places()
+        self.core.note_places(are_open=True)
         if self.cursor is not None and len(changed):
             self.cursor.cut_off(changed, part)
         if self.cursor is not None and self._has_conflicts and len(games) and not self._at_arrivals:
@@ -807,6 +823,8 @@ class ArrayEngine:
         for part in range(self._num_parts):
             now = playing & (first <= part) & self._state.is_going
             play = partial(self._play, now, begun + part + 1, takes, threads)
+            for one, games in self._each(now):
+                one.leave_closed_edges(games, part)
             if ask is not None:
                 self._play_arrivals(now, part, play, ask)
             else:
@@ -1069,8 +1087,7 @@ def _observing(game: PlayedGame, roster: AgentTable) -> BoolArray:
 
 def movement_in_core(game: PlayedGame, roster: AgentTable) -> Movement:
     """Return how the agents of a game move in the core, where rules may close and open roads."""
-    are_functions = first_called(game, roster) is not None or any(map(is_function, called_rules(game, roster)))
-    may_change = goes_along_one_edge(game, roster) and are_functions
+    may_change = first_called(game, roster) is not None or any(map(is_function, called_rules(game, roster)))
     return movement_of(game, roster, may_reopen=may_change, is_detached=may_change)
 
 

@@ -73,8 +73,8 @@ class EdgeMovement(PacedMovement):
 
     @cached_property
     def _hops(self) -> GoalPaths:
-        columns = self.streets.columns
-        paths = StoredPaths(columns, np.ones(len(columns.edge_ids)), 0, 1)
+        columns = self.columns
+        paths = StoredPaths(columns, np.ones(len(columns.edge_ids)), 0, 1, self.all_roads.edges_at([self._on]))
         return paths.plain_ways(ReachableNodes(self.streets.num_nodes))
 
     def _of(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:

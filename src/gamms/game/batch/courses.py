@@ -1,12 +1,13 @@
 """How agents go, and have gone, that do not go along one edge a turn, as functions that the core calls know it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from gamms.core import moves, rules
+from gamms.errors import TooLarge
 from gamms.game.batch.by_edges import EdgeMovement
 from gamms.game.batch.movement import Legs, Paths
 from gamms.game.batch.travel import MetricMovement
@@ -14,6 +15,7 @@ from gamms.game.travel import EdgeIds, ResolvedAction, TurnPaths
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
+from gamms.typing.game import Leg
 
 _STAYS = -1  # how many nodes there are on the way of an agent that stays
 
@@ -62,6 +64,11 @@ class Routes:
         before = len(self._ids)
         self._ids += nodes
         count = (len(self._ids) - before) or count
+        if count > self._room:
+            raise TooLarge(
+                f"An agent goes along {count} edges in a turn, and a batch has room for {self._room}: give it shorter "
+                "routes, or play the game alone."
+            )
         self._chosen.append((game * self._agents + agent, count, motion))
 
     def write(self) -> None:
@@ -129,10 +136,10 @@ class EdgeCourses:
         most = int(self._lengths.max(initial=1))
         return [self._lengths, self._nodes[..., :most], self._times[..., :most]]
 
-    def note_places(self) -> None:
+    def note_places(self, *, are_open: bool) -> None:
         """Do nothing: agents stand on nodes; see `MetreCourses`."""
 
-    def standing(self, game: int, agents: IntArray) -> dict[int, Progress]:  # noqa: ARG002 - as by metres
+    def standing(self, game: int, agents: IntArray, nodes: Sequence[int]) -> dict[int, ResolvedAction]:  # noqa: ARG002 - as by metres
         """Return nothing: agents stand on nodes."""
         return {}
 
@@ -188,7 +195,8 @@ class MetreCourses:
         self._by = by
         self._part_of = part_of
         self._shape = shape
-        self.note_places()
+        self._here: tuple[IntArray, FloatArray, IntArray, IntArray] = by.edge, by.share, by.motion, by.edge
+        self.note_places(are_open=False)
         self._trips = TurnPaths(shape[0] * shape[1], most, 0)
         self._trips.passed[:] = 1
         self._trips.edge[:] = -1
@@ -202,25 +210,47 @@ class MetreCourses:
 
     @cached_property
     def _edge_ids(self) -> EdgeIds:
-        return EdgeIds(self._by.columns, self._by.map)
+        return EdgeIds(self._by.columns)
 
     def columns(self) -> list[np.ndarray[Any, Any]]:
         """Return what it keeps of the last turns."""
         trips = self._trips
         legs = int(trips.legs.max(initial=0))
         passed = int(trips.passed.max(initial=1))
-        of_legs = [one[:, :legs] for one in (trips.edges, trips.begins, trips.ends, trips.since, trips.until)]
+        of_legs = [
+            one[:, :legs] for one in (trips.edges, trips.backs, trips.begins, trips.ends, trips.since, trips.until)
+        ]
         each = [trips.node, trips.edge, trips.share, trips.motion, trips.legs, trips.passed]
         return [*each, *of_legs, trips.nodes[:, :passed], trips.times[:, :passed]]
 
-    def note_places(self) -> None:
-        """Note the positions of agents that are about to move."""
-        self._here = self._by.edge.copy(), self._by.share.copy(), self._by.motion.copy()
+    def note_places(self, *, are_open: bool) -> None:
+        """Note the positions of agents that are about to move; those on closed edges are on nodes.
 
-    def standing(self, game: int, agents: IntArray) -> dict[int, Progress]:
-        """Return the noted positions on edges of agents of a game, by their places among these; -1: no agent."""
-        edge, share, motion = (column[game, agents] for column in self._here)
-        return self._by.progress(np.where(agents < 0, -1, edge), share, motion)
+        `are_open` says that the edges noted last are open, even if functions have closed them since.
+        """
+        by = self._by
+        if are_open:
+            edge = np.where(by.edge == self._here[0], by.edge, -1)
+            back = self._here[3]
+        else:
+            games, agents = self._shape
+            edge = by.on_edge((np.arange(games)[:, None], np.arange(agents)))
+            on = np.nonzero(edge >= 0)
+            back = np.full(self._shape, -1)
+            back[on] = by.backs(edge[on], on[0])
+        self._here = edge, by.share.copy(), by.motion.copy(), back
+
+    def standing(self, game: int, agents: IntArray, nodes: Sequence[int]) -> dict[int, ResolvedAction]:
+        """Return what agents of a game do that stand on edges at their noted positions; see `actions`."""
+        edge, share, motion, back = (column[game, agents] for column in self._here)
+        found = {}
+        for place, begun in self._by.progress(np.where(agents < 0, -1, edge), share, motion).items():
+            back_id = None if back[place] < 0 else self._edge_ids[int(back[place])][2]
+            leg = Leg(*begun[:2], begun.edge, begun.share, begun.share, 0.0, 1.0, back_id)
+            node = nodes[place]
+            stopped = begun._replace(motion=Motion.STOPPED)
+            found[place] = ResolvedAction(node, (node,), (), (0.0,), stopped, (leg,), begun)
+        return found
 
     def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
         """Return what agents did that went along edges, or stood there, by their places among these; -1: no agent."""
@@ -232,7 +262,7 @@ class MetreCourses:
             begun = None
             share = float(trips.begins[row, 0])
             if 0.0 < share < 1.0:
-                source, target, edge, _ = self._edge_ids[int(trips.edges[row, 0])]
+                source, target, edge = self._edge_ids[int(trips.edges[row, 0])]
                 begun = Progress(source, target, share, edge, Motion.STOPPED)
             found[place] = trips.ended(row, self._ids, self._edge_ids, begun)
         return found
@@ -252,13 +282,14 @@ class MetreCourses:
         trips = self._trips
         rows = games[:, None] * self._shape[1] + np.arange(self._shape[1])
         stands = np.zeros_like(took_part) if standing is None else standing & (self._here[0][games] >= 0)
-        place, share, _ = (column[games][stands] for column in self._here)
+        place, share, _, noted_back = (column[games][stands] for column in self._here)
         counts = np.where(stands, 1, np.where(took_part, trips.legs[rows], 0))
         most = int(counts.max(initial=0))
         is_leg = np.arange(most) < counts[..., None]
         edge = np.where(is_leg, trips.edges[rows, :most], -1)
         edge[stands, :1] = place[:, None]
-        back = self._by.backs(edge)
+        back = np.where(is_leg, trips.backs[rows, :most], -1)
+        back[stands, :1] = noted_back[:, None]
         parts = [
             np.where(is_leg, one[rows, :most], 0.0) for one in (trips.begins, trips.ends, trips.since, trips.until)
         ]

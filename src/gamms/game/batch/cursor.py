@@ -29,14 +29,13 @@ from gamms.game.batch.columns import (
 from gamms.game.batch.courses import Routes
 from gamms.game.batch.flights import Flights
 from gamms.game.batch.forms import decides_in_arrays, strategy_spec_of
-from gamms.game.batch.in_core import CoreGames, called_rules, core_form_of
+from gamms.game.batch.in_core import CoreGames, called_rules, conflicts_in_core, core_form_of
 from gamms.game.batch.own_functions import FirstValues, FunctionPerGame, some_function
 from gamms.game.batch.pointed import PointedContext, Population
 from gamms.game.batch.scores import fits_float
 from gamms.game.batch.sensing import called_each_turn
 from gamms.game.batch.state import KEPT, STOPPED, GameArrays, NotInCore
 from gamms.game.batch.view import ArrayView
-from gamms.game.conflicts import ranked
 from gamms.game.decisions import Decisions
 from gamms.game.messages import Inboxes
 from gamms.game.moves import TurnMoves
@@ -45,7 +44,7 @@ from gamms.game.random_streams import DrawTable
 from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule
 from gamms.game.slots import COUNTED
-from gamms.game.turn import CLOSED
+from gamms.game.turn import CLOSED, closed_edge
 from gamms.ir.agents import AgentBlock
 from gamms.ir.events import (
     AERIAL_AGENT_FLIGHT,
@@ -743,8 +742,7 @@ class Cursor:
         actions = {} if courses is None else courses.actions(self._number, acting)
         first = ids(starts[took_part]).tolist()
         if courses is not None and self._part is not None:
-            for place, progress in courses.standing(self._number, np.where(acting < 0, numbers, -1)).items():
-                actions[place] = self._turns.travel.stay(progress, first[place])
+            actions |= courses.standing(self._number, np.where(acting < 0, numbers, -1), first)
         if self._state.flights is not None:
             actions |= self._state.flights.actions(self._number, acting, first)
         moves = TurnMoves(order, first, ids(ends[took_part]).tolist(), actions)
@@ -1240,6 +1238,13 @@ class Cursor:
         flaws = [Failure.illegal(number, self._number_of[slot.name], why) for slot, why in unsent]
         radio.post_checked(number, messages, flaws)
 
+    def note_closed_edges(self, games: IntArray, agents: IntArray, edges: IntArray) -> None:
+        """Let agents know that they have left edges, which were closed."""
+        columns = self._state.movement.columns
+        ends = columns.node_ids[columns.sources[edges]], columns.node_ids[columns.targets[edges]]
+        for game, agent, source, target in zip(*(one.tolist() for one in (games, agents, *ends)), strict=True):
+            self._note_undone(game, agent, closed_edge(source, target))
+
     def note_undone(self, failure: Failure) -> None:
         """Let an agent that is asked know in its next turn what it did wrong in this one."""
         self._note_undone(failure.game, failure.agent, failure.message)
@@ -1339,19 +1344,18 @@ def _functions_of_rules(game: PlayedGame, roster: AgentTable) -> Iterator[Callab
             yield one.rule
     for _, check in game.internals.parts.rules.now.checks:
         yield check
-    if has_function_of_conflicts(game):
+    if has_function_of_conflicts(game, roster):
         yield game.settings()["conflicts"].resolve
 
 
-def has_function_of_conflicts(game: PlayedGame) -> bool:
-    """Return whether a function decides conflicts, and not ranks."""
-    conflicts = game.settings()["conflicts"]
-    return conflicts is not None and ranked(conflicts) is None
+def has_function_of_conflicts(game: PlayedGame, roster: AgentTable) -> bool:
+    """Return whether a function decides conflicts, and not ranks that all agents have."""
+    return game.settings()["conflicts"] is not None and conflicts_in_core(game, roster) is None
 
 
-def acts_before_moves(game: PlayedGame) -> bool:
+def acts_before_moves(game: PlayedGame, roster: AgentTable) -> bool:
     """Return whether functions are called between the decisions of agents and their moves."""
-    return game.internals.parts.rules.now.act_before_moves or has_function_of_conflicts(game)
+    return game.internals.parts.rules.now.act_before_moves or has_function_of_conflicts(game, roster)
 
 
 def is_plain_rule(rule: NamedRule) -> bool:
@@ -1396,7 +1400,7 @@ def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
     called = called_rules(game, roster)
     rules = [f"the rule {one.name!r}" for one in called if is_plain_rule(one)]
     rules += [f"the check of the rule {one.name!r}" for one in called if one.spec.check is not None]
-    if has_function_of_conflicts(game):
+    if has_function_of_conflicts(game, roster):
         rules.append(f"the conflicts {as_code(game.settings()['conflicts'])}")
     settings = game.settings()
     plans = settings["plans"]

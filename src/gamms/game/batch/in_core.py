@@ -19,7 +19,7 @@ from gamms.game.batch.columns import AgentTable, Failure, PlayedGame, decider_of
 from gamms.game.batch.courses import EdgeCourses, MetreCourses, paths_in_parts
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.batch.movement import AnyNodeMovement, Paths
-from gamms.game.batch.roads import RoadTables
+from gamms.game.batch.roads import OpenRoads, RoadTables
 from gamms.game.batch.scores import fits_float
 from gamms.game.batch.state import CoreEvents, GameArrays
 from gamms.game.batch.strategy_steps import (
@@ -32,7 +32,7 @@ from gamms.game.batch.strategy_steps import (
 )
 from gamms.game.batch.travel import MetricMovement
 from gamms.game.batch.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, in_parts
-from gamms.game.conflicts import ConflictTable, flat, ranked
+from gamms.game.conflicts import Conflicts, ConflictTable, flat, ranked_for_all
 from gamms.game.settings import NamedRule, as_called, declared, rule_spec_of
 from gamms.game.travel import no_way
 from gamms.ir.game_state import joined_end
@@ -314,7 +314,7 @@ class CoreColumns:
             why = f"BadValue: {NoPath(int(by.columns.node_ids[-2 - edge]), target)}"
             return Failure.illegal(game, agent, why)
         node, end = by.columns.node_ids[[by.columns.sources[edge], by.columns.targets[edge]]].tolist()
-        may_turn = isinstance(by, MetricMovement) and by.backs(noted.others[[row]])[0] >= 0
+        may_turn = isinstance(by, MetricMovement) and by.backs(noted.others[[row]], noted.games[[row]])[0] >= 0
         error = no_way(node, end, target, is_paced=True, may_turn=bool(may_turn))
         return Failure.illegal(game, agent, f"BadValue: {error}")
 
@@ -383,6 +383,12 @@ def core_form_of(game: PlayedGame, roster: AgentTable, number: int) -> int | Non
     return moves.BY_STEPS if is_played and (may_look or kinds.isdisjoint(LOOKING)) else None
 
 
+def conflicts_in_core(game: PlayedGame, roster: AgentTable) -> Conflicts | None:
+    """Return the conflicts of a game that the core resolves; None: there are none, or a function resolves them."""
+    teams = [roster.teams[number] for number in roster.team_of.tolist()]
+    return ranked_for_all(game.settings()["conflicts"], roster.names, teams)
+
+
 def is_function(rule: NamedRule) -> bool:
     """Return whether a rule is a function that is called, of arrays or of the context, and no rule of the core."""
     return rule.spec.is_array_function or rule.spec.core_form is None
@@ -440,7 +446,7 @@ class CoreGames:
         self._rules = [one for one in called if one.phase == "after"]
         self.has_functions = is_apart or any(map(is_function, self._rules))
         self._keeps_courses = is_apart or any(map(is_function, called))
-        self._conflicts = ranked(settings["conflicts"])
+        self._conflicts = conflicts_in_core(game, state.roster)
         self._has_conflicts = settings["conflicts"] is not None
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
         found = [core_form_of(game, state.roster, number) for number in range(len(deciders))]
@@ -477,11 +483,11 @@ class CoreGames:
         start, went, takes_part = self._last or (block.start, block.went, block.takes_part)
         return start[games], went[games], takes_part[games] > 0
 
-    def note_places(self) -> None:
-        """Note where agents are that are about to move."""
+    def note_places(self, *, are_open: bool) -> None:
+        """Note where agents are that are about to move; `are_open` says that the edges noted last are open."""
         self._here = self._state.node.copy()
         if self.courses is not None:
-            self.courses.note_places()
+            self.courses.note_places(are_open=are_open)
 
     def next_moves(self, games: IntArray, part: int) -> tuple[IntArray, IntArray, BoolArray]:
         """Return the same of agents that are about to move in a part of the turn."""
@@ -643,9 +649,12 @@ class CoreGames:
     def _take_roads(self) -> None:
         """Let agents move, find ways and meet on the roads that are open in each game."""
         roads = self._state.roads
-        if (self._tables is None and not roads.are_closed) or self._tables is roads.tables:
-            return
-        self._tables = tables = roads.tables
+        if (self._tables is not None or roads.are_closed) and self._tables is not roads.tables:
+            self._tables = roads.tables
+            self._give_roads(roads, self._tables)
+
+    def _give_roads(self, roads: OpenRoads, tables: RoadTables) -> None:
+        """Let all threads play on the maps of these tables."""
         self._first_node[:] = tables.first
         for weight, search in roads.searches:
             search.take(*roads.arcs_of(tables.maps, weight, reverse=False))
@@ -656,6 +665,8 @@ class CoreGames:
             movers.take(streets)
         if self._by_steps is not None:
             self._by_steps.take_roads(tables)
+        if self._columns is not None:
+            self._columns.take_roads(tables, streets)
 
     def play_part(self, thread: int, begin: int, end: int, phase: int | None) -> None:
         """Play those of the games from `begin` to `end - 1` that are on this map, or a phase; None: all phases."""
@@ -747,11 +758,10 @@ class CoreGames:
             self._streets, self._deciding.data, walks, some_walk, given, contests, requests, **of_movers
         )
         self._movers.append(movers)
-        self._tables = None
         events = block.events_of(len(self._made))
         travel = None if self.num_parts == 1 else in_parts(movers, len(roster.names))
         if columns is not None:
-            travel = columns.thread(len(self._made), movers, by_steps, events)
+            travel = columns.thread(movers, by_steps, events)
         making = RuleBuilder(state, games, events, travel, block.rules, len(self._made), self._home)
         parts = self._made_rules(making)
         first = None
@@ -759,6 +769,8 @@ class CoreGames:
             self._parts = parts
         elif parts:
             (first,) = parts
+        if self._tables is not None:
+            self._give_roads(state.roads, self._tables)
         walkers, travelers, at_arrivals = (None, None, None) if travel is None else travel[:3]
         return turn.Player(games, movers, walkers, travelers, at_arrivals, first, self._until.data), making
 
@@ -799,8 +811,6 @@ class CoreGames:
         table = ConflictTable(
             self._conflicts, state.roster, state.movement.columns, has_edges=isinstance(columns, MetreColumns)
         )
-        if table.has_missing_ranks:
-            raise BadValue("An agent has no rank in conflicts.")
         ranks = state.draw_keys(table.purpose) if table.ranks is None else table.ranks
         ends = (columns and columns.ends) or (state.node, self._block.ends)
         where = memory_of(ends[0]), memory_of(ends[1]), memory_of(self._block.takes_part)

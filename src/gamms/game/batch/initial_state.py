@@ -21,6 +21,7 @@ from gamms.game.moves import TurnMoves
 from gamms.game.settings import as_called
 from gamms.game.slots import COUNTED
 from gamms.game.streets import StreetGraph
+from gamms.game.turn import closed_edge
 from gamms.ir.graph import IntArray, locked_columns
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion
@@ -45,11 +46,6 @@ def movement_type(game: PlayedGame, roster: AgentTable) -> type[Movement]:
     return Movement if all(agent.speed is None for agent in on_ground) else EdgeMovement
 
 
-def goes_along_one_edge(game: PlayedGame, roster: AgentTable) -> bool:
-    """Return whether all agents on the ground move along at most one edge per turn, or to any node."""
-    return movement_type(game, roster) in (Movement, AnyNodeMovement)
-
-
 def movement_of(
     game: PlayedGame, roster: AgentTable, *, may_reopen: bool = False, is_detached: bool = False
 ) -> Movement:
@@ -68,7 +64,7 @@ def movement_of(
     speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
     made = movement_type(game, roster)
     if issubclass(made, MetricMovement):
-        return made(streets, speeds, TravelTerms.of(game, streets), whole, closed)
+        return made(streets, speeds, TravelTerms.of(game, whole or streets), whole, closed)
     if issubclass(made, EdgeMovement):
         return made(streets, speeds, whole, closed)
     movement = made(streets, whole, closed)
@@ -244,14 +240,14 @@ def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | N
 
 
 def _take_places(game: PlayedGame, movement: Movement) -> None:
-    """Refuse agents whose nodes were removed, and put agents on nodes whose edges were closed, as their turn would.
+    """Refuse agents whose nodes were removed, and put agents on nodes whose edges are gone, as their turn would.
 
     Raises:
         BadValue: a node was removed.
     """
     block, graph = game.ctx.agent.block, game.ctx.graph
     by_metres = isinstance(movement, MetricMovement)
-    edges, _ = graph.storage.roads()  # those that are open
+    edges = movement.columns.edge_ids  # those that are open, or that a function may open
     for agent in [one for one in agents_of(game) if one.type is not AgentType.AERIAL]:
         row = block.row_of(agent.name)
         for node in (game.internals.start_of(agent), block.previous[row]):
@@ -262,8 +258,7 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
                 )
         place = block.on_edge(row) if by_metres else block.progress[row]
         if by_metres and place is not None and place.edge not in edges:
-            why = f"the edge from node {place.source} to node {place.target} was closed"
-            game.internals.state.blocked.add(agent.name, why)
+            game.internals.state.blocked.add(agent.name, closed_edge(place.source, place.target))
             place = None
         if not by_metres and place is not None and (agent.speed is None or place.source != block.node[row]):
             place = None

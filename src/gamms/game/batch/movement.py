@@ -1,15 +1,17 @@
 """Where actions lead in many games at once: to nodes one edge away, or anywhere; see also `by_edges` and `travel`."""
 # ruff: noqa: ARG002 - a movement reads no arguments that only others need
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_key
 from gamms.errors import BadValue
+from gamms.game.batch.columns import kept_in
 from gamms.game.batch.roads import OpenRoads, RoadMap, refuse_several_maps
 from gamms.game.batch.routes import RouteTable, shared_routes
 from gamms.game.streets import StreetGraph
@@ -19,6 +21,7 @@ from gamms.ir.progress import Progress
 from gamms.typing.on_edges import Lines
 
 _MOST_ACTIONS = 4096  # that masks and vectors have
+_OF_MAP = ("width", "map", "_hops")  # computed attributes that depend on the open roads
 _ROOM = 1 << 12  # nodes that the core lists at once, besides those of one agent
 
 
@@ -98,6 +101,7 @@ class Movement:
     turn_seconds: float | None = None
     remembers: tuple[str, ...] = ()
     roads: OpenRoads | None = None
+    _on: RoadMap | None = None  # the map, if it is not that of the start
     _at_start: "Movement | None" = None  # on the map of the start, where this is on another one
 
     def __init__(
@@ -124,10 +128,12 @@ class Movement:
 
     def on_edge(self, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return the rows of the edges that agents are on, in games by metres; -1: on a node, or a closed edge."""
+        shape = np.broadcast_shapes(which[0].shape, which[1].shape)
         if not len(self.edge):
-            return np.full(np.broadcast_shapes(which[0].shape, which[1].shape), -1)
+            return np.full(shape, -1)
         edge: IntArray = self.edge[which]
-        return edge
+        is_open = self.all_roads.are_open_rows(edge.ravel(), np.broadcast_to(which[0], shape).ravel())
+        return np.where(is_open.reshape(shape), edge, -1)
 
     @cached_property
     def width(self) -> int:
@@ -151,9 +157,11 @@ class Movement:
         own = copy(self)
         own.roads = None
         own.streets = roads.streets
+        own._on = roads
         own._tables = {}
         own._at_start = self
-        vars(own).pop("width", None)
+        for name in _OF_MAP:
+            vars(own).pop(name, None)
         return own
 
     def at_start(self) -> Self:
@@ -354,7 +362,26 @@ class PacedMovement(Movement):
 
     def _flat(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
         games, agents = (np.broadcast_to(one, node.shape).ravel() for one in which)
-        return self._of(node.ravel(), (games, agents))
+        here = node.ravel()
+        if self.roads is None:
+            return self._of(here, (games, agents))
+        parts = [(np.zeros(0, np.int64), np.zeros(0, np.int64))]
+        order = [np.zeros(0, np.int64)]
+        for movement, places in self._each_map(games):
+            parts.append(movement._of(here[places], (games[places], agents[places])))
+            order.append(places)
+        back = np.argsort(np.concatenate(order), kind="stable")
+        counts = np.concatenate([one for one, _ in parts])
+        listed, _ = kernels.chosen_runs(np.concatenate(([0], np.cumsum(counts))), back)
+        return counts[back], np.concatenate([rows for _, rows in parts])[listed]
+
+    def _each_map(self, games: IntArray) -> Iterator[tuple[Self, IntArray]]:
+        """Yield the movement on each map of some games, and the indices of its games."""
+        for roads, places in self.all_roads.by_map(games):
+            if roads is None:
+                yield self.at_start(), places
+            else:
+                yield kept_in(roads.shared, "movement", partial(self.on, roads)), places
 
     def counts(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return the number of legal nodes of agents."""

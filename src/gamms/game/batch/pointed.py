@@ -12,7 +12,6 @@ from gamms.core.agents import PointedColumns
 from gamms.core.copies import copied
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.movement import AnyNodeMovement, Movement
 from gamms.game.batch.roads import RoadMap
 from gamms.game.batch.state import GameArrays, Heading, NotInCore
 from gamms.game.snapshots import Snapshot
@@ -356,7 +355,7 @@ class PointedContext:
         """Let a game have the map of the context; return False, and do nothing, if more than roads was changed."""
         state, storage = self._state, self._game.ctx.graph.storage
         others = self._graph.revision - self._revision - storage.road_changes + self._road_changes
-        if others or type(state.movement) not in (Movement, AnyNodeMovement):
+        if others:
             return False
         try:
             roads = state.roads.map_with(*storage.roads())

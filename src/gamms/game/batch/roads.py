@@ -17,6 +17,7 @@ from gamms.core.contacts import NearNodes
 from gamms.errors import BadValue
 from gamms.game.conflicts import flat
 from gamms.game.streets import StreetGraph
+from gamms.game.travel import EdgesAt
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, locked_columns, with_edges
 from gamms.ir.obstacles import BoolArray
 
@@ -43,6 +44,12 @@ class RoadTables(NamedTuple):
     first: IntArray
     offsets: IntArray
     targets: IntArray
+
+    def moved(self, before: Sequence["RoadMap | None"]) -> IntArray:
+        """Return the index of the first node of each of some other maps, (maps,); -1: it is not among the maps."""
+        nodes = (len(self.offsets) - 1) // len(self.maps)
+        first = {id(one): nodes * slot for slot, one in enumerate(self.maps)}
+        return np.array([first.get(id(one), -1) for one in before], np.int64)
 
 
 class RoadMap:
@@ -89,6 +96,27 @@ class RoadMap:
         return np.append(_others(self.gone, self._at_start), self.opened)
 
     @cached_property
+    def edges_at(self) -> EdgesAt:
+        """The open edges out of each node and into each node, as offsets (nodes + 1,) and rows."""
+        columns = self._whole.columns
+        rows = self.rows
+        nodes = len(columns.node_ids)
+        leaving, entering = (kernels.group_rows(ends[rows], nodes) for ends in (columns.sources, columns.targets))
+        return (leaving[0], rows[leaving[1]]), (entering[0], rows[entering[1]])
+
+    @cached_property
+    def is_open(self) -> BoolArray:
+        """Whether each edge is open, (edges,)."""
+        found = np.zeros(len(self._whole.columns.edge_ids), np.bool_)
+        found[self.rows] = True
+        return found
+
+    @cached_property
+    def is_removed(self) -> BoolArray:
+        """Whether each edge is neither open nor closed, (edges,)."""
+        return ~self.is_open & ~np.isin(self._whole.columns.edge_ids, [*self.closed])
+
+    @cached_property
     def legal(self) -> tuple[IntArray, IntArray]:
         """The legal nodes of each node, as offsets (nodes + 1,) and rows."""
         return _OpenRoutes(self._whole, self).neighborhoods()
@@ -118,6 +146,12 @@ def _others(rows: IntArray, size: int) -> IntArray:
     is_other = np.ones(size, np.bool_)
     is_other[rows] = False
     return np.flatnonzero(is_other)
+
+
+def _joined(each: Sequence[tuple[IntArray, IntArray]]) -> tuple[IntArray, IntArray]:
+    """Return lists of rows, given by their offsets and rows, one after the other."""
+    counts = np.concatenate([np.diff(offsets) for offsets, _ in each])
+    return np.concatenate(([0], np.cumsum(counts))), np.concatenate([rows for _, rows in each])
 
 
 class _OpenRoutes:
@@ -212,6 +246,33 @@ class OpenRoads:
 
         return undo
 
+    @cached_property
+    def edges_at_start(self) -> EdgesAt:
+        """The edges out of each node and into each node on the map of the start; see `RoadMap.edges_at`."""
+        columns = self.streets.columns
+        return (columns.offsets, columns.out_edges), kernels.group_rows(columns.targets, len(columns.node_ids))
+
+    def edges_at(self, maps: Sequence[RoadMap | None]) -> EdgesAt:
+        """Return the open edges out of each node and into each node, of one map after the other."""
+        each = [self.edges_at_start if one is None else one.edges_at for one in maps]
+        leaving, entering = (_joined([one[way] for one in each]) for way in (0, 1))
+        return leaving, entering
+
+    def removed(self, maps: Sequence[RoadMap | None]) -> np.ndarray[Any, np.dtype[np.uint8]]:
+        """Return whether each edge was removed from each map, (maps * edges,); empty: none was."""
+        edges = len(self.whole.columns.edge_ids)
+        each = [np.zeros(edges, np.bool_) if one is None else one.is_removed for one in maps]
+        found = np.concatenate(each).view(np.uint8)
+        return found if found.any() else found[:0]
+
+    def are_open_rows(self, rows: IntArray, games: IntArray) -> BoolArray:
+        """Return whether each edge, given by its row in `whole`, is open in the game at the same index; not -1."""
+        found = (rows >= 0) & (rows < self._at_start)
+        for roads, places in self.by_map(games) if self.are_closed else ():
+            if roads is not None:
+                found[places] = (rows[places] >= 0) & roads.is_open[rows[places]]
+        return found
+
     def arcs_of(self, maps: Sequence[RoadMap | None], weight: str | None, *, reverse: bool) -> tuple[Any, Any, Any]:
         """Return the edges of maps, concatenated: offsets, rows of nodes, and weights.
 
@@ -237,10 +298,7 @@ class OpenRoads:
             maps = dict(zip(self.number.tolist(), self._maps, strict=True)) | {0: None}
             several = [maps[number] for number in numbers.tolist()]
             legal = [(self.streets.offsets, self.streets.targets) if one is None else one.legal for one in several]
-            counts = np.concatenate([np.diff(offsets) for offsets, _ in legal])
-            offsets = np.concatenate(([0], np.cumsum(counts)))
-            targets = np.concatenate([targets for _, targets in legal])
-            self._tables = RoadTables(several, slots[1:] * self.streets.num_nodes, offsets, targets)
+            self._tables = RoadTables(several, slots[1:] * self.streets.num_nodes, *_joined(legal))
         return self._tables
 
     def by_map(self, games: IntArray) -> Iterator[tuple[RoadMap | None, IntArray]]:

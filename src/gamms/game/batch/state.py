@@ -466,7 +466,7 @@ class GameArrays:
                 f"columns must come from the same number of games of this scenario, after a turn of these: "
                 f"{shown(wrong[0])} has the shape {given.get(wrong[0])}, not {shapes.get(wrong[0])}; None: missing."
             )
-        nodes, edges = self.streets.num_nodes, len(self.streets.columns.edge_ids)
+        nodes, edges = self.streets.num_nodes, len(self.movement.columns.edge_ids)
         limits: dict[Hashable, tuple[int, int]] = dict.fromkeys(("node", "previous"), (0, nodes))
         limits |= {"start": (0 if self.roster.is_first.all() else -1, nodes), "begun": (-1, nodes), "edge": (-1, edges)}
         for name, values in columns.items():

@@ -209,12 +209,9 @@ class StrategySteps:
 
     def take_roads(self, tables: RoadTables) -> None:
         """Let agents find ways on the roads that are open in each game."""
-        nodes = self._state.streets.num_nodes
-        roads = self._state.roads
-        first = {id(one): nodes * slot for slot, one in enumerate(tables.maps)}
-        moved = np.array([first.get(id(one), -1) for one in self._maps], np.int64)
+        moved = tables.moved(self._maps)
         self._maps = tables.maps
-        arcs = roads.arcs_of(self._maps, "length", reverse=True)
+        arcs = self._state.roads.arcs_of(self._maps, "length", reverse=True)
         for known in self._ways:
             known.take(arcs, moved)
 

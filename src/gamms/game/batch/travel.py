@@ -15,6 +15,7 @@ from gamms.game.batch.movement import PacedMovement, Places
 from gamms.game.streets import StreetGraph
 from gamms.game.travel import ReachableNodes, map_of
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Progress
 from gamms.kernels import buffer
 
@@ -40,7 +41,7 @@ class TravelTerms(NamedTuple):
 
     @classmethod
     def of(cls, game: PlayedGame, streets: StreetGraph) -> "TravelTerms":
-        """Return those of a game by metres, on such streets."""
+        """Return those of a game by metres; `streets` has all roads that may be open."""
         settings = game.settings()
         weight = settings["weight"]
         is_by_seconds = settings["speed_unit"] == "metres_per_second"
@@ -91,10 +92,27 @@ class MetricMovement(PacedMovement):
     @cached_property
     def map(self) -> core.RoadEdges:
         """The map as the core takes it."""
-        columns = self.streets.columns
+        return self.new_map()
+
+    def new_map(self) -> core.RoadEdges:
+        """Return the map as the core takes it, for one thread."""
         terms = self.terms
-        leaving = columns.offsets, columns.out_edges
-        return map_of(columns, terms.costs, terms.seconds, terms.turn_seconds, leaving)
+        leaving, _ = self.all_roads.edges_at([self._on])
+        return map_of(self.columns, terms.costs, terms.seconds, terms.turn_seconds, leaving)
+
+    def leave_closed_edges(self, games: IntArray, members: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
+        """Put agents on closed edges back on the nodes that they passed last; return their games, numbers and edges.
+
+        Args:
+            games: the numbers of the games.
+            members: (games, agents) which agents leave their edges.
+        """
+        at, agents = np.nonzero(members & (self.edge[games] >= 0))
+        edges = self.edge[games[at], agents]
+        is_closed = ~self.all_roads.are_open_rows(edges, games[at])
+        those = games[at[is_closed]], agents[is_closed]
+        self.clear(*those)
+        return (*those, edges[is_closed])
 
     @cached_property
     def _reach(self) -> ReachableNodes:
@@ -115,7 +133,10 @@ class MetricMovement(PacedMovement):
 
     def put_on(self, games: IntArray, agent: int, place: Progress) -> None:
         """Let an agent be on an edge in some games."""
-        self.edge[games, agent] = np.flatnonzero(self.columns.edge_ids == place.edge)[0]
+        rows = np.flatnonzero(self.columns.edge_ids == place.edge)
+        if not len(rows):  # the edge was removed
+            return
+        self.edge[games, agent] = rows[0]
         self.share[games, agent] = place.share
         self.motion[games, agent] = place.motion
 
@@ -136,11 +157,14 @@ class MetricMovement(PacedMovement):
     def take_out(self, games: IntArray, agents: IntArray) -> None:
         """Let agents that are out of the game be where they are."""
 
-    def backs(self, edges: IntArray) -> IntArray:
-        """Return the rows of the edges by which one turns round on others, -1 among them; -1: none."""
-        backs = np.empty(edges.size, np.int64)
-        core.backs(self.map, np.ascontiguousarray(edges.ravel()).data, backs.data)
-        return backs.reshape(edges.shape)
+    def backs(self, edges: IntArray, games: IntArray) -> IntArray:
+        """Return the rows of the edges by which agents turn around on edges in these games, (edges,); -1: none."""
+        found = np.full(len(edges), -1)
+        for movement, places in self._each_map(games):
+            backs = found[places]
+            core.backs(movement.map, buffer(edges[places]), backs.data)
+            found[places] = backs
+        return found
 
     @property
     def is_endless(self) -> bool:

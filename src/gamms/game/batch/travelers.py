@@ -9,11 +9,13 @@ from gamms.core import arrivals, by_edges, by_metres, contacts, moves, rules, st
 from gamms.game.arrivals import MOST_ARRIVALS
 from gamms.game.batch.by_edges import EdgeMovement
 from gamms.game.batch.courses import EdgeCourses, MetreCourses
+from gamms.game.batch.roads import RoadMap, RoadTables
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import MetricMovement
 from gamms.game.conflicts import flat
 from gamms.game.travel import ENDLESS, ReachableNodes, StoredPaths, TurnPaths
 from gamms.ir.graph import IntArray
+from gamms.kernels import buffer
 from gamms.limits import refuse_above
 
 _BYTES_PER_LEG = 500  # of the agents of a game
@@ -22,8 +24,6 @@ _MOST_LEGAL = 1 << 20  # nodes that are remembered as legal
 _MOST_REMEMBERED = 1 << 22  # nodes on the ways of agents, 16 bytes each
 _MOST_NEAR = 1 << 17  # nodes on short ways, likewise
 _LONGEST = 256  # nodes on the way of an agent that are remembered
-_BACKWARDS = 1
-_TURNS = 2  # flags of legs, see `contacts.Legs`
 _ROUNDED = 1e-6  # by how much more of a way agents may cover than they should
 NO_LEGS = contacts.Legs(0, *[memoryview(array("q"))] * 5, *[memoryview(array("d"))] * 5)  # type: ignore[arg-type]
 
@@ -122,13 +122,25 @@ class EdgeColumns:
         courses = EdgeCourses(by, self._ahead, self._covered, self._most, part_of) if keeps_courses else None
         self.courses = courses
         rows = state.node.size
-        lengths = np.asarray(by.streets.weights("length"), np.float64)
-        self._hops = StoredPaths(by.columns, np.ones(len(lengths)), rows, 8)
-        self._ways = StoredPaths(by.columns, lengths, rows if go_by_steps else 0, _remembered(rows))
+        lengths = np.asarray(by.whole.weights("length"), np.float64)
+        edges_at = by.all_roads.edges_at_start
+        self._hops = StoredPaths(by.columns, np.ones(len(lengths)), rows, 8, edges_at)
+        self._ways = StoredPaths(by.columns, lengths, rows if go_by_steps else 0, _remembered(rows), edges_at)
+        self._walks: list[by_edges.EdgePaths] = []  # of each thread
+        self._maps: list[RoadMap | None] = [None]  # see `RoadTables`
+
+    def take_roads(self, tables: RoadTables, streets: moves.LegalMoves) -> None:
+        """Let agents go and find paths on the roads that are open in each game."""
+        moved = tables.moved(self._maps)
+        self._maps = tables.maps
+        edges_at = self._by.all_roads.edges_at(self._maps)
+        for paths in (self._hops, self._ways):
+            paths.take_maps(edges_at, moved)
+        for walks in self._walks:
+            walks.take(streets)
 
     def thread(
         self,
-        number: int,  # noqa: ARG002
         movers: moves.OneEdgeMovers,
         by_steps: strategies.Strategies | None,
         events: rules.Events,  # noqa: ARG002
@@ -150,10 +162,13 @@ class EdgeColumns:
             route=ints[self._agents :],
             kept=None if self.courses is None else self.courses.core,
         )
+        self._walks.append(walks)
+        long_ways: travel.GoalPaths | None = None
         if by_steps is not None:
-            by_steps.go_far(self._ways.plain_ways(reach))
+            long_ways = self._ways.plain_ways(reach)
+            by_steps.go_far(long_ways)
         after: tuple[Any, Any] = (self._ahead.reshape(-1).data, self._covered.reshape(-1).data)
-        walkers = by_edges.EdgeMovers(movers, walks, *after)
+        walkers = by_edges.EdgeMovers(movers, walks, *after, long_ways)
         return ThreadTravel(walkers, None, None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
 
 
@@ -231,14 +246,26 @@ class MetreColumns:
         self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
         self._longest = max(8, self._most if by.is_endless else 0)
         self._slots = 1 << max(6, (_MOST_NEAR // self._longest).bit_length() - 1)
-        self._learned: list[tuple[travel.GoalPaths, travel.GoalPaths, travel.LegalCache]] = []  # of each thread
+        self._roads: list[travel.RoadEdges] = []  # of each thread
+        self._near: list[StoredPaths] = []  # likewise
+        self._maps: list[RoadMap | None] = [None]  # see `RoadTables`
         rows = state.node.size if go_by_steps else 0
-        self._memories = StoredPaths(by.columns, by.terms.costs, rows, _remembered(rows))
-        edges = np.arange(len(by.columns.edge_ids))
-        ids = by.columns.edge_ids
-        backs = by.backs(edges)
-        self._streets = np.where((backs >= 0) & (ids[backs] < ids[edges]), backs, edges)
-        self._flags = _BACKWARDS * (self._streets != edges) + _TURNS * (backs >= 0)
+        edges_at = by.all_roads.edges_at_start
+        self._memories = StoredPaths(by.columns, by.terms.costs, rows, _remembered(rows), edges_at)
+
+    def take_roads(self, tables: RoadTables, streets: moves.LegalMoves) -> None:  # noqa: ARG002 - as by edges
+        """Let agents go and find paths on the roads that are open in each game."""
+        moved = tables.moved(self._maps)
+        self._maps = tables.maps
+        all_roads = self._by.all_roads
+        edges_at = all_roads.edges_at(self._maps)
+        removed = buffer(all_roads.removed(self._maps))
+        offsets, edges = map(buffer, edges_at[0])
+        for roads in self._roads:
+            roads.take(offsets, edges)
+            roads.note_removed(removed)
+        for paths in (self._memories, *self._near):
+            paths.take_maps(edges_at, moved)
 
     def _refuse_too_long(self, kept: int) -> None:
         """Refuse ways of agents that would not fit into memory, so many times those of all games."""
@@ -262,30 +289,27 @@ class MetreColumns:
         room: Any = np.empty(_MOST_LEGAL, np.int64)
         return travel.LegalCache(flat(kinds, np.int64), tables[0].data, tables[1].data, room.data)
 
-    def _learner(self) -> tuple[travel.GoalPaths, travel.GoalPaths, travel.LegalCache]:
-        """Return what one thread learns of the map: ways of agents that go by steps, other ways, and what is legal."""
-        roads = self._by.map
-        reach = ReachableNodes(self._by.streets.num_nodes)
-        ways = self._memories.ways(roads, reach)
-        near = self._memories.apart(self._slots, self._longest)
-        return ways, near.ways(roads, reach), self._known()
-
     def thread(
-        self, number: int, movers: moves.OneEdgeMovers, by_steps: strategies.Strategies | None, events: rules.Events
+        self, movers: moves.OneEdgeMovers, by_steps: strategies.Strategies | None, events: rules.Events
     ) -> ThreadTravel:
-        """Return what one thread plays with, of a number from 0; events get what agents cannot do."""
+        """Return what one thread plays with; events get what agents cannot do."""
         by = self._by
         most = self._most
-        roads = self._by.map
-        if number == len(self._learned):
-            self._learned.append(self._learner())
+        roads = by.new_map()
+        reach = ReachableNodes(by.streets.num_nodes)
+        ways = self._memories.ways(roads, reach)
+        near = self._memories.apart(self._slots, self._longest)
+        self._roads.append(roads)
+        self._near.append(near)
         if by_steps is not None:
-            by_steps.go_far(self._learned[number][0])
+            by_steps.go_far(ways)
         trips = TurnPaths(self._agents, most, max(self._memories.most, most))
         kept = None if self.courses is None else self.courses.core
         travelers = by_metres.MetreMovers(
             movers,
-            *self._learned[number],
+            ways,
+            near.ways(roads, reach),
+            self._known(),
             trips.core,
             events,
             slots=self._slots,
@@ -300,9 +324,9 @@ class MetreColumns:
         )
         legs: list[Any] = [column.data for column in np.zeros((4, self._agents * most), np.int64)]
         metres: Any = np.zeros(self._agents * most).data
-        tables = flat(self._streets, np.int64), flat(self._flags, np.int64)
+        edge_ids = flat(by.columns.edge_ids, np.int64)
         tracks: Any = trips.nodes.reshape(-1).data, trips.times.reshape(-1).data, trips.passed.data
-        course = by_metres.MetrePaths(*[trips.core, roads, *tracks, *tables, *legs, metres, kept])
+        course = by_metres.MetrePaths(*[trips.core, roads, *tracks, edge_ids, *legs, metres, kept])
         parts: Any = [one.reshape(-1).data for one in (trips.begins, trips.ends, trips.since, trips.until)]
         of_legs = contacts.Legs(most, *[trips.legs.data, *legs, *parts, metres])
         at_arrivals = None
