@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.core.block import INT64, Block, BlockColumn, count_moves, gather, move_rows
+from gamms.core.block import INT64, Block, BlockColumn, gather, move_rows, stop_moves
 
 COLUMNS = (
     BlockColumn("node", INT64, 0),
@@ -172,7 +172,8 @@ def test_a_row_that_there_is_not_is_refused(row):
     assert node.tolist() == [1, 2]
 
 
-def test_moves_are_counted_but_not_those_that_end_where_they_start():
-    counts = numbers([4, 5, 6], "i")
-    assert count_moves(numbers([1, 2, 3]), numbers([1, 7, -3]), counts) == 2
-    assert counts.tolist() == [4, 6, 7]
+def test_agents_that_are_stopped_stay_where_they_start_and_are_counted_unless_they_would_stay():
+    counts, ends = numbers([4, 5, 6], "i"), numbers([1, 7, -3])
+    assert stop_moves(numbers([1, 2, 3]), ends, counts, [0, 2]) == [(2, -3)]
+    assert ends.tolist() == [1, 7, 3]
+    assert counts.tolist() == [4, 5, 7]

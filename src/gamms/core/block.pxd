@@ -6,8 +6,8 @@ ctypedef long long i64
 cpdef int gather(const i64[::1] column, const i64[::1] rows, i64[::1] out) except -1 nogil
 @cython.locals(i=Py_ssize_t, size=Py_ssize_t, row=i64, end=i64, moved=i64)
 cpdef i64 move_rows(i64[::1] node, i64[::1] previous, const i64[::1] rows, const i64[::1] ends) except -1 nogil
-@cython.locals(i=Py_ssize_t, moved=i64)
-cpdef i64 count_moves(const i64[::1] starts, const i64[::1] ends, int[::1] counts) except -1 nogil
+@cython.locals(stopped=list, i=Py_ssize_t)
+cpdef list stop_moves(const i64[::1] starts, i64[::1] ends, int[::1] counts, list losers)
 
 
 cdef class Block:

@@ -220,11 +220,21 @@ def move_rows(node: memoryview[int], previous: memoryview[int], rows: memoryview
     return moved
 
 
-def count_moves(starts: memoryview[int], ends: memoryview[int], counts: memoryview[int]) -> int:
-    """Add 1 to the count of each agent that changes its node; return the number of these agents."""
-    moved = 0
-    for i in range(len(starts)):
+def stop_moves(
+    starts: memoryview[int], ends: memoryview[int], counts: memoryview[int], losers: list[int]
+) -> list[tuple[int, int]]:
+    """Keep agents where they start; return (agent, node) for each agent that would have moved to this node.
+
+    Args:
+        starts: (agents,) the nodes where the moves begin.
+        ends: (agents,) the nodes where they end; changed.
+        counts: (agents,) the number of stopped moves of each agent; increased.
+        losers: the agents.
+    """
+    stopped = []
+    for i in losers:
         if starts[i] != ends[i]:
+            stopped.append((i, ends[i]))
+            ends[i] = starts[i]
             counts[i] += 1
-            moved += 1
-    return moved
+    return stopped

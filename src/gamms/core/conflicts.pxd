@@ -68,6 +68,5 @@ cdef class NodeNumbering:
     cpdef int number_moves(self, MoveColumns moves) except -1 nogil
 
 
-cpdef i64 resolve_moves(Contests c, MoveRequests requests, NodeNumbering numbering, MoveColumns moves, i64 turn) except -1 nogil
 @cython.locals(i=i64, found=list)
 cpdef list losers(Contests c)

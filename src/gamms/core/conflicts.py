@@ -481,20 +481,6 @@ class NodeNumbering:
         return number_ids(self.ids, self.keys, self.slots, self.used, self.numbers)
 
 
-def resolve_moves(c: Contests, requests: MoveRequests, numbering: NodeNumbering, moves: MoveColumns, turn: int) -> int:
-    """Resolve the conflicts of a single game: write `c.stays`, and return the number of agents that stay.
-
-    Args:
-        c: the contests.
-        requests: its places are the numbers of `numbering`.
-        numbering: numbers the nodes.
-        moves: the moves of all agents.
-        turn: the number of turns played, for draws.
-    """
-    numbering.number_moves(moves)
-    return resolve(c, requests, 0, turn)
-
-
 def losers(c: Contests) -> list[int]:
     """Return the agents that stay because they have lost a contest, in ascending order."""
     found = []

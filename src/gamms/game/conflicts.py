@@ -20,9 +20,9 @@ from gamms.core import conflicts as core
 from gamms.core.agents import MoveColumns
 from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.game.order import TurnOrder
-from gamms.game.streets import StreetGraph
 from gamms.ir.agents import as_ids
 from gamms.ir.graph import GraphColumns, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import DescribedFunction, as_code, shown
 from gamms.typing.context import HostContext
@@ -234,8 +234,6 @@ class TurnConflicts:
         self._order: TurnOrder | None = None  # `_agents` was made for these
         self._conflicts: IConflicts | None = None
         self._key: tuple[Any, ...] = ()
-        self._table: ConflictTable | None = None  # of many agents, for `_tabled`
-        self._tabled: tuple[Any, ...] = ()
 
     def losers(
         self,
@@ -267,35 +265,19 @@ class TurnConflicts:
             self._order = order
             self._conflicts = conflicts
             self._key = key
-        if moves is not None and self._agents is not None and self._agents.is_ranked and whole.on_ground is None:
-            return self._agents.losers_of(moves, turn)
+        ground = whole.on_ground
         if self._agents is None:
-            ground = range(len(order.slots)) if whole.on_ground is None else whole.on_ground
-            stay = conflicts.resolve(moves_of([*ground]), ctx)
-            return [i for i in ground if order.names[i] in stay]
+            movers = range(len(order.slots)) if ground is None else ground
+            stay = conflicts.resolve(moves_of([*movers]), ctx)
+            return [i for i in movers if order.names[i] in stay]
 
         def movers_of(rows: list[int]) -> list[Move]:
-            return [*moves_of(rows if whole.on_ground is None else [whole.on_ground[i] for i in rows]).values()]
+            return [*moves_of(rows if ground is None else [ground[i] for i in rows]).values()]
 
-        if whole.on_ground is None:
+        if ground is None:
             return self._agents.losers(places, moves, turn, movers_of, ctx)
         starts, ends = map(whole.of_ground, places)
-        found = self._agents.losers((starts, ends), None, turn, movers_of, ctx)
-        return [whole.on_ground[i] for i in found]
-
-    def losers_among_many(
-        self, conflicts: Conflicts, order: TurnOrder, streets: StreetGraph, nodes: tuple[IntArray, IntArray], turn: int,
-        seed: int,
-    ) -> IntArray:  # fmt: skip
-        """Return the slots of the agents that stay, for `ranked` conflicts of moves between nodes, by their rows.
-
-        NOTE: tables by node take half of the time of `losers` for 100,000 agents (benchmarks: teams).
-        """
-        key = conflicts, conflicts.allow_swaps, order, streets
-        if self._table is None or self._tabled != key:
-            self._table = ConflictTable(conflicts, order, streets.columns, has_edges=False)
-            self._tabled = key
-        return self._table.losers(*nodes, turn, partial(order.first_keys, seed, _PURPOSE))
+        return [ground[i] for i in self._agents.losers((starts, ends), None, turn, movers_of, ctx)]
 
 
 class _WorkingMemory:
@@ -337,9 +319,6 @@ class _Agents:
     """The agents of a game with conflicts, in the order of their names.
 
     Places are numbered in each turn: nodes first, then an equal number of edges.
-
-    Attributes:
-        is_ranked: whether ranks decide, and all nodes have the same capacity.
     """
 
     def __init__(self, conflicts: Conflicts, names: Sequence[str], teams: Sequence[Hashable], seed: int) -> None:
@@ -359,9 +338,7 @@ class _Agents:
             np.full(slots, -1, np.int32).data,
             np.zeros(most, np.int32).data,
         )
-        limits = conflicts._limits
         self._ranking = _ranking_of(conflicts._resolver)
-        self.is_ranked = self._ranking is not None and (limits.number is not None or limits.least >= UNLIMITED)
         ranks: BitArray = np.zeros(0, np.uint64)
         if self._ranking is not None:
             ranks = _first_keys(seed, names) if self._ranking.rank is None else self._ranking.ranks(names, teams)
@@ -397,22 +374,14 @@ class _Agents:
             rows = self._numbers[len(starts) :].tolist()
             coming = {row: end for row, start, end in zip(rows, starts, ends, strict=True) if start != end}
             self._limits[[*coming]] = limits.of(ctx, [*coming.values()])
-        if self._ranking is None:
+        ranking = self._ranking
+        if ranking is None:
             self._ask_each(movers_of, ctx)
         elif not core.resolve(self._memory.contests, self._requests, 0, turn):
             return []
-        return self._found()
-
-    def losers_of(self, moves: MoveColumns, turn: int) -> list[int]:
-        """Return the numbers of the agents that stay, for moves between nodes; requires `is_ranked`."""
-        # NOTE: each turn of most games with conflicts comes here (benchmarks: turns).
-        if not core.resolve_moves(self._memory.contests, self._requests, self._numbering, moves, turn):
-            return []
-        return self._found()
-
-    def _found(self) -> list[int]:
-        """Return the numbers of the agents that stay, from the core."""
-        _refuse_missing_ranks(self._memory, self._ranking, self._names, self._teams)
+        elif ranking.rank is not None:
+            for i in np.flatnonzero(self._memory.stays == core.LOSES_UNRANKED).tolist():
+                ranking.check(core.RANK_MISSING, self._names[i], self._teams[i])
         losers: list[int] = core.losers(self._memory.contests)
         return losers
 
@@ -464,15 +433,6 @@ class _Agents:
             )
 
 
-def _refuse_missing_ranks(
-    memory: _WorkingMemory, ranking: Ranking | None, names: Sequence[str], teams: Sequence[Hashable]
-) -> None:
-    """Raise the error of the rank function if an agent without a rank was in a contest."""
-    if ranking is not None and ranking.rank is not None:
-        for i in np.flatnonzero(memory.stays == core.LOSES_UNRANKED).tolist():
-            ranking.check(core.RANK_MISSING, names[i], teams[i])
-
-
 def _id_of(place: int | EdgePlace) -> int:
     """Return the id of a node, or of an edge."""
     return place.edge if isinstance(place, EdgePlace) else place
@@ -494,7 +454,7 @@ def _rank_of(contest: Contest) -> tuple[bool, Any, str]:
     return (isinstance(contest.node, EdgePlace), contest.node, contest.movers[0].agent)
 
 
-# -- turns of many agents or games ----------------------------------------------------------------------------------
+# -- turns of many games ---------------------------------------------------------------------------------------------
 
 
 class ComparedMoves(Protocol):
@@ -512,6 +472,10 @@ class ComparedMoves(Protocol):
     def team_of(self) -> IntArray:
         """The index in `teams` of each agent's team, (agents,)."""
 
+    @property
+    def flies(self) -> BoolArray:
+        """Whether each agent flies, (agents,)."""
+
 
 class ConflictTable:
     """Constant data of the conflicts of some agents on a map; see `gamms.core.conflicts`.
@@ -526,35 +490,16 @@ class ConflictTable:
     def __init__(self, conflicts: Conflicts, roster: ComparedMoves, columns: GraphColumns, *, has_edges: bool) -> None:
         ranking = _ranking_of(conflicts._resolver)
         assert ranking is not None  # noqa: S101 - they are `ranked`
-        self._ranking = ranking
-        self._names = roster.names
-        self._teams = [roster.teams[team] for team in roster.team_of.tolist()]
         limits = conflicts._limits.rows(columns, has_edges=has_edges)
         teams = len(roster.teams) if conflicts._per_team else 1
-        self._memory = _WorkingMemory(conflicts, len(roster.names), len(columns.node_ids), len(limits), teams)
-        self.contests = self._memory.contests
+        memory = _WorkingMemory(conflicts, len(roster.names), len(columns.node_ids), len(limits), teams)
+        self.contests = memory.contests
         offsets = roster.team_of * (len(limits) if conflicts._per_team else 0)
-        self._places = np.where(getattr(roster, "flies", False), -1, offsets).astype(np.int64).data
+        self._places = np.where(roster.flies, -1, offsets).astype(np.int64).data
         self._limits = limits.data
         self.ranks: BitArray | None = None
         if ranking.rank is not None:
-            self.ranks = ranking.ranks(roster.names, self._teams)
-
-    def losers(self, starts: IntArray, ends: IntArray, turn: int, first_keys: Callable[[], BitArray]) -> IntArray:
-        """Return the numbers of the agents that stay in a turn of one game, in which all agents take room.
-
-        Args:
-            starts: (agents,) rows of nodes.
-            ends: (agents,) rows of nodes.
-            turn: the number of turns played.
-            first_keys: returns the keys of the agents' draws.
-        """
-        ranks = first_keys() if self.ranks is None else self.ranks
-        counts = np.ones(len(starts), np.uint8)
-        requests = self.requests(flat(starts, np.int64), flat(ends, np.int64), counts.data, ranks)
-        core.resolve(self.contests, requests, 0, turn)
-        _refuse_missing_ranks(self._memory, self._ranking, self._names, self._teams)
-        return np.flatnonzero(self._memory.stays)
+            self.ranks = ranking.ranks(roster.names, [roster.teams[team] for team in roster.team_of.tolist()])
 
     def requests(self, starts: memoryview, ends: memoryview, counts: memoryview, ranks: BitArray) -> core.MoveRequests:
         """Return the moves of games for the core; if ranks are drawn, `ranks` holds `first_key`s."""

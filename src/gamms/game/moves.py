@@ -11,11 +11,11 @@ import numpy as np
 
 from gamms.core.agents import MoveColumns
 from gamms.core.arrivals import short_of
+from gamms.core.block import stop_moves
 from gamms.game.order import TurnOrder
 from gamms.game.travel import ResolvedAction, Travel
-from gamms.ir.agents import AgentBlock, moves_of
+from gamms.ir.agents import AgentBlock, as_ids, moves_of
 from gamms.ir.columns import copied_column
-from gamms.ir.graph import IntArray
 from gamms.ir.progress import Motion, Progress
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.game import Deed, EdgePlace, Leg, Move, Track
@@ -80,8 +80,8 @@ class TurnMoves:
         moves: MoveColumns | None = None,
     ) -> None:
         self.order = order
-        self.starts = starts
-        self.ends = ends
+        self.starts = as_ids(starts)
+        self.ends = as_ids(ends)
         self.actions = actions
         self._moves = moves
         self.slots = order.slots
@@ -231,7 +231,7 @@ class TurnMoves:
         legs = (*action.legs[:-1], short, *([stands] if leg.until < 1.0 else []))
         path = action.path[:passed]
         times = action.times[:passed]
-        self.slots[i].counts["blocked"] += 1
+        self.order.blocked[i] += 1
         self.go(i, action._replace(end=path[-1], path=path, times=times, legs=legs, progress=progress))
 
     def was_put(self, i: int) -> bool:
@@ -251,7 +251,6 @@ class TurnMoves:
 
     def stop(self, i: int) -> bool:
         """Keep the agent of a slot at its start; return whether it would have moved."""
-        slot = self.slots[i]
         here = self.starts[i]
         action = self.actions.get(i)
         goes = self.ends[i] != here
@@ -259,15 +258,17 @@ class TurnMoves:
             goes = goes or len(action.path) > 1 or action.position is not None
             goes = goes or (action.progress is not None if action.begun is None else any(map(_moves, action.legs)))
         if goes:
-            slot.counts["blocked"] += 1
+            self.order.blocked[i] += 1
             self._stay(i, here)
         return goes
 
-    def stop_each(self, stopped: IntArray) -> None:
-        """Make the agents of some slots stay; all agents of the turn move along one edge."""
-        np.asarray(self.ends)[stopped] = np.asarray(self.starts).take(stopped)
-        self.order.count_blocked(stopped)
+    def stop_each(self, indices: list[int]) -> list[tuple[int, Any]]:
+        """Keep the agents of slots at their starts; return (slot, place) for each that would have moved to a place."""
+        if self.actions:
+            _, ends = self.places()
+            return [(i, ends[i]) for i in indices if self.stop(i)]
         self._by_name = None
+        return stop_moves(self.starts, self.ends, self.order.blocked.data, indices)
 
     def give_up(self, block: AgentBlock) -> None:
         """Cancel the moves of agents that a rule has placed elsewhere since they decided."""

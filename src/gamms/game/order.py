@@ -17,7 +17,7 @@ from gamms.game.settings import Plan, Settings
 from gamms.game.slots import AgentSlot, Slots
 from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import AgentSetChange, Selection
-from gamms.ir.graph import IntArray, RowArray
+from gamms.ir.graph import RowArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
@@ -189,13 +189,14 @@ class TurnOrder:
         unlisted: the slot of the first agent whose team is in no group; None: there is none.
         selection: the rows of all agents.
         moving: all agents in the form of the core.
+        blocked: (agents,) the number of stopped moves of each agent that is not yet in its counts.
         structure_version, rows_version: versions of the agents.
     """
 
     # NOTE: what has slots is read at once, also where there is a dict for what is cached (benchmarks: 5 against 5 by
     # reset).
     __slots__ = (
-        *("__dict__", "_blank", "_blocked", "_ended", "_moved", "block", "groups", "has_channels"),
+        *("__dict__", "_blank", "_ended", "_moved", "block", "blocked", "groups", "has_channels"),
         *("has_deeds", "has_parts", "moving", "parts", "rows_version", "selection", "slots"),
         *("structure_version", "unlisted", "whole"),
     )
@@ -227,9 +228,8 @@ class TurnOrder:
             self.parts = [TurnPart(slots, some, settings) for some in members]
         self.has_parts = len(self.parts) > 1
         self.selection = slots.selection
-        self._first_keys: dict[tuple[int, str], BitArray] = {}
         self._moved: RowArray = np.zeros(len(slots), np.int32)  # the number of moves of each agent
-        self._blocked: RowArray = np.zeros(len(slots), np.int32)  # and of moves that conflicts have stopped
+        self.blocked: RowArray = np.zeros(len(slots), np.int32)
         self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the nodes at that version
         if before is not None and change is not None:
             self._follow(before, change)
@@ -241,7 +241,7 @@ class TurnOrder:
         before._add_to_counts(change.gone)
         new = np.zeros(len(change.rows), np.int32)
         self._moved = change.of_array(before._moved, new)
-        self._blocked = change.of_array(before._blocked, new)
+        self.blocked = change.of_array(before.blocked, new)
 
     @property
     def names(self) -> list[str]:
@@ -258,29 +258,10 @@ class TurnOrder:
         """Name -> index of the slot."""
         return {name: i for i, name in enumerate(self.names)}
 
-    @cached_property
-    def teams(self) -> list[Hashable]:
-        """The teams of the agents, in the order of their first agents."""
-        return list(dict.fromkeys(self.all_teams()))
-
-    @cached_property
-    def team_of(self) -> IntArray:
-        """The index in `teams` of each agent's team, (agents,)."""
-        number = {team: i for i, team in enumerate(self.teams)}
-        return np.array([number[team] for team in self.all_teams()], np.int64)
-
     @property
     def keys(self) -> BitArray:
         """The hashes of the names, for keyed draws, (agents,)."""
         return self.slots.keys
-
-    def first_keys(self, seed: int, purpose: str) -> BitArray:
-        """Return the keys of the agents' draws for a purpose in games of a seed, (agents,)."""
-        key = seed, purpose
-        if key not in self._first_keys:
-            purposes = np.array([kernels.purpose_key(seed, purpose)], np.uint64)
-            self._first_keys[key] = kernels.first_key_rows(purposes, self.keys)
-        return self._first_keys[key]
 
     def all_teams(self) -> list[Any]:
         """Return the team of each agent, by slot."""
@@ -314,18 +295,14 @@ class TurnOrder:
         if not (self.whole.asked or self.block.flyers):
             self._ended = self.block.version, ends
 
-    def count_blocked(self, stopped: IntArray) -> None:
-        """Count the moves of slots that conflicts have stopped."""
-        self._blocked[stopped] += 1
-
     def update_counts(self) -> None:
         """Add the counted moves and conflicts to the counts of the agents."""
-        self._add_to_counts(np.flatnonzero(self._moved + self._blocked).tolist())
+        self._add_to_counts(np.flatnonzero(self._moved + self.blocked).tolist())
         self.restart_counts()
 
     def _add_to_counts(self, indices: list[int]) -> None:
         """Add the counted moves and conflicts of some slots."""
-        columns = indices, self._moved[indices].tolist(), self._blocked[indices].tolist()
+        columns = indices, self._moved[indices].tolist(), self.blocked[indices].tolist()
         for i, moved, blocked in zip(*columns, strict=True):
             counts = self.slots.counts_of(i)
             counts["moves"] += moved
@@ -333,15 +310,15 @@ class TurnOrder:
 
     def list_counts(self) -> None:
         """Add the counted conflicts, and agents whose slots are not made, to the counts of the agents."""
-        for i in np.flatnonzero(self._blocked).tolist():
-            self.slots.counts_of(i)["blocked"] += int(self._blocked[i])
-        self._blocked.fill(0)
+        for i in np.flatnonzero(self.blocked).tolist():
+            self.slots.counts_of(i)["blocked"] += int(self.blocked[i])
+        self.blocked.fill(0)
         self.slots.list_counts()
 
     def restart_counts(self) -> None:
         """Set the counters to 0."""
         self._moved.fill(0)
-        self._blocked.fill(0)
+        self.blocked.fill(0)
 
 
 def _numbered(one: SensorCall, first: dict[Hashable, tuple[int, ISensor]]) -> SensorCall:

@@ -305,6 +305,12 @@ class Slots(Sequence[AgentSlot]):
         if slot is not None:
             slot.set_blocked(why)
 
+    def show_blocked(self, indices: Sequence[int]) -> None:
+        """Update the reasons in the states of agents whose slots are made."""
+        for slot in [self._made[i] for i in indices]:
+            if slot is not None:
+                slot.show_blocked()
+
     def of_agents(self, agents: Mapping[str, IAgent], twin_of: Callable[[IAgent], IAgent]) -> "Slots":
         """Return the same slots for a copied game.
 

@@ -4,15 +4,12 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from operator import itemgetter
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar, cast
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, cast
 
 from gamms.core.agents import MoveColumns
 from gamms.deciding import DecidePhase
-from gamms.errors import UnknownName
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
-from gamms.game.conflicts import TurnConflicts, ranked
+from gamms.game.conflicts import TurnConflicts
 from gamms.game.decisions import Decisions
 from gamms.game.facts import PrivateForks
 from gamms.game.legality import Legality
@@ -25,7 +22,6 @@ from gamms.game.slots import AgentSlot, SlotMaker, own_copy
 from gamms.game.travel import ResolvedAction
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
-from gamms.ir.graph import IntArray
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code
 from gamms.typing.agent_engine import DeletedAgent, IAgent
@@ -35,8 +31,6 @@ from gamms.typing.game import AerialState, IConflicts, Move, State
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
-P = ParamSpec("P")
-T = TypeVar("T")
 CLOSED = "its way was closed"
 """Why an agent stays whose way a rule has closed."""
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
@@ -600,47 +594,16 @@ class TurnEngine:
 
     def _resolve(self, turn: TurnMoves) -> None:
         """Resolve conflicts, and stop the losers."""
-        losers = self._losers_among_many(turn) if turn.order.block.has_teams else None
-        if losers is not None:
-            self._stop_each(turn, losers)
-            return
-        for i, end in self.lost(turn):
-            self._block(turn.slots[i], in_conflict(end))
-
-    def _stop_each(self, turn: TurnMoves, losers: IntArray) -> None:
-        """Keep agents where they are that move between nodes, by their slots; no slots are made for them."""
-        self._state.blocked.add_conflicts(turn.order.names, losers, np.asarray(turn.ends).take(losers))
-        turn.stop_each(losers)
-        are_stopped = np.zeros(len(turn.slots), np.bool_)
-        are_stopped[losers] = True
-        for slot in turn.slots.made():
-            if are_stopped[turn.order.index_of[slot.name]]:
-                slot.show_blocked()
-
-    def _losers_among_many(self, turn: TurnMoves) -> IntArray | None:
-        """Return the slots of the agents that lose conflicts, by the rows of their nodes.
-
-        None: this does not apply, because agents fly or have other actions than moves to nodes, a node is no longer on
-        the map, or a resolver function has to be called.
-        """
-        conflicts = ranked(self._settings.conflicts)
-        order = turn.order
-        if conflicts is None or turn.actions or order.whole.on_ground is not None:
-            return None
-        streets = self._legality.streets
-        try:
-            nodes = streets.rows(np.asarray(turn.starts, np.int64)), streets.rows(np.asarray(turn.ends, np.int64))
-        except UnknownName:
-            return None
-        find = self._conflicts.losers_among_many
-        return self._noting_conflicts(find, conflicts, order, streets, nodes, self._state.turn, self._ctx.seed)
+        stopped = self.lost(turn)
+        if stopped:
+            self._state.blocked.add_conflicts(turn.order.names, stopped)
+            turn.slots.show_blocked([i for i, _ in stopped])
 
     def lost(self, turn: TurnMoves) -> list[tuple[int, Any]]:
         """Keep the agents where they are that lose conflicts; return their slots, and where they wanted to go."""
         places = turn.places()
         moves = None if turn.order.whole.paced else turn.in_core()
-        losers = [(i, places[1][i]) for i in self._losers(turn.order, places, moves, turn.named)]
-        return [(i, end) for i, end in losers if turn.stop(i)]
+        return turn.stop_each(self._losers(turn.order, places, moves, turn.named))
 
     def _losers(
         self,
@@ -651,15 +614,11 @@ class TurnEngine:
     ) -> list[int]:
         """Return the slots of the agents that lose conflicts of moves between these places."""
         conflicts = cast("IConflicts", self._settings.conflicts)
-        find = self._conflicts.losers
-        return self._noting_conflicts(find, conflicts, order, self._state.turn, places, moves, named, self._ctx)
-
-    def _noting_conflicts(self, find: Callable[P, T], *args: P.args, **keywords: P.kwargs) -> T:
-        """Call a function; add a note with the turn to an error of the conflict resolver."""
+        turn = self._state.turn
         try:
-            return find(*args, **keywords)
+            return self._conflicts.losers(conflicts, order, turn, places, moves, named, self._ctx)
         except Exception as error:
-            error.add_note(f"In the conflicts {as_code(self._settings.conflicts)}, in turn {self._state.turn}.")
+            error.add_note(f"In the conflicts {as_code(conflicts)}, in turn {turn}.")
             raise
 
     def _apply(self, turn: TurnMoves, part: TurnPart) -> None:

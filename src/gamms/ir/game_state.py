@@ -11,7 +11,6 @@ from typing import Any, Self, cast
 
 from gamms.core.copies import copied, copied_each, refill, refill_counts, refill_each
 from gamms.errors import BadType, BadValue
-from gamms.ir.graph import IntArray
 from gamms.ir.schema import Audience, ChangeEvent, GameField, Memo, game_field
 from gamms.plain import Plain, plain_subset, to_plain
 from gamms.readonly import published
@@ -106,7 +105,7 @@ def joined_end(known: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, A
 class BlockedAgents(MutableMapping[str, str]):
     """Agent -> reason why its last action was not performed.
 
-    Conflicts of many agents are stored as arrays, and converted to texts on access.
+    Conflicts are stored as indices and places, and converted to texts on access.
 
     Args:
         known: initial reasons.
@@ -114,7 +113,7 @@ class BlockedAgents(MutableMapping[str, str]):
 
     def __init__(self, known: Mapping[str, str] | None = None) -> None:
         self.known = dict(known or {})
-        self.stopped: list[tuple[Sequence[str], IntArray, IntArray]] = []
+        self.stopped: list[tuple[Sequence[str], Sequence[tuple[int, object]]]] = []
 
     def __getitem__(self, name: str) -> str:
         return self._written()[name]
@@ -145,9 +144,9 @@ class BlockedAgents(MutableMapping[str, str]):
         known[name] = all_known = f"{known[name]}; {why}" if name in known else why
         return all_known
 
-    def add_conflicts(self, names: Sequence[str], agents: IntArray, nodes: IntArray) -> None:
-        """Add conflicts: the indices of agents in `names`, and the nodes that they wanted to reach."""
-        self.stopped.append((names, agents, nodes))
+    def add_conflicts(self, names: Sequence[str], stopped: Sequence[tuple[int, object]]) -> None:
+        """Add conflicts: the indices of agents in `names`, and the nodes or edges that they wanted to reach."""
+        self.stopped.append((names, stopped))
 
     def drop_conflicts(self, names: Sequence[str]) -> None:
         """Drop conflicts with exactly this list of names that were not written out."""
@@ -157,9 +156,9 @@ class BlockedAgents(MutableMapping[str, str]):
         if self.stopped:
             stopped = self.stopped
             self.stopped = []
-            for names, agents, nodes in stopped:
-                for i, node in zip(agents.tolist(), nodes.tolist(), strict=True):
-                    self.add(names[i], in_conflict(node))
+            for names, agents in stopped:
+                for i, end in agents:
+                    self.add(names[i], in_conflict(end))
         return self.known
 
 

@@ -745,7 +745,7 @@ class Cursor:
             actions |= courses.standing(self._number, np.where(acting < 0, numbers, -1), first)
         if self._state.flights is not None:
             actions |= self._state.flights.actions(self._number, acting, first)
-        moves = TurnMoves(order, first, ids(ends[took_part]).tolist(), actions)
+        moves = TurnMoves(order, first, ids(ends[took_part]).data, actions)
         if self._state.deed_log is not None:
             for number, deeds in self._state.deed_log.plain_of(self._number).items():
                 if took_part[number] and self._part in (None, self._core.part_of[number]):
