@@ -137,3 +137,25 @@ def test_a_misspelt_keyword_of_a_visual_is_warned_about(ctx, heard):
         "Visual 'red_0': Unknown keyword 'colour'. Did you mean 'color'? It is left to drawers of your own.",
         "Visual 'graph': Unknown keyword 'nodecolor'. Did you mean 'node_color'? It is left to drawers of your own.",
     ]
+
+
+def test_a_drawer_asks_for_the_color_in_effect_of_a_team():
+    ctx = gamms.create_context(seed=1)
+    ctx.graph.add_nodes([0, 1], x=[0, 10], y=[0, 0])
+    for name, team in (("ann", "red"), ("ben", 2), ("cid", None)):
+        ctx.agent.create_agent(name, start_node_id=0, team=team)
+    seen = []
+    ctx.visual.add_artist("own", {"drawer": lambda ctx, _: seen.append(ctx.visual.drawing.color_of("red"))})
+    for theme in ("light", "dark"):
+        ctx.visual.picture(".svg", theme=theme)
+    ctx.visual.artists.team_colors = {"red": "#882255"}
+    ctx.visual.picture(".svg")
+    light, dark, declared = dict.fromkeys(seen)
+    assert light != dark
+    assert declared == (136, 34, 85)
+    color_of = ctx.visual.drawing.color_of
+    colors = [color_of(team) for team in ("red", 2, "cid", "of no agent")]
+    assert color_of("2") == color_of(2)
+    assert len(set(colors)) == 4
+    ctx.agent.create_agent("dan", start_node_id=0, team="of no agent")
+    assert [color_of(team) for team in ("red", 2)] == colors[:2]

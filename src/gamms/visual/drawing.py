@@ -370,6 +370,7 @@ class Drawing:
         self.spread: DiscOffsets | None = None
         self.commands: Commands | None = None
         self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}
+        self._colors: tuple[object, dict[str, Rgb]] = None, {}  # what they depend on, and the colors of groups
 
     @contextmanager
     def themed(self, theme: Theme) -> Iterator[None]:
@@ -574,14 +575,30 @@ class Drawing:
         out = {positions.names[row] for row in positions.inactive}
         return out - self.events.eliminated() if out and as_float(share, "share") < 1.0 else out
 
+    def color_of(self, team: object) -> Rgb:
+        """Return the color of a team, or of an agent without a team by its name: declared, or that of the theme.
+
+        Agents, legends and captions have the same color. A team without agents has the next free color.
+        """
+        name = as_text(team)
+        known = self.group_colors()
+        return known[name] if name in known else self.group_colors([team])[name]
+
     def group_colors(self, more: Iterable[Any] = ()) -> dict[str, Rgb]:
         """Return group -> color for the groups of all agents and for further teams, as text; constant during a game."""
+        version = self._ctx.agent.structure_version
+        key = version, self.team_colors, self.theme, self.sides, tuple(map(as_text, more))
+        if version is None or key != self._colors[0]:
+            self._colors = key, self._assigned_colors(key[-1])
+        return self._colors[1]
+
+    def _assigned_colors(self, more: Iterable[str]) -> dict[str, Rgb]:
         names = self._ctx.agent.positions.names
         teams = self._ctx.agent.positions.teams
         groups = dict.fromkeys(teams)
         if None in groups:
             groups = dict.fromkeys(name if team is None else team for name, team in zip(names, teams, strict=True))
-        known = [*dict.fromkeys(map(as_text, (*groups, *more)))]
+        known = [*dict.fromkeys((*map(as_text, groups), *more))]
         colors = team_colors(in_order(self.sides, known), self.team_colors, self.theme.teams)
         return {side: colors[side] for side in known}
 

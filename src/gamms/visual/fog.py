@@ -154,7 +154,7 @@ class Fog:
 
     def _show_sights(self, sights: list[ShownView]) -> None:
         """Draw the views of the team's sensors, if they are few, and no others."""
-        color = drawing_of(self._ctx).group_colors()[self.team]
+        color = drawing_of(self._ctx).color_of(self.team)
         found = dict[str, list[Any]]()
         for sight in sights if len(sights) <= MOST_SENSORS else ():
             found.setdefault(sight.sensor.sensor_id, []).append((color, sight.view or SensorView()))

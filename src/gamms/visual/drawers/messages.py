@@ -9,7 +9,7 @@ import numpy as np
 from gamms.ir.graph import FloatArray
 from gamms.ir.messages import ARRIVALS
 from gamms.typing import IContext
-from gamms.visual.appearance import color_group, rgba
+from gamms.visual.appearance import color_group
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
@@ -39,12 +39,11 @@ def render_messages(ctx: IContext, data: dict[str, Any]) -> None:
     visual = drawing_of(ctx)
     agents = ctx.agent.agents
     alpha = data.get("_alpha", 1.0)
-    colors = visual.group_colors()
     hidden = data.get("hidden", ())
     for sender, receiver, is_overheard in islice(_arriving(ctx, data.get("of")), _MOST):
         if sender not in agents or receiver not in agents or receiver in hidden:
             continue
-        color = (*rgba(colors[str(color_group(agents[sender]))])[:3], _FAINT if is_overheard else _INK)
+        color = (*visual.color_of(color_group(agents[sender])), _FAINT if is_overheard else _INK)
         end = visual.position_of(receiver, alpha)
         if sender in hidden:
             visual.render_circles([end], _RING_PX, color, _LINE_PX, in_pixels=True)

@@ -113,13 +113,13 @@ def render_discovered(ctx: IContext, data: dict[str, Any]) -> None:
 def render_amounts(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw a bar below each agent for its amounts of the rule `resource`, with a length relative to a full amount."""
     visual = drawing_of(ctx)
-    colors = drawing_of(ctx).group_colors()
     for number, state in enumerate(counted_in(ctx, RESOURCES).values()):
         for agent, place, amount in _marked(ctx, state["amounts"], data):
             left = -_BAR_PX / 2
             down = _BELOW_PX + number * _APART_PX
             part = min(1.0, max(0.0, amount / (state["full"] or 1.0)))
-            ends = ((1.0, visual.theme.background, 3.0), (1.0, SIGN, 0.0), (part, colors[str(color_group(agent))], 0.0))
+            own = visual.color_of(color_group(agent))
+            ends = ((1.0, visual.theme.background, 3.0), (1.0, SIGN, 0.0), (part, own, 0.0))
             for length, color, more_px in ends:
                 line = [(left, down), (left + length * _BAR_PX, down)]
                 with visual.owned(*_owner_of(agent)):
