@@ -500,7 +500,7 @@ READERS = {
     "Agent": "",
     "AerialAgent": "",
     "SensorEngine": "get_sensor",
-    "Sensor": "coverage heading in_arrays last_view outline place places_of pose sense_many",
+    "Sensor": "called_with_both coverage heading in_arrays last_view outline place places_of pose sense_many",
     "DetectionModel": "chances in_arrays is_noticed mark rolled_back repeated wanted",
     "GraphEngine": """columns distance distance_matrix distances edge_attributes from_latlon get_edge get_edges
         get_neighbors get_node get_nodes get_obstacle_face positions

@@ -173,14 +173,21 @@ cdef class TagRule(Rule):
     cdef int happen(self, i64 game) except -1 nogil
 
 
-cdef class FlagRule(Rule):
-    cdef Flags flags
+@cython.final
+cdef class Visitors:
     cdef AgentPaths steps
     cdef Tracks tracks
     cdef Legs legs
     cdef MotionIntervals pieces
     cdef const i64[::1] ground
     cdef i64[::1] sides
+
+    cdef int follow(self, GameColumns games, i64 game) except -1 nogil
+
+
+cdef class FlagRule(Rule):
+    cdef Flags flags
+    cdef Visitors visitors
 
     cdef int happen(self, i64 game) except -1 nogil
 
@@ -210,18 +217,6 @@ cdef class NoneLeftRule(Rule):
 cdef class LastTeamRule(Rule):
     @cython.locals(left=i64, agent=i64, team=i64)
     cdef int happen(self, i64 game) except -1 nogil
-
-
-@cython.final
-cdef class Visitors:
-    cdef AgentPaths steps
-    cdef Tracks tracks
-    cdef Legs legs
-    cdef MotionIntervals pieces
-    cdef const i64[::1] ground
-    cdef i64[::1] sides
-
-    cdef int follow(self, GameColumns games, i64 game) except -1 nogil
 
 
 cdef class ReachRule(Rule):

@@ -957,6 +957,40 @@ class TagRule(Rule):
         return 0
 
 
+class Visitors:
+    """The agents of one game on the ground, and the nodes that they visit in a turn.
+
+    Args:
+        steps: the paths of one game.
+        tracks: the nodes of these paths.
+        legs: the edges of these paths.
+        pieces: receives the visits.
+        ground: (agents,) 1: the agent is on the ground; 0: it flies.
+        sides: (agents,) the sides of the tracks.
+    """
+
+    def __init__(
+        self,
+        steps: AgentPaths,
+        tracks: Tracks,
+        legs: Legs,
+        pieces: MotionIntervals,
+        ground: memoryview[int],
+        sides: memoryview[int],
+    ) -> None:
+        self.steps = steps
+        self.tracks = tracks
+        self.legs = legs
+        self.pieces = pieces
+        self.ground = ground
+        self.sides = sides
+
+    def follow(self, games: GameColumns, game: int) -> int:
+        """Write the paths and sides of the agents of a game."""
+        self.steps.fill(games, game)
+        return fill_sides(games, game, self.ground, self.sides)
+
+
 class FlagRule(Rule):
     """Agents take the flags of other teams and bring them home.
 
@@ -965,44 +999,28 @@ class FlagRule(Rule):
         events: see `Rule`.
         number: see `Rule`.
         flags: the flags of the games.
-        steps: the paths of one game.
-        tracks: the nodes of these paths.
-        legs: the edges of these paths.
-        pieces: working memory.
-        ground: (agents,) 1: the agent is on the ground; 0: it flies.
-        sides: (agents,) the sides of the tracks.
+        visitors: the agents.
     """
 
-    def __init__(
-        self,
-        games: GameColumns,
-        events: Events,
-        number: int,
-        *,
-        flags: Flags,
-        steps: AgentPaths,
-        tracks: Tracks,
-        legs: Legs,
-        pieces: MotionIntervals,
-        ground: memoryview[int],
-        sides: memoryview[int],
-    ) -> None:
+    def __init__(self, games: GameColumns, events: Events, number: int, *, flags: Flags, visitors: Visitors) -> None:
         super().__init__(games, events, number)
         self.flags = flags
-        self.steps = steps
-        self.tracks = tracks
-        self.legs = legs
-        self.pieces = pieces
-        self.ground = ground
-        self.sides = sides
+        self.visitors = visitors
 
     def happen(self, game: int) -> int:
         """Apply drops, captures and takes of flags by carriers."""
         self.flags.drop(self.games, self.events, game, self.number)
-        if not self.steps.are_one_edge or self.flags.concern(self.games, game):
-            self.steps.fill(self.games, game)
-            fill_sides(self.games, game, self.ground, self.sides)
-            self.flags.pass_turn(self.games, self.events, game, self.number, self.tracks, self.legs, self.pieces)
+        if not self.visitors.steps.are_one_edge or self.flags.concern(self.games, game):
+            self.visitors.follow(self.games, game)
+            self.flags.pass_turn(
+                self.games,
+                self.events,
+                game,
+                self.number,
+                self.visitors.tracks,
+                self.visitors.legs,
+                self.visitors.pieces,
+            )
             self.flags.note_stops(self.games, game)
         return 0
 
@@ -1122,40 +1140,6 @@ class LastTeamRule(Rule):
                     return 0
                 left = team
         return end_game(self.games, self.events, game, self.number, left)
-
-
-class Visitors:
-    """The agents of one game on the ground, and the nodes that they visit in a turn.
-
-    Args:
-        steps: the paths of one game.
-        tracks: the nodes of these paths.
-        legs: the edges of these paths.
-        pieces: receives the visits.
-        ground: (agents,) 1: the agent is on the ground; 0: it flies.
-        sides: (agents,) the sides of the tracks.
-    """
-
-    def __init__(
-        self,
-        steps: AgentPaths,
-        tracks: Tracks,
-        legs: Legs,
-        pieces: MotionIntervals,
-        ground: memoryview[int],
-        sides: memoryview[int],
-    ) -> None:
-        self.steps = steps
-        self.tracks = tracks
-        self.legs = legs
-        self.pieces = pieces
-        self.ground = ground
-        self.sides = sides
-
-    def follow(self, games: GameColumns, game: int) -> int:
-        """Write the paths and sides of the agents of a game."""
-        self.steps.fill(games, game)
-        return fill_sides(games, game, self.ground, self.sides)
 
 
 class ReachRule(Rule):

@@ -23,7 +23,6 @@ from gamms.game.slots import AgentSlot
 from gamms.game.streets import LegalNodes
 from gamms.game.team_memory import Memory, merged_memory, why_not_copied
 from gamms.game.travel import ResolvedAction
-from gamms.ir.agents import as_ids, moves_of
 from gamms.ir.columns import copied_column
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, RowArray
@@ -211,7 +210,7 @@ class Decisions:
         observe, state: see the arguments.
         slots: the slots of all agents.
         starts: the node of each agent, by slot.
-        ends: the node that each agent moves to, by slot: a list, or a view of an array; see `ends_to_write`.
+        ends: the node that each agent moves to, by slot, as a view of an array; see `ends_to_write`.
         actions: slot -> its action, unless it only moves to a node; a new dict for each part.
         awaited: awaitables to collect.
         written: (slot, changed copy of the team memory) of each agent that changed it.
@@ -301,9 +300,7 @@ class Decisions:
         """
         looks = part.looks(self._phase.sensor_changes) if part.has_looks else ()
         shared = [sensor.shared_look() for sensor in looks] if self._phase.moment is not None else [None for _ in looks]
-        if self.moves is None:
-            self.ends = as_ids(self.ends_to_write())
-            self.moves = moves_of(self.starts, self.ends)
+        assert self.moves is not None  # noqa: S101 - one agent at least has no plan
         ask_each(self, self._phase, part.individuals, part.sensors, part.numbers, self.moves, near, shared)
 
     def ask_plan(self, commanded: PlannedAgents, states: list[State]) -> None:

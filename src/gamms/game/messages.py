@@ -128,18 +128,13 @@ def sent(ctx: HostContext, agents: Sequence[IAgent], outgoing: Sequence[Outgoing
         senders = np.array([row_of[one.sender] for one in messages])
         found = outcomes_of(channels[name], scene, np.zeros_like(senders), senders, [one.to for one in messages])
         fates[name] = found.entries(list(row_of), len(messages))
-    return [
-        {
-            "turn": turn + 1,
-            "channel": one.channel,
-            "sender": one.sender,
-            "to": one.to,
-            "body": one.body,
-            "size": one.size,
-            **next(fates[one.channel]),
-        }
-        for one in going
-    ]
+    return [entry_of(one, turn + 1, next(fates[one.channel])) for one in going]
+
+
+def entry_of(message: Outgoing, turn: int, fate: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the log entry of a message that is sent in a turn, from 1; see `MessageOutcomes.entries` for its fate."""
+    sender, channel, to, body, size = message
+    return {"turn": turn, "channel": channel, "sender": sender, "to": to, "body": body, "size": size, **fate}
 
 
 class MessageOutcomes(NamedTuple):

@@ -81,7 +81,6 @@ class TurnPart:
         observing: the indices of the slots of agents whose sensors are called.
         see_world_only: whether all sensors look only at the graph and the agents.
         has_looks: whether some individuals carry sensors that have to be called.
-        is_usual: whether the part consists of individuals only, and `see_world_only`.
         on_ground: the indices of the slots of agents on the ground; None: all living agents.
         ground: the rows of these agents.
         paced: the indices of the slots of agents on the ground that may be on an edge.
@@ -99,7 +98,6 @@ class TurnPart:
         self.has_looks = any(look.sensor is not None for sensors in self.sensors for look in sensors)
         self._looks = list[Any]()
         self._looked_at: int | None = None  # the version of the sensors when `_looks` was made
-        self.is_usual = len(self.individuals) == len(self.members) > 0 and self.see_world_only
         self.decides_at_arrivals = settings.decide == "arrival" and any(slots[i].travels for i in self.paced)
 
     def _take(self, slots: Slots, plans: Mapping[Any, Plan]) -> list[AgentSlot]:

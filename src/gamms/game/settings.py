@@ -348,8 +348,8 @@ class RuleSpec:
         last_turn: the turn after which the rule ends the game, for progress displays.
         array_form: applies the rule to many games: called with a `batch.turn.ArrayTurn`; None: batches play game by
             game.
-        core_form: called with a `batch.in_core.Making`; returns the rule in the form of the core, for batches; None: it
-            has none.
+        core_form: called with a `batch.in_core.RuleBuilder`; returns the rule in the form of the core, for batches.
+            None: it has none.
         needs_nodes: whether that form is for games in which no agent flies or is on an edge.
         prepare_arrays: called with the state of a batch at its start, to publish facts as arrays.
         fact_of_game: called with the state of a batch and the number of a game; returns the fact under the key of the

@@ -426,12 +426,8 @@ class TurnEngine:
         self.is_deciding = True
         phase.moment = object() if part.see_world_only else None
         try:
-            if part is order.whole and part.is_usual and not observers:
-                decisions.ask_each(part, self._near)
-            else:
-                sees_first = observers or not part.see_world_only
-                seen = self._observe_first(order, part, observers) if sees_first else None
-                self.ask_part(part, decisions, self._ctx.seed, seen)
+            sees_first = observers or not part.see_world_only
+            self._ask_part(part, decisions, self._observe_first(order, part, observers) if sees_first else None)
             if decisions.awaited:
                 if self._loop is None:
                     from gamms.game.awaiting import EventLoop  # it loads asyncio
@@ -458,26 +454,25 @@ class TurnEngine:
         for slot, why in unsent:
             self._note_illegal(slot, why)
 
-    def ask_part(self, part: TurnPart, decisions: Decisions, seed: int, seen: dict[int, Any] | None = None) -> None:
+    def _ask_part(self, part: TurnPart, decisions: Decisions, seen: dict[int, Any] | None) -> None:
         """Call the strategies of the agents of a part, and the plans of its teams.
 
         Args:
             part: the agents.
             decisions: collects the decisions.
-            seed: the seed of the game.
             seen: slot -> the state of the agent; None: each agent observes when it decides.
         """
         slots = decisions.slots
         observe = decisions.observe
         if seen is None and part.individuals:
-            decisions.ask_each(part, self._near or self._ctx.graph.graph.neighborhoods)
+            decisions.ask_each(part, self._near)
             self._phase.agent = None
         else:
             for i in part.asked:
                 decisions.ask(i, None if seen is None else seen[i])
         for commanded in part.commanded:
             if commanded.plan.arrays:
-                decisions.ask_arrays(commanded, seed)
+                decisions.ask_arrays(commanded, self._ctx.seed)
             else:
                 indices = commanded.indices
                 decisions.ask_plan(commanded, [observe(slots[i]) if seen is None else seen[i] for i in indices])

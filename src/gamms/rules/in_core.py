@@ -122,8 +122,6 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
         if number >= 0:
             home[number] = node
     purposes = state.several_purposes(*(("capture_flag", flags.key, str(team)) for team in flags.bases))
-    sides = ints(len(roster.names))
-    tracks = making.tracks(sides, at_end=not flags.passing)
     ground = np.where(roster.flies, -1, roster.team_of)
     core = rules.Flags(
         len(flags.bases),
@@ -149,12 +147,7 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
         making.events,
         making.number(played),
         flags=core,
-        steps=making.steps,
-        tracks=tracks,
-        legs=making.legs,
-        pieces=making.pieces,
-        ground=making.plays(None, air=False),
-        sides=sides,
+        visitors=making.visitors(at_end=not flags.passing),
     )
 
 

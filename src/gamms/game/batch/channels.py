@@ -11,7 +11,7 @@ from gamms.core import messages as core
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import AgentTable, Failure, GameLog, joined_rows, places_of, some_rows
 from gamms.game.channels import Channel, Outgoing, bytes_of, flaw_of, receivers_of, refusals, size_of
-from gamms.game.messages import MessageOutcomes, MessagePositions, outcomes_of
+from gamms.game.messages import MessageOutcomes, MessagePositions, entry_of, outcomes_of
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.plain import to_plain, why_not_plain
@@ -351,8 +351,8 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
         found = fates.entries(names, len(box.at))
         for game, place, turn, sender, size, to, body, fate in zip(*columns, box.to, box.bodies, found, strict=True):
             plain = to_plain(body)
-            entry = {"turn": turn, "channel": box.channel, "sender": names[sender], "to": to_plain(to), "body": plain}
-            yield game, place, {**entry, "size": size_of(plain) if size == _UNKNOWN else size, **fate}
+            known = size_of(plain) if size == _UNKNOWN else size
+            yield game, place, entry_of(Outgoing(names[sender], box.channel, to_plain(to), plain, known), turn, fate)
 
 
 def radio_of(settings: Mapping[str, Any], roster: AgentTable, num_games: int) -> MessageTraffic | None:
