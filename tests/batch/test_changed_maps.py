@@ -1,0 +1,163 @@
+"""Games of batches in which plain functions change the map, ask sensors that err, or draw as agents do."""
+
+import pytest
+from batch_scenes import plain, scene
+
+import gamms
+from gamms.errors import BadValue
+
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+FLAGS = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
+ERRING = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0, "detection": 0.5}, "next": {"type": "NEIGHBOR"}}
+UNITS = [{}, {"speed_unit": "metres"}, {"speed_unit": "metres", "decide": "arrival"}, {"legal": "any"}]
+
+
+def wander(state):
+    """Go by what is seen and legal."""
+    state["action"] = state["legal"][(len(state["sensor"]["near"][1]) + state["turn"]) % len(state["legal"])]
+
+
+def is_due(ctx):
+    """Return whether a game changes now: each in a turn of its own, and some do not."""
+    return ctx.seed % 3 > 0 and ctx.game.turn == 2 + ctx.seed % 4
+
+
+def add_bridge(ctx):
+    """Connect two corners by an edge."""
+    if is_due(ctx):
+        ctx.graph.graph.add_edge({"id": 900, "source": 0, "target": 24, "length": 5.0})
+        ctx.graph.graph.add_edge({"id": 901, "source": 24, "target": 0, "length": 5.0})
+
+
+def add_island(ctx):
+    """Add a node next to an agent, and put the agent there a turn later."""
+    here = ctx.agent.get_agent("red_0")
+    if is_due(ctx):
+        ctx.graph.graph.add_node({"id": 500, "x": 3.0, "y": 3.0})
+        ctx.graph.graph.add_edge({"id": 900, "source": here.current_node_id, "target": 500, "length": 4.0})
+        ctx.graph.graph.add_edge({"id": 901, "source": 500, "target": 7, "length": 4.0})
+    elif ctx.graph.graph.has_node(500) and ctx.game.turn % 4 == 0:
+        here.current_node_id = 500
+
+
+def stretch(ctx):
+    """Change the length of an edge."""
+    if is_due(ctx):
+        ctx.graph.graph.update_edge({"id": 1, "length": 7.0 + ctx.seed})
+
+
+def build_wall(ctx):
+    """Add a building that hides agents."""
+    if is_due(ctx):
+        ctx.graph.add_obstacles([[(5, 0, 9), (5, 40, 9), (5, 0, 0), (5, 40, 0)]])
+
+
+def ask_erring_sensors(ctx):
+    """Score what a sensor shows that errs."""
+    if is_due(ctx):
+        ctx.game.scores["seen"] += len(ctx.game.observation("red_0")["sensor"]["near"][1])
+
+
+def draw(ctx):
+    """Draw as an agent does."""
+    if is_due(ctx):
+        ctx.game.scores["luck"] += ctx.game.observation("red_0")["draw"].below(100)
+        ctx.game.scores["luck"] += int(ctx.game.observation("blue_0")["rng"].integers(100))
+
+
+ACTS = [add_bridge, add_island, stretch, build_wall, ask_erring_sensors, draw]
+
+
+def built(act, settings=None, phase="after", strategies=None, **options):
+    """Return a context with a game in which a rule acts, between rules of the core and functions."""
+    options = {"max_turns": 9, "sensors": ERRING, **options}
+    world = scene([TAG, FLAGS], settings=settings or {}, **options)
+    world = world.replace(**{"teams.red.sensors": ["near", "next"], "teams.blue.sensors": ["near"]})
+    ctx = world.build(seed=1, strategies=strategies or {"red": wander})
+    if settings and "speed_unit" in settings:
+        for agent in ctx.agent.create_iter():
+            agent.speed = 25.0
+    ctx.game.on_illegal = "stay"
+    ctx.game.add(act, phase=phase)
+    ctx.game.add(lambda ctx: ctx.game.scores.update(nodes=len([*ctx.graph.graph.get_nodes()])), name="count")
+    return ctx
+
+
+def assert_as_alone(ctx, seeds, play=lambda games: games.run()):
+    with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
+        play(games)
+        for number, seed in enumerate(seeds):
+            alone.game.reset(seed=seed)
+            assert plain(games.result(number)) == plain(alone.game.run())
+        return games.detached
+
+
+@pytest.mark.parametrize("settings", UNITS)
+@pytest.mark.parametrize("act", ACTS)
+def test_games_that_differ_by_what_functions_do_are_those_alone(act, settings):
+    with built(act, settings) as ctx:
+        assert_as_alone(ctx, [1, 2])
+
+
+@pytest.mark.parametrize("phase", ["before", "after"])
+@pytest.mark.parametrize("act", ACTS)
+def test_forty_games_are_those_alone(act, phase):
+    with built(act, phase=phase) as ctx:
+        assert_as_alone(ctx, range(40))
+
+
+@pytest.mark.parametrize("act", ACTS)
+def test_they_are_those_alone_turn_by_turn_and_after_a_reset(act):
+    def play(games):
+        games.run()
+        games.reset([1])
+        games.reset([2], seeds=[5])
+        while not games.is_over.all():
+            games.step()
+        games.reset([2], seeds=[2])
+        games.run()
+
+    with built(act) as ctx:
+        assert_as_alone(ctx, [1, 2, 2, 3], play)
+
+
+def test_agents_are_observed_where_functions_have_changed_the_map():
+    with built(add_bridge) as ctx, ctx.game.batch(seeds=[2, 3]) as games:
+        for _ in range(6):
+            games.step()
+        for number in range(2):
+            alone = games.context(number).game
+            view = games.observe("blue")
+            nodes = [agent.current_node_id for agent in alone.agents if agent.team == "blue"]
+            assert view["curr_pos"][number].tolist() == nodes
+            assert plain(games.result(number)) == plain(alone.result())
+
+
+def test_games_with_agents_on_nodes_that_functions_have_added_are_not_observed():
+    with built(add_island) as ctx, ctx.game.batch(seeds=[3, 2]) as games:
+        games.run()
+        with pytest.raises(BadValue, match="Game 1 cannot be observed"):
+            games.observe("red")
+
+
+def test_sensors_that_change_agents_are_called_as_alone():
+    def jolt(node_id, agent):
+        if node_id == 12 and agent.team == "red":
+            agent.current_node_id = 3
+        return node_id
+
+    with built(draw) as ctx:
+        for agent in ctx.agent.create_iter():
+            agent.register_sensor("jolt", ctx.sensor.from_function(f"jolt of {agent.name}", jolt))
+        assert_as_alone(ctx, range(6))
+
+
+def test_routes_over_other_nodes_are_those_alone():
+    def roam(state):
+        here = state["curr_pos"]
+        state["action"] = {"path": [here, (here * 7) % 25, (here * 3 + state["turn"]) % 25]}
+        if here % 5 == 0:
+            state["action"] = {"path": [here, here]}
+
+    with built(stretch, {"legal": "any"}, strategies={"red": roam}) as ctx:
+        assert_as_alone(ctx, [1, 2, 3])
