@@ -3,8 +3,7 @@
 import numpy as np
 
 import gamms
-from gamms.game.batch.arrays import ArrayEngine
-from gamms.game.batch.state import NotInCore
+from gamms.game.batch.separate_games import SeparateGames
 from gamms.rules import resource
 from gamms.scenario import Scenario
 
@@ -24,24 +23,36 @@ def as_it_is(scenario):
 
 
 def beyond_core(scenario):
-    """Return a scenario with the same games, played one after the other because of a rule like `UNUSED`."""
+    """Return a scenario with the same games, played in contexts of their own because of a rule like `UNUSED`."""
     rules = scenario.to_dict().get("rules", [])
     return scenario.replace(rules=[*rules, {"rule": "resource", "with": {"name": "unused", "start": 1}}])
 
 
 UNUSED = resource("unused", 1)
-"""A rule that tests take for one that the core does not have: see `EngineWithoutUnused`."""
+"""A rule because of which tests let games continue in contexts of their own: see `SeparateUnused`."""
 BEYOND = "the rule 'resource'"
 """Why games with this rule are not played in the core."""
 
 
-class EngineWithoutUnused(ArrayEngine):
-    """The engine of games in the core, which cannot take up the rule `UNUSED`."""
+class SeparateUnused(SeparateGames):
+    """The games in contexts of their own, with all games that have the rule `UNUSED`."""
 
-    def __init__(self, games, *args):
-        if any("unused" in repr(one.rule) for game in games for one in game.rules):
-            raise NotInCore(BEYOND)
-        super().__init__(games, *args)
+    def __init__(self, engine, *args):
+        games = [one.game for one in engine._maps]
+        has_unused = any("unused" in repr(one.rule) for game in games for one in game.rules)
+        self._unused = range(len(engine.is_over)) if has_unused else ()
+        self._first_turn = games[0].turn
+        super().__init__(engine, *args)
+        self._add_unused()
+
+    def _add_unused(self):
+        for number in self._unused:
+            if number not in self:
+                self.add(number, BEYOND, self._first_turn)
+
+    def forget(self, numbers):
+        super().forget(numbers)
+        self._add_unused()
 
 
 WAYS = [as_it_is, beyond_core]

@@ -22,11 +22,11 @@ def agents_arrive_few_times_in_a_turn():
 
 @pytest.fixture(autouse=True, scope="session")
 def some_games_are_beyond_the_core():
-    """Let games with the rule `UNUSED` be played one after the other."""
-    from batch_scenes import EngineWithoutUnused
+    """Let games with the rule `UNUSED` be played in contexts of their own."""
+    from batch_scenes import SeparateUnused
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(games, "ArrayEngine", EngineWithoutUnused)
+        patch.setattr(games, "SeparateGames", SeparateUnused)
         yield
 
 

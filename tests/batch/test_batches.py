@@ -295,29 +295,29 @@ def test_plans_that_differ_with_the_seed_are_called_in_the_core_on_several_maps(
             assert plain(games.result(number)) == plain(alone.play(seed=seed))
 
 
-@pytest.mark.parametrize(("number", "is_warned"), [(16, True), (15, False)])
-def test_run_warns_once_of_a_rule_beyond_the_core_in_many_games(number, is_warned, caplog):
+def test_run_logs_once_what_is_called_game_by_game(caplog):
     with scene([TAG], max_turns=1).build() as ctx:
         ctx.game.add(UNUSED)
-        with ctx.game.batch(number) as games, ctx.game.batch(number) as others:
+        with ctx.game.batch(2) as games, ctx.game.batch(2) as others, caplog.at_level("INFO", ctx.logger.name):
             others.run(warn=False)
             assert not caplog.records
             for _ in range(2):
                 games.run()
                 games.reset()
-    said = f"A batch is played one game after the other, because of {BEYOND}."
-    assert [one.message for one in caplog.records if one.levelname == "WARNING"] == [said] * is_warned
+    assert [one.message for one in caplog.records if "game by game" in one.message] == [
+        f"A batch calls plain functions game by game, because of {BEYOND}."
+    ]
 
 
-def test_games_beyond_the_core_are_played_one_by_one_with_the_same_results():
+def test_games_that_leave_the_core_are_played_in_contexts_of_their_own_with_the_same_results():
     scenario = scene([TAG])
     with scenario.batch(4, seed=1) as fast, scenario.build(seed=1) as ctx:
         fast.run()
         ctx.game.add(UNUSED)
         ctx.game.add(time_limit(3))
         with ctx.game.batch(seeds=[1, 2]) as slow:
-            assert slow.slow == BEYOND
-            assert "one by one" in repr(slow)
+            assert slow.detached == {0: BEYOND, 1: BEYOND}
+            assert "2 of them in contexts of their own" in repr(slow)
             slow.run()
             assert [slow.result(number).reason for number in (0, 1)] == ["time limit", "time limit"]
             assert slow.turn.tolist() == [3, 3]

@@ -57,13 +57,12 @@ class VariantPlayer:
         self._settings = settings
         self._strategies = variant.strategies
         self._scenario = variant.of(settings.scenario)
-        self._is_for_arrays = True  # until a batch reports the opposite
 
     def play(self, seeds: Sequence[int]) -> FinishedTask:
         """Play games and return their rows; a game that raises becomes a row with an error."""
         begin = perf_counter()
         with allowing(self._settings.max_memory):
-            rows = self._in_arrays(seeds) if self._is_for_arrays and len(seeds) >= _FEW else None
+            rows = self._in_arrays(seeds) if len(seeds) >= _FEW else None
             rows = [self._alone(seed) for seed in seeds] if rows is None else rows
         return FinishedTask(rows, perf_counter() - begin)
 
@@ -74,12 +73,9 @@ class VariantPlayer:
             return {"error": _error(error)}
 
     def _in_arrays(self, seeds: Sequence[int]) -> list[Row] | None:
-        """Return the rows of games played as a batch; None: they cannot be, or a game has raised."""
+        """Return the rows of games played as a batch; None: a game has raised."""
         try:
             with self._scenario.batch(seeds=seeds, strategies=self._strategies) as games:
-                self._is_for_arrays = games.is_in_arrays
-                if not self._is_for_arrays:
-                    return None
                 games.run(warn=False)
                 return [row_of(games.result(number), self._settings.collect) for number in range(len(seeds))]
         except TooLarge:

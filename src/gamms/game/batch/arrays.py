@@ -518,6 +518,8 @@ class GamesOnOneMap:
         turn._lock()
         try:
             form(turn)
+        except NotInCore as error:
+            self.state.leave(games, str(error))
         except Exception as error:
             error.add_note(
                 f"In the rule {named.name!r} (phase {named.phase!r}) of a batch, {in_turns(turn.turn, turn.games)}."
@@ -615,7 +617,7 @@ class ArrayEngine:
 
     @property
     def may_leave(self) -> bool:
-        """Whether games may leave the core: because of functions, or because actions come from outside."""
+        """Whether functions are called, because of which games may have to be played in contexts of their own."""
         return self.calls_each or len(self.functions) > 0
 
     @property
@@ -646,6 +648,7 @@ class ArrayEngine:
         """
         self._map_of[games] = maps
         self._find_games()
+        self._state.is_apart[games] = False
         for number, one in enumerate(self._maps):
             which = np.flatnonzero(maps == number)
             if len(which):
@@ -656,6 +659,11 @@ class ArrayEngine:
         """Which games have ended, (games,)."""
         over = ~self._state.is_going
         return over if self._last is None else over | (self._state.turn >= self._last)
+
+    @property
+    def playing(self) -> BoolArray:
+        """Which games are played here and are not over, (games,)."""
+        return ~(self.is_over | self._state.is_apart)
 
     # -- playing ------------------------------------------------------------------------------------------------
 
@@ -670,7 +678,7 @@ class ArrayEngine:
         before = self._state.turn.copy()
         last = before + turns
         until = last if self._last is None else np.minimum(last, self._last)
-        self._play(~self.is_over, until * self._num_parts, None, threads)
+        self._play(self.playing, until * self._num_parts, None, threads)
         return int((self._state.turn - before).max())
 
     def step(
@@ -679,6 +687,7 @@ class ArrayEngine:
         numbers: LearnerActions | None = None,
         threads: int = 1,
         only: BoolArray | None = None,
+        play_others: Callable[[dict[int, str]], None] | None = None,
     ) -> None:
         """Play one turn of all games that are not over.
 
@@ -687,24 +696,30 @@ class ArrayEngine:
             numbers: what agents do that follow neither these nor their strategies.
             threads: how many play.
             only: (games,) which games are played; None: all.
+            play_others: plays the turn of the games in contexts of their own; its argument says why some of these games
+                have not played this turn here.
 
         Raises:
-            NotInCore: a function asks for what the core does not have.
             NewAgents: rules have created agents that have no rows; the games have to begin again.
         """
-        playing = ~self.is_over if only is None else only & ~self.is_over
+        playing = self.playing if only is None else only & self.playing
         is_given = len(given) > 0 or numbers is not None
+        leaving = self._state.leaving
         undoing = []
-        if np.count_nonzero(playing) > 1:
+        if np.count_nonzero(~self.is_over) > 1:
             undoing = [*chain(*(one.checkpoints(is_given=is_given) for one in self._maps))]
         try:
             self._play_turn(playing, given, numbers, threads)
-        except (NotInCore, NewAgents):
+            if play_others is not None:
+                play_others({**leaving})
+        except NewAgents:
             raise
         except BaseException:
             for undo in undoing:
                 undo()
             raise
+        finally:
+            leaving.clear()
 
     def _play_turn(
         self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None, threads: int
@@ -1018,6 +1033,27 @@ class ArrayEngine:
     def state_of(self, number: int) -> GameArrays:
         """Return what is known of the games, as they are on the map of this number."""
         return self._maps[number].state
+
+    def state_in(self, game: int) -> GameArrays:
+        """Return what is known of the games, as they are on the map of a game."""
+        return self._maps[int(self._map_of[game])].state
+
+    def by_map(self, games: IntArray) -> Iterator[tuple[GameArrays, IntArray]]:
+        """Yield the state of the games on each map, and those of some games that are on it."""
+        for number, one in enumerate(self._maps):
+            some = games[self._map_of[games] == number]
+            if len(some):
+                yield one.state, some
+
+    def set_apart(self, game: int, turns: int) -> None:
+        """Stop playing a game that continues after a number of turns in a context of its own."""
+        self._state.is_apart[game] = self._state.is_going[game] = True
+        self._state.over[game] = None
+        self._state.turn[game] = turns
+
+    def take_back(self, game: int) -> None:
+        """Play a game again that was played in a context of its own."""
+        self._state.is_apart[game] = False
 
     def view(self, agents: IntArray, number: int) -> ArrayView:
         """Return what agents observe in the games on the map of this number."""

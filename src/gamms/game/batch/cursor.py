@@ -271,9 +271,9 @@ class _PopulationCaches:
 class Cursor:
     """Calls plain functions in a context that is pointed at each game of a batch in turn.
 
-    The context has one set of agents. They show the game that the context is pointed at. A plain function that reads
-    what a context cannot show of the core, or changes what the core cannot change, raises `NotInCore`: the games leave
-    the core.
+    The context has one set of agents. They show the game that the context is pointed at. If a plain function reads what
+    a context cannot show of the core, or changes what the core cannot change, its game leaves: it plays the same turn
+    in a context of its own, and all turns that follow.
 
     Args:
         game: at its start, whose context is pointed at games.
@@ -321,7 +321,7 @@ class Cursor:
         self._turns = parts.turns
         self._values = parts.state
         self._phase = phase_of(game.ctx)
-        self._why = ""  # why games leave the core
+        self._why = ""  # why the game leaves that the context is pointed at
         self._core_keys = frozenset(_keys_in_core(game, state.roster))
         specs = [one.spec for one in called_rules(game, state.roster) if one.spec.core_form is not None]
         self._facts_in_core = {str(spec.key): spec.fact_of_game for spec in specs if spec.fact_of_game is not None}
@@ -442,9 +442,20 @@ class Cursor:
         return GuardedDict({}, None, self._leave, what)
 
     def _leave(self, what: str) -> NoReturn:
-        """Let the games leave the core, because of what a function does, in words."""
+        """Let the game leave that the context is pointed at, because of what a function does, in words."""
         self._why = self._why or f"a plain function {what}"
         raise NotInCore(self._why)
+
+    def _let_leave(self) -> None:
+        """Stop playing the game that the context is pointed at, and restore the context."""
+        self._state.leave(np.array([self._number]), self._why)
+        self._why = ""
+        turns = self._turns
+        is_moving = turns.is_moving
+        self.release()
+        self._begin()
+        turns.is_playing = True
+        turns.is_moving = is_moving
 
     def _what_is_fixed(self) -> tuple[Any, ...]:
         """Return the numbers and objects that only the turn engine may change."""
@@ -488,13 +499,17 @@ class Cursor:
         return _PopulationCaches(lasts, notices, sees_world_only, are_plain, lru_cache(1024)(self._new_living))
 
     def _refuse_changes(self) -> None:
-        """Leave the core if a function has changed a value that all games share."""
-        if self._why:
-            raise NotInCore(self._why)
+        """Let the game leave if a function has changed a value that all games share."""
         if self._what_is_fixed() != self._fixed:
             self._leave("changes the map, settings or rules")
-        if self._are_shared and not is_same(self._shared_attributes, self._first_attributes):
-            self._leave("changes the __dict__ of agents")
+
+    def _have_left(self, games: IntArray) -> bool:
+        """Let all of some games leave if a function has changed the attributes of agents that they share."""
+        if not self._are_shared or is_same(self._shared_attributes, self._first_attributes):
+            return False
+        self._state.leave(games, "a plain function changes the __dict__ of agents")
+        self.release()
+        return True
 
     def _forget_looks(self) -> None:
         for last in self._cached.lasts:
@@ -531,6 +546,18 @@ class Cursor:
                 self._facts[name] = self._facts_shown[name] = fact_of_game(state, number)
             self._show_attributes_of(number)
             yield number
+
+    def _each_that_stays(self, games: IntArray) -> Iterator[int]:
+        """Point the context at each of some games, but for those that have left, and yield the place of the game."""
+        places = np.flatnonzero(~np.isin(games, [*self._state.leaving]))
+        first = 0
+        while first < len(places):
+            for place, _ in zip(places[first:].tolist(), self._each(games[places[first:]]), strict=True):
+                first += 1
+                yield place
+                if self._why:
+                    self._let_leave()
+                    break
 
     def _show_facts(self, own: dict[str, Any] | None) -> None:
         """Let the facts be those of a game; None: those that were published before the batch."""
@@ -868,30 +895,40 @@ class Cursor:
         self._part = part
         turns.is_moving = part is not None or self._core.arrival is not None
         try:
-            for _ in self._each(games[self._pointed.by_population(games)]):
-                table, begun = self._living.table, self._living.table.begun
-                try:
-                    function()
-                finally:
-                    self._take()
-                if table.begun != begun:
-                    self._leave("draws by the streams of agents")
-                if any(last[0] is not self._looks for last in self._cached.lasts):
-                    self._forget_asking()
+            for _ in self._each_that_stays(games[self._pointed.by_population(games)]):
+                self._call(function)
         except Exception as error:
-            if not isinstance(error, NotInCore):
-                self._refuse_changes()
+            if not self._have_left(games):
                 if what:
                     error.add_note(f"In {what}, in turn {self._values.turn}.")
                 error.add_note(self._named())
-            raise
+                raise
         finally:
             turns.is_playing = turns.is_moving = False
             self._part = None
-        self._refuse_changes()
+        self._have_left(games)
         if self._new_agents:
             raise NewAgents(self._new_agents)
         self._state.now.clear()
+
+    def _call(self, function: Callable[[], object]) -> None:
+        """Call a function in the game that the context is pointed at, and take what it has changed."""
+        table = self._living.table
+        begun = table.begun
+        try:
+            try:
+                function()
+            finally:
+                if not self._why:
+                    self._take()
+                    self._refuse_changes()
+            if table.begun != begun:
+                self._leave("draws by the streams of agents")
+            if any(last[0] is not self._looks for last in self._cached.lasts):
+                self._forget_asking()
+        except Exception:
+            if not self._why:
+                raise
 
     def _forget_asking(self) -> None:
         """Forget what a function has asked sensors for, as if it had not."""
@@ -1068,23 +1105,22 @@ class Cursor:
     # -- strategies ---------------------------------------------------------------------------------------------
 
     @contextmanager
-    def _deciding(self) -> Iterator[None]:
-        """Let agents observe and decide in the games that the context is pointed at."""
+    def _deciding(self, games: IntArray) -> Iterator[None]:
+        """Let agents observe and decide in games at which the context is pointed."""
         turns = self._turns
         self._begin()
         turns.is_playing = turns.is_moving = True
         try:
             yield
         except Exception as error:
-            if not isinstance(error, NotInCore):
-                self._refuse_changes()
+            if not self._have_left(games):
                 error.add_note(self._named())
-            raise
+                raise
         finally:
             turns.is_playing = turns.is_moving = False
             turns.travel.now = 0.0
             self._forget_looks()
-        self._refuse_changes()
+        self._have_left(games)
 
     def decide(self, view: ArrayView, observing: IntArray, here: BoolArray | None) -> IntArray:
         """Return the actions of agents that are asked game by game.
@@ -1095,25 +1131,32 @@ class Cursor:
             here: (all games, all agents) which of these do so, where they arrive now; None: all do.
         """
         state = self._state
-        games, agents = view.games, view.agents
-        places = self._pointed.by_population(games)
-        are_blocked = np.any(state.blocked[games[places]][:, agents], axis=1).tolist()
+        agents = view.agents
+        places = self._pointed.by_population(view.games)
+        games = view.games[places]
+        are_blocked = np.any(state.blocked[games][:, agents], axis=1).tolist()
         ends = list[int]()
+        decided = list[int]()
         self._deeds = []
         if self._core.courses is not None:
             self._core.courses.routes.forget()
-        with self._deciding():
-            for number, is_blocked in zip(self._each(games[places]), are_blocked, strict=True):
+        with self._deciding(games):
+            for place in self._each_that_stays(games):
+                number = self._number
                 self._living.table.rekey(state.seeds[number])
                 if here is None:
                     asked = self._asked(agents, observing)
                 else:
                     asked = self._new_asked(agents[here[number, agents]], observing[here[number, observing]])
                 if not asked.part.observing:
-                    ends += [self._block.node[0]] * len(agents)
                     continue
-                told = self._tell_blocked(asked) if is_blocked or number in self._undone else ()
-                ends += self._ask(asked)
+                told = self._tell_blocked(asked) if are_blocked[place] or number in self._undone else ()
+                try:
+                    ends += self._ask(asked)
+                    decided.append(place)
+                except Exception:
+                    if not self._why:
+                        raise
                 for slot in told:
                     slot.set_blocked(None)
         if state.deed_log is not None and not self._core.arrival:
@@ -1121,8 +1164,8 @@ class Cursor:
         if self._core.courses is not None:
             self._core.courses.routes.write()
             return np.full(view.node.shape, -1)
-        wanted = np.zeros(view.node.shape, np.int64)
-        wanted[places] = np.array(ends, np.int64).reshape(view.node.shape)
+        wanted = np.array(state.streets.ids_of(view.node))
+        wanted[places[decided]] = np.array(ends, np.int64).reshape(len(decided), len(agents))
         return view.action_to(wanted)
 
     def note_given(self, view: ArrayView) -> None:
@@ -1178,6 +1221,7 @@ class Cursor:
         if self._journal.log or self._journal.progressed or self._values.over is not self._over:
             self._leave("that is a sensor changes agents or ends the game")
         self._take()
+        self._refuse_changes()
 
     def _choose_flights(self, flights: Flights, decisions: Decisions, asked: _AskedAgents) -> None:
         """Let agents of the game that the context is pointed at fly as they have decided."""

@@ -23,10 +23,10 @@ from gamms.game.batch.columns import (
 )
 from gamms.game.batch.cursor import first_called
 from gamms.game.batch.given import OutsideActions, OutsideActor, as_given, as_kept
-from gamms.game.batch.maps import SequentialMapsEngine, drawn_maps
-from gamms.game.batch.one_by_one import SequentialEngine
+from gamms.game.batch.maps import drawn_maps
 from gamms.game.batch.own_functions import FunctionsPerGame, MakeFunctions
-from gamms.game.batch.state import Columns, GameArrays, NotInCore
+from gamms.game.batch.separate_games import SeparateGames
+from gamms.game.batch.state import Columns, GameArrays
 from gamms.game.batch.view import ArrayView
 from gamms.game.global_random import global_state, seeded_for_run
 from gamms.game.hidden_state import refusing_changes
@@ -42,10 +42,7 @@ from gamms.typing.agent_engine import IAgent
 
 MostAgents = int | Mapping[Any, int | Sequence[str]]
 """The largest number of agents of a team, for every team or by team; or by team, the names of agents to reserve."""
-_FEWEST_WARNED = 16  # games
 _AT_ONCE_IN_CORE = 1 << 22  # agents times turns that the core plays between two checks for Ctrl-C
-_BYTES_PER_RESULT = 3_000  # of an agent, if games are played one by one
-_BYTES_PER_SNAPSHOT = 30_000  # of an agent, if games are played one by one with `step`; 27,000 measured
 
 
 class BatchSource(NamedTuple):
@@ -79,15 +76,14 @@ class _SingleGame(NamedTuple):
 class Batch(Immutable):
     """Many games of one scenario, each with its own seed: `scenario.batch(1000)`, `ctx.game.batch(1000)`.
 
-    Game i equals the game that `scenario.play(seed=seeds[i])` plays. The core plays the games if it supports all their
-    parts, and calls plain functions and array functions between its phases. Otherwise the games are played one after
-    the other in one context for each map. A batch is a context manager.
+    Game i equals the game that `scenario.play(seed=seeds[i])` plays. The core plays the games, and calls plain
+    functions and array functions between its phases. A game in which a plain function does what the core cannot do, for
+    example changes a setting, continues in a context of its own. A batch is a context manager.
 
     Attributes:
         seeds: (games,) the seed of each game.
         maps: (games,) the number of each game's map, drawn from its seed; 0 if there is one map.
-        slow: the first part that the core does not support, or the first plain function that it calls, as text; None:
-            neither exists.
+        slow: the first plain function that is called game by game, as text; None: there is none.
         is_closed: whether `close` was called; results remain available.
     """
 
@@ -122,12 +118,12 @@ class Batch(Immutable):
         own = [FunctionsPerGame(one.game, one.functions, self.seeds, differs=one.differs) for one in sources]
         self._own = [one if one.is_needed else None for one in own]
         self._engine = self._made_engine()
-        self._left: str | None = None  # why the games left the core
+        self._separate = SeparateGames(self._engine, self._roster, self._begun_at, self._playing_alone)
         is_kept = as_bool(record, "record") or self._engine.may_leave
         self._log: list[dict[Hashable, OutsideActions]] | None = [] if is_kept else None
         self._begun = np.zeros(len(seeds), np.int64)  # the length of the log at each game's start; -1: loaded
         self._steps = 0
-        self._ran_from: int | None = None  # the length of the log at the start of the current run
+        self._ran_from: IntArray | None = None  # (games,) the turns played before the current run; None: none runs
         self._is_said = False  # whether the slow part was logged
         self._first_turn = sources[0].game.turn  # the number of turns played before the batch
         self._shown: _SingleGame | None = None  # the game in the context that `context` returned
@@ -136,14 +132,9 @@ class Batch(Immutable):
         self._was_given = False  # whether actions were passed to `step` and not logged
         self._lock = RLock()  # of the thread that plays
 
-    def _made_engine(self) -> ArrayEngine | SequentialMapsEngine:
-        """Return the engine of the games: the core, or the turn engine for unsupported games; set `slow`."""
-        try:
-            engine = self._made_in_core()
-        except NotInCore as error:
-            self._put_public(slow=str(error))
-            self._refuse_too_many(_BYTES_PER_RESULT)
-            return self._made_one_by_one()
+    def _made_engine(self) -> ArrayEngine:
+        """Return the engine of the games, and set `slow`."""
+        engine = self._made_in_core()
         self._put_public(slow=first_called(self._sources[0].game, self._roster))
         return engine
 
@@ -169,22 +160,14 @@ class Batch(Immutable):
                 own.take(on_map, [self.seeds[game] for game in on_map.tolist()])
                 own.install()
 
-    def _made_one_by_one(self) -> SequentialMapsEngine:
-        """Return the engine that plays the games one after the other."""
-        for own in filter(None, self._own):
-            own.remove()
-        engines = [
-            SequentialEngine(source.game, roster, self.seeds)
-            for source, roster in zip(self._sources, self._rosters, strict=True)
-        ]
-        return SequentialMapsEngine(engines, self.maps.copy())
-
     def __len__(self) -> int:
         return len(self.seeds)
 
     def __repr__(self) -> str:
-        how = "in the core" if self.is_in_arrays else f"one by one, because of {self.slow}"
-        return f"Batch({len(self)} games, {int(self._engine.is_over.sum())} over, played {how})"
+        games = f"{len(self)} games, {int(self._engine.is_over.sum())} over, played in the core"
+        if self._separate:
+            games += f", {len(self._separate)} of them in contexts of their own"
+        return f"Batch({games})"
 
     def __reduce__(self) -> NoReturn:
         """Refuse to be pickled or copied."""
@@ -203,6 +186,7 @@ class Batch(Immutable):
         """End the contexts of the batch."""
         self._put_public(is_closed=True)
         self._hide()
+        self._separate.close()
         self._close_window()
         for source in self._sources:
             source.game.ctx.terminate()
@@ -241,14 +225,11 @@ class Batch(Immutable):
             BadType, BadValue: actions have a wrong type or shape, or are illegal. No game has played and no rule was
                 called, unless a rule of the phase "before" made an action illegal; then these rules were called, and
                 other actions may be passed.
-            TooLarge: games that are played one by one would not fit into memory.
         """
         self._refuse_closed()
         wanted = dict(as_mapping({} if actions is None else actions, "actions"))
         may_stay = as_choice(on_illegal, "on_illegal", ("raise", "stay")) == "stay"
         given = {team: self._as_given(team, value)._replace(may_stay=may_stay) for team, value in wanted.items()}
-        if not self.is_in_arrays:
-            self._refuse_too_many(_BYTES_PER_SNAPSHOT)
         self._step(given, None, min(as_count(threads, "threads"), len(self)))
         self._follow()
         return ~self._engine.is_over
@@ -272,7 +253,7 @@ class Batch(Immutable):
         if not self.is_in_arrays:
             return False
         given = dict[Hashable, OutsideActions]()
-        if self._log is not None:  # the turn engine may have to play these games again
+        if self._log is not None:  # games may have to be played again
             public = np.cumsum(self._roster.is_public) - 1  # numbers among public agents
             for team in self.teams:
                 members = public[self._roster.members(team)]
@@ -286,18 +267,34 @@ class Batch(Immutable):
         self, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None, threads: int
     ) -> None:
         engine = self._engine
-        if isinstance(engine, SequentialMapsEngine):
-            engine.step(given)
-            return
+        separate = self._separate
+        going = separate.going if self._ran_from is None else []
+        turns = engine.turns()
+        separate.check(given if going else {})
+
+        def play_others(leaving: dict[int, str]) -> None:
+            self._take_leaving(leaving, turns)
+            if self._ran_from is None:
+                separate.step([*going, *leaving], given)
+
+        is_single = np.count_nonzero(~engine.is_over) == 1
         try:
-            engine.step({} if numbers is not None else given, numbers and self._with_all_rows(numbers), threads)
+            with nullcontext() if is_single else separate.undoing_after_error():
+                engine.step(
+                    {} if numbers is not None else given,
+                    numbers and self._with_all_rows(numbers),
+                    threads,
+                    play_others=play_others,
+                )
         except NewAgents as error:
             self._begin_with(error.agents)
             self._play_turn(given, numbers, threads)
-        except NotInCore as error:
-            left = self._leave_arrays(engine, " ".join((f"{error}.", *getattr(error, "__notes__", ()))))
-            if self._ran_from is None:
-                left.step(given)
+
+    def _take_leaving(self, leaving: Mapping[int, str], turns: IntArray) -> None:
+        """Continue games in contexts of their own after `turns`, (games,), or after those before the current run."""
+        before = turns if self._ran_from is None else self._ran_from
+        for number, why in leaving.items():
+            self._separate.add(number, why, int(before[number]))
 
     def _begin_with(self, agents: Sequence[IAgent]) -> None:
         """Play all games again up to the last turn, with rows for agents that rules have created or will create."""
@@ -310,6 +307,7 @@ class Batch(Immutable):
             roster.first_nodes(source.game) for source, roster in zip(self._sources, self._rosters, strict=True)
         ]
         self._engine = engine = self._made_in_core()
+        self._separate.move_to(engine, self._roster)
         for place, given in enumerate(self._log or ()):
             turns = engine.turns()
             try:
@@ -335,36 +333,14 @@ class Batch(Immutable):
         start = game.snapshot()
         last = game.settings()["max_turns"]
         found: dict[str, IAgent] = {}
-        self._alone = _SingleGame(0, game)
         try:
             game.reset(seed=self.seeds[0])
-            with suppress(Exception):  # which the batch raises in its turn
+            with self._playing_alone(0, game), suppress(Exception):  # which the batch raises in its turn
                 while (last is None or game.turn < last) and game.step():
                     found = {**game.ctx.agent.agents, **found}
         finally:
-            self._alone = None
             game.restore(start)
         return [agent for name, agent in found.items() if name not in self._roster.names]
-
-    def _leave_arrays(self, left: ArrayEngine, why: str) -> SequentialMapsEngine:
-        """Replace the core by the turn engine, which plays all games again up to the last turn.
-
-        During `run` it plays them only up to the start of the run, because it seeds the global generators once per run.
-        """
-        self._hide()
-        left.release()
-        engine = self._made_one_by_one()
-        log = self._log or []
-        if self._ran_from is not None:
-            del log[self._ran_from :]
-        for number in range(len(self)):
-            for given in log[self._entry_of(number) :]:
-                if engine.over(number) is None:
-                    engine.step_game(number, given)
-        self._engine = engine
-        self._left = why
-        self._put_public(slow=why)
-        return engine
 
     def _with_all_rows(self, numbers: LearnerActions) -> LearnerActions:
         """Return the actions of public agents as those of all agents."""
@@ -391,8 +367,6 @@ class Batch(Immutable):
 
     def _note(self, given: dict[Hashable, OutsideActions]) -> None:
         """Log the actions of a played turn."""
-        if self._ran_from is not None and not self.is_in_arrays:  # the turn engine starts the run again
-            return
         if self._log is not None:
             self._log.append(given)
         self._was_given |= self._log is None and bool(given)
@@ -408,8 +382,9 @@ class Batch(Immutable):
 
     def _watched(self) -> AbstractContextManager[None]:
         """Refuse functions that change hidden state; the check runs after 0, 1, 2, 4, 8, … steps."""
-        if not self.is_in_arrays or self._steps & (self._steps - 1):
-            return nullcontext()
+        return nullcontext() if self._steps & (self._steps - 1) else self._watching()
+
+    def _watching(self) -> AbstractContextManager[None]:
         return refusing_changes(
             self._engine.functions,
             "Keep it in view.keep(key, make) or turn.keep(key, make), else in state['memory'] or ctx.game.data.",
@@ -439,34 +414,37 @@ class Batch(Immutable):
             self._say_what_is_slow()
         with self._playing(), progress_line() as line:
             show = line if is_shown else None
-            if isinstance(self._engine, ArrayEngine):
-                self._ran_from = None if self._log is None else len(self._log)
-                try:
-                    self._run_in_core(self._engine, num_threads, show)
-                finally:
-                    self._ran_from = None
-            if isinstance(self._engine, SequentialMapsEngine):  # not `else`: games may have left the core
-                self._run_one_by_one(self._engine, show)
+            self._ran_from = self._engine.turns()
+            try:
+                self._run_in_core(num_threads, show)
+            finally:
+                self._ran_from = None
+            with self._watching():
+                for _ in self._separate.run(game.settings()["max_turns"]):
+                    if show is not None:
+                        self._show_progress(show)
         self._follow()
 
-    def _run_in_core(self, engine: ArrayEngine, threads: int, show: Callable[[str], object] | None) -> None:
-        """Play games to their ends in the core, until they leave it; in chunks of turns, between which Ctrl-C works."""
+    def _run_in_core(self, threads: int, show: Callable[[str], object] | None) -> None:
+        """Play games to their ends in the core, in chunks of turns, between which Ctrl-C works."""
         turns = max(1, _AT_ONCE_IN_CORE // (len(self) * len(self._roster.names)))
-        plays_by_phases = engine.plays_by_phases
-        before = global_state() if engine.calls_each else None
-        while isinstance(self._engine, ArrayEngine) and not self._engine.is_over.all():
+        plays_by_phases = self._engine.plays_by_phases
+        before = global_state() if self._engine.calls_each else None
+        while self._engine.playing.any():
             if plays_by_phases:
                 self.step()
             else:
                 with uninterrupted(at_most_once=True):
-                    played = engine.play(turns, threads)
+                    played = self._engine.play(turns, threads)
                     if self._log is not None:
                         self._log += [{}] * played
                     self._steps += played
             if show is not None:
                 self._show_progress(show)
-        if isinstance(self._engine, ArrayEngine) and before is not None and global_state() != before:
-            self._leave_arrays(self._engine, "a plain function draws from the global generators of random numbers")
+        if before is not None and global_state() != before:
+            others = [number for number in range(len(self)) if number not in self._separate]
+            why = "a plain function draws from the global generators of random numbers"
+            self._take_leaving(dict.fromkeys(others, why), self.turn)
 
     def _show_progress(self, show: Callable[[str], object]) -> None:
         over = int(self._engine.is_over.sum())
@@ -476,21 +454,7 @@ class Batch(Immutable):
         if self._is_said or self.slow is None:
             return
         self._is_said = True
-        logger = self.game.ctx.logger
-        if self.is_in_arrays:
-            logger.info(f"A batch calls plain functions game by game, because of {self.slow}.")
-            return
-        say = logger.info if len(self) < _FEWEST_WARNED else logger.warning
-        say(f"A batch is played one game after the other, because of {self.slow}.")
-
-    def _run_one_by_one(self, engine: SequentialMapsEngine, show: Callable[[str], object] | None) -> None:
-        try:
-            for game in np.flatnonzero(~engine.is_over).tolist():
-                engine.run(game)
-                if show is not None:
-                    show(f"game {game + 1} of {len(self)}")
-        finally:
-            engine.return_to_shown()
+        self.game.ctx.logger.info(f"A batch calls plain functions game by game, because of {self.slow}.")
 
     def reset(self, which: Any = None, *, seeds: Iterable[int] | None = None) -> None:
         """Reset games to their start; with several maps, games with new seeds draw their maps again.
@@ -515,17 +479,14 @@ class Batch(Immutable):
         if seeds is not None:
             maps = self.maps.copy()
             maps[numbers] = drawn_maps(given, len(self._sources))
-            if self.is_in_arrays:
-                self._begin[numbers] = self._starts(given, maps[numbers])
+            self._begin[numbers] = self._starts(given, maps[numbers])
             self._put_public(maps=locked(maps))
         self._put_public(seeds=tuple(changed.get(game, seed) for game, seed in enumerate(self.seeds)))
-        if isinstance(self._engine, ArrayEngine):
-            if any(self._own):
-                self._engine.release()
-                self._take_functions(np.array(numbers))
-            self._engine.start(np.array(numbers), given, self.maps[numbers], self._begin[numbers])
-        else:
-            self._engine.start(np.array(numbers), given, self.maps[numbers])
+        if any(self._own):
+            self._engine.release()
+            self._take_functions(np.array(numbers))
+        self._engine.start(np.array(numbers), given, self.maps[numbers], self._begin[numbers])
+        self._separate.forget(numbers)
         if len(changed) == len(self):
             self._log, self._was_given = None if self._log is None else [], False
         self._begun[numbers] = len(self._log or ())
@@ -567,7 +528,7 @@ class Batch(Immutable):
         self._begun[:] = -1
 
     def _arrays(self, what: str) -> GameArrays:
-        if isinstance(self._engine, SequentialMapsEngine) or self._engine.calls_each:
+        if self._separate or self._engine.calls_each:
             why = str(self.slow).removesuffix(".")
             raise BadValue(f"{what} needs games that the core plays completely; it does not, because of {why}.")
         if len(self._sources) > 1:
@@ -614,13 +575,14 @@ class Batch(Immutable):
         number = 0 if map is None else as_int(map, "map")
         if not 0 <= number < num_maps:
             raise BadValue(f"There is no map {number}: the batch has {num_maps}, numbered from 0.")
+        self._separate.observe([game for game in self.detached if self.maps[game] == number])
         return self._engine.view(agents, number)
 
     @property
     def game(self) -> PlayedGame:
         """The game that the batch was made from, with its agents, rules and settings.
 
-        With several maps, it is the game on the first map, or on the map of the game that the turn engine played last.
+        With several maps, it is the game on the first map, or on the map of the game whose strategies are being called.
         """
         if self._alone is not None:
             return self._alone.game
@@ -674,12 +636,13 @@ class Batch(Immutable):
 
     def result(self, game: int) -> Result:
         """Return the result of a game so far; timings are 0 if the core plays it."""
-        return self._engine.result(self._as_game(game))
+        number = self._as_game(game)
+        return self._separate.result(number) if number in self._separate else self._engine.result(number)
 
     @property
     def detached(self) -> dict[int, str]:
-        """The reason why games left the core during play, by game; either all games have left, or none."""
-        return {} if self._left is None else dict.fromkeys(range(len(self)), self._left)
+        """The games that are played in contexts of their own, game -> reason; see docs/batches.md."""
+        return dict(sorted(self._separate.reasons.items()))
 
     def table(self) -> dict[str, Any]:
         """Return columns with one row for each game: seed, turns, reason, winner, truncated, and `score.<key>`.
@@ -711,7 +674,7 @@ class Batch(Immutable):
         self._refuse_unknown_past(number)
         with build(self.seeds[number]) as ctx:
             ctx.record.start(file, overwrite=True)
-            self._play_alone(ctx.game, number)
+            self._play_to_now(ctx.game, number)
 
     def _refuse_unknown_past(self, game: int) -> None:
         """Refuse to play a game again if its past actions are unknown."""
@@ -722,24 +685,42 @@ class Batch(Immutable):
             )
         self._entry_of(game)
 
-    def _play_alone(self, game: PlayedGame, number: int) -> None:
-        """Play a game in a separate context up to its current turn in the batch."""
+    def _play_alone(self, game: PlayedGame, number: int, turns: int, *, ends_before_moves: bool = False) -> None:
+        """Play a game in a separate context up to a turn, and the rules that end it before the moves of the next."""
         first, log = self._entry_of(number) - self._first_turn, self._log or []
-        turns = int(self._engine.turns()[number])
-        ran_from = self._engine.ran_from(number) if isinstance(self._engine, SequentialMapsEngine) else None
-        num_given = turns if ran_from is None else ran_from
+        num_given = self._separate.ran_from.get(number, turns)
         acting = OutsideActor(game, self._roster)
-        self._alone = _SingleGame(number, game)
         try:
-            with seeded_for_run(game.ctx, game.turn):
+            with self._playing_alone(number, game), seeded_for_run(game.ctx, game.turn):
                 for turn in range(game.turn, turns):
                     acting.take(log[first + turn] if log and turn < num_given else {}, number)
                     _step_again(game)
-                if self._engine.is_over[number] and game.over is None and turns != game.settings()["max_turns"]:
-                    game.step()  # a rule of the phase "before" ends the game in it
+                if ends_before_moves and game.over is None:
+                    game.step()
         finally:
-            self._alone = None
             acting.end()
+
+    def _play_to_now(self, game: PlayedGame, number: int) -> None:
+        """Play a game in a separate context up to its current turn in the batch."""
+        turns = int(self._engine.turns()[number])
+        is_ended = bool(self._engine.is_over[number]) and turns != self.game.settings()["max_turns"]
+        self._play_alone(game, number, turns, ends_before_moves=is_ended)
+
+    @contextmanager
+    def _playing_alone(self, number: int, game: PlayedGame) -> Iterator[None]:
+        """Let a game play in a separate context."""
+        before = self._alone
+        self._alone = _SingleGame(number, game)
+        try:
+            yield
+        finally:
+            self._alone = before
+
+    def _begun_at(self, number: int, turns: int) -> PlayedGame:
+        """Return a game after a number of turns, in a context of its own."""
+        game = self._begun_alone(number)
+        self._play_alone(game, number, turns)
+        return game
 
     def _entry_of(self, game: int) -> int:
         """Return the index of the log entry of a game's first turn."""
@@ -761,8 +742,8 @@ class Batch(Immutable):
         """
         number = self._as_game(game)
         with self._playing():
-            if isinstance(self._engine, SequentialMapsEngine) and self._engine.can_show(number):
-                return self._engine.show(number).ctx
+            if self._separate.has_context(number) and self._sources[self.maps[number]].show is None:
+                return self._separate.game(number).ctx
             return self._context_of(number)
 
     def _context_of(self, number: int) -> Any:
@@ -772,7 +753,9 @@ class Batch(Immutable):
             self._hide()
             if self._log is None:
                 self._begin_log()
-            self._shown = _SingleGame(number, self._begun_alone(number))
+            show = self._sources[self.maps[number]].show
+            game = self._begun_alone(number) if show is None else self._shown_in_window(show, number)
+            self._shown = _SingleGame(number, game)
         self._follow()
         return self._shown.game.ctx
 
@@ -780,8 +763,6 @@ class Batch(Immutable):
         """Return a game at its start, in a separate context."""
         source, seed = self._sources[self.maps[number]], self.seeds[number]
         game: PlayedGame
-        if source.show is not None:
-            return self._shown_in_window(source.show, number)
         if source.build is not None:
             game = source.build(seed).game
             return game
@@ -792,8 +773,6 @@ class Batch(Immutable):
         game = source.game.fork(0)
         if own is not None:
             own.install()
-        if isinstance(self._engine, SequentialMapsEngine):
-            self._engine.return_to_shown()
         game.reset(seed=seed)
         return game
 
@@ -822,7 +801,7 @@ class Batch(Immutable):
     def _follow(self) -> None:
         """Advance the separate context to the current turn of its game."""
         if self._shown is not None and not self._shown.game.ctx.is_terminated():
-            self._play_alone(self._shown.game, self._shown.number)
+            self._play_to_now(self._shown.game, self._shown.number)
 
     def _hide(self) -> None:
         """Terminate the separate context that shows a game; a window stays open for the next game."""
@@ -832,8 +811,8 @@ class Batch(Immutable):
 
     @property
     def is_in_arrays(self) -> bool:
-        """Whether the core plays the games; otherwise they are played one after the other."""
-        return isinstance(self._engine, ArrayEngine)
+        """Whether the core plays all games: none is played in a context of its own."""
+        return not self._separate
 
     @property
     def loaded(self) -> int | None:

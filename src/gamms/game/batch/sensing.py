@@ -425,7 +425,7 @@ def look(game: PlayedGame, state: GameArrays, pointed: PointedContext, games: In
         games: their numbers.
     """
     known: set[int] = state.now.setdefault("looked", set())
-    new = [number for number in games.tolist() if number not in known]
+    new = [number for number in games[~state.is_apart[games]].tolist() if number not in known]
     if not new:
         return
     looks = game.internals.parts.turns.looks

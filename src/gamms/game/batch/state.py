@@ -16,7 +16,8 @@ from gamms.game.batch.channels import MessageTraffic
 from gamms.game.batch.columns import AgentTable, Failure, GameLog
 from gamms.game.batch.deeds import DeclaredDeeds, DeedLog
 from gamms.game.batch.flights import Flights
-from gamms.game.batch.movement import Movement, Places
+from gamms.game.batch.movement import Movement
+from gamms.game.batch.noted_moves import NotedMoves
 from gamms.game.batch.roads import MultiMapStreets, RoadMap
 from gamms.game.batch.scores import Scores
 from gamms.game.decisions import COUNT_OF
@@ -40,7 +41,7 @@ Columns = dict[Hashable, np.ndarray[Any, Any]]
 
 
 class NotInCore(GammsError):
-    """The core does not support a part of a game, so that the games are played one after the other."""
+    """A function does what a context that games share cannot do: its game continues in a context of its own."""
 
 
 class EmittedEvents(NamedTuple):
@@ -280,7 +281,9 @@ class GameArrays:
         deeds: the deeds that agents may do besides moving.
         deed_log: the log of deeds; None: the games declare no deeds.
         radio: the channels and their messages; None: the games have no channels.
-        places: positions of agents on the ground in games that are played one by one; None: agents are on nodes.
+        is_apart: (games,) whether each game is played in a context of its own.
+        leaving: game -> why it is going to be played in a context of its own, after the current turn of the others.
+        noted_moves: legal nodes and positions in games that are played in contexts of their own; None: none was noted.
         flights: the flying agents; None: no agent flies.
         noted, noted_nodes: agent -> its sensors that are called individually for agents, or for nodes.
         sighted: (game, agent) -> sensor in `noted` -> the visible agents, and the rows of nodes where they appear.
@@ -332,6 +335,8 @@ class GameArrays:
         self.turning: list[tuple[int, int, Heading]] = []
         self.events = EventLog(games, roster.names)
         self.failures: list[tuple[Failure, int]] = []
+        self.is_apart = np.zeros(games, np.bool_)
+        self.leaving: dict[int, str] = {}
         self.radio: MessageTraffic | None = None
         self.deed_log: DeedLog | None = None
         self._purposes: dict[tuple[Purpose, ...], BitArray] = {}
@@ -354,7 +359,7 @@ class GameArrays:
         self.first_by = dict[Hashable, str]()
         self.facts = dict[str, Any]()
         self.shared: dict[Hashable, Any] = {}
-        self.places: Places | None = None
+        self.noted_moves: NotedMoves | None = None
         self.noted: dict[int, list[str]] = {}
         self.noted_nodes: dict[int, list[str]] = {}
         self.now = dict[Hashable, Any]()
@@ -567,6 +572,11 @@ class GameArrays:
             self.now.clear()
 
         return undo
+
+    def leave(self, games: IntArray, why: str) -> None:
+        """Stop playing games in the current turn, because of what a function does in them."""
+        self.leaving |= {number: why for number in games.tolist() if number not in self.leaving}
+        self.is_going[games] = False
 
     def turn_agents(self) -> None:
         """Set the headings that living agents have chosen in the current part of the turn, after its moves."""

@@ -15,6 +15,7 @@ from gamms.game.batch.columns import kept_in
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.movement import Movement, PacedMovement, Places
+from gamms.game.batch.noted_moves import MovementWithNotes
 from gamms.game.batch.roads import OpenRoads
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sensing import (
@@ -81,6 +82,8 @@ class ArrayView(Mapping[str, Any]):
         self.games = games
         self.agents = agents
         self.streets, self._movement, self._shared = state.world(games)
+        if state.noted_moves is not None and state.is_apart[games].any():
+            self._movement = MovementWithNotes(self._movement, state.noted_moves)
         self.roster = state.roster
         self.memory_of = state.memory_of
         self.node: IntArray = state.chosen(state.node, games, agents)
@@ -165,22 +168,12 @@ class ArrayView(Mapping[str, Any]):
 
     def _places(self) -> Places:
         """Return the positions of the agents; in games by metres, some may be on edges."""
-        found = self._places_on_ground()
+        found = self._movement.places(self.node, numbers_in(self, np.s_[:, :]))
         flights = self._state.flights
         if flights is not None:
             flies, xyz = flights.xyz(self.games, self.agents)
             found.xy[:, flies] = xyz[..., :2]
         return found
-
-    def _places_on_ground(self) -> Places:
-        if len(self._movement.edge):
-            return self._movement.places(self.node, numbers_in(self, np.s_[:, :]))
-        known = self._state.places
-        rows = np.ix_(self.games, self.agents)
-        if known is None:
-            shape = self.node.shape
-            return Places(np.full((*shape, 3), -1), np.zeros(shape), self.streets.columns.xy[self.node])
-        return Places(known.edge[rows], known.offset_m[rows], known.xy[rows])
 
     def action_to(self, nodes: Any) -> IntArray:
         """Return the actions that lead to these node ids, (games, agents); -1 if a node is not legal.
@@ -467,11 +460,7 @@ class ArrayView(Mapping[str, Any]):
     def _plain_looks(self) -> strategies.SensorTable | None:
         """Return the sensors of all agents in the form of the core; None: some have no such form."""
         state = self._state
-        movement = self._movement
-        places = self._state.places
-        if movement.leaves_nodes or state.noted:
-            return None
-        if places is not None and (places.edge[..., 0] >= 0).any():
+        if self._movement.leaves_nodes or state.noted:
             return None
         if "looks" not in state.shared:
             state.shared["looks"] = made_looks(state, [True] * len(self.roster.names))
