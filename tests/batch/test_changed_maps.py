@@ -3,7 +3,6 @@
 import pytest
 from batch_scenes import plain, scene
 
-import gamms
 from gamms.errors import BadValue
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
