@@ -9,10 +9,10 @@ of its own (`separate_games.py`).
 `state.py` holds the state of a batch, `columns.py` its agents and logs, `scores.py` the scores, `initial_state.py` the
 state of the first turn, and `own_functions.py` strategies that differ between games. Array rules get a turn
 (`turn.py`), array strategies and observers a view (`view.py`). `movement.py`, `by_edges.py` and `travel.py` find
-legal moves, `sensing.py` the agents and nodes that sensors show, `vectors.py` observations as numbers,
-`noted_moves.py` those of games in contexts of their own, `routes.py` distances, `roads.py` closed roads, `flows.py` diffusion; `deeds.py` and `channels.py` check deeds and
-messages, `given.py` actions from outside. `forms.py` has the declarations of strategies; `array_functions.py` declares
-array functions, and calls them in games that are played alone.
+legal moves, `noted_moves.py` those in games in contexts of their own, `sensing.py` the agents and nodes that sensors
+show, `vectors.py` observations as numbers, `routes.py` distances, `roads.py` closed roads, `flows.py` diffusion;
+`deeds.py` and `channels.py` check deeds and messages, `given.py` actions from outside. `forms.py` has the declarations
+of strategies; `array_functions.py` declares array functions, and calls them in games that are played alone.
 """
 
 from gamms.game.batch.array_functions import array_rule, array_strategy

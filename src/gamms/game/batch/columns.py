@@ -483,6 +483,15 @@ def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
     return given
 
 
+def drawn_maps(seeds: Sequence[int], num_maps: int) -> IntArray:
+    """Return the number of the map that each seed draws, (seeds,)."""
+    if num_maps == 1:
+        return np.zeros(len(seeds), np.int64)
+    purposes = np.array([kernels.purpose_key(seed, "map") for seed in seeds], np.uint64)
+    bits = kernels.draw_bits_rows(purposes, kernels.name_keys(["map"]), 0)
+    return kernels.below_many(bits, num_maps)
+
+
 def in_threads(play: Callable[[int, int, int], object], games: int, threads: int) -> None:
     """Call `play(thread, begin, end)` for equal parts of the games, each part in its own thread.
 

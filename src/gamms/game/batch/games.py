@@ -19,11 +19,11 @@ from gamms.game.batch.columns import (
     PlayedGame,
     ZeroDefaultScores,
     agents_of,
+    drawn_maps,
     reserved,
 )
 from gamms.game.batch.cursor import first_called
 from gamms.game.batch.given import OutsideActions, OutsideActor, as_given, as_kept
-from gamms.game.batch.maps import drawn_maps
 from gamms.game.batch.own_functions import FunctionsPerGame, MakeFunctions
 from gamms.game.batch.separate_games import SeparateGames
 from gamms.game.batch.state import Columns, GameArrays
