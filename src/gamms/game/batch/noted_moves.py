@@ -1,13 +1,13 @@
 """The legal nodes and positions of agents in games of a batch that are played in contexts of their own."""
 
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from gamms.game.batch.movement import Movement, Places
 from gamms.game.batch.routes import RouteTable
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 
 
@@ -36,7 +36,9 @@ class NotedMoves:
         self.counts[game, agent] = len(legal)
         self.nodes[game, agent, : len(legal)] = legal
 
-    def place(self, game: int, agent: int, edge: tuple[int, int, int], offset_m: float, xy: Any) -> None:
+    def place(
+        self, game: int, agent: int, edge: tuple[int, int, int], offset_m: float, xy: Sequence[float] | FloatArray
+    ) -> None:
         """Note the position of an agent; see `Places`."""
         for column, value in zip(self.places, (edge, offset_m, xy), strict=True):
             column[game, agent] = value
