@@ -339,6 +339,7 @@ ctx.graph.save()
 def test_after_the_end_there_is_no_graph(any_ctx, fill, tmp_path):
     graph = fill(any_ctx)
     near = graph.neighborhoods
+    graph.shortest_path(1, 2)  # which is remembered
     any_ctx.terminate()
     for ask in (
         lambda: any_ctx.graph.graph,
@@ -355,6 +356,12 @@ def test_after_the_end_there_is_no_graph(any_ctx, fill, tmp_path):
         lambda: graph.has_node(1),
         lambda: near[1],
         lambda: len(graph),
+        lambda: graph.shortest_path(1, 2),
+        lambda: any_ctx.graph.routes.nearest_edge(0, 0),
+        lambda: any_ctx.graph.visible((0, 0, 0), [(1, 1, 1)]),
+        lambda: any_ctx.graph.obstacle_revision,
+        lambda: any_ctx.graph.add_obstacles([]),
+        any_ctx.graph.obstacle_columns,
     ):
         with pytest.raises(ContextTerminated):
             ask()

@@ -170,10 +170,3 @@ def test_a_radius_is_not_negative(graph, radius):
     graph.add_node({"id": 1, "x": 0.0, "y": 0.0})
     with pytest.raises(BadValue, match="radius"):
         graph.within(1, radius)
-
-
-@pytest.mark.parametrize("place", [(math.nan, 0.0, 0.0), (1.0, math.nan, 0.0), (-1.0, 0.0, math.nan)])
-def test_nan_is_no_place(graph, place):
-    for query in (graph.get_nodes, graph.get_edges):
-        with pytest.raises(BadValue, match="nan"):
-            query(*place)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gamms.errors import BadType, BadValue, ContextTerminated, DuplicateId, UnknownName
+from gamms.errors import BadType, BadValue, DuplicateId, UnknownName
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
 
 WALL = {"tr": (2, 1, 3), "tl": (0, 1, 3), "br": (2, 1, 0), "bl": (0, 1, 0), "type": 4}
@@ -21,34 +21,6 @@ def test_a_face_is_given_back_as_floats(any_ctx):
 
 
 corners = st.tuples(*[st.integers(-9, 9)] * 3)
-
-
-@given(
-    faces=st.lists(st.tuples(corners, corners, corners, corners), max_size=6),
-    d=st.integers(-1, 12),
-    x=st.integers(-15, 15),
-    y=st.integers(-15, 15),
-)
-def test_nearness_equals_brute_force(faces, d, x, y):
-    check_nearness(faces, d, x, y)
-
-
-def test_nearness_among_many_faces_equals_brute_force():
-    faces = [((x, y, 3), (x + 1, y, 3), (x, y, 0), (x + 1, y, 0)) for x in range(20) for y in range(20)]
-    for d, x, y in ((0, 5, 5), (2, 7.5, 9.5), (3, 19, 0), (30, 10, 10), (1, 40, 5)):
-        check_nearness(faces, d, x, y)
-
-
-def check_nearness(faces, d, x, y):
-    obstacles = Obstacles()
-    for id, face in enumerate(faces):
-        obstacles.add(checked_face(id, *face, 0))
-
-    def meets(face):
-        xs, ys = [corner[0] for corner in face], [corner[1] for corner in face]
-        return min(xs) <= x + d and max(xs) >= x - d and min(ys) <= y + d and max(ys) >= y - d
-
-    assert list(obstacles.near(d, x, y)) == [id for id, face in enumerate(faces) if d < 0 or meets(face)]
 
 
 @pytest.mark.parametrize("corner", ["tr", "tl", "br", "bl"])
@@ -95,11 +67,6 @@ def test_faces_may_be_removed_while_they_are_listed(any_ctx):
     for id in any_ctx.graph.get_obstacle_faces():
         any_ctx.graph.remove_obstacle_face(id)
     assert list(any_ctx.graph.get_obstacle_faces()) == []
-
-
-def test_a_place_that_is_no_number_is_refused(ctx):
-    with pytest.raises(ValueError, match="A place must be finite"):
-        ctx.graph.get_obstacle_faces(1.0, float("nan"), 0.0)
 
 
 # -- many at once -----------------------------------------------------------------------------------------------
@@ -178,14 +145,6 @@ def test_where_there_are_no_ids_left_the_caller_has_to_give_some(ctx):
     with pytest.raises(BadValue, match="no 2 ids after"):
         ctx.graph.add_obstacles(BOX)
     assert ctx.graph.add_obstacles(BOX[:1]) == [2**63 - 1]
-
-
-def test_after_the_end_there_are_no_obstacles(open_ctx):
-    ctx = open_ctx()
-    ctx.terminate()
-    for verb in (lambda: ctx.graph.add_obstacles(BOX), ctx.graph.obstacle_columns):
-        with pytest.raises(ContextTerminated):
-            verb()
 
 
 def test_the_slow_columns_of_the_contract_are_the_same(any_ctx):

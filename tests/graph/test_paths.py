@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.errors import BadType, BadValue, ContextTerminated, NoPath, NotOffered, UnknownName
+from gamms.errors import BadType, BadValue, NoPath, NotOffered, UnknownName
 from gamms.graph import Graph, routes, store
 from gamms.graph.store import Cache
 from gamms.typing import IGraph
@@ -240,15 +240,6 @@ def test_a_default_that_knows_no_attributes_or_places_says_so():
 def test_no_path_is_ours_and_a_value_error(square):
     with pytest.raises(ValueError, match="from node 5 to node 1"):
         square.shortest_path(5, 1)
-
-
-def test_after_the_end_there_are_no_ways(open_ctx, fill):
-    ctx = open_ctx()
-    graph = fill(ctx)
-    graph.shortest_path(1, 2)
-    ctx.terminate()
-    with pytest.raises(ContextTerminated):
-        graph.shortest_path(1, 2)
 
 
 # -- what is remembered -----------------------------------------------------------------------------------------

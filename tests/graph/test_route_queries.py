@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
-from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
+from gamms.errors import BadType, BadValue, UnknownName
 from gamms.graph import Graph, routes
 
 NODES = 8
@@ -154,10 +154,3 @@ def test_an_engine_with_the_defaults_of_the_contract_answers_alike(town):
             lambda queries: queries.nearest_edge(133, 77)[1:],
         ):
             assert ask(other) == ask(town.routes)
-
-
-def test_after_the_end_there_are_no_queries():
-    ctx = gamms.create_context()
-    ctx.terminate()
-    with pytest.raises(ContextTerminated):
-        ctx.graph.routes.nearest_edge(0, 0)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms import kernels
-from gamms.errors import BadType, BadValue, ContextTerminated
+from gamms.errors import BadType, BadValue
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
 from gamms.typing.obstacles import IObstacles
 
@@ -57,15 +57,6 @@ def test_ends_of_sight_lines_are_checked(any_ctx, origin, targets, error, words)
     for verb in (any_ctx.graph.visible, lambda *ends: IObstacles.visible(any_ctx.graph, *ends)):
         with pytest.raises(error, match=words):
             verb(origin, targets)
-
-
-def test_after_the_end_nothing_is_seen(open_ctx):
-    ctx = open_ctx()
-    ctx.terminate()
-    with pytest.raises(ContextTerminated):
-        ctx.graph.visible((0, 0, 0), [(1, 1, 1)])
-    with pytest.raises(ContextTerminated):
-        _ = ctx.graph.obstacle_revision
 
 
 def test_the_revision_changes_with_every_change(any_ctx, tmp_path):

@@ -4,7 +4,6 @@ import itertools
 import math
 from heapq import heappop, heappush
 
-import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given
@@ -37,16 +36,6 @@ def distances(arcs, rows, cutoff=math.inf):
     near = kernels.Search(arcs, np.arange(len(found))).find(rows, within=cutoff)
     found[near.rows] = near.far
     return found
-
-
-@given(edges=edges_of(st.integers(0, 9).map(float)), rows=st.lists(ROW, min_size=1, max_size=3), cutoff=CUTOFFS)
-def test_distances_equal_those_of_networkx(edges, rows, cutoff):
-    reference = nx.MultiDiGraph()
-    reference.add_nodes_from(range(NODES))
-    reference.add_weighted_edges_from(edges)
-    known = nx.multi_source_dijkstra_path_length(reference, set(rows), cutoff=cutoff)
-    found = distances(arcs_of(edges), np.array(rows), cutoff)
-    assert found.tolist() == [known.get(node, math.inf) for node in range(NODES)]
 
 
 def heap_distances(arcs, rows, cutoff=math.inf):

@@ -90,11 +90,3 @@ def test_a_recording_that_was_closed_says_so(played):
         pass
     with pytest.raises(recorder.RecordingError, match="This recording was closed: open it again"):
         recording.state(3)
-
-
-def test_a_recording_is_not_written_into_a_folder_that_is_not_there(tmp_path):
-    with (
-        TAG.build(seed=3) as ctx,
-        pytest.raises(FileNotFoundError, match=r"There is no folder .*none' to write 'game.ggr' into"),
-    ):
-        ctx.record.start(tmp_path / "none" / "game.ggr")

@@ -8,7 +8,7 @@ import numpy as np
 from games import copied, empty_context, everything, grid_context, recorded, replayed
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_random_games import Programme, called, flyers, names, nodes, points, teams, walkers
+from test_random_games import Programme, called, flyers, names, nodes, points, teams, turns_of, walkers
 
 import gamms
 
@@ -82,6 +82,9 @@ changes = st.one_of(
     called("move", walkers, nodes),
     called("move", walkers, nodes),
     called("fly", flyers, points),
+    called("fly_and_turn", flyers, points, turns_of),
+    called("set", flyers, st.just("position"), points),
+    called("set", flyers, st.just("quat"), turns_of),
     called("set", names, st.just("current_node_id"), nodes),
     called("set", names, st.just("prev_node_id"), nodes),
     called("respawn", names, nodes),
@@ -93,14 +96,14 @@ changes = st.one_of(
     called("simulate"),
     called("game"),
 )
-COLUMNS = ("node", "previous", "x", "y", "z")
+COLUMNS = ("node", "previous", "x", "y", "z", "quat_w", "quat_x", "quat_y", "quat_z")
 
 
 def columns_of(ctx):
     """What `Recording.state` says of agents."""
     rows = []
     for agent in ctx.agent.create_iter():
-        place = agent.position if agent.type else (None,) * 3
+        place = (*agent.position, *agent.quat) if agent.type else (None,) * 7
         rows.append((agent.current_node_id, agent.prev_node_id, *place))
     columns = np.array(rows, np.float64).reshape(-1, len(COLUMNS)).T
     return [agent.name for agent in ctx.agent.create_iter()], dict(zip(COLUMNS, columns, strict=True))
@@ -128,3 +131,7 @@ def test_opened_and_replayed_states_are_those_of_the_game_turn_by_turn(before, a
             assert state.graph.packed == told["world"]
             for name, column in columns.items():
                 np.testing.assert_array_equal(state.agents[name].astype(np.float64), column)
+        told = [step for step in rec.steps() if step["event"] == "AERIAL_AGENT_POSITION"]
+        flights = [(step["turn"], step["data"]["agent_name"], *step["data"]["position"]) for step in told]
+        assert list(zip(*(one.tolist() for one in rec.table("positions").values()), strict=True)) == flights
+    assert copied(data) == data

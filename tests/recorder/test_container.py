@@ -94,20 +94,6 @@ def test_unknown_blocks_are_skipped():
 # -- the same bytes ---------------------------------------------------------------------------------------------
 
 
-@FEWER
-@given(games, st.lists(st.booleans(), min_size=8, max_size=8), st.booleans())
-def test_neither_time_nor_flushing_leaves_a_trace(game, flushes, is_slow):
-    stream, ticks = io.BytesIO(), iter(range(10**6))
-    clock = lambda: next(ticks) * (0.6 if is_slow else 0.01)
-    writer = Writer(stream, HEADER, turns=3, clock=clock)
-    for log, is_flushed in zip(game, flushes, strict=False):
-        writer.add_turn(log)
-        if is_flushed:
-            writer.flush()
-    writer.close()
-    assert stream.getvalue() == written(game, turns=3)
-
-
 rows = st.lists(st.tuples(numbers, numbers).map(list), max_size=4).map(
     lambda parts: [one for two in parts for one in two]
 )

@@ -150,16 +150,7 @@ def test_a_stream_without_a_way_back_gets_the_same_bytes():
     assert pipe.data == written(MIXED, turns=5)
 
 
-def test_a_file_opened_for_appending_gets_the_same_bytes(tmp_path):
-    with (tmp_path / "game.ggr").open("ab") as file:
-        writer = Writer(file, HEADER, turns=5, seconds=0)
-        for log in MIXED:
-            writer.add_turn(log)
-        writer.close()
-    assert (tmp_path / "game.ggr").read_bytes() == written(MIXED, turns=5)
-
-
-@pytest.mark.parametrize("mode", ["wb", "xb", "w+b"])
+@pytest.mark.parametrize("mode", ["ab", "wb", "xb", "w+b"])
 @pytest.mark.parametrize("buffering", [-1, 0])
 def test_files_of_every_mode_get_the_same_bytes(tmp_path, mode, buffering):
     with (tmp_path / "game.ggr").open(mode, buffering) as file:

@@ -46,7 +46,7 @@ def test_an_existing_file_is_never_written_over(ctx, tmp_path):
 
 
 def test_a_missing_folder_is_an_error_that_changes_nothing(ctx, tmp_path):
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(FileNotFoundError, match=r"There is no folder .*no' to write 'game.ggr' into"):
         ctx.record.start(str(tmp_path / "no" / "game"))
     assert not ctx.record.record()
     ctx.record.start(str(tmp_path / "game"))
