@@ -3,7 +3,7 @@
 Each old import path is an alias of the package that has its names now: `gamms.SensorEngine.sensor_engine.SensorType` is
 the very same object as `gamms.sensor.SensorType`.
 To retire a path, delete its line. `OLD_NAMES` still work and are not shown, nor are those
-`FOR_ENGINES`; `MOVED` say where they went.
+`FOR_ENGINES` or `AS_KEYWORDS`; `MOVED` say where they went.
 """
 
 import sys
@@ -106,10 +106,15 @@ OLD_NAMES = {  # names of 1.0.0 that programs of today need no longer
 FOR_ENGINES = {  # names that only engines and clients use
     "ctx": "current_game is_recording is_seeded reseed rng_state seed_uses",
     "ctx.agent": "block storage structure_version",
-    "ctx.game": "fork_for_deciders internals is_deciding is_moving plain_settings settings_now",
+    "ctx.game": "fork_for_deciders internals is_deciding is_moving last_turn plain_settings settings_now timings",
     "ctx.graph": "obstacle_revision scenery_columns storage",
-    "ctx.sensor": "storage",
+    "ctx.record": "follow unfollow",
+    "ctx.sensor": "from_declaration storage",
     "ctx.visual": "after_turn is_closing",
+}
+AS_KEYWORDS = {  # settings that `create_context(game=…)` takes, and that few games read or set later
+    "ctx.game": "decide deeds deadline_s default_action information legal on_error on_illegal speed_unit team_memory "
+    "time_budget turn_seconds weight",
 }
 MOVED = {
     **{
@@ -130,9 +135,12 @@ class Surface:
     _called: ClassVar[str]
 
     def __dir__(self) -> list[str]:
-        """Return the names of the part, except names for engines and for programs of 1.0.0."""
+        """Return the names of the part, except settings, and names for engines and for programs of 1.0.0."""
+        return sorted({*self._known_names()} - {*AS_KEYWORDS.get(self._called, "").split()})
+
+    def _known_names(self) -> set[str]:
         hidden = f"{OLD_NAMES.get(self._called, '')} {FOR_ENGINES.get(self._called, '')}"
-        return sorted({*super().__dir__()} - {*hidden.split()})
+        return {*super().__dir__()} - {*hidden.split()}
 
     if not TYPE_CHECKING:  # type checkers know which names there are
 
@@ -142,7 +150,7 @@ class Surface:
             moved = MOVED.get(f"{self._called}.{name}")
             if moved is not None:
                 raise AttributeError(f"{self._called}.{name} is {moved} now.")
-            raise UnknownAttribute(self._called, name, () if name.startswith("_") else dir(self))
+            raise UnknownAttribute(self._called, name, () if name.startswith("_") else sorted(self._known_names()))
 
 
 def install() -> None:
