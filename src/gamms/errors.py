@@ -112,6 +112,13 @@ def no_attribute(package: str, known: Iterable[str]) -> Callable[[str], NoReturn
     return refuse
 
 
+def attribute_hint(error: BaseException) -> str:
+    """Return the attributes most like the unknown one of an agent, else the first few; "" for any other error."""
+    if type(error) is not AttributeError or not hasattr(type(error.obj), "_called"):
+        return ""
+    return _way_out(error.name, [one for one in dir(error.obj) if not one.startswith("_")])
+
+
 def _way_out(name: object, known: Iterable[object]) -> str:
     """Return the known names most like `name`, else the first few."""
     names = list(islice(known, _MANY))

@@ -165,7 +165,10 @@ WRONG = {
         lambda ctx: ctx.visual.save("x.svg", theme="drak"),
         "Unknown theme 'drak'; there is: light, dark, print.",
     ),
-    "a picture": (lambda ctx: ctx.visual.save("x.jpgg"), "A picture cannot be saved as '.jpgg': use .svg, .png, .pdf."),
+    "a picture": (
+        lambda ctx: ctx.visual.save("x.jpgg"),
+        "A picture cannot be saved as '.jpgg': use .svg, .png, .pdf, or",
+    ),
     "an option of a picture": (
         lambda ctx: ctx.visual.save("x.svg", trial=3),
         "no keyword 'trial'. Did you mean 'trails'?",
@@ -221,3 +224,31 @@ def test_a_look_for_an_agent_that_is_not_there_is_warned_about(town):
     finally:
         town.logger.warning = before
     assert said == [f"set_agent_visual: {AGENTS} It is shown once it exists."]
+
+
+@pytest.mark.parametrize(
+    ("attribute", "way_out"), [("sped", "Did you mean 'speed'?"), ("x9", "There are, among others: 'alive'")]
+)
+def test_a_wrong_attribute_of_an_agent_is_answered_in_rules_and_strategies(town, attribute, way_out):
+    def read(_):
+        getattr(town.agent.get_agent("anna"), attribute)
+
+    with pytest.raises(AttributeError) as caught:
+        decided_by(town, read)
+    assert way_out in caught.value.__notes__[0]
+    town.agent.get_agent("red_0").strategy = stay
+    town.game.add(read)
+    with pytest.raises(AttributeError) as caught:
+        town.game.step()
+    assert way_out in caught.value.__notes__[0]
+
+
+def test_at_most_170_names_are_listed_on_the_context_and_its_parts(town):
+    parts = [town, town.agent, town.sensor, town.game, town.graph, town.visual, town.record]
+    assert sum(not name.startswith("_") for part in parts for name in dir(part)) <= 170
+
+
+def test_a_setting_is_suggested_although_it_is_not_listed(town):
+    with pytest.raises(AttributeError, match="Did you mean 'speed_unit'"):
+        _ = town.game.speed_unt
+    assert "speed_unit" not in dir(town.game)

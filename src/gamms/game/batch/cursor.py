@@ -15,6 +15,7 @@ from numpy.random import Generator
 
 from gamms.core.copies import copied, copied_values
 from gamms.deciding import phase_of
+from gamms.errors import attribute_hint
 from gamms.game.batch.channels import MessageTraffic
 from gamms.game.batch.columns import (
     AgentTable,
@@ -900,7 +901,7 @@ class Cursor:
         except Exception as error:
             if not self._have_left(games):
                 if what:
-                    error.add_note(f"In {what}, in turn {self._values.turn}.")
+                    error.add_note(f"In {what}, in turn {self._values.turn}.{attribute_hint(error)}")
                 error.add_note(self._named())
                 raise
         finally:
