@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Self, SupportsIndex
 
 from gamms.arguments import as_path
-from gamms.errors import BadType, MissingFolder
+from gamms.errors import BadType, MissingFile, MissingFolder
 from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.text import shown
 from gamms.typing.recorder import MAGIC_NUMBER
@@ -153,6 +153,8 @@ def readable(path: _PathOrStream) -> tuple[BinaryIO, bool]:
         if not file.exists() and file.suffix != _SUFFIX:
             file = Path(f"{file}{_SUFFIX}")
         refuse_other(file)
+        if not file.exists():
+            raise MissingFile("a recording", file)
         stream = file.open("rb")
         if format_of(stream) < 0:
             stream.close()

@@ -95,7 +95,9 @@ def _backend(path: Path) -> Backend:
         return FORMATS[(path.suffix or path.name).lower()]
     except UnknownName:
         known = ", ".join(FORMATS)
-        raise BadValue(f"A picture cannot be saved as {path.suffix or path.name!r}: use {known}.") from None
+        raise BadValue(
+            f"A picture cannot be saved as {path.suffix or path.name!r}: use {known}, or ctx.visual.film() for a film."
+        ) from None
 
 
 def painted(source: "FrameSource", sheet: PictureTarget, style: PageStyle) -> bytes:
