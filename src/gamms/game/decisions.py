@@ -1,6 +1,6 @@
 """Collect the decisions of one turn from strategies, plans and awaitables."""
 
-from collections.abc import Awaitable, Callable, Hashable, Mapping, MutableSequence, Sequence
+from collections.abc import Awaitable, Callable, Hashable, Mapping, Sequence
 from functools import cached_property, partial
 from operator import itemgetter
 from time import perf_counter
@@ -23,6 +23,7 @@ from gamms.game.slots import AgentSlot
 from gamms.game.streets import LegalNodes
 from gamms.game.team_memory import Memory, merged_memory, why_not_copied
 from gamms.game.travel import ResolvedAction
+from gamms.ir.agents import as_ids
 from gamms.ir.columns import copied_column
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, RowArray
@@ -239,12 +240,12 @@ class Decisions:
         self._legality = legality
         self.observe = observe
         self._forget()
-        self.begin([], [])
+        self.begin([], as_ids([]))
 
     def begin(
         self,
         slots: Sequence[AgentSlot],
-        starts: MutableSequence[int] | memoryview,
+        starts: memoryview,
         ends: Any = None,
         moves: MoveColumns | None = None,
     ) -> Self:

@@ -1,6 +1,6 @@
 """The moves of one turn: as arrays for the turn engine, and by name for rules and resolvers."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, MutableSequence, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import lru_cache
 from itertools import chain, compress, count, repeat
@@ -14,7 +14,7 @@ from gamms.core.arrivals import short_of
 from gamms.core.block import stop_moves
 from gamms.game.order import TurnOrder
 from gamms.game.travel import ResolvedAction, Travel
-from gamms.ir.agents import AgentBlock, as_ids, moves_of
+from gamms.ir.agents import AgentBlock, moves_of
 from gamms.ir.columns import copied_column
 from gamms.ir.progress import Motion, Progress
 from gamms.typing.agent_engine import IAgent
@@ -62,10 +62,6 @@ class Refusals:
                 yield i, kind, f"{kind}: {'; '.join(sorted(reasons))}"
 
 
-Nodes = MutableSequence[int] | memoryview
-"""Ids of nodes by slot."""
-
-
 class TurnMoves:
     """The moves of one turn by slot, and by name for rules and resolvers."""
 
@@ -74,14 +70,14 @@ class TurnMoves:
     def __init__(
         self,
         order: TurnOrder,
-        starts: Nodes,
-        ends: Nodes,
+        starts: memoryview,
+        ends: memoryview,
         actions: dict[int, ResolvedAction],
         moves: MoveColumns | None = None,
     ) -> None:
         self.order = order
-        self.starts = as_ids(starts)
-        self.ends = as_ids(ends)
+        self.starts = starts
+        self.ends = ends
         self.actions = actions
         self._moves = moves
         self.slots = order.slots
@@ -369,8 +365,8 @@ class TurnMoves:
     def then(self, later: "TurnMoves", part: int) -> "TurnMoves":
         """Return these moves combined with those of a later part of the turn; both have the same order."""
         parts = later.order.parts
-        starts = list(self.starts)
-        ends = list(self.ends)
+        starts = copied_column(self.starts)
+        ends = copied_column(self.ends)
         actions = dict(self.actions)
         for i in parts[part].members:
             action = later.actions.get(i)

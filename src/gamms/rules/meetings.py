@@ -327,11 +327,11 @@ class TurnContacts:
         near: Near = None
         if nearness.unit is not None:
             near = self._near(sides, nearness, in_air(ctx, nearness))
-        elif self.are_steps and not (callable(a) or callable(b)):
-            self._ready[key] = found = core.Contacts(self.scratch())
-            self._ask(found, sides, nearness, near)
-            return found if found.find(_ON_NODES, 0.0) else None
-        found = self.game.contacts(self.scratch(near.parts if isinstance(near, core.PathSegments) else 0))
+        pieces = self.scratch(near.parts if isinstance(near, core.PathSegments) else 0)
+        if near is None and self.are_steps and not (callable(a) or callable(b)):
+            self._ready[key] = found = core.Contacts(pieces)
+        else:
+            found = self.game.contacts(pieces)
         self._ask(found, sides, nearness, near)
         return found if found.find(search_for(near, nearness, by_metres=self.by_metres), nearness.limit) else None
 

@@ -46,7 +46,7 @@ from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule
 from gamms.game.slots import COUNTED
 from gamms.game.turn import CLOSED, closed_edge
-from gamms.ir.agents import AgentBlock
+from gamms.ir.agents import AgentBlock, as_ids
 from gamms.ir.events import (
     AERIAL_AGENT_FLIGHT,
     AERIAL_AGENT_TURN,
@@ -773,7 +773,7 @@ class Cursor:
             actions |= courses.standing(self._number, np.where(acting < 0, numbers, -1), first)
         if self._state.flights is not None:
             actions |= self._state.flights.actions(self._number, acting, first)
-        moves = TurnMoves(order, first, ids(ends[took_part]).data, actions)
+        moves = TurnMoves(order, as_ids(first), ids(ends[took_part]).data, actions)
         if self._state.deed_log is not None:
             for number, deeds in self._state.deed_log.plain_of(self._number).items():
                 if took_part[number] and self._part in (None, self._core.part_of[number]):
