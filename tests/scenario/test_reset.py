@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from gamms import recorder, scenario
 from gamms.demo import FILE
+from gamms.errors import BadValue
 from gamms.scenario import Scenario, ScenarioError
 
 WALK = "gamms.strategies:random_walk"
@@ -159,6 +160,39 @@ def test_a_game_that_is_reset_to_a_seed_is_the_game_of_that_seed(game, seeds, pl
             ctx.game.run(3)
         ctx.game.reset(seed)
     assert recorded(ctx) == recorded(game.build(seed=seeds[-1]))
+
+
+def test_games_of_a_batch_are_those_of_their_seeds(game):
+    with game.batch(3, seed=1) as games, game.batch(1, seed=1) as one:
+        one.reset(seeds=[4])
+        for seeds in (range(1, 4), [9, 5, 5]):
+            games.reset(seeds=seeds)
+            games.run()
+            assert games.is_in_arrays, games.slow
+            for number, seed in enumerate(seeds):
+                alone, together = game.play(seed=seed), games.result(number)
+                alone.timings = together.timings
+                assert alone == together
+        one.run()
+        assert one.result(0).events == game.play(seed=4).events
+
+
+def test_games_whose_maps_have_other_nodes_for_each_seed_are_refused_by_a_batch(tmp_path):
+    code = """
+class Settlers:
+    __name__ = "settlers"
+    def prepare(self, ctx):
+        ctx.graph.graph.add_node({"id": 100 + ctx.seed, "x": 1.0, "y": ctx.seed})
+    def __call__(self, ctx):
+        pass
+
+def settlers():
+    return Settlers()
+"""
+    (tmp_path / "settling.py").write_text(code)
+    game = Scenario(folder=tmp_path, **GRID, **GAMES["random places"], rules=["settling:settlers"])
+    with pytest.raises(BadValue, match="differ between the games with the seeds 1 and 2"):
+        game.batch(2, seed=1)
 
 
 def test_a_game_is_that_of_its_seed_also_after_a_snapshot_of_another_seed(game):

@@ -237,6 +237,9 @@ def set_out(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
             t.ends[row] = t.starts[row]
         else:
             begin(games, a, t, game, i)
+        if games.edge[row] >= 0 and t.movers.part_of[i] != t.movers.part[game]:  # also on an edge that is closed
+            t.starts[row] = t.nodes + games.edge[row]
+            t.ends[row] = t.starts[row]
     return 0
 
 

@@ -3,6 +3,7 @@
 Programs use `ctx.graph.save` and `ctx.graph.load`; `ctx.graph.storage` is for engines and clients.
 """
 
+from collections.abc import Iterable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -189,14 +190,20 @@ class MapStorage(Guarded, IMapStorage):
         graph = Graph(self._store.fork())
         return graph.columns(), graph.routes
 
-    def reopened(self) -> tuple[GraphColumns, RouteQueries]:
-        """Return the graph with all closed roads opened, after all other edges, and its routes."""
+    def edges_as_given(self, ids: Iterable[int]) -> ClosedEdges:
+        """Return edges in the form of `add_edge`, by id."""
+        store = self._store.fork()
+        chosen = [*ids]
+        store.close_edges(chosen)
+        return {id: store.closed[id] for id in chosen}
+
+    def with_edges(self, edges: ClosedEdges) -> tuple[GraphColumns, RouteQueries]:
+        """Return the graph with more edges, after all other edges, and its routes; edges with known ids are ignored."""
         from gamms.graph.graph import Graph
 
         graph = Graph(self._store.fork())
-        closed = self._store.closed
-        for id in [id for id in closed if self._store.edges.index.row(id) < 0]:
-            graph.add_edge(dict(closed[id]))
+        for id in [id for id in edges if self._store.edges.index.row(id) < 0]:
+            graph.add_edge(dict(edges[id]))
         return graph.columns(), graph.routes
 
     def place_stream(self) -> "Generator":

@@ -18,6 +18,7 @@ from gamms.game import Game, Plan
 from gamms.game.hidden_state import image_of
 from gamms.game.settings import rule_spec_of
 from gamms.graph.storage import MapSnapshot
+from gamms.ir.graph import ClosedEdges, IntArray
 from gamms.plain import Plain, as_json, is_same
 from gamms.scenario import spec as schema
 from gamms.scenario.code import (
@@ -190,6 +191,24 @@ class Builder:
             for other in others:
                 self._by_seed += [path for path, image in known.items() if _image(other._called.get(path)) != image]
         return [*dict.fromkeys(self._by_seed)]
+
+    def edges_before_code(self) -> ClosedEdges:
+        """Return the edges that the code of the scenario has removed from the map, by id."""
+        if self._map is None:
+            return {}
+        storage = self.ctx.graph.storage
+        now = storage.snapshot()
+        edge_ids, closed = storage.roads()
+        known = {*edge_ids.tolist(), *closed}
+        storage.restore(self._map)
+        edges = storage.edges_as_given([id for id in self._map.columns.edge_ids.tolist() if id not in known])
+        storage.restore(now)
+        return edges
+
+    def place(self, seeds: Sequence[int]) -> dict[str, IntArray]:
+        """Return the starting nodes of the agents for these seeds, on the map before code changes it: name -> ids."""
+        assert self._placing is not None  # noqa: S101 - it is built
+        return self._placing.place(seeds)
 
     def has_other_values(self, paths: Iterable[str]) -> bool:
         """Return whether a path is none of strategies, plans and sensors, or of their parameters."""

@@ -391,10 +391,10 @@ class Scenario(Surface, Immutable):
             varying = builder.varying(self._builder_for(one, strategies) for one in others)
             functions = partial(builder.functions_at, varying) if varying else None
             differs = builder.has_other_values(varying)
-            place = AgentPlacement(ctx, self.spec, members(self.spec)).place if are_drawn else None
+            place = builder.place if are_drawn else None
             build = partial(self.build, strategies=strategies)
             show = None if vis_engine is None else partial(build, vis_engine=vis_engine)
-            return BatchSource(ctx.game, place, build, show, functions, differs)
+            return BatchSource(ctx.game, place, build, show, functions, differs, builder.edges_before_code())
         except BaseException:
             ctx.terminate()
             raise

@@ -1,6 +1,7 @@
 """Contracts of the storage of maps (graph and obstacles) as bytes and as snapshots; for engines, not for programs."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from gamms.ir.graph import ClosedEdges, GraphColumns, IntArray
@@ -112,11 +113,12 @@ class IMapStorage(ABC):
         """Return the present graph and its routes; both stay the same when this graph changes."""
 
     @abstractmethod
-    def reopened(self) -> tuple[GraphColumns, RouteQueries]:
-        """Return the graph with all closed roads opened, after all other edges, and its routes.
+    def edges_as_given(self, ids: Iterable[int]) -> ClosedEdges:
+        """Return edges in the form of `add_edge`, by id."""
 
-        Closed edges whose ids have been reused are left out.
-        """
+    @abstractmethod
+    def with_edges(self, edges: ClosedEdges) -> tuple[GraphColumns, RouteQueries]:
+        """Return the graph with more edges, after all others, and its routes; edges with known ids are left out."""
 
     @abstractmethod
     def restart_stream(self) -> None:

@@ -39,7 +39,7 @@ from gamms.game.batch.given import OutsideActions, as_flights
 from gamms.game.batch.in_core import CoreColumns, CoreGames, called_rules, is_function
 from gamms.game.batch.initial_state import InitialState, movement_of
 from gamms.game.batch.movement import Movement, MovementOnMaps
-from gamms.game.batch.own_functions import FirstValues, function_in
+from gamms.game.batch.own_functions import FunctionsPerGame, function_in
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.sensing import called_each_turn, look, note_sensors, turns_with_agent
 from gamms.game.batch.state import GameArrays, NotInCore
@@ -53,7 +53,7 @@ from gamms.game.order import left_out
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan
 from gamms.ir.game_state import PHASES
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
 from gamms.typing.agent_engine import IAgent
@@ -93,7 +93,7 @@ class GamesOnOneMap:
         state: of all games of the batch, as they are on this map.
         block: the columns that the games on all maps share.
         games: (games,) those that are on the map at first.
-        first: what each game begins with; empty: all begin with the same.
+        own: what differs between the games from their start.
 
     Attributes:
         game, state: see above.
@@ -113,9 +113,10 @@ class GamesOnOneMap:
         state: GameArrays,
         block: CoreColumns,
         games: IntArray,
-        first: Sequence[FirstValues | None],
+        own: FunctionsPerGame,
     ) -> None:
         self.game = game
+        self._own = own
         self.state = state
         roster = state.roster
         settings = game.settings()
@@ -143,6 +144,7 @@ class GamesOnOneMap:
         self._is_asked = np.isin(np.arange(len(roster.names)), asked)
         calls_each = self.acts or collects or len(asked + observing) > 0 or any(map(is_plain_rule, rules))
         self._initial = InitialState(game, state, block, games)
+        self._put_own(games)
         carried = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
         note_sensors(state, range(len(roster.names)), with_nodes=any(map(turns_with_agent, carried)))
         pointed = PointedContext(game, state)
@@ -159,7 +161,7 @@ class GamesOnOneMap:
         if calls_each:
             has_arrays = len(self._groups) > 0 or any(one.spec.is_array_function for one in rules)
             self.cursor = Cursor(
-                game, pointed, state, self.core, asked, observing, first, has_array_functions=has_arrays
+                game, pointed, state, self.core, asked, observing, own.first, has_array_functions=has_arrays
             )
         self._is_strict = settings["on_illegal"] == "raise"
         self._flights: dict[Hashable, FloatArray | None] = {}  # by team, those that are given in this turn
@@ -212,8 +214,26 @@ class GamesOnOneMap:
         """Begin games on this map, with other seeds, their agents on these nodes, (games, agents)."""
         self.state.reset(games, seeds, self.state.streets.rows(start))
         self._initial.put(self.state, self._block, games)
+        self._put_own(games)
         if self.cursor is not None:
             self.cursor.forget(games)
+
+    def _put_own(self, games: IntArray) -> None:
+        """Begin games with the scores, events and open roads that are theirs alone."""
+        state = self.state
+        for number in games.tolist():
+            game = np.array([number])
+            own = self._own.maps[number]
+            if own is not None:
+                roads = state.roads.map_with(own.edge_ids, own.closed)
+                if roads is not None:
+                    roads.snapshot = own.snapshot
+                state.put_roads(game, roads)
+            values = self._own.first[number] if self._own.first else None
+            if values is not None:
+                state.scores.put(game, values.scores)
+                state.events.forget(game)
+                state.events.begin(game, [dict(event) for event in values.events])
 
     def refuse_unlisted(self, games: IntArray) -> None:
         """Refuse to play games in which an agent lives whose team the order of play leaves out.
@@ -542,7 +562,7 @@ class ArrayEngine:
         map_of: (games,) the number of the map that each is on.
         start: the ids of the nodes where agents begin, (games, agents).
         rosters: the agents on each map.
-        first: on each map, what each game begins with; empty: all begin with the same.
+        own: on each map, what differs between the games from their start.
 
     Raises:
         GammsError: a rule or the conflicts cannot be played in the core, or not from where the game is.
@@ -556,7 +576,7 @@ class ArrayEngine:
         map_of: IntArray,
         start: IntArray,
         rosters: Sequence[AgentTable],
-        first: Sequence[Sequence[FirstValues | None]],
+        own: Sequence[FunctionsPerGame],
     ) -> None:
         self._map_of = map_of.copy()
         self._num_maps = len(games)
@@ -577,7 +597,7 @@ class ArrayEngine:
         self._block = CoreColumns(states, self._map_of)
         self._maps = [
             GamesOnOneMap(game, state, self._block, of_map, values)
-            for game, state, of_map, values in zip(games, states, self._on, first, strict=True)
+            for game, state, of_map, values in zip(games, states, self._on, own, strict=True)
         ]
         self._num_parts = self._maps[0].core.num_parts
         self._acts = self._maps[0].acts
@@ -1121,10 +1141,13 @@ def _observing(game: PlayedGame, roster: AgentTable) -> BoolArray:
     return found
 
 
-def movement_in_core(game: PlayedGame, roster: AgentTable) -> Movement:
-    """Return how the agents of a game move in the core, where rules may close and open roads."""
+def movement_in_core(game: PlayedGame, roster: AgentTable, more_edges: ClosedEdges) -> Movement:
+    """Return how the agents of a game move in the core, where rules may close and open roads.
+
+    `more_edges` are edges that are only in other games when they begin.
+    """
     may_change = first_called(game, roster) is not None or any(map(is_function, called_rules(game, roster)))
-    return movement_of(game, roster, may_reopen=may_change, is_detached=may_change)
+    return movement_of(game, roster, may_reopen=may_change, is_detached=may_change, more_edges=more_edges)
 
 
 def decides_at_arrivals(movement: Movement) -> bool:

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from threading import RLock
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, NoReturn, Self
 
 import numpy as np
@@ -31,7 +32,7 @@ from gamms.game.batch.view import ArrayView
 from gamms.game.global_random import global_state, seeded_for_run
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
 from gamms.progress import progress as progress_line
@@ -56,6 +57,7 @@ class BatchSource(NamedTuple):
         show: does the same with a window; None: games are shown without one.
         functions: makes the strategies, plans and functions of sensors that depend on the seed; None: none do.
         differs: whether rules, facts, data or attributes of agents depend on the seed, too.
+        more_edges: edges that are not on the map of the game, but may be for other seeds.
     """
 
     game: PlayedGame
@@ -64,6 +66,7 @@ class BatchSource(NamedTuple):
     show: Callable[[int], Any] | None
     functions: MakeFunctions | None = None
     differs: bool = False
+    more_edges: ClosedEdges = MappingProxyType({})
 
 
 class _SingleGame(NamedTuple):
@@ -115,8 +118,10 @@ class Batch(Immutable):
             roster.first_nodes(source.game) for source, roster in zip(sources, self._rosters, strict=True)
         ]
         self._begin: IntArray = np.zeros((len(seeds), len(self._roster.names)), np.int64)  # see `_starts`
-        own = [FunctionsPerGame(one.game, one.functions, self.seeds, differs=one.differs) for one in sources]
-        self._own = [one if one.is_needed else None for one in own]
+        self._own = [
+            FunctionsPerGame(one.game, one.functions, self.seeds, one.more_edges, differs=one.differs)
+            for one in sources
+        ]
         self._engine = self._made_engine()
         self._separate = SeparateGames(self._engine, self._roster, self._begun_at, self._playing_alone)
         is_kept = as_bool(record, "record") or self._engine.may_leave
@@ -147,15 +152,15 @@ class Batch(Immutable):
         """
         self._take_functions(np.arange(len(self)))
         games = [source.game for source in self._sources]
-        movements = [movement_in_core(game, roster) for game, roster in zip(games, self._rosters, strict=True)]
+        each = zip(games, self._rosters, self._own, strict=True)
+        movements = [movement_in_core(game, roster, own.more_edges) for game, roster, own in each]
         self._begin = self._starts(self.seeds, self.maps)
-        first = [[] if own is None else own.first for own in self._own]
-        return ArrayEngine(games, movements, self.seeds, self.maps, self._begin, self._rosters, first)
+        return ArrayEngine(games, movements, self.seeds, self.maps, self._begin, self._rosters, self._own)
 
     def _take_functions(self, games: IntArray) -> None:
         """Make and install the strategies and plans of games, if they depend on the seed."""
         for number, own in enumerate(self._own):
-            if own is not None:
+            if own.is_needed:
                 on_map = games[self.maps[games] == number]
                 own.take(on_map, [self.seeds[game] for game in on_map.tolist()])
                 own.install()
@@ -327,8 +332,7 @@ class Batch(Immutable):
         # agent in every fifth of 60 turns, a batch took 8 times as long as the games alone.
         number = int(self.maps[0])
         own = self._own[number]
-        if own is not None:
-            own.remove()
+        own.remove()
         game = self._sources[number].game
         start = game.snapshot()
         last = game.settings()["max_turns"]
@@ -482,7 +486,7 @@ class Batch(Immutable):
             self._begin[numbers] = self._starts(given, maps[numbers])
             self._put_public(maps=locked(maps))
         self._put_public(seeds=tuple(changed.get(game, seed) for game, seed in enumerate(self.seeds)))
-        if any(self._own):
+        if any(own.is_needed for own in self._own):
             self._engine.release()
             self._take_functions(np.array(numbers))
         self._engine.start(np.array(numbers), given, self.maps[numbers], self._begin[numbers])
@@ -768,11 +772,9 @@ class Batch(Immutable):
             return game
         self._engine.release()
         own = self._own[self.maps[number]]
-        if own is not None:
-            own.remove()
+        own.remove()
         game = source.game.fork(0)
-        if own is not None:
-            own.install()
+        own.install()
         game.reset(seed=seed)
         return game
 

@@ -22,7 +22,7 @@ from gamms.game.settings import as_called
 from gamms.game.slots import COUNTED
 from gamms.game.streets import StreetGraph
 from gamms.game.turn import closed_edge
-from gamms.ir.graph import IntArray, locked_columns
+from gamms.ir.graph import ClosedEdges, IntArray, locked_columns
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion
 from gamms.ir.schema import NUMBERS
@@ -47,7 +47,12 @@ def movement_type(game: PlayedGame, roster: AgentTable) -> type[Movement]:
 
 
 def movement_of(
-    game: PlayedGame, roster: AgentTable, *, may_reopen: bool = False, is_detached: bool = False
+    game: PlayedGame,
+    roster: AgentTable,
+    *,
+    may_reopen: bool = False,
+    is_detached: bool = False,
+    more_edges: ClosedEdges | None = None,
 ) -> Movement:
     """Return the movement of the agents of a game.
 
@@ -56,11 +61,12 @@ def movement_of(
         roster: its agents.
         may_reopen: whether closed roads may be opened later.
         is_detached: whether the movement stays the same when the map of the game changes.
+        more_edges: edges that are neither open nor closed, but may be open in other games.
     """
     settings, graph = game.settings(), game.ctx.graph
     columns, routes = graph.storage.detached() if is_detached else (graph.columns(), graph.routes)
     streets, closed = StreetGraph(locked_columns(columns), routes), graph.storage.roads()[1] if may_reopen else {}
-    whole = StreetGraph(*graph.storage.reopened()) if closed else None
+    whole = StreetGraph(*graph.storage.with_edges({**closed, **(more_edges or {})})) if closed or more_edges else None
     speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
     made = movement_type(game, roster)
     if issubclass(made, MetricMovement):

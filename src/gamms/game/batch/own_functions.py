@@ -2,14 +2,18 @@
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
 
 from gamms.core.copies import copied, copied_values
+from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.forms import strategy_spec_of
 from gamms.game.settings import NamedRule, Plan, declared
 from gamms.game.snapshots import own
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import ClosedEdges, GraphColumns, IntArray
+from gamms.ir.obstacles import ObstacleColumns
 from gamms.text import as_code
 
 Owner = tuple[str, str]
@@ -81,6 +85,8 @@ class FirstValues(NamedTuple):
 
     facts: dict[str, Any]
     data: dict[Any, Any]
+    scores: dict[Any, Any]
+    events: list[dict[str, Any]]
     attributes: list[dict[str, Any]]
     agent_facts: dict[Any, dict[str, Any]]
     team_facts: dict[Any, dict[str, Any]]
@@ -91,7 +97,30 @@ class FirstValues(NamedTuple):
         state = game.internals.state
         private = copied((state.agent_facts, state.team_facts))
         attributes = [copied_values(vars(agent)) for agent in game.ctx.agent.storage.share().members]
-        return cls(dict(state.facts), copied(state.data), attributes, *private)
+        events = [dict(event) for event in state.events]
+        return cls(dict(state.facts), copied(state.data), dict(state.scores), events, attributes, *private)
+
+
+class _Map(Protocol):
+    """The part of the snapshot of a map that games compare."""
+
+    columns: GraphColumns
+    obstacles: ObstacleColumns
+    closed: ClosedEdges
+
+
+class FirstMap(NamedTuple):
+    """The map that a game begins with, which differs from that of the first seed in the open roads.
+
+    Attributes:
+        edge_ids: the ids of the open edges, in order.
+        closed: the closed edges.
+        snapshot: the map, as `ctx.graph.storage.snapshot` returns it.
+    """
+
+    edge_ids: IntArray
+    closed: ClosedEdges
+    snapshot: Any
 
 
 class FunctionsPerGame:
@@ -101,19 +130,32 @@ class FunctionsPerGame:
         game: the game in whose context the functions are called.
         make: resets the game with a seed, and makes the functions of the seed; None: they do not differ.
         seeds: the seeds of all games of the batch.
+        more_edges: see the attribute.
         differs: whether rules, facts, data or attributes of agents differ with the seed, too.
 
     Attributes:
         first: what each game begins with; empty: all begin with the same.
+        maps: the map that each game begins with; None: that of the first seed.
+        more_edges: edges that are not on the map of the first seed, but may be on those of other seeds.
     """
 
-    def __init__(self, game: PlayedGame, make: MakeFunctions | None, seeds: Sequence[int], *, differs: bool) -> None:
+    def __init__(
+        self,
+        game: PlayedGame,
+        make: MakeFunctions | None,
+        seeds: Sequence[int],
+        more_edges: ClosedEdges,
+        *,
+        differs: bool,
+    ) -> None:
         self._game = game
         self._make = make
         self._seed = seeds[0]
         self._own: dict[Owner, FunctionPerGame] = {}
         self._rules: dict[str, FunctionPerGame] = {}
         self._values: list[FirstValues | None] = [None] * len(seeds)
+        self.maps: list[FirstMap | None] = [None] * len(seeds)
+        self.more_edges = dict(more_edges)
         agents = game.ctx.agent.agents.values()
         deciders: dict[Owner, Any] = {("agent", agent.name): agent.strategy for agent in agents}
         deciders |= {("team", team): plan.function for team, plan in game.plans.items()}
@@ -135,17 +177,43 @@ class FunctionsPerGame:
         The context must not be pointed at a game of the batch.
         """
         self._decide_by(self._first)
+        self._first = self._begin(self._seed)
+        map = self._game.ctx.graph.storage.snapshot()
         for number, seed in zip(games.tolist(), seeds, strict=True):
             for owner, function in self._begin(seed).items():
                 self._of(self._own, owner).of_game[number] = self._called(owner, function)
             for rule in self._game.rules if self._differs else ():
                 self._of(self._rules, rule.name).of_game[number] = rule.rule
             self._values[number] = FirstValues.of(self._game) if self._differs else None
+            self.maps[number] = self._map_beside(map, seed)
         self._first = self._begin(self._seed)
         self._first_rules = self._game.rules
 
     def _of(self, known: dict[Any, FunctionPerGame], key: Hashable) -> FunctionPerGame:
         return known.setdefault(key, FunctionPerGame(len(self._values)))
+
+    def _map_beside(self, first: _Map, seed: int) -> FirstMap | None:
+        """Return the map of the context; None: it is the map of the first seed.
+
+        Raises:
+            BadValue: the maps differ in more than the open roads.
+        """
+        graph = self._game.ctx.graph
+        now = graph.storage.snapshot()
+        if now is first:
+            return None
+        edge_ids, closed = graph.storage.roads()
+        have_same_rows = len(edge_ids) == len(first.columns.edge_ids) and (edge_ids == first.columns.edge_ids).all()
+        if not _have_same_places(now, first):
+            raise BadValue(
+                "Code of the game changes more of the map by the seed than its open roads: nodes, obstacles or lengths "
+                f"differ between the games with the seeds {self._seed} and {seed}. Close roads there, or give maps=[…]."
+            )
+        if have_same_rows and [*closed] == [*first.closed]:
+            return None
+        known = {*first.columns.edge_ids.tolist(), *first.closed}
+        self.more_edges |= graph.storage.edges_as_given([id for id in edge_ids.tolist() if id not in known])
+        return FirstMap(edge_ids, closed, now)
 
     def _called(self, owner: Owner, function: Callable[..., Any] | None) -> Any:
         """Return what a game calls in place of a function of its own."""
@@ -170,6 +238,8 @@ class FunctionsPerGame:
 
     def install(self) -> None:
         """Set the functions of the context that differ between games to those that call the function of each game."""
+        if not self.is_needed:
+            return
         if self._differs:  # functions of arrays are called for each game, too, because they may read facts
             for who, function in self._shared.items():
                 if strategy_spec_of(function).array_form is not None and who not in self._own:
@@ -186,6 +256,8 @@ class FunctionsPerGame:
 
     def remove(self) -> None:
         """Set the functions of the context to those of its first seed, not prepared."""
+        if not self.is_needed:
+            return
         self._decide_by({**self._first, **self._preparing})
         self._game.internals.restore_rules(self._unprepared_rules)
 
@@ -199,6 +271,17 @@ class FunctionsPerGame:
             else:
                 self._game.ctx.agent.agents[name].decide_by(function)
         self._game.plans = plans
+
+
+def _have_same_places(one: _Map, other: _Map) -> bool:
+    """Return whether two maps have the same nodes, obstacles and edges, apart from edges that only one of them has."""
+    columns, others = one.columns, other.columns
+    have_same_nodes = np.array_equal(columns.node_ids, others.node_ids) and np.array_equal(columns.xy, others.xy)
+    if not (have_same_nodes and np.array_equal(one.obstacles.corners, other.obstacles.corners)):
+        return False
+    _, rows, other_rows = np.intersect1d(columns.edge_ids, others.edge_ids, return_indices=True)
+    each = ("sources", "targets", "lengths")
+    return all(np.array_equal(getattr(columns, name)[rows], getattr(others, name)[other_rows]) for name in each)
 
 
 def _prepares(function: object) -> bool:

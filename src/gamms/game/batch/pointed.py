@@ -13,7 +13,7 @@ from gamms.core.copies import copied
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.roads import RoadMap
-from gamms.game.batch.state import GameArrays, Heading, NotInCore
+from gamms.game.batch.state import GameArrays, Heading
 from gamms.game.snapshots import Snapshot
 from gamms.ir.agents import AgentBlock, show_flights, show_game, show_lives, show_progress
 from gamms.ir.graph import IntArray
@@ -342,14 +342,12 @@ class PointedContext:
 
         Raises:
             UnknownName (KeyError): an edge does not exist in a game.
-            NotInCore: the core cannot close roads in these games.
         """
         change = getattr(self._game.ctx.graph, verb)
         with self.held():
             for number in self.each(games):
                 change(edges)
-                if not self.take_roads(number):
-                    raise NotInCore("roads that an array rule closes or opens")
+                self.take_roads(number)
 
     def take_roads(self, number: int) -> bool:
         """Let a game have the map of the context; return False, and do nothing, if more than roads was changed."""

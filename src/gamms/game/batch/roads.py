@@ -322,9 +322,12 @@ class OpenRoads:
         """Return the map with these open edges, in this order; None: the map of the start.
 
         Raises:
-            BadValue: an edge is opened that was closed at the start, while another edge had its id.
+            BadValue: an edge is opened that was closed at the start, while another edge had its id; or an edge is new.
         """
-        return self._map_of(self._rows_of(edge_ids), closed)
+        rows = self._rows_of(edge_ids)
+        if (rows < 0).any():
+            raise BadValue(f"edge {edge_ids[rows < 0][0]} was on no map of the games that the batch began with")
+        return self._map_of(rows, closed)
 
     def _map_of(self, rows: IntArray, closed: ClosedEdges) -> RoadMap | None:
         opened = np.array([id for id in self._closed if id not in closed], np.int64)
