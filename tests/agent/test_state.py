@@ -28,6 +28,12 @@ def test_sensors_appear_in_the_order_of_their_registration_under_the_name_given_
     assert list(anna.get_state()["sensor"]) == ["near", "second", "third"]
 
 
+def test_a_sensor_that_was_deregistered_is_in_no_later_state(anna):
+    anna.get_state()
+    anna.deregister_sensor("near")
+    assert anna.get_state() == {"curr_pos": 4, "sensor": {}}
+
+
 @pytest.mark.parametrize("action", [5, np.int64(5), np.uint8(5), {"node_id": 5}, {"node_id": np.int32(5), "x": 1}])
 def test_an_action_is_a_node_id_or_a_dict_with_one(anna, action):
     anna.get_state()["action"] = action

@@ -1,6 +1,7 @@
 """Intervals, comparisons and Sobol indices, against values that are known or computed by hand."""
 
 import math
+from collections import Counter
 from itertools import product
 
 import numpy as np
@@ -125,6 +126,12 @@ def test_a_range_with_an_end_that_is_no_integer_is_one_of_numbers(ends):
     values = [point["x"] for point in experiment.sample({"x": ends, "y": (1, 3)}, 8)]
     assert all(type(value) is float and ends[0] <= value <= ends[1] for value in values)
     assert len(set(values)) > 3
+
+
+def test_integers_and_numbers_of_a_range_are_drawn_equally_often():
+    points = list(experiment.sample({"whole": (5, 8), "real": (10.0, 14.0)}, 400, "latin"))
+    assert Counter(point["whole"] for point in points) == dict.fromkeys(range(5, 9), 100)
+    assert Counter(int(point["real"]) for point in points) == dict.fromkeys(range(10, 14), 100)
 
 
 def test_a_sample_is_in_its_ranges_and_follows_its_seed():

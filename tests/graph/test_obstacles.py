@@ -1,5 +1,6 @@
 """Obstacle faces: quadrangles by id and by place."""
 
+import copy
 import math
 
 import numpy as np
@@ -53,6 +54,13 @@ def test_a_bad_face_changes_nothing(any_ctx, everything, change, error):
     with pytest.raises(error):
         any_ctx.graph.add_obstacle_face(**({"face_id": 2} | WALL | change))
     assert everything(any_ctx) == before
+
+
+def test_a_copy_of_a_context_has_the_faces_and_keeps_them(ctx):
+    ctx.graph.add_obstacle_face(1, **WALL)
+    twin = copy.deepcopy(ctx)
+    ctx.graph.remove_obstacle_face(1)
+    assert list(twin.graph.get_obstacle_faces()) == [1]
 
 
 def test_a_missing_face_is_not_found(any_ctx):

@@ -28,6 +28,11 @@ def run(path, sql, *values):
     connection.close()
 
 
+def tables_of(path):
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        return [name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+
+
 @pytest.mark.parametrize(
     ("schema", "key"),
     [(SCHEMA | {"X": int}, "id"), ({"id": int}, "id"), (SCHEMA, "X"), (SCHEMA | {"y": int}, "id")],
@@ -40,6 +45,14 @@ def test_a_map_of_the_file_keeps_its_schema(database, schema, key):
     with pytest.raises(ValueError, match=r"has the schema \{'id': 'int'.*, not \{'id'"):
         second.create_map("nodes", schema, key)
     assert second.list_maps() == []
+
+
+def test_a_map_that_was_deleted_leaves_no_table_in_the_file(database):
+    store = database()
+    fill(store)
+    store.delete_map("nodes")
+    store.close()
+    assert tables_of(database.path) == ["gamms_maps"]
 
 
 def test_nothing_is_kept_before_flush(database):

@@ -85,6 +85,12 @@ def test_agents_may_stand_exactly_as_far_apart_as_is_asked():
     assert dist(*places(scenario).values()) == apart
 
 
+def test_a_team_that_cannot_be_far_enough_from_another_says_what_to_change():
+    teams = {"red": {"count": 1}, "blue": {"count": 2, "from": {"team": "red", "at_least": 999.0}}}
+    with pytest.raises(ScenarioError, match=r"at least 999 from red.*Change count or from\."):
+        played_on(3, 3, teams).build()
+
+
 def test_agents_with_a_node_count_for_the_others():
     teams = {"red": {"agents": [{"name": "a", "node": 12}, {"name": "b"}, {"name": "c"}], "apart": 20.0}}
     found = places(played_on(5, 5, teams))

@@ -43,6 +43,8 @@ def test_a_sector_is_its_centre_and_an_arc_that_its_heading_halves(x, y, radius,
     arc = outline[1:] - (x, y)
     np.testing.assert_allclose(np.hypot(*arc.T), radius, atol=1e-9)
     ahead = arc @ (np.cos(heading), np.sin(heading))
+    left = arc @ (-np.sin(heading), np.cos(heading))
+    np.testing.assert_allclose(left[[0, -1]], radius * sin(fov / 2) * np.array([-1.0, 1.0]), atol=1e-6)
     np.testing.assert_allclose(ahead[[0, -1]], radius * cos(fov / 2), atol=1e-6)
     np.testing.assert_allclose(ahead, ahead[::-1], atol=1e-6)
 

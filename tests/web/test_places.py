@@ -182,6 +182,12 @@ def test_a_page_of_a_map_holds_nothing_as_markup_and_reaches_nothing(folder):
         web.map_page(game, theme="print")
 
 
+@pytest.mark.parametrize("theme", ["light", "dark", None])
+def test_a_page_of_a_map_has_the_theme_it_is_given(folder, theme):
+    [options] = re.findall(r'id="options">([^<]*)<', web.map_page(folder / "hunt.yaml", theme=theme).decode())
+    assert json.loads(options).get("theme") == theme
+
+
 def test_a_map_command_names_its_page_after_the_file(folder, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, ["map", str(folder / "hunt.yaml"), "--no-open"])
