@@ -213,13 +213,6 @@ class Obstacles:
         self._sharers.add(self)
         self.revision = max(self.revision + 1, other.revision)
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> "Obstacles":
-        """Copy the faces, for simulations by a strategy."""
-        obstacles = memo[id(self)] = Obstacles()
-        obstacles.put(self.columns())
-        obstacles.revision = self.revision
-        return obstacles
-
     def _own(self) -> None:
         """Stop sharing the table; called before every change."""
         if self._sharers is not None and self._stop_sharing():
