@@ -125,10 +125,13 @@ class _FlagRule(NamedTuple):
 
     def fact_of_game(self, state: GameArrays, number: int) -> Any:
         """Return where the flags are in one game of a batch, as `_publish` publishes it."""
-        rows = state.kept["capture_flag", self.key]["carriers"][number].tolist()
-        names = state.roster.names
-        carriers = {team: names[row] if row >= 0 else None for team, row in zip(self.bases, rows, strict=True)}
-        return published(self.key, self._fact(carriers))
+        rows = tuple(state.kept["capture_flag", self.key]["carriers"][number].tolist())
+        facts = state.shared.setdefault(("facts", self.key), {})  # NOTE: carriers seldom change (w8_games.py rule)
+        if rows not in facts:
+            names = state.roster.names
+            carriers = {team: names[row] if row >= 0 else None for team, row in zip(self.bases, rows, strict=True)}
+            facts[rows] = published(self.key, self._fact(carriers))
+        return facts[rows]
 
     def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
         """Return the state of the rule in a game as arrays; see `start_of`."""
