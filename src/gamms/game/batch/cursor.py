@@ -6,7 +6,8 @@ from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from itertools import chain
+from itertools import chain, repeat
+from operator import is_, itemgetter
 from typing import Any, NamedTuple, NoReturn
 from weakref import WeakKeyDictionary
 
@@ -460,12 +461,9 @@ class Cursor:
 
     def _what_is_fixed(self) -> tuple[Any, ...]:
         """Return the numbers and objects that only the turn engine may change."""
-        phase, graph = self._phase, self._ctx.graph
-        return (
-            phase.setting_changes,
-            *(graph.obstacle_revision, graph.storage.has_placed),
-            *(id(self._parts.rules.rules), self._ctx.is_terminated()),
-        )
+        parts, graph = self._parts, self._ctx.graph
+        means = self._phase.setting_changes, parts.rules.now, len(parts.collectors.by_name)
+        return means, graph.obstacle_revision, graph.storage.has_placed
 
     def _take_shown(self) -> None:
         """Take the agents that the context shows from now on."""
@@ -502,7 +500,7 @@ class Cursor:
     def _refuse_changes(self) -> None:
         """Let the game leave if a function has changed a value that all games share."""
         if self._what_is_fixed() != self._fixed:
-            self._leave("changes the map, settings or rules")
+            self._leave("changes the map, settings, rules or collectors")
 
     def _have_left(self, games: IntArray) -> bool:
         """Let all of some games leave if a function has changed the attributes of agents that they share."""
@@ -925,7 +923,7 @@ class Cursor:
                     self._refuse_changes()
             if table.begun != begun:
                 self._leave("draws by the streams of agents")
-            if any(last[0] is not self._looks for last in self._cached.lasts):
+            if not all(map(is_, map(itemgetter(0), self._cached.lasts), repeat(self._looks))):
                 self._forget_asking()
         except Exception:
             if not self._why:

@@ -1,0 +1,136 @@
+"""Games of a batch in which plain functions do what games that share a context cannot: they equal the games alone."""
+
+import numpy as np
+import pytest
+from batch_scenes import assert_as_shown, plain, scene
+
+import gamms
+from gamms.errors import BadValue
+from gamms.rules import Conflicts
+
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+FLAGS = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
+RADIO = {"radio": {"range_m": 30.0}}
+
+
+def score(ctx):
+    ctx.game.scores["later"] += 1
+
+
+def number_of_agents(ctx):
+    return len(ctx.game.agents)
+
+
+def swap_teams(ctx):
+    for agent in ctx.game.agents:
+        agent.team = {"red": "blue", "blue": "red"}[agent.team]
+
+
+def wall(ctx):
+    ctx.graph.add_obstacle_face(0, tr=(33, 14, 8), tl=(5, 12, 8), br=(33, 14, 0), bl=(5, 12, 0), type=14)
+
+
+ACTS = {
+    "speed": lambda ctx: setattr(ctx.agent.get_agent("red_0"), "speed", 2),
+    "teams": swap_teams,
+    "conflicts": lambda ctx: setattr(ctx.game, "conflicts", Conflicts(1)),
+    "legal": lambda ctx: setattr(ctx.game, "legal", "any"),
+    "most turns": lambda ctx: setattr(ctx.game, "max_turns", ctx.game.turn + 3),
+    "order": lambda ctx: setattr(ctx.game, "order", [["blue"], ["red"]]),
+    "rule": lambda ctx: ctx.game.add(score),
+    "no rule": lambda ctx: ctx.game.remove("tag"),
+    "collector": lambda ctx: ctx.game.collect("agents", number_of_agents),
+    "data": lambda ctx: setattr(ctx.game, "data", {"new": ctx.seed}),
+    "flags": lambda ctx: ctx.game.scores.update(known=len(str(ctx.game.data.get("flags")))),
+    "memories": lambda ctx: ctx.game.scores.update(known=len(ctx.game.memories)),
+    "events": lambda ctx: ctx.game.events.clear(),
+    "messages": lambda ctx: ctx.game.messages.clear(),
+    "facts": lambda ctx: ctx.game.publish(flags={"lost": ctx.seed}),
+    "attributes": lambda ctx: vars(ctx.agent.get_agent("red_0")).update(tired=True),
+    "strategy": lambda ctx: setattr(ctx.agent.get_agent("red_0"), "strategy", gamms.strategies.stay),
+    "edge": lambda ctx: ctx.graph.graph.remove_edge(0),
+    "wall": wall,
+    "stream": lambda ctx: ctx.game.observation("red_0")["draw"].random(),
+}
+
+
+def open_with(act, phase="after"):
+    """Return a context with a game in which a rule acts in some games, each from another turn on."""
+
+    def rule(ctx):
+        if ctx.game.turn == 2 + ctx.seed % 4 and ctx.seed % 3 == 0:
+            ACTS[act](ctx)
+        ctx.game.scores["sum"] += sum(agent.current_node_id for agent in ctx.game.agents)
+
+    ctx = scene([TAG, FLAGS], channels=RADIO, max_turns=9).build(seed=1)
+    ctx.game.add(rule, phase=phase)
+    return ctx
+
+
+@pytest.mark.parametrize("phase", ["before", "after"])
+@pytest.mark.parametrize("act", ACTS)
+def test_a_game_goes_on_as_it_does_alone_and_the_others_are_not_affected(act, phase):
+    seeds = range(40)
+    with open_with(act, phase) as ctx, ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
+        games.run()
+        assert act == "attributes" or {*games.detached} <= {*range(0, 40, 3)}
+        for number, seed in enumerate(seeds):
+            alone.game.reset(seed=seed)
+            assert plain(games.result(number)) == plain(alone.game.run())
+        assert games.turn.tolist() == [games.result(number).turns for number in range(40)]
+        games.reset([0, 1], seeds=[39, 38])
+        assert not {0, 1} & {*games.detached}
+        games.run()
+        assert plain(games.result(0)) == plain(games.result(39))
+
+
+@pytest.mark.parametrize("act", ["speed", "teams", "legal", "edge", "conflicts", "rule"])
+def test_games_are_stepped_observed_and_shown_with_those_in_the_core(act):
+    with open_with(act) as ctx, ctx.game.batch(seeds=range(6)) as games:
+        for turn in range(7):
+            view = games.observe("red")
+            games.step({"red": (turn + view.games[:, None] + view.agents) % view.counts})
+            for number in (0, 1, 3):
+                shown = games.context(number).game
+                legal = [shown.observation(name)["legal"] for name in view["name"]]
+                mine = games.observe("red")["legal"][number].tolist()
+                assert [[node for node in one if node >= 0] for one in mine] == [[*one] for one in legal]
+        assert games.detached.keys() <= {0, 3}
+        assert_as_shown(games)
+
+
+def test_actions_that_are_illegal_in_a_separate_game_are_refused_before_any_game_plays():
+    with open_with("speed") as ctx, ctx.game.batch(seeds=range(4)) as games:
+        for _ in range(5):
+            games.step()
+        assert 0 in games.detached
+        turns = games.turn.tolist()
+        with pytest.raises(BadValue, match=r"of agent 'red_0' in game 0"):
+            games.step({"red": np.where(np.arange(4)[:, None] == 0, 99, 0) + np.zeros((4, 3), np.int64)})
+        assert games.turn.tolist() == turns
+
+
+def test_no_game_has_played_a_turn_in_which_a_separate_one_raises():
+    raises = [True]
+
+    def fail(ctx):
+        if ctx.seed == 3 and ctx.game.turn >= 6 and next(iter(raises)):
+            raise ZeroDivisionError
+
+    with open_with("speed") as ctx:
+        ctx.game.add(fail)
+        with ctx.game.batch(seeds=range(5)) as games, ctx.game.fork(0).ctx as alone:
+            for _ in range(5):
+                games.step()
+            assert 3 not in games.detached or games.detached[3]
+            scores = games.scores["sum"].tolist()
+            with pytest.raises(ZeroDivisionError) as caught:
+                games.step()
+            assert any("In game 3" in note for note in caught.value.__notes__)
+            assert games.turn.tolist() == [5] * 5
+            assert games.scores["sum"].tolist() == scores
+            raises[0] = False
+            games.run()
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
