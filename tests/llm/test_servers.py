@@ -68,16 +68,20 @@ def endless(first, again, stopped):
     return lambda _: write
 
 
-def test_an_endless_answer_is_cut_off(server, strategy_of, stopped):
-    server.script = endless(HEAD + b"\r\n", b" " * 65536, stopped)
+@pytest.mark.parametrize(
+    ("first", "again", "outcome"),
+    [
+        (HEAD + b"\r\n", b" " * 65536, "an answer of more than 1048576 bytes"),
+        (HEAD, b"x-more: " + b"x" * 65536 + b"\r\n", "no connection (APIConnectionError)"),
+        (b"HTTP/1.1 400 No\r\n\r\n", b" " * 65536, "HTTP 400"),
+        (b"HTTP/1.1 500 No\r\n\r\n", b" " * 65536, "HTTP 500"),
+    ],
+    ids=["answer", "headers", "error of ours", "error of the server"],
+)
+def test_what_has_no_end_is_cut_off(server, strategy_of, stopped, first, again, outcome):
+    server.script = endless(first, again, stopped)
     with new_game(strategy_of(attempts=1)) as ctx:
-        assert outcomes(ctx.game.run(1)) == ["an answer of more than 1048576 bytes"]
-
-
-def test_endless_headers_are_cut_off(server, strategy_of, stopped):
-    server.script = endless(HEAD, b"x-more: " + b"x" * 65536 + b"\r\n", stopped)
-    with new_game(strategy_of(attempts=1)) as ctx:
-        assert outcomes(ctx.game.run(1)) == ["no connection (APIConnectionError)"]
+        assert outcomes(ctx.game.run(1)) == [outcome]
 
 
 def test_headers_that_come_slowly_are_given_up(server, strategy_of, stopped):
@@ -88,14 +92,6 @@ def test_headers_that_come_slowly_are_given_up(server, strategy_of, stopped):
     server.script = lambda _: write
     with new_game(strategy_of(seconds=0.1)) as ctx:
         assert outcomes(ctx.game.run(1)) == ["timeout"]
-
-
-@pytest.mark.parametrize("status", [400, 500])
-def test_an_endless_error_is_cut_off(server, strategy_of, stopped, status):
-    head = f"HTTP/1.1 {status} No\r\n\r\n".encode()
-    server.script = endless(head, b" " * 65536, stopped)
-    with new_game(strategy_of(attempts=1)) as ctx:
-        assert outcomes(ctx.game.run(1)) == [f"HTTP {status}"]
 
 
 def test_a_packed_answer_is_not_unpacked(server, strategy_of):

@@ -101,28 +101,18 @@ def test_a_pipe_does_not_hang(tmp_path):
         graph_from_xml(tmp_path / "pipe.osm")
 
 
-@pytest.mark.parametrize("resolution", [0, -1, -0.0, math.nan, math.inf])
-def test_an_impossible_resolution_is_refused(make_map, cross, resolution):
-    with pytest.raises(BadValue, match="resolution"):
-        graph_from_xml(make_map(cross, ([1, 2], ROAD)), resolution=resolution)
-
-
-@pytest.mark.parametrize("resolution", ["x", None, True, [10]])
-def test_a_resolution_is_a_number(make_map, cross, resolution):
-    with pytest.raises(BadType, match="resolution"):
-        graph_from_xml(make_map(cross, ([1, 2], ROAD)), resolution=resolution)
-
-
-def test_a_resolution_that_would_fill_the_memory_is_refused(make_map, cross):
-    for resolution in (1e-7, 5e-324):
-        with pytest.raises(BadValue, match="would take about"):
-            graph_from_xml(make_map(cross, ([1, 2], ROAD)), resolution=resolution)
-
-
-@pytest.mark.parametrize("tolerance", [-1.0, math.nan, math.inf])
-def test_an_impossible_tolerance_is_refused(make_map, cross, tolerance):
-    with pytest.raises(BadValue, match="tolerance"):
-        graph_from_xml(make_map(cross, ([1, 2], ROAD)), tolerance=tolerance)
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        *(({"resolution": value}, BadValue, "resolution") for value in (0, -1, -0.0, math.nan, math.inf)),
+        *(({"resolution": value}, BadType, "resolution") for value in ("x", None, True, [10])),
+        *(({"resolution": value}, BadValue, "would take about") for value in (1e-7, 5e-324)),
+        *(({"tolerance": value}, BadValue, "tolerance") for value in (-1.0, math.nan, math.inf)),
+    ],
+)
+def test_impossible_options_are_refused(make_map, cross, options, error, words):
+    with pytest.raises(error, match=words):
+        graph_from_xml(make_map(cross, ([1, 2], ROAD)), **options)
 
 
 def test_a_map_near_the_pole_is_refused(make_map):

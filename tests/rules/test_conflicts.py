@@ -172,26 +172,21 @@ def test_priority_decides_between_teams_too(stay):
     assert stay(conflicts, (0, 1), (2, 1), teams={"a": "red", "b": "blue"}) == "a"
 
 
-@pytest.mark.parametrize("capacity", [1.0, True, [1], b"room", {1: "two"}, {"1": 1}, {1: True}])
-def test_a_capacity_of_the_wrong_type_is_refused(capacity):
-    with pytest.raises(TypeError, match="must be an integer"):
-        Conflicts(capacity)
-
-
-@pytest.mark.parametrize("capacity", [0, -1, "", {1: -1}])
-def test_an_impossible_capacity_is_refused(capacity):
-    with pytest.raises(ValueError, match="capacity"):
-        Conflicts(capacity)
-
-
-def test_among_must_be_all_or_team():
-    with pytest.raises(ValueError, match=r"among must be 'all' or 'team', not 'teams'\. Did you mean 'team'\?"):
-        Conflicts(among="teams")
-
-
-def test_allow_swaps_must_be_true_or_false():
-    with pytest.raises(TypeError, match="allow_swaps must be True or False, not 'no'"):
-        Conflicts(allow_swaps="no")
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        *(
+            ({"capacity": value}, TypeError, "must be an integer")
+            for value in (1.0, True, [1], b"room", {1: "two"}, {"1": 1}, {1: True})
+        ),
+        *(({"capacity": value}, ValueError, "capacity") for value in (0, -1, "", {1: -1})),
+        ({"among": "teams"}, ValueError, r"among must be 'all' or 'team', not 'teams'\. Did you mean 'team'\?"),
+        ({"allow_swaps": "no"}, TypeError, "allow_swaps must be True or False, not 'no'"),
+    ],
+)
+def test_impossible_options_are_refused(options, error, words):
+    with pytest.raises(error, match=words):
+        Conflicts(**options)
 
 
 def test_conflicts_show_their_arguments():

@@ -44,24 +44,14 @@ def test_the_keypad_has_digits_too(ctx, person):
     assert ask(ctx) == 5
 
 
-def test_two_digits_choose_an_option_beyond_nine(ctx, person):
-    person.press("1", "4")
-    assert ask(ctx) == 14
-
-
-def test_enter_chooses_a_number_that_could_go_on(ctx, person):
-    person.press("1", "RETURN")
-    assert ask(ctx) == 1
-
-
-def test_a_digit_can_be_taken_back(ctx, person):
-    person.press("1", "BACKSPACE", "2")
-    assert ask(ctx) == 2
-
-
-def test_digits_that_lead_nowhere_begin_again(ctx, person):
-    person.press("1", "9")
-    assert ask(ctx) == 9
+@pytest.mark.parametrize(
+    ("keys", "node"),
+    [(["1", "4"], 14), (["1", "RETURN"], 1), (["1", "BACKSPACE", "2"], 2), (["1", "9"], 9)],
+    ids=["beyond nine", "ended by enter", "taken back", "leading nowhere"],
+)
+def test_digits_are_read_as_one_number(ctx, person, keys, node):
+    person.press(*keys)
+    assert ask(ctx) == node
 
 
 def act(ctx, *deeds):
