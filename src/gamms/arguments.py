@@ -232,7 +232,7 @@ def refuse_keywords(given: Iterable[str], known: Collection[str], taker: str, hi
 
 
 def names_keywords(function: Callable[P, T]) -> Callable[P, T]:
-    """Let a function name the keyword that is most like an unknown one; one with `**` takes all of them."""
+    """Decorate a function: an error about an unknown keyword names the most similar one; `**` takes all keywords."""
     code: Any = getattr(function, "__code__", None)
     if code.co_flags & _KEYWORDS:
         return function
@@ -247,7 +247,7 @@ def names_keywords(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def shown_as_called(make: Callable[P, F]) -> Callable[P, F]:
-    """Let the functions that a function makes, such as rules, print as the call that made them; see `names_keywords`.
+    """Decorate a factory: the rules and other functions that it makes print as its call; see `names_keywords`.
 
     A first argument `ctx` prints as `ctx`.
     """

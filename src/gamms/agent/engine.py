@@ -477,7 +477,7 @@ class AgentStorage(Guarded):
             members.strategy = own(members.strategy)
 
     def part(self) -> None:
-        """Let the present set of agents change alone, if `share` has returned it."""
+        """Detach the present set of agents from the one that `share` has returned."""
         self._engine._part()
 
     def share(self) -> AgentSet:
@@ -490,7 +490,7 @@ class AgentStorage(Guarded):
         return AgentSet(block, {**engine._agents}, engine._positions)
 
     def show(self, agents: AgentSet) -> None:
-        """Let the context have a set of agents that `share` has returned."""
+        """Set the agents of the context to a set that `share` has returned."""
         engine = self._engine
         engine._is_shared = True
         engine._block = agents.block

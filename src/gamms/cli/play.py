@@ -294,7 +294,7 @@ def _parsed_teams(text: str) -> "tuple[Team, Team]":
 
 
 def _print_demo(ctx: "Context", played: "Result", sides: "tuple[Team, Team]", map_name: str) -> None:
-    """Print what happened in the demo."""
+    """Print the outcome of the demo."""
     from gamms import demo
 
     out = console()

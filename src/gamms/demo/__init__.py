@@ -66,7 +66,7 @@ def capture_the_flag(teams: tuple[Team, Team], max_turns: int, map: Path | None 
 
 
 def check_ways(ctx: Context) -> None:
-    """Look whether the game can be won on this map.
+    """Check that the game can be won on this map.
 
     Raises:
         BadValue: one flag cannot be reached from the other.

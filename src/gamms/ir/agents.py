@@ -534,7 +534,7 @@ class TurnPositions:
         self.places: dict[int, PlaceAt] = {}
 
     def depart(self, row: int, place_at: PlaceAt) -> None:
-        """Let the position of an agent follow a function of time, from now until it arrives."""
+        """Set the position of an agent to a function of time, from now until it arrives."""
         self.places[row] = place_at
         self._departed.add(row)
         self._block.travellers.add(row)

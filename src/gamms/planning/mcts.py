@@ -445,7 +445,7 @@ def _policy_first(actions: Sequence[Action], first: Action | None) -> list[Actio
 
 
 def _seen(state: State) -> Key:
-    """Return what an agent observes of others, and its own position."""
+    """Return the agent's observation of others, and its own position."""
     seen = [sorted(data.items()) for kind, data in state["sensor"].values() if kind in ON_GROUND]
     return (state["curr_pos"], *chain.from_iterable(seen))
 

@@ -1,4 +1,4 @@
-"""What programs for gamms 1.0.0 need: recordings of format version 2, and names of `ctx.record`."""
+"""Compatibility with gamms 1.0.0: recordings of format version 2, and names of `ctx.record`."""
 
 import io
 from collections.abc import Callable, Iterable, KeysView, Mapping

@@ -291,7 +291,7 @@ class _CoreFlags:
         return not turn.are_steps or self._core.concern(turn.roster.games, 0)
 
     def play(self, ctx: Context, turn: TurnContacts, data: dict[str, Any]) -> None:
-        """Let agents bring home and take flags, and update the data of the rule."""
+        """Score flags that come home, note taken flags, and update the data of the rule."""
         flags = self.flags
         roster = turn.roster
         captures = data["captures"]

@@ -109,7 +109,7 @@ class _MoveLengths:
         self._of: tuple[GraphColumns | None, dict[tuple[int, int], float]] = (None, {})
 
     def of(self, ctx: Context, leg: Leg) -> float:
-        """Return the length of the edge of a leg, also of a closed one; of a removed one, the straight line."""
+        """Return the length of an edge, open or closed; for a removed edge, the straight line between its ends."""
         try:
             return float(TraveledEdges(ctx)[leg.edge].length)
         except UnknownName:

@@ -365,7 +365,7 @@ class SensorStorage(Guarded):
         return self._settings()
 
     def show(self, settings: SensorSettings) -> None:
-        """Let the context have a set of sensors that `share` has returned, with their owners."""
+        """Set the sensors of the context to a set that `share` has returned, with their owners."""
         self._engine._sensors.clear()
         for sensor, owner in zip(settings.sensors, settings.owners, strict=True):
             self._engine._sensors[sensor.sensor_id] = sensor

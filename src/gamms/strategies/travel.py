@@ -266,7 +266,7 @@ def human(read: Callable[[State], Any]) -> Strategy: ...
 def human(read: Callable[[AerialState], Any]) -> AerialStrategy: ...
 @shown_as_called
 def human(read: Callable[[Any], Any]) -> Callable[[Any], None]:
-    """Let a person decide, through any user interface.
+    """Ask a person to decide, through any user interface.
 
     Args:
         read: called with the state, returns the action; None sets no action. The game checks the action.

@@ -72,7 +72,7 @@ class StrategyGroup(NamedTuple):
 
 
 class LearnerActions(NamedTuple):
-    """What some agents do in a turn of all games.
+    """The actions of some agents in a turn of all games.
 
     Attributes:
         actions: (games, agents of the roster) numbers of legal nodes; those of dead agents do not count.
@@ -1001,7 +1001,7 @@ class ArrayEngine:
         return flaws
 
     def _illegal(self, failure: Failure, why: str) -> IllegalAction:
-        """Return the error for what an agent cannot do."""
+        """Return the error for an illegal action of an agent."""
         state, game = self._state, failure.game
         error = IllegalAction(f"Agent {state.roster.name(failure.agent)} in turn {state.turn[game]}: {why}")
         error.add_note(f"In game {game} of a batch, with the seed {state.seeds[game]}.")
@@ -1051,7 +1051,7 @@ class ArrayEngine:
     # -- seeing -------------------------------------------------------------------------------------------------
 
     def state_of(self, number: int) -> GameArrays:
-        """Return what is known of the games, as they are on the map of this number."""
+        """Return the state of the games on the map with this number."""
         return self._maps[number].state
 
     def state_in(self, game: int) -> GameArrays:
@@ -1076,7 +1076,7 @@ class ArrayEngine:
         self._state.is_apart[game] = False
 
     def view(self, agents: IntArray, number: int) -> ArrayView:
-        """Return what agents observe in the games on the map of this number."""
+        """Return the observations of agents in the games on the map with this number."""
         return ArrayView(self._maps[number].state, self._on[number], agents)
 
     def over(self, game: int) -> dict[str, Any] | None:

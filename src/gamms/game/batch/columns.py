@@ -302,7 +302,7 @@ class AgentTable(NamedTuple):
     def of(
         cls, agents: Iterable[IAgent], coming: Iterable[ComingAgent] = (), varying: Collection[str] = ()
     ) -> "AgentTable":
-        """Return the roster of agents, and of others that may come.
+        """Return the roster of the agents, and of agents that rules may create.
 
         Args:
             agents: the agents of the start.
@@ -325,7 +325,7 @@ class AgentTable(NamedTuple):
 
     @property
     def coming(self) -> dict[str, ComingAgent]:
-        """The agents that may come, by name."""
+        """The agents that rules may create, by name."""
         return {agent.name: agent for agent in self.agents if isinstance(agent, ComingAgent)}
 
     def can_hold(self, agent: IAgent) -> bool:
@@ -431,7 +431,7 @@ def decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
 
 
 def reserved(roster: AgentTable, most_agents: object) -> list[ComingAgent]:
-    """Return the agents that may come for which the caller reserves rows."""
+    """Return the agents that rules may create, for which the caller reserves rows."""
     found: dict[Hashable, list[str]] = {}
     given = most_agents if isinstance(most_agents, Mapping) else dict.fromkeys(roster.public_teams, most_agents)
     for team, most in given.items():

@@ -44,7 +44,7 @@ class Routes:
         self._ids: list[int] = []  # of the nodes, one way after the other
 
     def choose(self, game: int, agent: int, action: ResolvedAction | None, end: int | None) -> None:
-        """Let an agent do something in this turn.
+        """Set the action of an agent in this turn.
 
         Args:
             game: its number.
@@ -72,7 +72,7 @@ class Routes:
         self._chosen.append((game * self._agents + agent, count, motion))
 
     def write(self) -> None:
-        """Let the core have what was chosen."""
+        """Write the chosen actions into the columns of the core."""
         rows, counts, motions = np.array(self._chosen, np.int64).reshape(-1, 3).T
         self._counts[rows] = counts
         self._motions[rows] = motions

@@ -200,7 +200,7 @@ class _AskedAgents(NamedTuple):
 
 
 class _StartValues(NamedTuple):
-    """What games begin with; see `GameState`.
+    """The values with which games begin; see `GameState`.
 
     Attributes:
         turn, moves, counts, blocked: how many turns were played, and what is known of agents in them.
@@ -218,7 +218,7 @@ class _StartValues(NamedTuple):
 
     @classmethod
     def of(cls, state: GameState) -> "_StartValues":
-        """Return what the game of a context begins with."""
+        """Return the values with which the game of a context begins."""
         memories = {name: memory for name, memory in state.memories.items() if memory}
         counts = {name: each.copy() for name, each in state.counts.items()}
         private_facts = state.agent_facts, state.team_facts
@@ -253,7 +253,7 @@ class _LivingOrder(NamedTuple):
 
 @dataclass
 class _PopulationCaches:
-    """What follows from a set of agents of the context.
+    """Values derived from a set of agents of the context.
 
     Attributes:
         lasts: the last states of agents, and the last data of sensors, each a list of one item.
@@ -593,7 +593,7 @@ class Cursor:
             self._shared_attributes = copied(self._first_attributes)
 
     def forget(self, games: IntArray) -> None:
-        """Let some games begin again."""
+        """Reset some games to their start."""
         self._pointed.forget(games)
         first = self._first
         asked = {self._state.roster.names[number] for number in self._asked_agents}
@@ -838,13 +838,13 @@ class Cursor:
         self._refuse_other_agents("the function of conflicts")
 
     def note_losers(self, games: IntArray) -> None:
-        """Let agents know that conflicts have stopped them where they arrived."""
+        """Tell agents that conflicts have stopped them where they arrived."""
         for at, agent in np.argwhere(self._core.losers(games)).tolist():
             game = int(games[at])
             self._note_undone(game, agent, in_conflict(self._core.wanted(game, agent)))
 
     def _hold(self, agent: int) -> None:
-        """Let an agent of the game that the context is pointed at stay."""
+        """Cancel the move of an agent of the game that the context is pointed at."""
         self._state.counts["blocked"][self._number, agent] += 1
         self._core.hold(self._number, agent)
         if self._state.flights is not None:
@@ -1319,7 +1319,7 @@ class Cursor:
         return _AskedAgents(part, places, members, templates)
 
     def _tell_blocked(self, asked: _AskedAgents) -> list[Any]:
-        """Let agents know why they did not do what they wanted in their last turns; return their slots."""
+        """Set the reasons why agents failed to act in their last turns; return their slots."""
         state, told = self._state, []
         slots, numbers = self._living.order.slots, self._number_of
         undone = self._undone.get(self._number, {})

@@ -50,7 +50,7 @@ class Flights:
         return [*self.remembered.values(), self.wanted, self.turned, self.has_flown]
 
     def begin(self, games: IntArray, starts: FloatArray, poses: Sequence[Pose], has_flown: Sequence[bool]) -> None:
-        """Let games begin.
+        """Reset the flights of games that begin.
 
         Args:
             games: their numbers.
@@ -68,7 +68,7 @@ class Flights:
             self.previous_position[games, number] = starts[:, number] if previous is None else previous
 
     def enter(self, game: int, agent: int) -> None:
-        """Let an agent be in a game that was not there at the start, and has not flown."""
+        """Add an agent to a game in which it was not at the start, without a flight."""
         k = self.agents == agent
         self.start[game, k] = self.wanted[game, k] = np.nan
         self.turned[game, k] = np.nan
@@ -111,11 +111,11 @@ class Flights:
     # -- turns ----------------------------------------------------------------------------------------------------
 
     def choose(self, game: int, agent: int, position: Position | None, quat: Quat | None) -> None:
-        """Let an agent fly to a position, and turn; None: it does not."""
+        """Set the position to which an agent flies, and its rotation; None: unchanged."""
         self._chosen.append((game, int(np.searchsorted(self.agents, agent)), position, quat))
 
     def fly(self, game: int, agent: int, offset: Sequence[float]) -> None:
-        """Let an agent fly so far, map units, and by its speed at most.
+        """Set the displacement of an agent, in map units, limited by its speed.
 
         Raises:
             BadValue: the position exceeds the range of floats.

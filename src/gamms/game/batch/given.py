@@ -1,4 +1,4 @@
-"""Actions that come from outside: what agents of a team do in all games, instead of what their strategies decide."""
+"""Actions from outside, which replace the decisions of a team's strategies in all games."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from math import hypot
@@ -20,7 +20,7 @@ _KEYS = ("moves", "flights", "deeds", "messages")
 
 
 class OutsideActions(NamedTuple):
-    """What the agents of a team do in a turn, in all games of a batch.
+    """The actions of a team in one turn, in all games of a batch.
 
     Attributes:
         moves: numbers of legal nodes, (games, agents).
@@ -43,7 +43,7 @@ class OutsideActions(NamedTuple):
         return np.where((moves >= 0) & (moves < view.counts), moves, 0)
 
     def act(self, view: ArrayView) -> None:
-        """Let the agents of a view, in its mask, do and send what is given."""
+        """Carry out the given deeds and messages of the agents in the mask of a view."""
 
         def here(value: Any) -> Any:
             return value[view.games] if isinstance(value, np.ndarray) and value.ndim > 1 else value
@@ -118,7 +118,7 @@ def _as_mask(where: object, shape: tuple[int, int], what: str) -> BoolArray:
 
 
 class OutsideActor:
-    """Lets agents of a game take actions that are given, instead of what their strategies and plans decide.
+    """Makes agents of a game take given actions in place of the decisions of their strategies and plans.
 
     Its plans stay from turn to turn until `end`: the turn engine works out again who is asked when plans change.
     """
@@ -129,7 +129,7 @@ class OutsideActor:
         self._taking: dict[Hashable, _OutsideStrategy] = {}
 
     def take(self, given: Mapping[Hashable, OutsideActions], number: int) -> None:
-        """Let agents take other actions from now on: those of a game of the batch, by team."""
+        """Replace the given actions from now on by those of a game of the batch, by team."""
         if given.keys() != self._taking.keys():
             self.end()
             plans = self._game.plans
@@ -140,7 +140,7 @@ class OutsideActor:
             one.number = number
 
     def end(self) -> None:
-        """Let strategies and plans decide again; after a reset, too, as the first plans are part of the start."""
+        """Give decisions back to strategies and plans, also after a reset, as the first plans are part of the start."""
         plans = self._game.plans
         if any(isinstance(plan.function, _OutsideStrategy) for plan in plans.values()):
             own = {
@@ -185,7 +185,7 @@ class _OutsideStrategy:
                 agents[name].strategy(state)
 
     def _act(self, state: dict[str, Any], i: int, speed: float | None) -> None:
-        """Let an agent do what is given, which is at a place in the columns."""
+        """Carry out the action of an agent at an index of the columns."""
         (moves, deeds, messages, flights, may_stay), number = self.given, self.number
         do = {
             deed: self._plain_fields(deed, {key: _one_of(value, number, i) for key, value in fields.items()})

@@ -1,4 +1,4 @@
-"""What differs between games of a batch from their start: functions that a seed makes, or that a game prepares."""
+"""Differences between games of a batch from their start: functions that a seed makes, or that a game prepares."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
@@ -81,7 +81,7 @@ def _stay(state: dict[str, Any]) -> None:
 
 
 class FirstValues(NamedTuple):
-    """What a game begins with; see `GameState`. `attributes` are those of the agents, in the order of their rows."""
+    """The values with which a game begins; see `GameState`. `attributes` are of the agents, in the order of rows."""
 
     facts: dict[str, Any]
     data: dict[Any, Any]
@@ -93,7 +93,7 @@ class FirstValues(NamedTuple):
 
     @classmethod
     def of(cls, game: PlayedGame) -> "FirstValues":
-        """Return what a game begins with."""
+        """Return the values with which a game begins."""
         state = game.internals.state
         private = copied((state.agent_facts, state.team_facts))
         attributes = [copied_values(vars(agent)) for agent in game.ctx.agent.storage.share().members]
@@ -124,7 +124,7 @@ class FirstMap(NamedTuple):
 
 
 class FunctionsPerGame:
-    """What differs between the games on one map from their start.
+    """The differences between the games on one map from their start.
 
     Args:
         game: the game in whose context the functions are called.
@@ -216,7 +216,7 @@ class FunctionsPerGame:
         return FirstMap(edge_ids, closed, now)
 
     def _called(self, owner: Owner, function: Callable[..., Any] | None) -> Any:
-        """Return what a game calls in place of a function of its own."""
+        """Return the function that a game calls in place of its own."""
         kind, name = owner
         return self._game.ctx.sensor.get_sensor(name).called_with_both() if kind == "sensor" else function or _stay
 

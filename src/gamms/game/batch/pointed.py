@@ -62,7 +62,7 @@ class Population:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What makes two sets the same: names, kinds, teams, speeds, strategies and sensors."""
+        """The key of a set, equal for equal names, kinds, teams, speeds, strategies and sensors."""
         each = zip(self.agents.members, self.agents.equipment, strict=True)
         agents = [
             (one.name, one.type, one.team, one.speed, id(strategy), *own, *map(id, own.values()))
@@ -72,7 +72,7 @@ class Population:
 
 
 class PointedContext:
-    """A context whose agents, turn and seed are those of one game of a batch after the other.
+    """A context that is pointed at each game of a batch in turn: it then has the agents, turn and seed of that game.
 
     Args:
         game: at its start, in a context in which nothing else is played.
@@ -151,13 +151,13 @@ class PointedContext:
     # -- agents -------------------------------------------------------------------------------------------------
 
     def show(self, population: Population) -> None:
-        """Let the context have a set of agents."""
+        """Set the agents of the context."""
         self._game.ctx.agent.storage.show(population.agents)
         self._game.ctx.sensor.storage.show(population.sensors)
         self._note_shown(population)
 
     def show_first(self) -> None:
-        """Let the context have the agents of the start."""
+        """Set the agents of the context to those of the start."""
         self.show(self._first)
 
     @contextmanager

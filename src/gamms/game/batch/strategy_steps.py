@@ -1,4 +1,4 @@
-"""What agents along edges decide by in the core: the steps of strategies, sensors, memories, and tables of ways."""
+"""Data for decisions of agents along edges in the core: steps of strategies, sensors, memories, tables of paths."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import partial
@@ -130,7 +130,7 @@ def _numbers_of(step: CoreStep, known: Any, row_of: Callable[[int], Any]) -> tup
 
 
 class StrategySteps:
-    """What all threads share that play the strategies of a batch by steps.
+    """Columns of the steps of strategies, which all threads of a batch share.
 
     Args:
         state: of all games.

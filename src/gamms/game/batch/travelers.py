@@ -1,4 +1,4 @@
-"""Makes what the core plays games with that go along several edges a turn, or by metres."""
+"""Builds the columns with which the core plays games along several edges a turn, or by metres."""
 
 from array import array
 from typing import Any, NamedTuple
@@ -61,7 +61,7 @@ def most_nodes(by: EdgeMovement) -> int:
 
 
 class ThreadTravel(NamedTuple):
-    """What one thread plays games by metres with, or those along several edges.
+    """Columns of one thread that plays games by metres, or along several edges a turn.
 
     Attributes:
         walkers, travelers: agents as they go along edges, or by metres.
@@ -97,7 +97,7 @@ def _remembered(rows: int) -> int:
 
 
 class EdgeColumns:
-    """What is the same for all threads that play games along several edges a turn.
+    """Columns of games along several edges a turn, which all threads share.
 
     Args:
         state: of all games.
@@ -200,7 +200,7 @@ class ArrivalColumns:
 
 
 class MetreColumns:
-    """What is the same for all threads that play games by metres.
+    """Columns of games by metres, which all threads share.
 
     Args:
         state: of all games.
