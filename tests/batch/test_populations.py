@@ -243,3 +243,24 @@ def test_environments_go_on_where_agents_change(scouted):
         observed, *_ = environment.step(np.zeros(environment.action_space.shape, np.int64))
         assert {name: one.shape for name, one in observed.items()} == shapes
     environment.close()
+
+
+def test_a_flag_whose_carrier_was_deleted_is_dropped_at_its_base():
+    def scatter(ctx):
+        carriers = [flag["carrier"] for flag in ctx.game.facts["flags"].values()]
+        if ctx.game.turn >= 3 and "red_1" in carriers:
+            ctx.agent.delete_agent("red_1")
+
+    with made(rules=[{"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}]).build() as ctx:
+        carrier = ctx.agent.get_agent("red_1")
+        carrier.current_node_id = 23
+        carrier.register_strategy(lambda state: state.update(action=24 if state["turn"] == 0 else min(state["legal"])))
+        ctx.game.add(scatter)
+        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                found = games.result(number)
+                assert plain(found) == plain(alone.game.run())
+                drops = [event["node"] for event in found.events if event["kind"] == "drop"]
+                assert drops == [24]

@@ -118,7 +118,7 @@ cdef class Flags:
     cdef i64[::1] carriers, stops, captures
     cdef double[::1] taken
 
-    @cython.locals(flag=i64, agent=i64, row=i64)
+    @cython.locals(flag=i64, agent=i64, row=i64, number=i64, node=i64)
     cpdef int drop(self, GameColumns games, Events events, i64 game, i64 rule) except -1 nogil
     @cython.locals(flag=i64)
     cpdef int note_stops(self, GameColumns games, i64 game) except -1 nogil

@@ -66,7 +66,7 @@ class GameColumns:
         alive: (games * agents,) 1: the agent is alive.
         placed: (games * agents,) 1: a rule has placed the agent on its node since its move, so that it passed no node.
         stops: (games * agents,) how often the agent was tagged, respawned or eliminated.
-        home: (games * agents,) the node where it respawns; -1: it has not entered the game yet.
+        home: (games * agents,) the node where it respawns; -1: it is not in the game.
         turn: (games,) the number of turns played.
         over: (games,) 1: a rule has ended the game.
         score: (games * teams,) the score of each team.
@@ -656,14 +656,16 @@ class Flags:
         self.involved = 0
 
     def drop(self, games: GameColumns, events: Events, game: int, rule: int) -> int:
-        """Drop the flags of carriers that are eliminated, or were tagged or respawned since the last turn."""
+        """Drop the flags of carriers that are out or deleted, or were tagged or respawned since the last turn."""
         for flag in range(game * self.flags, (game + 1) * self.flags):
             agent = self.carriers[flag]
             if agent < 0:
                 continue
             row = game * games.agents + agent
             if not games.alive[row] or games.stops[row] != self.stops[flag]:
-                events.put(game, games.turn[game], rule, DROP, agent, flag - game * self.flags, games.node[row])
+                number = flag - game * self.flags
+                node = self.base[number] if games.home[row] < 0 else games.node[row]  # -1: it was deleted
+                events.put(game, games.turn[game], rule, DROP, agent, number, node)
                 self.carriers[flag] = -1
         return 0
 
