@@ -84,3 +84,18 @@ def test_rows_for_agents_that_come_later_are_made_at_once(monkeypatch):
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_agents_that_are_changed_after_they_have_come_have_rows_as_they_came():
+    def hurry(ctx):
+        for agent in ctx.agent.create_iter():
+            agent.speed = 1.0 + ctx.game.turn
+
+    with made().build(seed=1) as ctx:
+        ctx.game.add(visit)
+        ctx.game.add(hurry)
+        with ctx.game.batch(seeds=[5, 6]) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())

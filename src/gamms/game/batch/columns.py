@@ -341,8 +341,12 @@ class AgentTable(NamedTuple):
         may_vary = is_same or bool(self.varies[number])
         return may_vary and ComingAgent.like(known, agent.name)._replace(sensors=own).fits(agent)
 
-    def with_more(self, agents: Iterable[IAgent]) -> "AgentTable":
+    def with_more(self, agents: Iterable[IAgent], likely: Iterable[ComingAgent] = ()) -> "AgentTable":
         """Return the roster with rows for agents that were created.
+
+        Args:
+            agents: these agents.
+            likely: agents that probably come later; others of their names may come instead.
 
         Raises:
             BadValue: an agent differs from another one of its name in a way that one row cannot hold.
@@ -358,6 +362,7 @@ class AgentTable(NamedTuple):
                 continue
             known = coming.get(name) or ComingAgent.like(agent, name)._replace(is_reserved=False)
             coming[name] = known.joined(agent)
+        coming |= {agent.name: agent for agent in likely if agent.name not in {**coming, **first}}
         return AgentTable.of(first.values(), coming.values(), varying)
 
     def first_nodes(self, game: PlayedGame) -> list[int]:

@@ -304,9 +304,8 @@ class Batch(Immutable):
     def _begin_with(self, agents: Sequence[IAgent]) -> None:
         """Play all games again up to the last turn, with rows for agents that rules have created or will create."""
         self._engine.release()
-        if self._ran_from is not None:
-            agents = [*agents, *self._agents_ahead()]
-        self._rosters = [roster.with_more(agents) for roster in self._rosters]
+        likely = [] if self._ran_from is None else self._agents_ahead()
+        self._rosters = [roster.with_more(agents, likely) for roster in self._rosters]
         self._roster = self._rosters[0]
         self._first_nodes = [
             roster.first_nodes(source.game) for source, roster in zip(self._sources, self._rosters, strict=True)
@@ -326,8 +325,8 @@ class Batch(Immutable):
                 if (engine.turns() == turns).all():  # otherwise a rule has raised when all had moved, as before
                     raise
 
-    def _agents_ahead(self) -> list[IAgent]:
-        """Return the agents that rules create in the first game, which is played by itself to its end."""
+    def _agents_ahead(self) -> list[ComingAgent]:
+        """Return agents like those that rules create in the first game, which is played by itself to its end."""
         # NOTE: a row for each agent that comes costs all turns so far, unless it is known from another one: with a new
         # agent in every fifth of 60 turns, a batch took 8 times as long as the games alone.
         number = int(self.maps[0])
@@ -336,15 +335,16 @@ class Batch(Immutable):
         game = self._sources[number].game
         start = game.snapshot()
         last = game.settings()["max_turns"]
-        found: dict[str, IAgent] = {}
+        found: dict[str, ComingAgent] = {}
         try:
             game.reset(seed=self.seeds[0])
             with self._playing_alone(0, game), suppress(Exception):  # which the batch raises in its turn
                 while (last is None or game.turn < last) and game.step():
-                    found = {**game.ctx.agent.agents, **found}
+                    agents = game.ctx.agent.agents.items()
+                    found |= {name: ComingAgent.like(one, name) for name, one in agents if name not in found}
         finally:
             game.restore(start)
-        return [agent for name, agent in found.items() if name not in self._roster.names]
+        return [agent._replace(is_reserved=False) for agent in found.values()]
 
     def _with_all_rows(self, numbers: LearnerActions) -> LearnerActions:
         """Return the actions of public agents as those of all agents."""
