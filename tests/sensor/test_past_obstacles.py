@@ -24,6 +24,15 @@ def test_a_wall_hides_the_node_behind_it_and_the_street_to_it(ctx, sense):
     assert list(sense(SensorType.RANGE)["nodes"]) == [0, 1, 2, 3, 4, 5]
 
 
+def test_looks_from_many_nodes_past_a_wall_are_not_those_of_a_sensor_that_sees_through_it(ctx):
+    wall(ctx, (0.5, -0.5), (0.5, 0.5))
+    through = ctx.sensor.create_sensor("through", SensorType.RANGE, sensor_range=9.0)
+    past = ctx.sensor.create_sensor("past", SensorType.OCCLUDED_MAP, sensor_range=9.0)
+    through.sense(0)
+    past.sense(0)
+    assert past.sense_many([0]).values.tolist() == list(past.data["nodes"]) != list(through.data["nodes"])
+
+
 def test_a_wall_that_touches_the_target_hides_it_and_one_that_ends_before_it_does_not(ctx, sense):
     wall(ctx, (1.0, -0.5), (1.0, 0.5))
     assert 1 not in sense(SensorType.OCCLUDED_MAP)["nodes"]
