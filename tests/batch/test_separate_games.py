@@ -26,6 +26,12 @@ def swap_teams(ctx):
         agent.team = {"red": "blue", "blue": "red"}[agent.team]
 
 
+def play_turn(ctx):
+    if not ctx.game.data.get("is nested"):
+        ctx.game.data["is nested"] = True
+        ctx.game.step()
+
+
 def wall(ctx):
     ctx.graph.add_obstacle_face(0, tr=(33, 14, 8), tl=(5, 12, 8), br=(33, 14, 0), bl=(5, 12, 0), type=14)
 
@@ -50,6 +56,8 @@ ACTS = {
     "strategy": lambda ctx: setattr(ctx.agent.get_agent("red_0"), "strategy", gamms.strategies.stay),
     "edge": lambda ctx: ctx.graph.graph.remove_edge(0),
     "wall": wall,
+    "turn": play_turn,
+    "place": lambda ctx: ctx.game.scores.update(known=ctx.graph.place(1)[0]),
     "stream": lambda ctx: ctx.game.observation("red_0")["draw"].random(),
 }
 

@@ -173,8 +173,12 @@ def _read_field(name: str, state: GameState) -> Any:
     return state.start.read(name)
 
 
+def _play_turn_in_it(state: GameState, _: object) -> None:
+    state.start._leave("plays a turn of the game")
+
+
 for _name in _READ:
-    _set_field: Any = (lambda state, data: state.start.replace_data(data)) if _name == "data" else None
+    _set_field: Any = _play_turn_in_it if _name != "data" else lambda state, data: state.start.replace_data(data)
     setattr(_PointedState, _name, property(partial(_read_field, _name), _set_field))
 
 
