@@ -185,7 +185,7 @@ def play_phase(games: GameColumns, a: Arrivals, t: MetreMovers, phase: int, game
         arrive(games, a, t, game)
         show(games, a, t, game)
     if a.now[game] == travel.INFINITE:
-        return by_metres.keep(games, t, game)
+        return t.keep_all(game)
     for i in range(games.agents):
         travel.copy_trip(t.trips, i, a.kept, game * games.agents + i)  # type: ignore[arg-type] # there are some
     return 0
@@ -197,7 +197,7 @@ def show(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     for i in range(games.agents):
         row = game * games.agents + i
         leg = i * t.trips.most + t.trips.legs[i] - 1
-        if now == travel.INFINITE or t.trips.legs[i] == 0 or t.movers.part_of[i] != t.movers.part[game]:
+        if now == travel.INFINITE or t.trips.legs[i] == 0 or t.part_of[i] != t.part[game]:
             continue
         source = t.trips.begins[leg]
         target = t.trips.ends[leg]
@@ -217,8 +217,8 @@ def put_back(games: GameColumns, t: MetreMovers, game: int) -> int:
     """Put the agents of this part of the turn back to where they set out; `move` writes where they arrive."""
     for i in range(games.agents):
         row = game * games.agents + i
-        t.movers.ends[row] = t.trips.node[i]
-        if t.movers.part_of[i] == t.movers.part[game]:
+        t.ends[row] = t.trips.node[i]
+        if t.part_of[i] == t.part[game]:
             games.node[row] = games.start[row]
     return 0
 
@@ -234,12 +234,12 @@ def set_out(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
         a.late[row] = 0
         a.comes[row] = 0
         if by_metres.is_there(games, t, game, i):
-            t.ends[row] = t.starts[row]
+            t.end_places[row] = t.start_places[row]
         else:
             begin(games, a, t, game, i)
-        if games.edge[row] >= 0 and t.movers.part_of[i] != t.movers.part[game]:  # also on an edge that is closed
-            t.starts[row] = t.nodes + games.edge[row]
-            t.ends[row] = t.starts[row]
+        if games.edge[row] >= 0 and t.part_of[i] != t.part[game]:  # also on an edge that is closed
+            t.start_places[row] = t.nodes + games.edge[row]
+            t.end_places[row] = t.start_places[row]
     return 0
 
 
@@ -247,14 +247,14 @@ def begin(games: GameColumns, a: Arrivals, t: MetreMovers, game: int, i: int) ->
     """Start the turn of an agent: it continues on its way, decides next, or waits for its part of the turn."""
     row = game * games.agents + i
     edge = t.trips.edge[i]
-    if games.alive[row] and t.movers.part_of[i] == t.movers.part[game]:
+    if games.alive[row] and t.part_of[i] == t.part[game]:
         a.comes[row] = DECIDES
         if edge >= 0 and travel.is_going(t.roads, edge, t.trips.motion[i]):
             a.comes[row] = GOES_ON
             travel.go(t.roads, t.trips, i, t.trips.motion[i], 0)
     if a.comes[row] != DECIDES:
         by_metres.rest(t, i)
-    t.ends[row] = place_after(t, row, i, 0)
+    t.end_places[row] = place_after(t, row, i, 0)
     return 0
 
 
@@ -270,7 +270,7 @@ def choose(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
                 t.trips.pace[i] = -1.0
                 by_metres.choose(games, t, game, i)
                 by_metres.rest(t, i)
-            t.ends[row] = place_after(t, row, i, a.legs[row])
+            t.end_places[row] = place_after(t, row, i, a.legs[row])
     return 0
 
 
@@ -279,7 +279,7 @@ def place_after(t: MetreMovers, row: int, i: int, legs: int) -> int:
     leg = i * t.trips.most + t.trips.legs[i] - 1
     if t.trips.legs[i] == legs:
         return t.trips.node[i]
-    return t.starts[row] if t.trips.begins[leg] == t.trips.ends[leg] else t.nodes + t.trips.edges[leg]
+    return t.start_places[row] if t.trips.begins[leg] == t.trips.ends[leg] else t.nodes + t.trips.edges[leg]
 
 
 def give_way(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
@@ -288,18 +288,18 @@ def give_way(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     Agents that functions have held lose, too.
     """
     has_losers = False
-    if t.movers.has_conflicts:
-        has_losers = resolve(t.movers.contests, t.movers.requests, game, games.turn[game]) > 0  # type: ignore[arg-type]
+    if t.has_conflicts:
+        has_losers = resolve(t.contests, t.requests, game, games.turn[game]) > 0  # type: ignore[arg-type]
     for i in range(games.agents):
         row = game * games.agents + i
-        loses = t.movers.held[row] or (has_losers and t.movers.contests.stays[i])  # type: ignore[union-attr]
+        loses = t.held[row] or (has_losers and t.contests.stays[i])  # type: ignore[union-attr]
         a.loses[row] = 0
-        t.movers.held[row] = 0
-        if loses and t.starts[row] != t.ends[row]:
+        t.held[row] = 0
+        if loses and t.start_places[row] != t.end_places[row]:
             a.loses[row] = 1
-            moves.block(t.movers, row, t.ends[row])
-            t.ends[row] = t.starts[row]
-        t.starts[row] = t.ends[row]
+            moves.block(t, row, t.end_places[row])
+            t.end_places[row] = t.start_places[row]
+        t.start_places[row] = t.end_places[row]
     return 0
 
 
@@ -320,7 +320,7 @@ def go_on(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
             continue
         if a.asked[row] == 0:
             if a.loses[row]:
-                by_metres.stay(games, t, row, i)
+                t.stay(games, game, i)
             if t.trips.legs[i] > 0:
                 depart(a, t, game, i)
         elif a.loses[row]:

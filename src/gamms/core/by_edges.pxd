@@ -1,7 +1,6 @@
 cimport cython
 
 from gamms.core cimport draws, moves, strategies, travel
-from gamms.core.conflicts cimport resolve
 from gamms.core.moves cimport OneEdgeMovers, LegalMoves
 from gamms.core.rules cimport GameColumns, AgentPaths
 from gamms.core.travel cimport ReachSearch, GoalPaths
@@ -29,17 +28,27 @@ cdef class EdgePaths(AgentPaths):
     cdef int fill(self, GameColumns games, i64 game) except -1 nogil
 
 
-@cython.final
-cdef class EdgeMovers:
-    cdef OneEdgeMovers movers
-    cdef EdgePaths walks
+cdef class EdgeMovers(OneEdgeMovers):
+    cdef EdgePaths paths
     cdef i64[::1] ahead
     cdef double[::1] covered
     cdef GoalPaths long_ways
     cdef bint goes_far
 
+    cdef int take_map(self, i64 first) except -1 nogil
+    @cython.locals(i=i64, row=i64, part=i64)
+    cdef int decide(self, GameColumns games, i64 game) except -1 nogil
+    cdef bint goes(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    @cython.locals(row=i64)
+    cdef int stay(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    @cython.locals(row=i64)
+    cdef int go(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    @cython.locals(row=i64)
+    cdef int keep(self, i64 game, i64 i) except -1 nogil
+    @cython.locals(row=i64)
+    cdef int recall(self, i64 game, i64 i) except -1 nogil
 
-cdef int take_map(EdgeMovers w, i64 first) except -1 nogil
+
 cpdef int begin(EdgePaths walks, i64 i, i64 node, i64 ahead, double covered) except -1 nogil
 @cython.locals(found=bint, place=i64, at=i64)
 cdef bint is_next(EdgePaths walks, i64 node, i64 other) except -1 nogil
@@ -58,22 +67,9 @@ cpdef int walk(EdgePaths walks, i64 i, i64 count) except -1 nogil
 @cython.locals(number=i64)
 cdef int copy_walk(AgentPaths steps, i64 row, AgentPaths others, i64 other, i64 most) except -1 nogil
 
-@cython.locals(i=i64, row=i64, part=i64)
-cpdef int decide(GameColumns games, EdgeMovers w, i64 game) except -1 nogil
 @cython.locals(row=i64, node=i64, target=i64, count=i64)
 cdef int choose(GameColumns games, EdgeMovers w, i64 game, i64 i) except -1 nogil
 @cython.locals(row=i64, by=u8, target=i64, count=i64)
 cdef Py_ssize_t target_of(GameColumns games, EdgeMovers w, i64 game, i64 i) except -2 nogil
-@cython.locals(i=i64, row=i64, goes=bint)
-cpdef int give_way(GameColumns games, EdgeMovers w, i64 game) except -1 nogil
-cdef int stay(GameColumns games, EdgeMovers w, i64 row, i64 i) except -1 nogil
-@cython.locals(i=i64)
-cpdef int keep(GameColumns games, EdgeMovers w, i64 game) except -1 nogil
-@cython.locals(i=i64)
-cpdef int recall(GameColumns games, EdgeMovers w, i64 game) except -1 nogil
-@cython.locals(i=i64, row=i64)
-cpdef int settle(GameColumns games, EdgeMovers w, i64 game) except -1 nogil
-@cython.locals(i=i64, row=i64, part=i64)
-cpdef int move(GameColumns games, EdgeMovers w, i64 game) except -1 nogil
 @cython.locals(first=i64, place=i64)
 cdef int go_in_part(EdgePaths walks, i64 i, i64 part, i64 parts) except -1 nogil

@@ -7,9 +7,9 @@ same direction.
 from __future__ import annotations
 
 from math import floor
+from typing import Any
 
 from gamms.core import draws, moves, strategies, travel
-from gamms.core.conflicts import resolve
 from gamms.core.moves import LegalMoves, OneEdgeMovers
 from gamms.core.rules import AgentPaths, GameColumns
 from gamms.core.travel import GoalPaths, ReachSearch
@@ -77,42 +77,93 @@ class EdgePaths(AgentPaths):
         return 0
 
 
-class EdgeMovers:
+class EdgeMovers(OneEdgeMovers):
     """The agents of games with speeds in edges per turn; rows are as in `rules.GameColumns`.
 
     `GameColumns.edge` holds the node ahead, at the end of a partly covered edge, and `GameColumns.share` the covered
     share.
 
     Attributes:
-        movers: the columns that are common to all kinds of movement.
-        walks: the paths of one game.
+        paths: the paths of one game.
         long_ways: the shortest paths of agents that go beyond their legal nodes, if some do (`goes_far`).
         ahead, covered: (rows,) the values of `GameColumns.edge` and `GameColumns.share` after the moves.
     """
 
     def __init__(
         self,
-        movers: OneEdgeMovers,
-        walks: EdgePaths,
+        paths: EdgePaths,
         ahead: memoryview[int],
         covered: memoryview[float],
         long_ways: GoalPaths | None,
+        *movers: Any,
+        **columns: Any,
     ) -> None:
-        self.movers = movers
-        self.walks = walks
+        super().__init__(*movers, **columns)
+        self.paths = paths
         self.ahead = ahead
         self.covered = covered
         self.long_ways = long_ways
         self.goes_far = long_ways is not None
+        self.keeps = self.paths.keeps
 
+    def take_map(self, first: int) -> int:
+        """Use the map whose first node has this place."""
+        self.paths.first = first
+        self.paths.hops.roads.first = first
+        if self.goes_far:
+            self.long_ways.roads.first = first  # type: ignore[union-attr] # there are some
+        return 0
 
-def take_map(w: EdgeMovers, first: int) -> int:
-    """Use the map whose first node has this place."""
-    w.walks.first = first
-    w.walks.hops.roads.first = first
-    if w.goes_far:
-        w.long_ways.roads.first = first  # type: ignore[union-attr] # there are some
-    return 0
+    def decide(self, games: GameColumns, game: int) -> int:
+        """Choose the moves of the living agents in this part of the turn, and write their paths; all others stay."""
+        part = self.part[game]
+        for i in range(games.agents):
+            row = game * games.agents + i
+            if part == 0:
+                moves.set_out(games, self, row)
+            if self.part_of[i] == part:
+                choose(games, self, game, i)
+            elif self.part_of[i] > part:
+                begin(self.paths, i, games.node[row], -1, 0.0)
+            elif self.keeps:
+                self.recall(game, i)
+            if self.part_of[i] != part:
+                self.ends[row] = games.node[row]
+        return 0
+
+    def goes(self, games: GameColumns, game: int, i: int) -> bool:
+        """Return whether an agent leaves its node, or covers part of an edge."""
+        return self.paths.lengths[i] > 1 or self.ahead[game * games.agents + i] >= 0
+
+    def stay(self, games: GameColumns, game: int, i: int) -> int:
+        """Undo the move of an agent: it stays at its node for the whole turn."""
+        row = game * games.agents + i
+        self.ends[row] = games.node[row]
+        self.ahead[row] = -1
+        self.covered[row] = 0.0
+        return begin(self.paths, i, games.node[row], -1, 0.0)
+
+    def go(self, games: GameColumns, game: int, i: int) -> int:
+        """Move an agent to the end of its move, and fit its path into its part of the turn."""
+        row = game * games.agents + i
+        moves.go(games, self, row)
+        games.edge[row] = self.ahead[row]
+        games.share[row] = self.covered[row]
+        if self.went[row] != games.node[row]:  # a rule has put it there
+            self.paths.times[i * self.paths.most] = 1.0
+        if self.parts > 1 and self.paths.lengths[i] > 1:
+            go_in_part(self.paths, i, self.part[game], self.parts)
+        return 0
+
+    def keep(self, game: int, i: int) -> int:
+        """Store the path of an agent until the next phase."""
+        row = game * len(self.part_of) + i
+        return copy_walk(self.paths, i, self.paths.kept, row, self.paths.most)  # type: ignore[arg-type] # there is one
+
+    def recall(self, game: int, i: int) -> int:
+        """Read the stored path of an agent."""
+        row = game * len(self.part_of) + i
+        return copy_walk(self.paths.kept, row, self.paths, i, self.paths.most)  # type: ignore[arg-type] # there is one
 
 
 # -- one agent -------------------------------------------------------------------------------------------------------
@@ -276,136 +327,49 @@ def copy_walk(steps: AgentPaths, row: int, others: AgentPaths, other: int, most:
 # -- the agents of a game --------------------------------------------------------------------------------------------
 
 
-def decide(games: GameColumns, w: EdgeMovers, game: int) -> int:
-    """Choose the moves of the living agents in this part of the turn, and write their paths; all other agents stay."""
-    part = w.movers.part[game]
-    for i in range(games.agents):
-        row = game * games.agents + i
-        if part == 0:
-            moves.set_out(games, w.movers, row)
-        if w.movers.part_of[i] == part:
-            choose(games, w, game, i)
-        elif w.movers.part_of[i] > part:
-            begin(w.walks, i, games.node[row], -1, 0.0)
-        elif w.walks.keeps:
-            copy_walk(w.walks.kept, row, w.walks, i, w.walks.most)  # type: ignore[arg-type] # there is one
-        if w.movers.part_of[i] != part:
-            w.movers.ends[row] = games.node[row]
-    return 0
-
-
 def choose(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
     """Decide for an agent, and write its path through the turn."""
     row = game * games.agents + i
     node = games.node[row]
-    begin(w.walks, i, node, games.edge[row], games.share[row])
+    begin(w.paths, i, node, games.edge[row], games.share[row])
     target = -1
     count = 0
     if games.alive[row]:
-        w.movers.blocked[row] = 0
-        if w.movers.decides_by[i] == moves.IS_GIVEN and w.movers.given[row] < 0:
-            count = w.movers.routes.take(row, w.walks.route)  # type: ignore[union-attr] # there are some
+        w.blocked[row] = 0
+        if w.decides_by[i] == moves.IS_GIVEN and w.given[row] < 0:
+            count = w.routes.take(row, w.paths.route)  # type: ignore[union-attr] # there are some
         else:
             target = target_of(games, w, game, i)
     if count > 0:
-        walk(w.walks, i, count)
+        walk(w.paths, i, count)
     elif target >= 0 and target != node:
-        if w.walks.reach.listed[target] == w.walks.reach.search:
-            go_towards(w.walks, i, w.walks.hops, row, target)
+        if w.paths.reach.listed[target] == w.paths.reach.search:
+            go_towards(w.paths, i, w.paths.hops, row, target)
         else:
-            go_towards(w.walks, i, w.long_ways, row, target)  # type: ignore[arg-type] # there are some
+            go_towards(w.paths, i, w.long_ways, row, target)  # type: ignore[arg-type] # there are some
     else:
-        begin(w.walks, i, node, -1, 0.0)
-    w.ahead[row] = w.walks.ahead[i]
-    w.covered[row] = w.walks.covered[i]
-    w.movers.ends[row] = w.walks.nodes[i * w.walks.most + w.walks.lengths[i] - 1]
+        begin(w.paths, i, node, -1, 0.0)
+    w.ahead[row] = w.paths.ahead[i]
+    w.covered[row] = w.paths.covered[i]
+    w.ends[row] = w.paths.nodes[i * w.paths.most + w.paths.lengths[i] - 1]
     return 0
 
 
 def target_of(games: GameColumns, w: EdgeMovers, game: int, i: int) -> int:
     """Return the node that an agent moves toward, by its own decision or a given action; -1: none."""
     row = game * games.agents + i
-    by = w.movers.decides_by[i]
+    by = w.decides_by[i]
     if by == moves.STAYS:
         return -1
-    count = list_legal(w.walks, i)
+    count = list_legal(w.paths, i)
     if by == moves.STEPS:
-        strategies.take_legal(w.movers.by_steps, w.walks.reach.nodes, count)  # type: ignore[arg-type] # there are some
-        w.movers.by_steps.goes_far = w.walks.speeds[i] == w.walks.speeds[i]  # type: ignore[union-attr] # not NaN
-        w.movers.by_steps.drawn = 0  # type: ignore[union-attr]
-        return strategies.act(w.movers.by_steps, game, i)  # type: ignore[arg-type]
+        strategies.take_legal(w.by_steps, w.paths.reach.nodes, count)  # type: ignore[arg-type] # there are some
+        w.by_steps.goes_far = w.paths.speeds[i] == w.paths.speeds[i]  # type: ignore[union-attr] # not NaN
+        w.by_steps.drawn = 0  # type: ignore[union-attr]
+        return strategies.act(w.by_steps, game, i)  # type: ignore[arg-type]
     if by == moves.IS_GIVEN:
-        return w.walks.reach.nodes[w.movers.given[row]]
-    return w.walks.reach.nodes[draws.below_at(w.movers.walks.keys[row], games.turn[game], 0, count)]
-
-
-def give_way(games: GameColumns, w: EdgeMovers, game: int) -> int:
-    """Resolve conflicts: the losers stay, and are counted."""
-    if not w.movers.has_conflicts:
-        return 0
-    if resolve(w.movers.contests, w.movers.requests, game, games.turn[game]) == 0:  # type: ignore[arg-type] # there are
-        return 0
-    for i in range(games.agents):
-        row = game * games.agents + i
-        goes = w.walks.lengths[i] > 1 or w.ahead[row] >= 0
-        if goes and w.movers.part_of[i] == w.movers.part[game] and w.movers.contests.stays[i]:  # type: ignore[union-attr] # there are conflicts
-            moves.block(w.movers, row, w.movers.ends[row])
-            stay(games, w, row, i)
-    return 0
-
-
-def stay(games: GameColumns, w: EdgeMovers, row: int, i: int) -> int:
-    """Undo the move of an agent: it stays at its node for the whole turn."""
-    w.movers.ends[row] = games.node[row]
-    begin(w.walks, i, games.node[row], -1, 0.0)
-    w.ahead[row] = -1
-    w.covered[row] = 0.0
-    return 0
-
-
-def keep(games: GameColumns, w: EdgeMovers, game: int) -> int:
-    """Store the paths of a game until its next phase."""
-    for i in range(games.agents):
-        copy_walk(w.walks, i, w.walks.kept, game * games.agents + i, w.walks.most)  # type: ignore[arg-type]
-    return 0
-
-
-def recall(games: GameColumns, w: EdgeMovers, game: int) -> int:
-    """Read the stored paths of a game."""
-    for i in range(games.agents):
-        copy_walk(w.walks.kept, game * games.agents + i, w.walks, i, w.walks.most)  # type: ignore[arg-type]
-    return 0
-
-
-def settle(games: GameColumns, w: EdgeMovers, game: int) -> int:
-    """Undo the moves of agents that are held, and of those that rules have placed elsewhere since they decided."""
-    for i in range(games.agents):
-        row = game * games.agents + i
-        is_put = moves.is_put(games, w.movers, row, i)
-        if is_put:
-            moves.put(games, w.movers, row)
-        if is_put or moves.is_stopped(games, w.movers, row, i):
-            stay(games, w, row, i)
-        moves.leave_or_join(games, w.movers, row)
-    return 0
-
-
-def move(games: GameColumns, w: EdgeMovers, game: int) -> int:
-    """Move the agents of this part of the turn, and store their paths if rules run later."""
-    part = w.movers.part[game]
-    moves.move(games, w.movers, game)
-    for i in range(games.agents):
-        row = game * games.agents + i
-        if w.movers.part_of[i] == part:
-            games.edge[row] = w.ahead[row]
-            games.share[row] = w.covered[row]
-            if w.movers.went[row] != games.node[row]:  # a rule has put it there
-                w.walks.times[i * w.walks.most] = 1.0
-            if w.movers.parts > 1 and w.walks.lengths[i] > 1:
-                go_in_part(w.walks, i, part, w.movers.parts)
-            if w.walks.keeps:
-                copy_walk(w.walks, i, w.walks.kept, row, w.walks.most)  # type: ignore[arg-type] # there is one
-    return 0
+        return w.paths.reach.nodes[w.given[row]]
+    return w.paths.reach.nodes[draws.below_at(w.walks.keys[row], games.turn[game], 0, count)]
 
 
 def go_in_part(walks: EdgePaths, i: int, part: int, parts: int) -> int:

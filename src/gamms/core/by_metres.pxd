@@ -1,7 +1,6 @@
 cimport cython
 
 from gamms.core cimport draws, moves, rules, strategies, travel
-from gamms.core.conflicts cimport resolve
 from gamms.core.moves cimport OneEdgeMovers
 from gamms.core.rules cimport Events, GameColumns, AgentPaths
 from gamms.core.travel cimport LegalCache, ReachSearch, RoadEdges, TurnPaths, GoalPaths
@@ -12,9 +11,7 @@ ctypedef long long i64
 cdef i64 ENDLESS, BACKWARDS, TURNS, UNKNOWN
 
 
-@cython.final
-cdef class MetreMovers:
-    cdef OneEdgeMovers movers
+cdef class MetreMovers(OneEdgeMovers):
     cdef GoalPaths ways, near
     cdef RoadEdges roads
     cdef ReachSearch reach
@@ -23,15 +20,26 @@ cdef class MetreMovers:
     cdef Events events
     cdef i64 slots, nodes
     cdef const double[::1] speeds
-    cdef i64[::1] motion, starts, ends, drawn
+    cdef i64[::1] motion, start_places, end_places, drawn
     cdef i64 most_edges
     cdef TurnPaths kept
-    cdef bint keeps
+
+    cdef int take_map(self, i64 first) except -1 nogil
+    @cython.locals(i=i64, row=i64)
+    cdef int decide(self, GameColumns games, i64 game) except -1 nogil
+    @cython.locals(share=double, began_on_edge=bint)
+    cdef bint is_put(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    @cython.locals(leg=i64)
+    cdef bint goes(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    cdef i64 goal(self, i64 row) except -1 nogil
+    @cython.locals(row=i64, leg=i64, had_begun=bint, back=i64)
+    cdef int stay(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    @cython.locals(row=i64)
+    cdef int go(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    cdef int keep(self, i64 game, i64 i) except -1 nogil
+    cdef int recall(self, i64 game, i64 i) except -1 nogil
 
 
-cdef int take_map(MetreMovers t, i64 first) except -1 nogil
-@cython.locals(i=i64, row=i64)
-cpdef int decide(GameColumns games, MetreMovers t, i64 game) except -1 nogil
 @cython.locals(row=i64, edge=i64)
 cdef bint is_there(GameColumns games, MetreMovers t, i64 game, i64 i) except -1 nogil
 cdef int set_out(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
@@ -49,29 +57,15 @@ cdef Py_ssize_t target_of(GameColumns games, MetreMovers t, i64 game, i64 i) exc
 cdef i64 drawn(GameColumns games, MetreMovers t, i64 row, i64 bound) except? -2 nogil
 @cython.locals(row=i64, edge=i64, node=i64)
 cdef Py_ssize_t by_steps(MetreMovers t, i64 game, i64 i) except -2 nogil
-@cython.locals(leg=i64, had_begun=bint, back=i64)
-cdef int stay(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
-@cython.locals(i=i64, row=i64, leg=i64, goes=bint)
-cpdef int give_way(GameColumns games, MetreMovers t, i64 game) except -1 nogil
-@cython.locals(i=i64)
-cpdef int keep(GameColumns games, MetreMovers t, i64 game) except -1 nogil
-@cython.locals(i=i64)
-cpdef int recall(GameColumns games, MetreMovers t, i64 game) except -1 nogil
-@cython.locals(i=i64, row=i64, share=double, has_left_edge=bint, is_put=bint)
-cpdef int settle(GameColumns games, MetreMovers t, i64 game) except -1 nogil
-@cython.locals(i=i64, row=i64, part=i64)
-cpdef int move(GameColumns games, MetreMovers t, i64 game) except -1 nogil
-cdef int go(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil
 
 
 cdef class MetrePaths(AgentPaths):
+    cdef MetreMovers movers
     cdef TurnPaths trips
     cdef RoadEdges roads
     cdef const i64[::1] edge_ids
     cdef i64[::1] sources, targets, streets, flags
     cdef double[::1] metres
-    cdef TurnPaths kept
-    cdef bint keeps
 
     @cython.locals(agent=i64, row=i64, first=i64, leg=i64, edge=i64, back=i64, is_back=bint)
     cdef int fill(self, GameColumns games, i64 game) except -1 nogil

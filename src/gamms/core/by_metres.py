@@ -1,9 +1,11 @@
 """Moves of one game by metres: agents decide, resolve conflicts, and move; see `gamms.core.travel`."""
+# ruff: noqa: ARG002 - a kind of movement reads no arguments that only others need
 
 from __future__ import annotations
 
+from typing import Any
+
 from gamms.core import draws, moves, rules, strategies, travel
-from gamms.core.conflicts import resolve
 from gamms.core.moves import OneEdgeMovers
 from gamms.core.rules import AgentPaths, Events, GameColumns
 from gamms.core.travel import GoalPaths, LegalCache, ReachSearch, RoadEdges, TurnPaths
@@ -14,11 +16,10 @@ TURNS = 2
 UNKNOWN = 4
 
 
-class MetreMovers:
+class MetreMovers(OneEdgeMovers):
     """The agents of games by metres; rows are as in `rules.GameColumns`.
 
     Attributes:
-        movers: the columns that are common to all kinds of movement.
         roads, reach, known: the map, working memory, and stored sets of legal nodes.
         ways: shortest paths of agents with strategy steps, by row.
         near: shortest paths of all other agents, which are short; by a hash of start and goal.
@@ -28,7 +29,7 @@ class MetreMovers:
         nodes: the number of nodes.
         speeds: (agents,) metres in the time unit of speeds; NaN: no speed.
         motion: (rows,) the last motion of agents on edges; see `ir.progress.Motion`.
-        starts, ends: (rows,) the places of moves, as in `conflicts`: nodes, then edges.
+        start_places, end_places: (rows,) the places of moves, as in `conflicts`: nodes, then edges.
         most_edges: the number of edges that an agent may enter before it decides again.
         drawn: (rows,) the number of draws of each agent in the turn.
         kept: (rows,) the paths of all games, if rules run after all games have moved (`keeps`).
@@ -36,24 +37,24 @@ class MetreMovers:
 
     def __init__(
         self,
-        movers: OneEdgeMovers,
         ways: GoalPaths,
         near: GoalPaths,
         known: LegalCache,
         trips: TurnPaths,
         events: Events,
-        *,
+        *movers: Any,
         slots: int,
         nodes: int,
         speeds: memoryview[float],
         motion: memoryview[int],
-        starts: memoryview[int],
-        ends: memoryview[int],
+        start_places: memoryview[int],
+        end_places: memoryview[int],
         drawn: memoryview[int],
         most_edges: int,
         kept: TurnPaths | None = None,
+        **columns: Any,
     ) -> None:
-        self.movers = movers
+        super().__init__(*movers, **columns)
         self.ways = ways
         self.roads: RoadEdges = self.ways.roads
         self.reach: ReachSearch = self.ways.reach
@@ -65,8 +66,8 @@ class MetreMovers:
         self.nodes = nodes
         self.speeds = speeds
         self.motion = motion
-        self.starts = starts
-        self.ends = ends
+        self.start_places = start_places
+        self.end_places = end_places
         self.most_edges = most_edges
         self.drawn = drawn
         self.kept = kept
@@ -77,52 +78,105 @@ class MetreMovers:
         self.kept = kept
         self.keeps = True
 
+    def take_map(self, first: int) -> int:
+        """Use the map whose first node has this place."""
+        self.roads.first = first
+        return 0
 
-def take_map(t: MetreMovers, first: int) -> int:
-    """Use the map whose first node has this place."""
-    t.roads.first = first
-    return 0
+    def decide(self, games: GameColumns, game: int) -> int:
+        """Choose the moves of the living agents in this part of the turn, and find their paths; all others stay."""
+        for i in range(games.agents):
+            row = game * games.agents + i
+            if is_there(games, self, game, i):
+                self.end_places[row] = self.start_places[row]
+                self.ends[row] = games.node[row]
+                continue
+            if games.alive[row] and self.part_of[i] == self.part[game]:
+                choose(games, self, game, i)
+            rest(self, i)
+            self.end_places[row] = place_of(self, i)
+            self.ends[row] = self.trips.node[i]
+        return 0
 
+    def is_put(self, games: GameColumns, game: int, i: int) -> bool:
+        """Return whether rules have put an agent elsewhere that was about to move, or brought it back."""
+        share = self.trips.begins[i * self.trips.most]
+        began_on_edge = self.trips.legs[i] > 0 and 0.0 < share < 1.0
+        if began_on_edge and games.edge[game * games.agents + i] < 0 and self.part_of[i] >= self.part[game]:
+            return True
+        return moves.is_put(games, self, game, i)
 
-def decide(games: GameColumns, t: MetreMovers, game: int) -> int:
-    """Choose the moves of the living agents in this part of the turn, and find their paths; all other agents stay."""
-    for i in range(games.agents):
+    def goes(self, games: GameColumns, game: int, i: int) -> bool:
+        """Return whether an agent covers part of an edge."""
+        leg = i * self.trips.most
+        return self.trips.legs[i] > 0 and self.trips.begins[leg] != self.trips.ends[leg]
+
+    def goal(self, row: int) -> int:
+        """Return the place where the move of an agent ends, as in `conflicts`."""
+        return self.end_places[row]
+
+    def stay(self, games: GameColumns, game: int, i: int) -> int:
+        """Undo the move of an agent: it stays at its position for the whole turn, with the map on which it decided."""
         row = game * games.agents + i
-        if is_there(games, t, game, i):
-            t.ends[row] = t.starts[row]
-            t.movers.ends[row] = games.node[row]
-            continue
-        if games.alive[row] and t.movers.part_of[i] == t.movers.part[game]:
-            choose(games, t, game, i)
-        rest(t, i)
-        t.ends[row] = place_of(t, i)
-        t.movers.ends[row] = t.trips.node[i]
-    return 0
+        leg = i * self.trips.most
+        had_begun = self.trips.legs[i] > 0 and 0.0 < self.trips.begins[leg] < 1.0
+        back = self.trips.backs[leg]
+        begin(games, self, row, i)
+        travel.stand(self.roads, self.trips, i)
+        if had_begun:
+            self.trips.backs[leg] = back
+        self.trips.motion[i] = travel.STOPPED
+        self.start_places[row] = place_of(self, i)
+        self.end_places[row] = self.start_places[row]
+        self.ends[row] = self.trips.node[i]
+        return 0
+
+    def go(self, games: GameColumns, game: int, i: int) -> int:
+        """Write the end of an agent's path to the columns of the games, and fit the path into its part of the turn."""
+        row = game * games.agents + i
+        self.ends[row] = self.trips.node[i]
+        moves.go(games, self, row)
+        games.edge[row] = self.trips.edge[i]
+        games.share[row] = self.trips.share[i]
+        self.motion[row] = self.trips.motion[i]
+        if self.went[row] != games.node[row]:  # a rule has put it there
+            self.trips.times[i * (self.trips.most + 1)] = 1.0
+        if self.parts > 1 and self.trips.legs[i] > 0:
+            travel.go_in_part(self.trips, i, self.part[game], self.parts)
+        return 0
+
+    def keep(self, game: int, i: int) -> int:
+        """Store the path of an agent until the next phase."""
+        return travel.copy_trip(self.trips, i, self.kept, game * len(self.part_of) + i)  # type: ignore[arg-type]
+
+    def recall(self, game: int, i: int) -> int:
+        """Read the stored path of an agent."""
+        return travel.copy_trip(self.kept, game * len(self.part_of) + i, self.trips, i)  # type: ignore[arg-type]
 
 
 def is_there(games: GameColumns, t: MetreMovers, game: int, i: int) -> bool:
     """Return whether an agent has moved in an earlier part of the turn; otherwise place it at its start."""
     row = game * games.agents + i
-    if t.movers.part_of[i] >= t.movers.part[game]:
+    if t.part_of[i] >= t.part[game]:
         set_out(games, t, row, i)
         return False
     if t.keeps:
-        travel.copy_trip(t.kept, row, t.trips, i)  # type: ignore[arg-type] # there are some
+        t.recall(game, i)
     edge = edge_of(games, t, row)
-    t.starts[row] = games.node[row] if edge < 0 else t.nodes + edge
+    t.start_places[row] = games.node[row] if edge < 0 else t.nodes + edge
     return True
 
 
 def set_out(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
     """Start the turn of an agent at its position, or a later part of it."""
-    if t.movers.part[row // games.agents] == 0:
-        moves.set_out(games, t.movers, row)
+    if t.part[row // games.agents] == 0:
+        moves.set_out(games, t, row)
     t.drawn[row] = 0
     begin(games, t, row, i)
     if t.trips.edge[i] >= 0 and edge_of(games, t, row) < 0:
         t.trips.edge[i] = -1
         t.trips.share[i] = 0.0
-    t.starts[row] = place_of(t, i)
+    t.start_places[row] = place_of(t, i)
     return 0
 
 
@@ -143,14 +197,14 @@ def rest(t: MetreMovers, i: int) -> int:
 def choose(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     """Decide for an agent, and move it along a path to its target; an impossible move counts as illegal."""
     row = game * games.agents + i
-    t.movers.blocked[row] = 0
+    t.blocked[row] = 0
     target = -1
     can_go = True
-    if t.movers.decides_by[i] == moves.IS_GIVEN and t.movers.given[row] < 0:
+    if t.decides_by[i] == moves.IS_GIVEN and t.given[row] < 0:
         go_along(t, row, i)
     else:
         target = target_of(games, t, game, i)
-    if target >= 0 and t.movers.decides_by[i] == moves.STEPS:
+    if target >= 0 and t.decides_by[i] == moves.STEPS:
         can_go = travel.go_towards(t.roads, t.trips, t.ways, row, i, target)
     elif target >= 0:
         slot = (t.trips.node[i] * 31 + target) & (t.slots - 1)
@@ -163,9 +217,9 @@ def choose(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
 
 def go_along(t: MetreMovers, row: int, i: int) -> int:
     """Move an agent along the route that a function has given."""
-    count = t.movers.routes.take(row, t.trips.route)  # type: ignore[union-attr] # there are some
+    count = t.routes.take(row, t.trips.route)  # type: ignore[union-attr] # there are some
     if count >= 0:
-        travel.go(t.roads, t.trips, i, t.movers.routes.motions[row], count)  # type: ignore[union-attr]
+        travel.go(t.roads, t.trips, i, t.routes.motions[row], count)  # type: ignore[union-attr]
     return 0
 
 
@@ -184,7 +238,7 @@ def place_of(t: MetreMovers, i: int) -> int:
 def target_of(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
     """Return the node that an agent moves toward, by its own decision or a given action; -1: none."""
     row = game * games.agents + i
-    by = t.movers.decides_by[i]
+    by = t.decides_by[i]
     edge = t.trips.edge[i]
     if by == moves.WALKS and edge >= 0:
         return t.roads.targets[edge]
@@ -196,141 +250,50 @@ def target_of(games: GameColumns, t: MetreMovers, game: int, i: int) -> int:
         share = t.trips.share[i]
         count = travel.reachable(t.roads, t.reach, node, edge, share, t.trips.motion[i], t.speeds[i], now, False)
         if by == moves.STEPS:
-            strategies.take_legal(t.movers.by_steps, t.reach.nodes, count)  # type: ignore[arg-type] # there are some
+            strategies.take_legal(t.by_steps, t.reach.nodes, count)  # type: ignore[arg-type] # there are some
             return by_steps(t, game, i)
-        return t.reach.nodes[drawn(games, t, row, count) if by == moves.WALKS else t.movers.given[row]]
+        return t.reach.nodes[drawn(games, t, row, count) if by == moves.WALKS else t.given[row]]
     count = travel.count_legal(t.roads, t.reach, t.known, i, node, t.speeds[i])
     if by == moves.STEPS:
         for number in range(count):
             legal = travel.legal_node(t.roads, t.reach, t.known, i, node, number)
-            t.movers.by_steps.legal[number] = legal  # type: ignore[union-attr] # there are some
-        t.movers.by_steps.count = count  # type: ignore[union-attr]
+            t.by_steps.legal[number] = legal  # type: ignore[union-attr] # there are some
+        t.by_steps.count = count  # type: ignore[union-attr]
         return by_steps(t, game, i)
-    number = drawn(games, t, row, count) if by == moves.WALKS else t.movers.given[row]
+    number = drawn(games, t, row, count) if by == moves.WALKS else t.given[row]
     return travel.legal_node(t.roads, t.reach, t.known, i, node, number)
 
 
 def drawn(games: GameColumns, t: MetreMovers, row: int, bound: int) -> int:
     """Return the next random number of an agent below a bound."""
     t.drawn[row] += 1
-    return draws.below_at(t.movers.walks.keys[row], games.turn[row // games.agents], t.drawn[row] - 1, bound)
+    return draws.below_at(t.walks.keys[row], games.turn[row // games.agents], t.drawn[row] - 1, bound)
 
 
 def by_steps(t: MetreMovers, game: int, i: int) -> int:
     """Return the node that the strategy steps of an agent choose among its known legal nodes; -1: none."""
-    row = game * t.movers.by_steps.games.agents + i  # type: ignore[union-attr] # there are some
+    row = game * t.by_steps.games.agents + i  # type: ignore[union-attr] # there are some
     edge = t.trips.edge[i]
-    t.movers.by_steps.ahead = t.roads.targets[edge] if edge >= 0 else -1  # type: ignore[union-attr] # there are some
-    t.movers.by_steps.goes_far = t.speeds[i] == t.speeds[i]  # type: ignore[union-attr] # not NaN
-    t.movers.by_steps.drawn = t.drawn[row]  # type: ignore[union-attr]
-    node = strategies.act(t.movers.by_steps, game, i)  # type: ignore[arg-type]
-    t.drawn[row] = t.movers.by_steps.drawn  # type: ignore[union-attr]
+    t.by_steps.ahead = t.roads.targets[edge] if edge >= 0 else -1  # type: ignore[union-attr] # there are some
+    t.by_steps.goes_far = t.speeds[i] == t.speeds[i]  # type: ignore[union-attr] # not NaN
+    t.by_steps.drawn = t.drawn[row]  # type: ignore[union-attr]
+    node = strategies.act(t.by_steps, game, i)  # type: ignore[arg-type]
+    t.drawn[row] = t.by_steps.drawn  # type: ignore[union-attr]
     return node
-
-
-def stay(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
-    """Undo the move of an agent: it stays at its position for the whole turn, with the map on which it has decided."""
-    leg = i * t.trips.most
-    had_begun = t.trips.legs[i] > 0 and 0.0 < t.trips.begins[leg] < 1.0
-    back = t.trips.backs[leg]
-    begin(games, t, row, i)
-    travel.stand(t.roads, t.trips, i)
-    if had_begun:
-        t.trips.backs[leg] = back
-    t.trips.motion[i] = travel.STOPPED
-    return 0
-
-
-def give_way(games: GameColumns, t: MetreMovers, game: int) -> int:
-    """Resolve conflicts: the losers stay, and are counted."""
-    if not t.movers.has_conflicts:
-        return 0
-    if resolve(t.movers.contests, t.movers.requests, game, games.turn[game]) == 0:  # type: ignore[arg-type] # there are
-        return 0
-    for i in range(games.agents):
-        row = game * games.agents + i
-        leg = i * t.trips.most
-        goes = t.trips.legs[i] > 0 and t.trips.begins[leg] != t.trips.ends[leg]
-        if goes and t.movers.part_of[i] == t.movers.part[game] and t.movers.contests.stays[i]:  # type: ignore[union-attr] # there are conflicts
-            moves.block(t.movers, row, t.ends[row])
-            stay(games, t, row, i)
-    return 0
-
-
-def keep(games: GameColumns, t: MetreMovers, game: int) -> int:
-    """Store the paths of a game until its next phase."""
-    for i in range(games.agents):
-        travel.copy_trip(t.trips, i, t.kept, game * games.agents + i)  # type: ignore[arg-type] # there are some
-    return 0
-
-
-def recall(games: GameColumns, t: MetreMovers, game: int) -> int:
-    """Read the stored paths of a game."""
-    for i in range(games.agents):
-        travel.copy_trip(t.kept, game * games.agents + i, t.trips, i)  # type: ignore[arg-type] # there are some
-    return 0
-
-
-def settle(games: GameColumns, t: MetreMovers, game: int) -> int:
-    """Undo the moves of agents that are held, and of those that rules have placed elsewhere since they decided."""
-    for i in range(games.agents):
-        row = game * games.agents + i
-        share = t.trips.begins[i * t.trips.most]
-        has_left_edge = t.trips.legs[i] > 0 and 0.0 < share < 1.0 and games.edge[row] < 0
-        has_left_edge = has_left_edge and t.movers.part_of[i] >= t.movers.part[game]
-        is_put = moves.is_put(games, t.movers, row, i) or has_left_edge
-        if is_put:
-            moves.put(games, t.movers, row)
-        if is_put or moves.is_stopped(games, t.movers, row, i):
-            stay(games, t, row, i)
-            t.starts[row] = place_of(t, i)
-            t.ends[row] = place_of(t, i)
-            t.movers.ends[row] = t.trips.node[i]
-        moves.leave_or_join(games, t.movers, row)
-    return 0
-
-
-def move(games: GameColumns, t: MetreMovers, game: int) -> int:
-    """Move the agents of this part of the turn, and count the moves to other nodes."""
-    part = t.movers.part[game]
-    for i in range(games.agents):
-        row = game * games.agents + i
-        if t.movers.part_of[i] == part:
-            go(games, t, row, i)
-            if t.movers.went[row] != games.node[row]:  # a rule has put it there
-                t.trips.times[i * (t.trips.most + 1)] = 1.0
-            if t.movers.parts > 1 and t.trips.legs[i] > 0:
-                travel.go_in_part(t.trips, i, part, t.movers.parts)
-            if t.keeps:
-                travel.copy_trip(t.trips, i, t.kept, row)  # type: ignore[arg-type] # there are some
-    return moves.end_part(games, t.movers, game)
-
-
-def go(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
-    """Write the end of an agent's path to the columns of the games."""
-    t.movers.ends[row] = t.trips.node[i]
-    moves.go(games, t.movers, row)
-    games.edge[row] = t.trips.edge[i]
-    games.share[row] = t.trips.share[i]
-    t.motion[row] = t.trips.motion[i]
-    return 0
 
 
 class MetrePaths(AgentPaths):
     """The paths of the agents of one game by metres in a turn, in the form that `contacts` reads.
 
     Args:
-        trips: the paths; its columns are those of the tracks and legs.
-        roads: the map.
+        movers: the agents; the columns of their trips are those of the tracks and legs.
         edge_ids: (edges,) the ids of the edges.
         sources, targets, streets, flags, metres: (agents * most,) columns of the legs.
-        kept: see `MetreMovers`.
     """
 
     def __init__(
         self,
-        trips: TurnPaths,
-        roads: RoadEdges,
+        movers: MetreMovers,
         nodes: memoryview[int],
         times: memoryview[float],
         lengths: memoryview[int],
@@ -340,20 +303,18 @@ class MetrePaths(AgentPaths):
         streets: memoryview[int],
         flags: memoryview[int],
         metres: memoryview[float],
-        kept: TurnPaths | None = None,
     ) -> None:
         super().__init__(nodes, times, lengths)
         self.are_one_edge = False
-        self.trips = trips
-        self.roads = roads
+        self.movers = movers
+        self.trips: TurnPaths = self.movers.trips
+        self.roads: RoadEdges = self.movers.roads
         self.edge_ids = edge_ids
         self.sources = sources
         self.targets = targets
         self.streets = streets
         self.flags = flags
         self.metres = metres
-        self.kept = kept
-        self.keeps = kept is not None
 
     def fill(self, games: GameColumns, game: int) -> int:
         """Write the paths of the agents of a game; agents that a rule has placed elsewhere only get their node."""
@@ -361,8 +322,8 @@ class MetrePaths(AgentPaths):
         for agent in range(games.agents):
             row = game * games.agents + agent
             first = agent * self.trips.most
-            if self.keeps:
-                travel.copy_trip(self.kept, row, self.trips, agent)  # type: ignore[arg-type] # there are some
+            if self.movers.keeps:
+                self.movers.recall(game, agent)
             if games.placed[row]:
                 self.trips.legs[agent] = 0
                 self.trips.passed[agent] = 1

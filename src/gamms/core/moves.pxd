@@ -27,7 +27,6 @@ cdef class ChosenRoutes:
     cdef Py_ssize_t take(self, i64 row, i64[::1] route) except -2 nogil
 
 
-@cython.final
 cdef class OneEdgeMovers:
     cdef LegalMoves streets
     cdef const u8[::1] decides_by
@@ -43,29 +42,45 @@ cdef class OneEdgeMovers:
     cdef const i64[::1] part_of
     cdef i64[::1] part
     cdef i64 parts
+    cdef bint keeps
 
     cpdef take(self, LegalMoves streets)
+    cdef int take_map(self, i64 first) except -1 nogil
+    @cython.locals(at=i64, i=i64, row=i64, node=i64, action=i64, first=i64, part=i64)
+    cdef int decide(self, GameColumns games, i64 game) except -1 nogil
+    @cython.locals(i=i64, row=i64, is_put=bint)
+    cdef int settle(self, GameColumns games, i64 game) except -1 nogil
+    @cython.locals(i=i64, part=i64, is_loser=bint)
+    cdef int give_way(self, GameColumns games, i64 game) except -1 nogil
+    @cython.locals(i=i64, part=i64)
+    cdef int move(self, GameColumns games, i64 game) except -1 nogil
+    @cython.locals(i=i64)
+    cdef int keep_all(self, i64 game) except -1 nogil
+    @cython.locals(i=i64)
+    cdef int recall_all(self, i64 game) except -1 nogil
+    cdef bint is_put(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    @cython.locals(row=i64)
+    cdef bint goes(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    cdef i64 goal(self, i64 row) except -1 nogil
+    @cython.locals(row=i64)
+    cdef int stay(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    cdef int go(self, GameColumns games, i64 game, i64 i) except -1 nogil
+    cdef int keep(self, i64 game, i64 i) except -1 nogil
+    cdef int recall(self, i64 game, i64 i) except -1 nogil
 
 
 cdef i64 count_legal(LegalMoves s, i64 place) except? -2 nogil
 cdef i64 legal_node(LegalMoves s, i64 first, i64 node, i64 number) except? -2 nogil
-@cython.locals(at=i64, i=i64, row=i64, node=i64, action=i64, first=i64, part=i64)
-cpdef int decide(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
 cdef int set_out(GameColumns games, OneEdgeMovers m, i64 row) except -1 nogil
 @cython.locals(row=i64, first=i64, number=i64, node=i64)
 cdef Py_ssize_t node_by_steps(GameColumns games, OneEdgeMovers m, i64 game, i64 i) except -1 nogil
-@cython.locals(at=i64, i=i64, row=i64)
-cpdef int give_way(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
 cdef int block(OneEdgeMovers m, i64 row, i64 wanted) except -1 nogil
-@cython.locals(i=i64, row=i64)
-cpdef int settle(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
-cdef bint is_put(GameColumns games, OneEdgeMovers m, i64 row, i64 i) except -1 nogil
+@cython.locals(row=i64)
+cdef bint is_put(GameColumns games, OneEdgeMovers m, i64 game, i64 i) except -1 nogil
 cdef bint is_stopped(GameColumns games, OneEdgeMovers m, i64 row, i64 i) except -1 nogil
 @cython.locals(part=i64)
 cdef int put(GameColumns games, OneEdgeMovers m, i64 row) except -1 nogil
 cdef int leave_or_join(GameColumns games, OneEdgeMovers m, i64 row) except -1 nogil
-@cython.locals(i=i64, row=i64)
-cpdef int move(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
 cdef int go(GameColumns games, OneEdgeMovers m, i64 row) except -1 nogil
 cdef int end_part(GameColumns games, OneEdgeMovers m, i64 game) except -1 nogil
 

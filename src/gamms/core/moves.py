@@ -1,4 +1,5 @@
 """Moves of one game along one edge per turn: agents decide, resolve conflicts, and move."""
+# ruff: noqa: ARG002 - a kind of movement reads no arguments that only others need
 
 from __future__ import annotations
 
@@ -65,6 +66,8 @@ class ChosenRoutes:
 class OneEdgeMovers:
     """The agents of games along one edge per turn; rows are as in `rules.GameColumns`.
 
+    Agents that move in other ways are subclasses, which override how one agent decides, goes and stays.
+
     Attributes:
         streets: the legal moves.
         decides_by: (agents,) `STAYS`, `WALKS`, `IS_GIVEN` or `STEPS`.
@@ -86,6 +89,7 @@ class OneEdgeMovers:
         blocked: (rows,) 1: a conflict stopped the agent's last move.
         wanted: (rows,) the place where this move would have ended, as in `conflicts`.
         held: (rows,) 1: a function keeps the agent from what it has decided; `settle` puts that into effect.
+        keeps: whether paths of all games are stored between phases.
     """
 
     def __init__(
@@ -135,10 +139,124 @@ class OneEdgeMovers:
         self.part_of = part_of
         self.part = part
         self.parts = parts
+        self.keeps = False
 
     def take(self, streets: LegalMoves) -> None:
         """Replace the legal moves."""
         self.streets = streets
+
+    # -- phases of a part of a turn; see `turn` -------------------------------------------------------------------
+
+    def take_map(self, first: int) -> int:
+        """Use the map whose first node has this place."""
+        return 0
+
+    def decide(self, games: GameColumns, game: int) -> int:
+        """Choose the moves of the living agents in this part of the turn; all other agents stay."""
+        at = game * games.agents
+        first = games.first_node[game]
+        part = self.part[game]
+        for row in range(at, at + games.agents):
+            node = games.node[row]
+            if part == 0:
+                set_out(games, self, row)
+            self.counts[row] = count_legal(self.streets, first + node)
+        if self.some_walk:  # until the loop below, `ends` holds numbers of legal nodes
+            draws.choose(self.walks, at, games.agents, games.turn[game])
+        for i in range(games.agents):
+            row = at + i
+            action = 0
+            if self.takes_part[row] and self.part_of[i] == part:
+                games.start[row] = games.node[row]
+                self.blocked[row] = 0
+                if self.decides_by[i] == WALKS:
+                    action = self.ends[row]
+                elif self.decides_by[i] == IS_GIVEN:
+                    action = self.given[row]
+                elif self.decides_by[i] == STEPS:
+                    self.ends[row] = node_by_steps(games, self, game, i)
+                    continue
+            self.ends[row] = legal_node(self.streets, first, games.node[row], action)
+        return 0
+
+    def settle(self, games: GameColumns, game: int) -> int:
+        """Cancel the moves of held agents, and of agents that rules have placed elsewhere since they decided."""
+        for i in range(games.agents):
+            row = game * games.agents + i
+            is_put = self.is_put(games, game, i)
+            if is_put:
+                put(games, self, row)
+            if is_put or is_stopped(games, self, row, i):
+                self.stay(games, game, i)
+            leave_or_join(games, self, row)
+        return 0
+
+    def give_way(self, games: GameColumns, game: int) -> int:
+        """Resolve conflicts: the losers stay, and are counted."""
+        if not self.has_conflicts or resolve(self.contests, self.requests, game, games.turn[game]) == 0:  # type: ignore[arg-type]
+            return 0
+        part = self.part[game]
+        for i in range(games.agents):
+            is_loser = self.contests.stays[i] and self.part_of[i] == part  # type: ignore[union-attr] # there are conflicts
+            if is_loser and self.goes(games, game, i):
+                block(self, game * games.agents + i, self.goal(game * games.agents + i))
+                self.stay(games, game, i)
+        return 0
+
+    def move(self, games: GameColumns, game: int) -> int:
+        """Move the agents of this part of the turn, count the moves, and advance the turn after its last part."""
+        part = self.part[game]
+        for i in range(games.agents):
+            if self.part_of[i] == part:
+                self.go(games, game, i)
+                if self.keeps:
+                    self.keep(game, i)
+        return end_part(games, self, game)
+
+    def keep_all(self, game: int) -> int:
+        """Store the paths of a game until its next phase."""
+        for i in range(len(self.part_of) if self.keeps else 0):
+            self.keep(game, i)
+        return 0
+
+    def recall_all(self, game: int) -> int:
+        """Read the stored paths of a game."""
+        for i in range(len(self.part_of) if self.keeps else 0):
+            self.recall(game, i)
+        return 0
+
+    # -- one agent ------------------------------------------------------------------------------------------------
+
+    def is_put(self, games: GameColumns, game: int, i: int) -> bool:
+        """Return whether rules have put an agent elsewhere that was about to move, or brought it back."""
+        return is_put(games, self, game, i)
+
+    def goes(self, games: GameColumns, game: int, i: int) -> bool:
+        """Return whether an agent leaves its place."""
+        row = game * games.agents + i
+        return self.ends[row] != games.node[row]
+
+    def goal(self, row: int) -> int:
+        """Return the place where the move of an agent ends, as in `conflicts`."""
+        return self.ends[row]
+
+    def stay(self, games: GameColumns, game: int, i: int) -> int:
+        """Undo the move of an agent: it stays at its place for the whole turn."""
+        row = game * games.agents + i
+        self.ends[row] = games.node[row]
+        return 0
+
+    def go(self, games: GameColumns, game: int, i: int) -> int:
+        """Move an agent to the end of its move."""
+        return go(games, self, game * games.agents + i)
+
+    def keep(self, game: int, i: int) -> int:
+        """Store the path of an agent until the next phase."""
+        return 0
+
+    def recall(self, game: int, i: int) -> int:
+        """Read the stored path of an agent."""
+        return 0
 
 
 def count_legal(s: LegalMoves, place: int) -> int:
@@ -153,35 +271,6 @@ def legal_node(s: LegalMoves, first: int, node: int, number: int) -> int:
     if number == 0:
         return node
     return number - 1 if number <= node else number
-
-
-def decide(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
-    """Choose the moves of the living agents in this part of the turn; all other agents stay."""
-    at = game * games.agents
-    first = games.first_node[game]
-    part = m.part[game]
-    for row in range(at, at + games.agents):
-        node = games.node[row]
-        if part == 0:
-            set_out(games, m, row)
-        m.counts[row] = count_legal(m.streets, first + node)
-    if m.some_walk:  # until the loop below, `ends` holds numbers of legal nodes
-        draws.choose(m.walks, at, games.agents, games.turn[game])
-    for i in range(games.agents):
-        row = at + i
-        action = 0
-        if m.takes_part[row] and m.part_of[i] == part:
-            games.start[row] = games.node[row]
-            m.blocked[row] = 0
-            if m.decides_by[i] == WALKS:
-                action = m.ends[row]
-            elif m.decides_by[i] == IS_GIVEN:
-                action = m.given[row]
-            elif m.decides_by[i] == STEPS:
-                m.ends[row] = node_by_steps(games, m, game, i)
-                continue
-        m.ends[row] = legal_node(m.streets, first, games.node[row], action)
-    return 0
 
 
 def set_out(games: GameColumns, m: OneEdgeMovers, row: int) -> int:
@@ -205,19 +294,6 @@ def node_by_steps(games: GameColumns, m: OneEdgeMovers, game: int, i: int) -> in
     return node if node >= 0 else games.node[row]
 
 
-def give_way(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
-    """Resolve conflicts: the losers stay, and are counted."""
-    if not m.has_conflicts or resolve(m.contests, m.requests, game, games.turn[game]) == 0:  # type: ignore[arg-type]
-        return 0
-    at = game * games.agents
-    for i in range(games.agents):
-        row = at + i
-        if m.contests.stays[i] and m.ends[row] != games.node[row]:  # type: ignore[union-attr] # there are conflicts
-            block(m, row, m.ends[row])
-            m.ends[row] = games.node[row]
-    return 0
-
-
 def block(m: OneEdgeMovers, row: int, wanted: int) -> int:
     """Record that a conflict has stopped an agent on the way to a place."""
     m.wanted[row] = wanted
@@ -226,23 +302,12 @@ def block(m: OneEdgeMovers, row: int, wanted: int) -> int:
     return 0
 
 
-def settle(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
-    """Cancel the moves of held agents, and of agents that rules have placed elsewhere since they decided."""
-    for i in range(games.agents):
-        row = game * games.agents + i
-        if is_put(games, m, row, i):
-            put(games, m, row)
-        if m.held[row]:
-            m.ends[row] = games.node[row]
-        leave_or_join(games, m, row)
-    return 0
-
-
-def is_put(games: GameColumns, m: OneEdgeMovers, row: int, i: int) -> bool:
-    """Return whether rules have put an agent elsewhere that was about to move, or brought it back."""
+def is_put(games: GameColumns, m: OneEdgeMovers, game: int, i: int) -> bool:
+    """Return whether an agent that was about to move is on another node, or was brought back."""
+    row = game * games.agents + i
     if not m.takes_part[row]:
         return True
-    return m.part_of[i] >= m.part[row // games.agents] and games.node[row] != games.start[row]
+    return m.part_of[i] >= m.part[game] and games.node[row] != games.start[row]
 
 
 def is_stopped(games: GameColumns, m: OneEdgeMovers, row: int, i: int) -> bool:
@@ -267,15 +332,6 @@ def leave_or_join(games: GameColumns, m: OneEdgeMovers, row: int) -> int:
     if not games.alive[row]:
         m.ends[row] = games.node[row]
     return 0
-
-
-def move(games: GameColumns, m: OneEdgeMovers, game: int) -> int:
-    """Move the agents of this part of the turn, count the moves, and advance the turn after its last part."""
-    for i in range(games.agents):
-        row = game * games.agents + i
-        if m.part_of[i] == m.part[game]:
-            go(games, m, row)
-    return end_part(games, m, game)
 
 
 def go(games: GameColumns, m: OneEdgeMovers, row: int) -> int:

@@ -1,6 +1,6 @@
 cimport cython
 
-from gamms.core cimport arrivals, by_edges, by_metres, moves, rules
+from gamms.core cimport arrivals, moves, rules
 
 ctypedef long long i64
 
@@ -9,21 +9,16 @@ ctypedef long long i64
 cdef class Player:
     cdef rules.GameColumns games
     cdef moves.OneEdgeMovers movers
-    cdef by_edges.EdgeMovers walkers
-    cdef by_metres.MetreMovers travelers
     cdef arrivals.Arrivals arrivals
     cdef rules.Rule first
-    cdef bint has_rules, by_edges, by_metres, at_arrivals
+    cdef bint has_rules, at_arrivals
     cdef const i64[::1] until
 
 
 cdef i64 DECIDE, SETTLE, MOVE
 
-@cython.locals(first=i64)
-cdef int take_map(Player p, i64 game) except -1 nogil
 cdef int decide(Player p, i64 game) except -1 nogil
 cdef int move(Player p, i64 game) except -1 nogil
-cdef int settle(Player p, i64 game) except -1 nogil
 cdef int play_phase(Player p, i64 phase, i64 game) except -1 nogil
 @cython.locals(game=i64, parts=i64)
 cpdef int play(Player p, i64 begin, i64 end) except -1 nogil

@@ -3,13 +3,16 @@
 A turn consists of these phases, one after the other. All agents decide before any moves. With
 an order of play, a turn has parts, in which some of the agents decide and move; the rules follow the last part.
 
-| phase    | what happens                                            | along one edge, several, by metres           |
-|----------|---------------------------------------------------------|----------------------------------------------|
-| decide   | each living agent chooses or is given its move          | `decide` of `moves`, `by_edges`, `by_metres` |
-| settle   | agents stay that functions have held or put elsewhere   | `settle`, likewise                           |
-| give way | agents that lose conflicts stay                         | `give_way`, likewise                         |
-| move     | agents move; the turn counter advances                  | `move`, likewise                             |
-| rules    | the rules are applied in order and may end the game     | `rules.play`                                 |
+| phase    | what happens                                            | method                   |
+|----------|---------------------------------------------------------|--------------------------|
+| decide   | each living agent chooses or is given its move          | `OneEdgeMovers.decide`   |
+| settle   | agents stay that functions have held or put elsewhere   | `OneEdgeMovers.settle`   |
+| give way | agents that lose conflicts stay                         | `OneEdgeMovers.give_way` |
+| move     | agents move; the turn counter advances                  | `OneEdgeMovers.move`     |
+| rules    | the rules are applied in order and may end the game     | `rules.play`             |
+
+Agents that move along several edges, or by metres, override what differs: `by_edges.EdgeMovers`,
+`by_metres.MetreMovers`.
 
 If functions are called between these phases, all games finish one phase before the next begins: `play_phases`.
 Agents that decide on arrival decide and give way several times per turn: `arrivals.play`, or in phases of their own
@@ -20,7 +23,7 @@ Games share only the map and the arguments of rules; they can be played in any o
 
 from __future__ import annotations
 
-from gamms.core import arrivals, by_edges, by_metres, moves, rules
+from gamms.core import arrivals, moves, rules
 
 try:
     import cython  # type: ignore[import-untyped]
@@ -42,9 +45,7 @@ class Player:
 
     Attributes:
         games: the columns of all games.
-        movers: the agents' moves along one edge per turn.
-        walkers: moves along several edges per turn; None: not used.
-        travelers: moves by metres; None: not used.
+        movers: the agents, and how they move.
         arrivals: moves by metres with decisions on arrival; None: not used.
         first: the first rule, if `has_rules`.
         until: (games,) the number of parts of turns after which the game stops; 0: it is not played.
@@ -54,18 +55,12 @@ class Player:
         self,
         games: rules.GameColumns,
         movers: moves.OneEdgeMovers,
-        walkers: by_edges.EdgeMovers | None,
-        travelers: by_metres.MetreMovers | None,
         at_arrivals: arrivals.Arrivals | None,
         first: rules.Rule | None,
         until: memoryview[int],
     ) -> None:
         self.games = games
         self.movers = movers
-        self.walkers = walkers
-        self.by_edges = walkers is not None
-        self.travelers = travelers
-        self.by_metres = travelers is not None
         self.arrivals = at_arrivals
         self.at_arrivals = at_arrivals is not None
         self.first = first
@@ -73,37 +68,18 @@ class Player:
         self.until = until
 
 
-def take_map(p: Player, game: int) -> int:
-    """Use the roads that are open in a game."""
-    first = p.games.first_node[game]
-    if p.by_metres:
-        return by_metres.take_map(p.travelers, first)  # type: ignore[arg-type] # there are some
-    return by_edges.take_map(p.walkers, first) if p.by_edges else 0  # type: ignore[arg-type]
-
-
 def decide(p: Player, game: int) -> int:
     """Let the agents of a part of a turn decide."""
     if p.at_arrivals:
         return arrivals.play(p.games, p.arrivals, game)  # type: ignore[arg-type] # there are some
-    if p.by_metres:
-        return by_metres.decide(p.games, p.travelers, game)  # type: ignore[arg-type] # there are some
-    if p.by_edges:
-        return by_edges.decide(p.games, p.walkers, game)  # type: ignore[arg-type] # there are some
-    return moves.decide(p.games, p.movers, game)
+    return p.movers.decide(p.games, game)
 
 
 def move(p: Player, game: int) -> int:
     """Let the agents of a part of a turn give way to each other and go, and apply the rules after the last part."""
-    if p.by_metres:
-        if not p.at_arrivals:
-            by_metres.give_way(p.games, p.travelers, game)  # type: ignore[arg-type] # there are some
-        by_metres.move(p.games, p.travelers, game)  # type: ignore[arg-type]
-    elif p.by_edges:
-        by_edges.give_way(p.games, p.walkers, game)  # type: ignore[arg-type] # there are some
-        by_edges.move(p.games, p.walkers, game)  # type: ignore[arg-type]
-    else:
-        moves.give_way(p.games, p.movers, game)
-        moves.move(p.games, p.movers, game)
+    if not p.at_arrivals:
+        p.movers.give_way(p.games, game)
+    p.movers.move(p.games, game)
     if p.has_rules and p.movers.part[game] == 0:
         rules.play(p.first, game)  # type: ignore[arg-type] # there is one
     return 0
@@ -112,27 +88,15 @@ def move(p: Player, game: int) -> int:
 def play_phase(p: Player, phase: int, game: int) -> int:
     """Play a phase of a part of a turn of a game, with how agents go kept between; see `PHASES`."""
     if phase > MOVE:
-        return arrivals.play_phase(p.games, p.arrivals, p.travelers, phase, game)  # type: ignore[arg-type]
+        return arrivals.play_phase(p.games, p.arrivals, p.arrivals.travelers, phase, game)  # type: ignore[arg-type, union-attr]
     if phase == DECIDE:
         decide(p, game)
     else:
-        settle(p, game)
+        p.movers.recall_all(game)
+        p.movers.settle(p.games, game)
     if phase == MOVE:
         return move(p, game)
-    if p.by_metres:
-        return by_metres.keep(p.games, p.travelers, game)  # type: ignore[arg-type] # there are some
-    return by_edges.keep(p.games, p.walkers, game) if p.by_edges else 0  # type: ignore[arg-type]
-
-
-def settle(p: Player, game: int) -> int:
-    """Let agents stay that functions have held or put elsewhere since they decided."""
-    if p.by_metres:
-        by_metres.recall(p.games, p.travelers, game)  # type: ignore[arg-type] # there are some
-        return by_metres.settle(p.games, p.travelers, game)  # type: ignore[arg-type]
-    if p.by_edges:
-        by_edges.recall(p.games, p.walkers, game)  # type: ignore[arg-type] # there are some
-        return by_edges.settle(p.games, p.walkers, game)  # type: ignore[arg-type]
-    return moves.settle(p.games, p.movers, game)
+    return p.movers.keep_all(game)
 
 
 def play(p: Player, begin: int, end: int) -> int:
@@ -141,7 +105,7 @@ def play(p: Player, begin: int, end: int) -> int:
     for game in range(begin, end):
         if p.until[game] == 0:  # it is on another map
             continue
-        take_map(p, game)
+        p.movers.take_map(p.games.first_node[game])
         while not p.games.over[game] and p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
             decide(p, game)
             move(p, game)
@@ -153,7 +117,7 @@ def play_phases(p: Player, phase: int, begin: int, end: int) -> int:
     parts = p.movers.parts
     for game in range(begin, end):
         if p.games.turn[game] * parts + p.movers.part[game] < p.until[game]:
-            take_map(p, game)
+            p.movers.take_map(p.games.first_node[game])
             play_phase(p, phase, game)
     return 0
 

@@ -754,14 +754,15 @@ class CoreGames:
         by_steps = None if self._by_steps is None else self._by_steps.of_thread(games, len(self._made))
         routes = None if self.courses is None else self.courses.routes.core
         of_movers = {**shared, "by_steps": by_steps, "routes": routes}
-        movers = moves.OneEdgeMovers(
-            self._streets, self._deciding.data, walks, some_walk, given, contests, requests, **of_movers
-        )
-        self._movers.append(movers)
+        args = self._streets, self._deciding.data, walks, some_walk, given, contests, requests
         events = block.events_of(len(self._made))
-        travel = None if self.num_parts == 1 else in_parts(movers, len(roster.names))
-        if columns is not None:
-            travel = columns.thread(movers, by_steps, events)
+        if columns is None:
+            movers = moves.OneEdgeMovers(*args, **of_movers)
+            travel = None if self.num_parts == 1 else in_parts(movers, len(roster.names))
+        else:
+            travel = columns.thread(args, of_movers, events)
+            movers = travel.movers
+        self._movers.append(movers)
         making = RuleBuilder(state, games, events, travel, block.rules, len(self._made), self._home)
         parts = self._made_rules(making)
         first = None
@@ -771,8 +772,8 @@ class CoreGames:
             (first,) = parts
         if self._tables is not None:
             self._give_roads(state.roads, self._tables)
-        walkers, travelers, at_arrivals = (None, None, None) if travel is None else travel[:3]
-        return turn.Player(games, movers, walkers, travelers, at_arrivals, first, self._until.data), making
+        at_arrivals = None if travel is None else travel.arrivals
+        return turn.Player(games, movers, at_arrivals, first, self._until.data), making
 
     def _made_rules(self, making: RuleBuilder) -> list[Any]:
         """Return functions, and the first of the rules of the core between them, each chain as one."""

@@ -1,11 +1,12 @@
 """Builds the columns with which the core plays games along several edges a turn, or by metres."""
 
 from array import array
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.core import arrivals, by_edges, by_metres, contacts, moves, rules, strategies, travel
+from gamms.core import arrivals, by_edges, by_metres, contacts, moves, rules, travel
 from gamms.game.arrivals import MOST_ARRIVALS
 from gamms.game.batch.by_edges import EdgeMovement
 from gamms.game.batch.courses import EdgeCourses, MetreCourses
@@ -64,7 +65,7 @@ class ThreadTravel(NamedTuple):
     """Columns of one thread that plays games by metres, or along several edges a turn.
 
     Attributes:
-        walkers, travelers: agents as they go along edges, or by metres.
+        movers: the agents, and how they move.
         arrivals: the same as they decide where they arrive, if they do so.
         course: how they have gone.
         tracks, legs: the columns of that, as contacts take them: nodes, times and lengths of tracks.
@@ -72,8 +73,7 @@ class ThreadTravel(NamedTuple):
         most_legs: of an agent.
     """
 
-    walkers: by_edges.EdgeMovers | None
-    travelers: by_metres.MetreMovers | None
+    movers: moves.OneEdgeMovers
     arrivals: arrivals.Arrivals | None
     course: rules.AgentPaths
     tracks: tuple[Any, Any, Any]
@@ -88,7 +88,7 @@ def in_parts(movers: moves.OneEdgeMovers, agents: int) -> ThreadTravel:
     times: Any = np.zeros(agents * 3).data
     lengths: Any = np.zeros(agents, np.int64).data
     course = moves.PartPaths(movers, nodes, times, lengths)
-    return ThreadTravel(None, None, None, course, (nodes, times, lengths), NO_LEGS, 3, 0)
+    return ThreadTravel(movers, None, course, (nodes, times, lengths), NO_LEGS, 3, 0)
 
 
 def _remembered(rows: int) -> int:
@@ -141,8 +141,8 @@ class EdgeColumns:
 
     def thread(
         self,
-        movers: moves.OneEdgeMovers,
-        by_steps: strategies.Strategies | None,
+        movers: tuple[Any, ...],
+        columns: Mapping[str, Any],
         events: rules.Events,  # noqa: ARG002
     ) -> ThreadTravel:
         """Return what one thread plays with; see `MetreColumns`."""
@@ -164,12 +164,12 @@ class EdgeColumns:
         )
         self._walks.append(walks)
         long_ways: travel.GoalPaths | None = None
-        if by_steps is not None:
+        if columns["by_steps"] is not None:
             long_ways = self._ways.plain_ways(reach)
-            by_steps.go_far(long_ways)
+            columns["by_steps"].go_far(long_ways)
         after: tuple[Any, Any] = (self._ahead.reshape(-1).data, self._covered.reshape(-1).data)
-        walkers = by_edges.EdgeMovers(movers, walks, *after, long_ways)
-        return ThreadTravel(walkers, None, None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
+        walkers = by_edges.EdgeMovers(walks, *after, long_ways, *movers, **columns)
+        return ThreadTravel(walkers, None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
 
 
 class ArrivalColumns:
@@ -289,10 +289,14 @@ class MetreColumns:
         room: Any = np.empty(_MOST_LEGAL, np.int64)
         return travel.LegalCache(flat(kinds, np.int64), tables[0].data, tables[1].data, room.data)
 
-    def thread(
-        self, movers: moves.OneEdgeMovers, by_steps: strategies.Strategies | None, events: rules.Events
-    ) -> ThreadTravel:
-        """Return what one thread plays with; events get what agents cannot do."""
+    def thread(self, movers: tuple[Any, ...], columns: Mapping[str, Any], events: rules.Events) -> ThreadTravel:
+        """Return what one thread plays with.
+
+        Args:
+            movers: the arguments of `moves.OneEdgeMovers`,
+            columns: and its keyword arguments.
+            events: receives what agents cannot do.
+        """
         by = self._by
         most = self._most
         roads = by.new_map()
@@ -301,32 +305,33 @@ class MetreColumns:
         near = self._memories.apart(self._slots, self._longest)
         self._roads.append(roads)
         self._near.append(near)
-        if by_steps is not None:
-            by_steps.go_far(ways)
+        if columns["by_steps"] is not None:
+            columns["by_steps"].go_far(ways)
         trips = TurnPaths(self._agents, most, max(self._memories.most, most))
         kept = None if self.courses is None else self.courses.core
         travelers = by_metres.MetreMovers(
-            movers,
             ways,
             near.ways(roads, reach),
             self._known(),
             trips.core,
             events,
+            *movers,
             slots=self._slots,
             nodes=by.streets.num_nodes,
             speeds=flat(by.paces, np.float64),
             motion=by.motion.reshape(-1).data,
-            starts=self.ends[0].reshape(-1).data,
-            ends=self.ends[1].reshape(-1).data,
+            start_places=self.ends[0].reshape(-1).data,
+            end_places=self.ends[1].reshape(-1).data,
             drawn=self._drawn.reshape(-1).data,
             most_edges=1 if by.terms.decides_at_arrivals else ENDLESS,
             kept=kept,
+            **columns,
         )
         legs: list[Any] = [column.data for column in np.zeros((4, self._agents * most), np.int64)]
         metres: Any = np.zeros(self._agents * most).data
         edge_ids = flat(by.columns.edge_ids, np.int64)
         tracks: Any = trips.nodes.reshape(-1).data, trips.times.reshape(-1).data, trips.passed.data
-        course = by_metres.MetrePaths(*[trips.core, roads, *tracks, edge_ids, *legs, metres, kept])
+        course = by_metres.MetrePaths(*[travelers, *tracks, edge_ids, *legs, metres])
         parts: Any = [one.reshape(-1).data for one in (trips.begins, trips.ends, trips.since, trips.until)]
         of_legs = contacts.Legs(most, *[trips.legs.data, *legs, *parts, metres])
         at_arrivals = None
@@ -334,4 +339,4 @@ class MetreColumns:
             at_arrivals = self.arrivals.thread(travelers, has_end=self._has_conflicts)
             self._travelers.append(travelers)
             self._at_arrivals.append(at_arrivals)
-        return ThreadTravel(None, travelers, at_arrivals, course, tracks, of_legs, most + 1, most)
+        return ThreadTravel(travelers, at_arrivals, course, tracks, of_legs, most + 1, most)
