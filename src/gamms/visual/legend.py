@@ -1,9 +1,8 @@
 """Legends, and values of nodes or edges as colors with a legend."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass
-from itertools import chain
 from math import cos, pi, sin
 from typing import Any, NamedTuple
 
@@ -41,10 +40,8 @@ _SWATCH_PX = 7.0
 _BAR_PX = 16.0
 _BAR_HEIGHT_PX = 150.0
 _NAME_PX = 2.0 * _SWATCH_PX + 9.0  # where names begin
-# of the width of a picture: the maximum for a legend, and for one without signs
-_ASIDE = 1 / 3
-_MOST_ASIDE = 0.45
-_SMALLER = 0.8  # letters of a legend that has no room otherwise
+_ASIDE = 1 / 3  # of the width of a picture: the maximum for a legend
+_SMALLEST = 0.7  # the least size of letters, as a share of the usual one
 _MOST_ROWS = 12
 _DISC = "disc"
 SIGN: Rgb = (110, 114, 120)  # signs have the colours of teams, and are explained in grey
@@ -176,8 +173,8 @@ def block_from_plain(plain: dict[str, Any]) -> Block:
 class Legend:
     """The layout of a legend: blocks, one below the other.
 
-    If the blocks do not fit a third of the width of the picture, the letters are smaller. If that is not enough, signs
-    are omitted, those of the lowest layers first; colors alone may take 45 % of the width.
+    Letters shrink until the blocks fit a third of the width of the picture, and its height. Where they would be too
+    small, the rows with signs are left out; where that is not enough, the legend.
 
     Args:
         blocks: the blocks from top to bottom.
@@ -189,25 +186,24 @@ class Legend:
         least: the width of a picture, and the height of the room, in which it looks the same.
     """
 
-    _blocks: tuple[Block, ...]
-
     def __init__(self, blocks: tuple[Block, ...], width: float, height: float) -> None:
-        self._blocks = ()
+        self._blocks: tuple[Block, ...] = ()
         self._zoom = 1.0
         self.width = 0.0
         self.height = 0.0
         self.least = (0.0, 0.0)
-        for tried, zoom, share in _tries(blocks):
-            wide = zoom * max(map(_width, tried), default=0.0)
-            high = zoom * (sum(map(_height, tried)) + _GAP_PX * (len(tried) - 1))
-            least = wide / share + _PAD_PX, high
-            if tried and least[0] <= width and least[1] <= height:
-                self._blocks = tried
-                self._zoom = zoom
-                self.width = wide
-                self.height = high
-                self.least = least
-                break
+        for tried in (blocks, _without_signs(blocks)):
+            wide = max(map(_width, tried), default=0.0)
+            high = sum(map(_height, tried)) + _GAP_PX * (len(tried) - 1)
+            if wide > 0.0 and high > 0.0:
+                zoom = min(1.0, _ASIDE * (width - _PAD_PX) / wide, height / high)
+                if zoom >= _SMALLEST:
+                    self._blocks = tried
+                    self._zoom = zoom
+                    self.width = zoom * wide
+                    self.height = zoom * high
+                    self.least = self.width / _ASIDE + _PAD_PX, self.height
+                    return
 
     def draw(self, pen: "Pen", left: float, top: float, ground: Rgba | None) -> None:
         """Draw the legend, on a background if it covers the map."""
@@ -225,31 +221,16 @@ class Legend:
             top += _height(block) + _GAP_PX
 
 
-def _tries(blocks: tuple[Block, ...]) -> Iterator[tuple[tuple[Block, ...], float, float]]:
-    """Yield layouts of a legend, with their size, and their share of the width of a picture, the best first."""
-    yield blocks, 1.0, _ASIDE
-    rows = chain.from_iterable(block.rows for block in blocks if isinstance(block, LegendRows))
-    signs = sum(row.sign != _DISC for row in rows)
-    for fewer in range(signs + 1):
-        yield _without_signs(blocks, fewer), _SMALLER, _ASIDE
-    yield _without_signs(blocks, signs), _SMALLER, _MOST_ASIDE
-
-
-def _without_signs(blocks: tuple[Block, ...], count: int) -> tuple[Block, ...]:
-    """Return a legend without the first signs, those of the lowest layers."""
+def _without_signs(blocks: tuple[Block, ...]) -> tuple[Block, ...]:
+    """Return the blocks of a legend that explain colors."""
     found = list[Block]()
     for block in blocks:
         if isinstance(block, ColorScale):
             found.append(block)
             continue
-        kept = list[LegendRow]()
-        for row in block.rows:
-            is_omitted = row.sign != _DISC and count > 0
-            count -= is_omitted
-            if not is_omitted:
-                kept.append(row)
-        if block.title or kept:
-            found.append(block._replace(rows=tuple(kept)))
+        rows = tuple(row for row in block.rows if row.sign == _DISC)
+        if block.title or rows:
+            found.append(block._replace(rows=rows))
     return tuple(found)
 
 

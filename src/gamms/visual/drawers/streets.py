@@ -1,10 +1,10 @@
 """Drawer of streets and nodes: larger roads are wider, tunnels are dashed and lowest, bridges are on top."""
 
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms import kernels
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.typing import IContext
@@ -203,30 +203,24 @@ def _is_so(value: object) -> bool:
 
 def dashes(points: FloatArray, offsets: IntArray, period: float) -> tuple[FloatArray, IntArray]:
     """Return the dashes of polylines as polylines; each begins and ends with half a dash, so that they fit together."""
-    has_length = np.array([bool((line != line[0]).any()) for line in np.split(points, offsets[1:-1])], bool)
-    take, offsets = kernels.chosen_runs(offsets, np.flatnonzero(has_length))
-    points = points[take]
-    if len(points) == 0:
-        return points, offsets
-    steps = np.hypot(*np.diff(points, axis=0, prepend=points[:1]).T)
-    steps[offsets[:-1]] = 0.0
-    along = np.cumsum(steps)  # all lines, one after the other
-    first = along[offsets[:-1]]
-    lengths = along[offsets[1:] - 1] - along[offsets[:-1]]
-    counts = np.maximum(np.rint(lengths / period), 1).astype(np.int64)  # of gaps
-    line = np.repeat(np.arange(len(lengths)), 2 * counts)  # that each cut is of
-    number = np.arange(len(line)) - np.repeat(2 * (np.cumsum(counts) - counts), 2 * counts)
-    edge = np.where(number % 2, 1.0 - _DASHED / 2, _DASHED / 2)
-    cuts = first[line] + (number // 2 + edge) * (lengths / counts)[line]
-    places = np.column_stack([np.interp(cuts, along, axis) for axis in points.T])
-    lines = np.concatenate([np.repeat(np.arange(len(lengths)), np.diff(offsets)), line])
-    order = np.lexsort((np.concatenate([along, cuts]), lines))
-    is_cut = (np.arange(len(order)) >= len(points))[order]
-    before: IntArray = np.cumsum(is_cut) - is_cut
-    is_drawn = is_cut | (before % 2 == 0)
-    begins = np.append(True, np.diff(lines[order]) > 0) | (is_cut & (before % 2 == 1))
-    found = np.concatenate([points, places])[order][is_drawn]
-    return found, np.append(np.flatnonzero(begins[is_drawn]), len(found))
+    found = list[FloatArray]()
+    for line in np.split(points, offsets[1:-1]):
+        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+        if along[-1] > 0.0:
+            found += _dashes_of(line, along, period)
+    return np.concatenate([np.empty((0, 2)), *found]), np.cumsum([0, *map(len, found)])
+
+
+def _dashes_of(line: FloatArray, along: FloatArray, period: float) -> Iterator[FloatArray]:
+    """Yield the dashes of a polyline, whose points are so far from its beginning."""
+    length = float(along[-1])
+    gaps = max(round(length / period), 1)
+    step = length / gaps
+    for number in range(gaps + 1):
+        begin = max((number - _DASHED / 2) * step, 0.0)
+        end = min((number + _DASHED / 2) * step, length)
+        first, last = np.column_stack([np.interp([begin, end], along, axis) for axis in line.T])
+        yield np.vstack([first, line[(along > begin) & (along < end)], last])
 
 
 def median(lengths: FloatArray) -> float:
