@@ -3,14 +3,14 @@
 The built-in sensors sense again, because recordings do not contain their views.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import chain
 from typing import Any, cast
 
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadValue, NotOffered, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensor_results import SensorView
@@ -20,7 +20,6 @@ from gamms.typing.sensor_engine import IN_AIR
 from gamms.typing.visualization_engine import Drawer
 from gamms.visual.appearance import AgentData, color_group
 from gamms.visual.artist import Artist, data_of
-from gamms.visual.camera import inside
 from gamms.visual.constants import Layer
 from gamms.visual.default_scene import MOST_SENSORS, TOGETHER, artists_of_sights, sight_radius
 from gamms.visual.drawers import render_input_overlay, render_obstacles
@@ -40,7 +39,7 @@ _STREET = 2.0
 _SLIM = 0.2
 _DOT = 0.08
 _LINE_PX = 1.5
-_DIGITS = 6  # rounding of coordinates, to find agents and nodes
+_DIGITS = 6  # rounding of coordinates, to find nodes
 
 
 class Fog:
@@ -114,43 +113,45 @@ class Fog:
 
     def look(self) -> None:
         """Sense with the team's sensors at the current positions, and hide the agents that they do not see."""
+        columns = self._ctx.graph.columns()
         carriers = drawing_of(self._ctx).carriers
         living = [agent for agent in self._own() if agent.alive]
+        is_seen = np.isin(columns.node_ids, [agent.current_node_id for agent in living])
         sights = list[ShownView]()
         for agent in living:
-            sights += [carriers.sight(sensor, agent) for sensor in _sensors_of(agent)]
+            for sensor in _sensors_of(agent):
+                sight = carriers.sight(sensor, agent)
+                sights.append(sight)
+                is_seen |= self._covered(columns, sight, agent)
         self._show_sights([sight for sight in sights if sight.sensor.type is not SensorType.NEIGHBOR])
-        views = [sight.view or SensorView() for sight in sights]
-        columns = self._ctx.graph.columns()
-        own = [agent.current_node_id for agent in living]
-        is_seen = np.isin(columns.node_ids, own)
-        for sight, view in zip(sights, views, strict=True):
-            if sight.sensor.type in IN_AIR:  # the outline is a shadow, and none past walls
-                is_seen |= np.isin(columns.node_ids, sight.sensor.coverage(None, sight.carrier).node_ids)
-            else:
-                is_seen |= _at(columns.xy, view.nodes) if len(view.nodes) else _inside(columns.xy, view.outline)
         self._now = set(columns.node_ids[is_seen].tolist())
         game = self._ctx.current_game
         turn = 0 if game is None else game.turn
         before = {node: since for node, since in self._seen.items() if since <= turn}  # a replay may go back
         self._seen = dict.fromkeys(self._now, turn) | before
-        found = set(map(_rounded, chain.from_iterable(view.agents.tolist() for view in views)))
-        self.hidden = {agent.name for agent in self._others() if not self._is_found(agent, found)}
+        found = set(chain.from_iterable(sight.view.names for sight in sights if sight.view is not None))
+        self.hidden = {agent.name for agent in self._others() if agent.name not in found and not self._is_on(agent)}
         cast("Any", self._ctx.visual).artists.fog = self
+
+    def _covered(self, columns: GraphColumns, sight: ShownView, agent: IAgent) -> BoolArray:
+        """Return which nodes (nodes,) a sensor shows, or would show agents on."""
+        view = sight.view or SensorView()
+        if len(view.nodes) or (len(view.outline) == 0 and sight.sensor.type not in IN_AIR):
+            return _at(columns.xy, view.nodes)
+        place: Any = drawing_of(self._ctx).motion.on_edges().get(agent.name, agent.current_node_id)
+        try:
+            covered = sight.sensor.coverage(place, agent.name).node_ids
+        except NotOffered:
+            return np.zeros(len(columns.xy), bool)
+        return np.isin(columns.node_ids, covered)
 
     def _others(self) -> Iterator[IAgent]:
         return (agent for agent in self._ctx.agent.create_iter() if str(color_group(agent)) != self.team)
 
-    def _is_found(self, agent: IAgent, found: set[tuple[float, float]]) -> bool:
-        motion = drawing_of(self._ctx).motion
-        is_on_node = agent.type != AgentType.AERIAL and agent.name not in motion.on_edges()
-        is_on_seen_node = is_on_node and agent.current_node_id in self._now
-        if is_on_seen_node or _rounded(motion.position_of(agent.name, 1.0)) in found:
-            return True
-        if is_on_node or agent.type == AgentType.AERIAL:
-            return False
-        node = self._ctx.graph.graph.get_node(agent.current_node_id)  # the position that sensors report
-        return _rounded([node.x, node.y]) in found
+    def _is_on(self, agent: IAgent) -> bool:
+        """Return whether an agent stands on a node that the team sees."""
+        is_on_node = agent.type != AgentType.AERIAL and agent.name not in drawing_of(self._ctx).motion.on_edges()
+        return is_on_node and agent.current_node_id in self._now
 
     def _show_sights(self, sights: list[ShownView]) -> None:
         """Draw the views of the team's sensors, if they are few, and no others."""
@@ -215,23 +216,9 @@ def _sensors_of(agent: IAgent) -> list[Any]:
     return list(getattr(agent, "sensors", {}).values())
 
 
-def _rounded(place: Sequence[float]) -> tuple[float, float]:
-    return round(float(place[0]), _DIGITS), round(float(place[1]), _DIGITS)
-
-
 def _at(xy: FloatArray, places: FloatArray) -> BoolArray:
     """Return which of `xy` (nodes, 2) are among places (places, 2)."""
     if len(places) == 0:
         return np.zeros(len(xy), bool)
     wanted = np.round(places, _DIGITS) @ (1.0, 1.0j)
     return np.isin(np.round(xy, _DIGITS) @ (1.0, 1.0j), wanted)
-
-
-def _inside(xy: FloatArray, outline: FloatArray) -> BoolArray:
-    """Return which of `xy` (nodes, 2) are inside a polygon (corners, 2)."""
-    is_inside = np.zeros(len(xy), bool)
-    if len(outline) < 3 or not np.isfinite(outline).all():
-        return is_inside
-    is_near = ((xy >= outline.min(axis=0)) & (xy <= outline.max(axis=0))).all(axis=1)
-    is_inside[is_near] = inside(xy[is_near], outline)
-    return is_inside
