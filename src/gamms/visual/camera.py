@@ -193,17 +193,24 @@ def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, margins:
     return Camera(width, height, x - (width + left - right) / 2 / scale, y + (height + top - bottom) / 2 / scale, scale)
 
 
-def framed(commands: DrawCommands) -> Box:
+def framed(*drawings: DrawCommands) -> Box:
     """Return the corners of what a picture shows: all drawings, but only the near part of large views of sensors."""
-    is_view = np.isin(commands.layer, _VIEWS)
-    box = bounds(commands)
-    if not is_view.any() or is_view.all():
-        return box
-    low, high = bounds(commands, ~is_view)
-    beyond = _BEYOND * float((high - low).max())
-    if beyond <= 0.0:
-        return box
-    return np.maximum(box[0], low - beyond), np.minimum(box[1], high + beyond)
+    are_views = [np.isin(commands.layer, _VIEWS) for commands in drawings]
+    low, high = _around([bounds(commands) for commands in drawings if len(commands)])
+    others = [bounds(one, ~is_view) for one, is_view in zip(drawings, are_views, strict=True) if not is_view.all()]
+    near_low, near_high = _around(others)
+    beyond = _BEYOND * float((near_high - near_low).max())
+    if beyond > 0.0:
+        low = np.maximum(low, near_low - beyond)
+        high = np.minimum(high, near_high + beyond)
+    return low, high
+
+
+def _around(boxes: list[Box]) -> Box:
+    """Return the box around some boxes."""
+    if not boxes:
+        return np.zeros(2), np.zeros(2)
+    return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
 
 
 def bounds(commands: DrawCommands, chosen: BoolArray | None = None) -> Box:

@@ -17,7 +17,7 @@ from gamms.visual.appearance import Rgba
 from gamms.visual.artist import Artist, ArtistGroup, in_painting_order, state_of
 from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
 from gamms.visual.backends.raster import Painting
-from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, bounds, spill
+from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, bounds, framed, spill
 from gamms.visual.constants import CACHE_ZOOM_MAX
 
 if TYPE_CHECKING:
@@ -479,12 +479,9 @@ class Scene:
                 return part
         return ScenePart(group, commands)
 
-    def box(self) -> tuple[FloatArray, FloatArray]:
-        """Return the lower left and the upper right corner of everything."""
-        boxes = [box for part in self._parts if (box := part.box) is not None]
-        low = np.min([box[0] for box in boxes], axis=0) if boxes else np.zeros(2)
-        high = np.max([box[1] for box in boxes], axis=0) if boxes else np.zeros(2)
-        return low, high
+    def box(self) -> Box:
+        """Return the corners of what a picture of all parts shows."""
+        return framed(*(part.painting.commands for part in self._parts))
 
     def spill(self, box: Box) -> Margins:
         """Return how many pixels signs at the sides of a box reach beyond it: left, top, right and bottom."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.ir.geometry import rings_of, seamed, union_of
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.sensor_results import SensorView
 from gamms.text import shown
 from gamms.typing import IContext
@@ -162,18 +162,11 @@ def field_of_view(ctx: IContext, outline: Points, color: AnyColor) -> None:
         raise BadValue(f"The outline of a field of view is (x, y) pairs of finite numbers, not {shown(outline)}.")
     if box is not None:
         corners = cut(corners, *box)
-    if len(corners) < 3:
-        return
-    goes_on = np.zeros(len(corners), bool) if box is None else _is_on_a_side(corners, *box)
-    if goes_on.all():
+    if len(corners) < 3 or (box is not None and _is_whole(corners, *box)):
         return
     visual = drawing_of(ctx)
-    rim = _faint(color, _RIM_ALPHA)
     visual.render_polygon(corners.tolist(), _faint(color, _FILL_ALPHA))
-    if goes_on.any():
-        visual.render_lines(*_without(corners, goes_on), rim)
-    else:
-        visual.render_polygon(corners.tolist(), rim, 1)
+    visual.render_polygon(corners.tolist(), _faint(color, _RIM_ALPHA), 1)
 
 
 def _fields_of_view(ctx: IContext, outlines: list[FloatArray], color: AnyColor, alpha: int) -> None:
@@ -185,19 +178,10 @@ def _fields_of_view(ctx: IContext, outlines: list[FloatArray], color: AnyColor, 
     if not polygons:
         return
     bounded = [rings_of(polygon) for polygon in polygons]
-    lines = [seamed(rings) for rings in bounded]
-    visual.render_polygons(np.concatenate(lines), np.cumsum([0, *map(len, lines)]), _faint(color, alpha))
-    rims = [_closed_or_cut(ring[:-1], box) for ring in chain.from_iterable(bounded)]
-    offsets = np.concatenate([[0], *(np.diff(ends) for _, ends in rims)])
-    visual.render_lines(np.concatenate([points for points, _ in rims]), np.cumsum(offsets), _faint(color, _RIM_ALPHA))
-
-
-def _closed_or_cut(ring: FloatArray, box: tuple[FloatArray, FloatArray] | None) -> tuple[FloatArray, IntArray]:
-    """Return the points and offsets of a rim, without the sides of the box."""
-    goes_on = np.zeros(len(ring), bool) if box is None else _is_on_a_side(ring, *box)
-    if goes_on.any():
-        return _without(ring, goes_on)
-    return np.concatenate([ring, ring[:1]]), np.array([0, len(ring) + 1])
+    fills = [seamed(rings) for rings in bounded]
+    rims = list(chain.from_iterable(bounded))
+    visual.render_polygons(np.concatenate(fills), np.cumsum([0, *map(len, fills)]), _faint(color, alpha))
+    visual.render_lines(np.concatenate(rims), np.cumsum([0, *map(len, rims)]), _faint(color, _RIM_ALPHA))
 
 
 def cut(corners: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
@@ -236,20 +220,9 @@ def _around_the_map(columns: GraphColumns) -> tuple[FloatArray, FloatArray] | No
     return (low - spill, high + spill) if spill > 0.0 else None
 
 
-def _is_on_a_side(corners: FloatArray, low: FloatArray, high: FloatArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
-    """Return from which corners on the rim a side of the box follows: there the field goes on."""
-    rim = np.stack([corners, np.roll(corners, -1, axis=0)])  # (2, corners, 2)  from corner to corner
-    on_a_side: np.ndarray[Any, np.dtype[np.bool_]] = ((rim == low).all(axis=0) | (rim == high).all(axis=0)).any(axis=1)
-    return on_a_side
-
-
-def _without(corners: FloatArray, is_left_out: "np.ndarray[Any, np.dtype[np.bool_]]") -> tuple[FloatArray, IntArray]:
-    """Return the points and offsets of a rim without some pieces, each named by the corner it begins at."""
-    first = int(np.argmax(is_left_out)) + 1
-    corners = np.roll(corners, -first, axis=0)
-    is_left_out = np.roll(is_left_out, -first)
-    counts = np.diff(np.flatnonzero(is_left_out) + 1, prepend=0)  # of corners from one gap to the next
-    return corners[np.repeat(counts > 1, counts)], np.cumsum([0, *counts[counts > 1]])
+def _is_whole(corners: FloatArray, low: FloatArray, high: FloatArray) -> bool:
+    """Return whether a polygon that was cut to a box fills it, so that all its corners are on the sides of the box."""
+    return bool(((corners == low) | (corners == high)).any(axis=1).all())
 
 
 def _faint(color: AnyColor, alpha: int) -> Rgba:
