@@ -42,7 +42,7 @@ from gamms.game.batch.movement import Movement, MovementOnMaps
 from gamms.game.batch.own_functions import FunctionsPerGame, function_in
 from gamms.game.batch.pointed import PointedContext
 from gamms.game.batch.sensing import called_each_turn, look, note_sensors, turns_with_agent
-from gamms.game.batch.state import GameArrays, NotInCore
+from gamms.game.batch.state import GameArrays, LeavesSharedContext
 from gamms.game.batch.travel import MetricMovement
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView, TowardsInBatch, asked_view
@@ -538,7 +538,7 @@ class GamesOnOneMap:
         turn._lock()
         try:
             form(turn)
-        except NotInCore as error:
+        except LeavesSharedContext as error:
             self.state.leave(games, str(error))
         except Exception as error:
             error.add_note(

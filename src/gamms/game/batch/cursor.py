@@ -36,7 +36,7 @@ from gamms.game.batch.own_functions import FirstValues, FunctionPerGame, some_fu
 from gamms.game.batch.pointed import PointedContext, Population
 from gamms.game.batch.scores import fits_float
 from gamms.game.batch.sensing import called_each_turn
-from gamms.game.batch.state import KEPT, STOPPED, GameArrays, NotInCore
+from gamms.game.batch.state import KEPT, STOPPED, GameArrays, LeavesSharedContext
 from gamms.game.batch.view import ArrayView
 from gamms.game.decisions import Decisions
 from gamms.game.messages import Inboxes
@@ -450,7 +450,7 @@ class Cursor:
     def _leave(self, what: str) -> NoReturn:
         """Let the game leave that the context is pointed at, because of what a function does, in words."""
         self._why = self._why or f"a plain function {what}"
-        raise NotInCore(self._why)
+        raise LeavesSharedContext(self._why)
 
     def _let_leave(self) -> None:
         """Stop playing the game that the context is pointed at, and restore the context."""

@@ -40,7 +40,7 @@ Columns = dict[Hashable, np.ndarray[Any, Any]]
 """The state of games as arrays (games, …) by name, as `Batch.columns` returns it."""
 
 
-class NotInCore(GammsError):
+class LeavesSharedContext(GammsError):
     """A function does what a context that games share cannot do: its game continues in a context of its own."""
 
 
