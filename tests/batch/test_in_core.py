@@ -481,3 +481,37 @@ def test_ways_that_do_not_fit_into_memory_are_refused_by_the_core(unit):
     scenario = BY_METRES.replace(**{"settings.speed_unit": unit, "teams.red.speed": 1e9})
     with scenario.build() as ctx, gamms.limits.allowing("40K"), pytest.raises(TooLarge, match="may go along"):
         ctx.game.batch(2)
+
+
+def test_an_agent_may_go_to_and_fro_on_a_short_edge_in_a_turn():
+    def shuttle(state):
+        """Go along an edge and back again as often as the turn lasts."""
+        here, *near = state["legal"]
+        state["action"] = [near[0], here] * 20 if near and state["edge"] is None else None
+
+    teams = {"red": {"count": 2, "speed": 100.0}}
+    scenario = scene(teams=teams, settings={"speed_unit": "metres"}, max_turns=4)
+    with scenario.batch(3, strategies={"red": shuttle}) as games:
+        games.run()
+        assert [plain(games.result(number)) for number in range(3)] == [
+            plain(scenario.play(seed=number, strategies={"red": shuttle})) for number in range(3)
+        ]
+
+
+@pytest.mark.parametrize("length", [1.0, 50.0])
+def test_an_agent_may_repeat_edges_that_are_shorter_than_others(length):
+    def shuttle(state):
+        here = state["curr_pos"]
+        state["action"] = [1 - here, here] * 30 if here < 2 and state["edge"] is None else None
+
+    with gamms.create_context(game={"max_turns": 3, "speed_unit": "metres"}) as ctx:
+        ctx.graph.add_nodes(range(6), [0.0, length, *range(100, 500, 100)], [0.0] * 6)
+        ends = [(0, 1), (1, 0), *((one, one + 1) for one in range(1, 5))]
+        lengths = [length, length, 100.0, 100.0, 100.0, 100.0]
+        ctx.graph.add_edges(range(6), *zip(*ends, strict=True), lengths)
+        ctx.agent.create_agent("ann", start_node_id=0, team="red", speed=40.0, strategy=shuttle)
+        with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            alone.game.reset(seed=1)
+            assert plain(games.result(1)) == plain(alone.game.run())
+            assert (len(games.detached) > 0) == (length < 10.0)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from gamms.core import moves, rules
-from gamms.errors import TooLarge
 from gamms.game.batch.by_edges import EdgeMovement
 from gamms.game.batch.movement import Legs, Paths
 from gamms.game.batch.travel import MetricMovement
@@ -17,6 +16,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
 from gamms.typing.game import Leg
 
+_MORE_LEGS = 2  # that a way may have besides those to its nodes
 _STAYS = -1  # how many nodes there are on the way of an agent that stays
 
 
@@ -26,14 +26,16 @@ class Routes:
     Args:
         by: how agents go.
         shape: how many games and agents there are.
-        room: how many nodes a way has at most.
+        room: for how many nodes of a way there is memory.
+        longest: how many nodes a way has at most.
 
     Attributes:
         core: as the core reads them.
     """
 
-    def __init__(self, by: EdgeMovement | MetricMovement, shape: tuple[int, int], room: int) -> None:
+    def __init__(self, by: EdgeMovement | MetricMovement, shape: tuple[int, int], room: int, longest: int) -> None:
         self._by = by
+        self._longest = longest
         self._agents = shape[1]
         self._room = room
         rows = shape[0] * shape[1]
@@ -43,8 +45,8 @@ class Routes:
         self._chosen: list[tuple[int, int, int]] = []  # row, how many nodes, motion
         self._ids: list[int] = []  # of the nodes, one way after the other
 
-    def choose(self, game: int, agent: int, action: ResolvedAction | None, end: int | None) -> None:
-        """Set the action of an agent in this turn.
+    def choose(self, game: int, agent: int, action: ResolvedAction | None, end: int | None) -> bool:
+        """Set the action of an agent in this turn; return whether there is room for its path.
 
         Args:
             game: its number.
@@ -64,12 +66,11 @@ class Routes:
         before = len(self._ids)
         self._ids += nodes
         count = (len(self._ids) - before) or count
-        if count > self._room:
-            raise TooLarge(
-                f"An agent goes along {count} edges in a turn, and a batch has room for {self._room}: give it shorter "
-                "routes, or play the game alone."
-            )
+        if count > self._longest:
+            del self._ids[before:]
+            return False
         self._chosen.append((game * self._agents + agent, count, motion))
+        return True
 
     def write(self) -> None:
         """Write the chosen actions into the columns of the core."""
@@ -129,7 +130,7 @@ class EdgeCourses:
         self._ahead[:] = -1
         views: list[Any] = [one.reshape(-1).data for one in (self._nodes, self._times, self._lengths)]
         self.core = rules.AgentPaths(*views)
-        self.routes = Routes(by, shape, most)
+        self.routes = Routes(by, shape, most, most)
 
     def columns(self) -> list[np.ndarray[Any, Any]]:
         """Return what it keeps of the last turns."""
@@ -201,7 +202,7 @@ class MetreCourses:
         self._trips.passed[:] = 1
         self._trips.edge[:] = -1
         self.core = self._trips.core
-        self.routes = Routes(by, shape, most)
+        self.routes = Routes(by, shape, most, most - _MORE_LEGS - 2 * int(part_of.any()))
 
     @cached_property
     def _ids(self) -> list[int]:

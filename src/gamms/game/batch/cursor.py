@@ -1239,7 +1239,8 @@ class Cursor:
         for i, name in asked.members:
             end = None if ends[i] == starts[i] else ends[i]
             flies = self._block.kind[self._block.row_of(name)]
-            routes.choose(number, self._number_of[name], None if flies else decisions.actions.get(i), end)
+            if not routes.choose(number, self._number_of[name], None if flies else decisions.actions.get(i), end):
+                self._leave("chooses a route with an edge that it repeats")
 
     def _take_decisions(self, decisions: Decisions, asked: _AskedAgents) -> None:
         """Take the decisions that are not nodes to go to."""
