@@ -515,3 +515,21 @@ def test_an_agent_may_repeat_edges_that_are_shorter_than_others(length):
             alone.game.reset(seed=1)
             assert plain(games.result(1)) == plain(alone.game.run())
             assert (len(games.detached) > 0) == (length < 10.0)
+
+
+def test_agents_with_speeds_are_told_which_node_they_wanted_to_reach():
+    def meet(state):
+        state["memory"].setdefault("blocked", []).append(state["blocked"])
+        state["action"] = 1
+
+    def tell(ctx):
+        for name, memory in ctx.game.memories.items():
+            ctx.game.emit("told", agent=name, why=memory["blocked"][-1])
+
+    teams = {"red": {"agents": [{"name": name, "node": node} for name, node in (("ann", 0), ("ben", 2))], "speed": 2}}
+    scenario = scene(teams=teams, conflicts={"capacity": 1}, max_turns=2)
+    with scenario.build(seed=1, strategies={"red": meet}) as ctx:
+        ctx.game.add(tell)
+        ctx.game.run()
+        told = {event["why"] for event in ctx.game.events if event["turn"] == 2}
+    assert told == {None, "in conflict with other agents on the way to node 1"}

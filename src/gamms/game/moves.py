@@ -262,7 +262,8 @@ class TurnMoves:
         """Keep the agents of slots at their starts; return (slot, place) for each that would have moved to a place."""
         if self.actions:
             _, ends = self.places()
-            return [(i, ends[i]) for i in indices if self.stop(i)]
+            wanted = [(i, ends[i]) for i in indices]  # before `stop` changes the ends
+            return [(i, end) for i, end in wanted if self.stop(i)]
         self._by_name = None
         return stop_moves(self.starts, self.ends, self.order.blocked.data, indices)
 
