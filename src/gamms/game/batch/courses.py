@@ -84,7 +84,7 @@ class Routes:
         self.forget()
 
     def forget(self) -> None:
-        """Forget what was chosen."""
+        """Drop the chosen actions."""
         self._chosen.clear()
         self._ids.clear()
 
@@ -133,7 +133,7 @@ class EdgeCourses:
         self.routes = Routes(by, shape, most, most)
 
     def columns(self) -> list[np.ndarray[Any, Any]]:
-        """Return what it keeps of the last turns."""
+        """Return the columns that it keeps of the last turns."""
         most = int(self._lengths.max(initial=1))
         return [self._lengths, self._nodes[..., :most], self._times[..., :most]]
 
@@ -214,7 +214,7 @@ class MetreCourses:
         return EdgeIds(self._by.columns)
 
     def columns(self) -> list[np.ndarray[Any, Any]]:
-        """Return what it keeps of the last turns."""
+        """Return the columns that it keeps of the last turns."""
         trips = self._trips
         legs = int(trips.legs.max(initial=0))
         passed = int(trips.passed.max(initial=1))

@@ -982,7 +982,7 @@ class Cursor:
             self._leave("draws from ctx.rng, as the code of the scenario does")
 
     def _take_population(self) -> AgentBlock | None:
-        """Let a game have the agents that a function has created or deleted.
+        """Store the agents that a function has created or deleted for its game.
 
         Returns:
             The block with what the function has done; None: some agents have no rows, and games have to begin again.
@@ -1037,7 +1037,7 @@ class Cursor:
             self._leave("changes ctx.game.messages")
 
     def _take_roads(self) -> None:
-        """Let the game have the roads that a function has left open."""
+        """Store the roads that a function has left open for its game."""
         if not self._pointed.take_roads(self._number):
             self._leave("changes more of the map than which roads are open")
 
@@ -1096,7 +1096,7 @@ class Cursor:
             state.placed[number, state.flights.agents] |= state.flights.take(number, block, *fly)
 
     def _take_facts(self) -> None:
-        """Keep what a rule has published in a game."""
+        """Store the facts that a rule has published in a game."""
         known, now = self._facts_shown, self._facts
         changed = {name for name, fact in now.items() if name not in known or fact is not known[name]}
         self._facts_of[self._number] = self._facts_own = self._facts_shown = dict(now)
@@ -1204,7 +1204,7 @@ class Cursor:
         return [found[i] for i in asked.places]
 
     def _decide_at_arrival(self, asked: _AskedAgents) -> Decisions:
-        """Return what agents decide that may have decided in the same turn before."""
+        """Return the decisions of agents, which may have decided in the same turn before."""
         number, turns, slots = self._number, self._turns, self._living.order.slots
         known = self._marks.get(number, _StreamPositions({}, [{} for _ in self._cached.notices]))
         for notice, looks in zip(self._cached.notices, known.looks, strict=True):

@@ -551,7 +551,7 @@ class CoreGames:
         self.arrival = 0
 
     def arriving(self, games: IntArray) -> IntArray:
-        """Return those of some games in which agents arrive, or set out, and let views show when."""
+        """Return the games, of some, in which agents arrive or set out; views then show the time."""
         now = self._arrivals.now
         goes_on = games[now[games] < np.inf]
         self._state.movement.now[goes_on] = now[goes_on]

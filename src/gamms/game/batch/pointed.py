@@ -201,7 +201,7 @@ class PointedContext:
         return changed
 
     def take_population(self, number: int) -> Population:
-        """Let a game have the agents that the context has now, and return them."""
+        """Store the present agents of the context as those of a game, and return them."""
         before = self.population
         found = Population(self._game, self._state, before)
         before.renew_journal()
@@ -350,7 +350,7 @@ class PointedContext:
                 self.take_roads(number)
 
     def take_roads(self, number: int) -> bool:
-        """Let a game have the map of the context; return False, and do nothing, if more than roads was changed."""
+        """Store the map of the context for a game; return False, and do nothing, if more than roads was changed."""
         state, storage = self._state, self._game.ctx.graph.storage
         others = self._graph.revision - self._revision - storage.road_changes + self._road_changes
         if others:
