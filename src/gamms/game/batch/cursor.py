@@ -1077,8 +1077,6 @@ class Cursor:
             self._leave("changes agents otherwise than by putting them elsewhere or out of the game")
         numbers = self._population.numbers
         for name in progressed:
-            if block.progress[block.row_of(name)] is not None:
-                self._leave("puts agents on edges")
             state.movement.clear(number, self._number_of[name])
         if changed or _TURNED in kinds:
             headings = zip(numbers.tolist(), block.heading, self._population.first_headings, strict=True)
