@@ -2,9 +2,10 @@
 
 Start with `games.py`, the public interface. `arrays.py` plays the games in the core, with `in_core.py`,
 `strategy_steps.py` and `travelers.py`; between the phases of the core it calls array functions, and plain functions in
-a context that `cursor.py` points at each game in turn, with the agents that this game has (`pointed.py`). If a plain
-function does what this context cannot do in one game alone, it raises `LeavesSharedContext`, and the game continues in
-a context of its own (`separate_games.py`).
+a context that `cursor.py` points at each game in turn, with the agents that this game has (`pointed.py`).
+`called_functions.py` finds these functions, and `read_values.py` makes values that they read. If a plain function does
+what this context cannot do in one game alone, it raises `LeavesSharedContext`, and the game continues in a context of
+its own (`separate_games.py`).
 
 `state.py` holds the state of a batch, `columns.py` its agents and logs, `scores.py` the scores, `initial_state.py` the
 state of the first turn, and `own_functions.py` strategies that differ between games. Array rules get a turn

@@ -11,6 +11,13 @@ import numpy as np
 from gamms.core.arrivals import PHASES as PHASES_AT_ARRIVALS
 from gamms.core.turn import PHASES as PHASES_OF_CORE
 from gamms.errors import GammsError
+from gamms.game.batch.called_functions import (
+    acts_before_moves,
+    asked_of,
+    first_called,
+    has_function_of_conflicts,
+    is_plain_rule,
+)
 from gamms.game.batch.channels import MessageTraffic, radio_of
 from gamms.game.batch.columns import (
     AgentTable,
@@ -25,14 +32,7 @@ from gamms.game.batch.columns import (
     sensors_of,
     some_rows,
 )
-from gamms.game.batch.cursor import (
-    Cursor,
-    acts_before_moves,
-    asked_of,
-    first_called,
-    has_function_of_conflicts,
-    is_plain_rule,
-)
+from gamms.game.batch.cursor import Cursor
 from gamms.game.batch.deeds import DeclaredDeeds, DeedLog, deed_log_of
 from gamms.game.batch.forms import call_each, decides_in_arrays, key_of, strategy_spec_of
 from gamms.game.batch.given import OutsideActions, as_flights

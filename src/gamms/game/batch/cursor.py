@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from itertools import chain, repeat
+from functools import lru_cache
+from itertools import repeat
 from operator import is_, itemgetter
 from typing import Any, NamedTuple, NoReturn
 from weakref import WeakKeyDictionary
@@ -17,10 +17,12 @@ from numpy.random import Generator
 from gamms.core.copies import copied, copied_values
 from gamms.deciding import phase_of
 from gamms.errors import attribute_hint
+from gamms.game.batch.called_functions import (
+    functions_of_rules,
+    keys_in_core,
+)
 from gamms.game.batch.channels import MessageTraffic
 from gamms.game.batch.columns import (
-    AgentTable,
-    ComingAgent,
     Failure,
     NewAgents,
     PlayedGame,
@@ -30,13 +32,13 @@ from gamms.game.batch.columns import (
 )
 from gamms.game.batch.courses import Routes
 from gamms.game.batch.flights import Flights
-from gamms.game.batch.forms import decides_in_arrays, strategy_spec_of
-from gamms.game.batch.in_core import CoreGames, called_rules, conflicts_in_core, core_form_of
+from gamms.game.batch.forms import strategy_spec_of
+from gamms.game.batch.in_core import CoreGames, called_rules
 from gamms.game.batch.own_functions import FirstValues, FunctionPerGame, some_function
 from gamms.game.batch.pointed import PointedContext, Population
+from gamms.game.batch.read_values import GuardedDict, PointedState, StartOfGame
 from gamms.game.batch.scores import fits_float
-from gamms.game.batch.sensing import called_each_turn
-from gamms.game.batch.state import KEPT, STOPPED, GameArrays, LeavesSharedContext
+from gamms.game.batch.state import STOPPED, GameArrays, LeavesSharedContext
 from gamms.game.batch.view import ArrayView
 from gamms.game.decisions import Decisions
 from gamms.game.messages import Inboxes
@@ -63,11 +65,8 @@ from gamms.ir.journal import Journal
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
 from gamms.plain import is_plain, is_same
-from gamms.text import as_code, shown
 from gamms.typing.agent_engine import IAgent
 
-# made when they are read
-_READ = ("began", "counts", "data", "deeds", "errors", "events", "memories", "messages", "moves", "scores")
 _OWN = ("agent_facts", "departed", "over", "start", "team_facts", "team_memories")
 _PrivateFacts = tuple[dict[Any, dict[str, Any]], dict[Any, dict[str, Any]]]  # of agents, of teams
 _NUMBERS = [column.name for column in NUMBERS]
@@ -75,111 +74,6 @@ _CHANGING = {CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", 
 _EQUIPPING = {AGENT_CREATE, AGENT_DELETE, AGENT_SENSOR_REGISTER, AGENT_SENSOR_DEREGISTER}
 _TURNED = CHANGE_EVENTS["heading"].code
 _CHANGING |= {AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE, _TURNED}
-_OF_ONE = ("__contains__", "__delitem__", "__getitem__", "__setitem__", "get", "pop", "setdefault")
-_OF_ALL = (
-    *("__bool__", "__deepcopy__", "__eq__", "__format__", "__ior__", "__iter__", "__len__", "__ne__", "__or__"),
-    *("__repr__", "__ror__", "clear", "copy", "items", "keys", "popitem", "update", "values"),
-)
-
-
-class GuardedDict(dict[Any, Any]):
-    """A dict of a game with keys whose values only the core has; a function that reads one ends play in the core.
-
-    Args:
-        values: of the other keys.
-        keys: whose values the core has; None: all.
-        leave: ends play in the core.
-        what: the dict, in words.
-    """
-
-    def __init__(
-        self, values: dict[Any, Any], keys: frozenset[str] | None, leave: Callable[[str], NoReturn], what: str
-    ) -> None:
-        super().__init__(values)
-        self.of_core = keys
-        self.leave = leave
-        self.what = what
-
-
-def _refusing(name: str, *, is_of_one: bool) -> Callable[..., Any]:
-    """Return a method of `GuardedDict` that reads the value of one key, or all values."""
-    method = getattr(dict, name, None)
-
-    def read(self: GuardedDict, *args: object, **named: object) -> Any:
-        if method is None or self.of_core is None or not is_of_one or args[0] in self.of_core:
-            self.leave(f"reads {self.what}")
-        return method(self, *args, **named)
-
-    return read
-
-
-for _name in (*_OF_ONE, *_OF_ALL):
-    setattr(GuardedDict, _name, _refusing(_name, is_of_one=_name in _OF_ONE))
-
-
-class _StartOfGame:
-    """The start of the game that a context is pointed at; the game cannot be reset to it.
-
-    Args:
-        read: returns the value of a field of the game.
-        replace_data: sets `ctx.game.data`.
-        began: returns where agents began.
-        leave: ends play in the core.
-    """
-
-    def __init__(
-        self,
-        read: Callable[[str], Any],
-        replace_data: Callable[[dict[Any, Any]], None],
-        began: Callable[[], dict[str, Any]],
-        leave: Callable[[str], NoReturn],
-    ) -> None:
-        self.read = read
-        self.replace_data = replace_data
-        self._began = began
-        self._leave = leave
-
-    @property
-    def snapshot(self) -> "_StartOfGame":
-        """The object that says where agents began."""
-        return self
-
-    def places_of(self, _: object) -> dict[str, Any]:
-        """Return where agents began."""
-        return self._began()
-
-    def place_of(self, agent: IAgent) -> Any:
-        """Return where an agent is that has come later."""
-        return getattr(agent, "position", agent.current_node_id)
-
-    def __getattr__(self, name: str) -> NoReturn:
-        """Refuse everything else."""
-        if name.startswith("__"):
-            raise AttributeError(name)
-        self._leave("resets the game")
-
-
-class _PointedState(GameState):
-    """The state of the game that a context is pointed at; some fields are made when they are read."""
-
-    __slots__ = ()
-
-    def memory_of(self, name: str) -> dict[Any, Any]:  # noqa: ARG002 - as that of a game
-        """Return an empty memory; the cursor replaces it by the memory of the agent in each game."""
-        return {}
-
-
-def _read_field(name: str, state: GameState) -> Any:
-    return state.start.read(name)
-
-
-def _play_turn_in_it(state: GameState, _: object) -> None:
-    state.start._leave("plays a turn of the game")
-
-
-for _name in _READ:
-    _set_field: Any = _play_turn_in_it if _name != "data" else lambda state, data: state.start.replace_data(data)
-    setattr(_PointedState, _name, property(partial(_read_field, _name), _set_field))
 
 
 def _itself(function: object) -> object:
@@ -328,7 +222,7 @@ class Cursor:
         self._values = parts.state
         self._phase = phase_of(game.ctx)
         self._why = ""  # why the game leaves that the context is pointed at
-        self._core_keys = frozenset(_keys_in_core(game, state.roster))
+        self._core_keys = frozenset(keys_in_core(game, state.roster))
         specs = [one.spec for one in called_rules(game, state.roster) if one.spec.core_form is not None]
         self._facts_in_core = {str(spec.key): spec.fact_of_game for spec in specs if spec.fact_of_game is not None}
         deciders = [decider_of(state.roster.agents[number], game.settings()["plans"]) for number in asked]
@@ -342,7 +236,7 @@ class Cursor:
         functions = *deciders, *of_rules, *of_sensors
         self._own_functions = [one for one in functions if isinstance(one, FunctionPerGame)]
         self.functions = [
-            *map(some_function, _functions_of_rules(game, state.roster)),
+            *map(some_function, functions_of_rules(game, state.roster)),
             *map(some_function, deciders),
             *(one.fn for one in collectors),
         ]
@@ -396,8 +290,8 @@ class Cursor:
         self._phase.before_reading = self._own_attributes
         self._own_of_ctx = vars(self._ctx)
         self._has_drawn = self._own_of_ctx["_rng"] is not None  # when the games were made, differently for each seed
-        values.__class__ = _PointedState
-        values.start = _StartOfGame(self._read_field, self._replace_data, self._began, self._leave)
+        values.__class__ = PointedState
+        values.start = StartOfGame(self._read_field, self._replace_data, self._began, self._leave)
         values.has_begun = True
         values.last_turn = self._game.settings()["max_turns"]
         values.blocked = BlockedAgents()
@@ -1381,84 +1275,3 @@ class Cursor:
                 self._data[number] = before
 
         return take_back
-
-
-def _functions_of_rules(game: PlayedGame, roster: AgentTable) -> Iterator[Callable[..., object]]:
-    """Yield the plain functions of rules and conflicts that are called."""
-    for one in called_rules(game, roster):
-        if is_plain_rule(one):
-            yield one.rule
-    for _, check in game.internals.parts.rules.now.checks:
-        yield check
-    if has_function_of_conflicts(game, roster):
-        yield game.settings()["conflicts"].resolve
-
-
-def has_function_of_conflicts(game: PlayedGame, roster: AgentTable) -> bool:
-    """Return whether a function decides conflicts, and not ranks that all agents have."""
-    return game.settings()["conflicts"] is not None and conflicts_in_core(game, roster) is None
-
-
-def acts_before_moves(game: PlayedGame, roster: AgentTable) -> bool:
-    """Return whether functions are called between the decisions of agents and their moves."""
-    return game.internals.parts.rules.now.act_before_moves or has_function_of_conflicts(game, roster)
-
-
-def is_plain_rule(rule: NamedRule) -> bool:
-    """Return whether a rule is a function of the context alone."""
-    return rule.spec.core_form is None and not rule.spec.is_array_function
-
-
-def _keys_in_core(game: PlayedGame, roster: AgentTable) -> Iterator[str]:
-    """Yield the keys of `ctx.game.data` and the facts of rules that the core plays, or that are called in arrays."""
-    called = called_rules(game, roster)
-    if any(one.spec.is_array_function for one in called):
-        yield KEPT
-    for one in called:
-        spec = one.spec
-        if spec.core_form is not None and spec.key is not None:
-            yield spec.key
-            if spec.disclose is not None:
-                yield from spec.disclose({}, ())
-
-
-def asked_of(game: PlayedGame, roster: AgentTable) -> list[int]:
-    """Return the numbers of the agents whose strategies, or the plans of whose teams, are called game by game."""
-    are_created = first_called(game, roster) is not None  # by a function
-    found = []
-    for number, agent in enumerate(roster.agents):
-        if isinstance(agent, ComingAgent) and not are_created:
-            continue
-        if is_asked(game, roster, number):
-            found.append(number)
-    return found
-
-
-def is_asked(game: PlayedGame, roster: AgentTable, number: int) -> bool:
-    """Return whether the strategy of an agent, or the plan of its team, is called game by game."""
-    settings = game.settings()
-    decider = decider_of(roster.agents[number], settings["plans"])
-    return core_form_of(game, roster, number) is None and not decides_in_arrays(decider, settings)
-
-
-def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
-    """Return the first plain function that is called game by game, in words; None: there is none."""
-    called = called_rules(game, roster)
-    rules = [f"the rule {one.name!r}" for one in called if is_plain_rule(one)]
-    rules += [f"the check of the rule {one.name!r}" for one in called if one.spec.check is not None]
-    if has_function_of_conflicts(game, roster):
-        rules.append(f"the conflicts {as_code(game.settings()['conflicts'])}")
-    settings = game.settings()
-    plans = settings["plans"]
-    deciders = (
-        f"the strategy {as_code(decider_of(agent, plans))}"
-        for number, agent in enumerate(roster.agents)
-        if not isinstance(agent, ComingAgent) and is_asked(game, roster, number)
-    )
-    collectors = (f"the collector {name!r}" for name in game.internals.parts.collectors.by_name)
-    sensors = (
-        f"the sensor {shown(name)} of agent {shown(agent.name)}"
-        for agent in roster.agents
-        for name in called_each_turn(agent)
-    )
-    return next(chain(rules, deciders, collectors, sensors), None)

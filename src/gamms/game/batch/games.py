@@ -12,6 +12,7 @@ import numpy as np
 from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.game.batch.arrays import ArrayEngine, LearnerActions, movement_in_core
+from gamms.game.batch.called_functions import first_called
 from gamms.game.batch.columns import (
     BYTES_PER_AGENT,
     AgentTable,
@@ -23,7 +24,6 @@ from gamms.game.batch.columns import (
     drawn_maps,
     reserved,
 )
-from gamms.game.batch.cursor import first_called
 from gamms.game.batch.given import OutsideActions, OutsideActor, as_given, as_kept
 from gamms.game.batch.own_functions import FunctionsPerGame, MakeFunctions
 from gamms.game.batch.separate_games import SeparateGames
