@@ -102,6 +102,13 @@ class UnknownAttribute(GammsError, AttributeError):
         public = [one for one in known if not one.startswith("_")]
         super().__init__(f"{owner} has no attribute {name!r}.{_way_out(name, public)}")
 
+    @staticmethod
+    def hint_of(error: BaseException) -> str:
+        """Return the attributes most like the unknown one of an agent, else the first few; "" for any other error."""
+        if type(error) is not AttributeError or not hasattr(type(error.obj), "_called"):
+            return ""
+        return _way_out(error.name, [one for one in dir(error.obj) if not one.startswith("_")])
+
 
 def no_attribute(package: str, known: Iterable[str]) -> Callable[[str], NoReturn]:
     """Return the `__getattr__` of a package with these names, which suggests the most similar known name."""
@@ -110,13 +117,6 @@ def no_attribute(package: str, known: Iterable[str]) -> Callable[[str], NoReturn
         raise UnknownAttribute(package, name, () if name.startswith("_") else known)
 
     return refuse
-
-
-def attribute_hint(error: BaseException) -> str:
-    """Return the attributes most like the unknown one of an agent, else the first few; "" for any other error."""
-    if type(error) is not AttributeError or not hasattr(type(error.obj), "_called"):
-        return ""
-    return _way_out(error.name, [one for one in dir(error.obj) if not one.startswith("_")])
 
 
 def _way_out(name: object, known: Iterable[object]) -> str:

@@ -13,7 +13,7 @@ from gamms.core.agents import MoveColumns
 from gamms.core.ask import ask_each
 from gamms.core.copies import copied
 from gamms.deciding import DecidePhase
-from gamms.errors import BadType, BadValue, GammsError, attribute_hint, nearest
+from gamms.errors import BadType, BadValue, GammsError, UnknownAttribute, nearest
 from gamms.game.facts import KnownFacts
 from gamms.game.legality import IllegalAction, Legality
 from gamms.game.order import PlannedAgents, TurnPart
@@ -190,7 +190,7 @@ class _Question(NamedTuple):
 def _meant_key(question: _Question, error: BaseException) -> str:
     """Return a hint for a strategy that reads a sensor, a key of the state, or an attribute under a misspelt name."""
     if question.is_plan or not isinstance(error, KeyError) or not error.args:
-        return attribute_hint(error)
+        return UnknownAttribute.hint_of(error)
     sensors = question.given.get("sensor") or {}
     if nearest(error.args[0], sensors):
         return f" Its sensors are: {', '.join(map(repr, sensors))}."

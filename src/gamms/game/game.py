@@ -14,8 +14,8 @@ from gamms.deciding import phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
 from gamms.game.decisions import ArrayPlan
 from gamms.game.facts import Information, PrivateFork
-from gamms.game.global_random import seeded_for_run
 from gamms.game.private import copy_known
+from gamms.game.random_streams import seeded_for_run
 from gamms.game.result import Collectors, Result, misspelt_names, what_went_wrong
 from gamms.game.rule_verbs import RuleVerbs
 from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet

@@ -23,7 +23,7 @@ from gamms.arguments import (
 )
 from gamms.core.rules import Rule as CoreRule
 from gamms.deciding import ContextPart, refused_while_deciding
-from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, attribute_hint, nearest
+from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownAttribute, UnknownName, nearest
 from gamms.game.channels import Channel, as_channel, as_channels
 from gamms.game.deeds import as_deeds
 from gamms.ir.game_state import GameState
@@ -593,7 +593,8 @@ class RuleSet:
 
 
 def _add_place(error: Exception, named: NamedRule, phase: str, state: GameState) -> None:
-    error.add_note(f"In the rule {named.name!r} (phase {phase!r}), in turn {state.turn}.{attribute_hint(error)}")
+    hint = UnknownAttribute.hint_of(error)
+    error.add_note(f"In the rule {named.name!r} (phase {phase!r}), in turn {state.turn}.{hint}")
 
 
 def _name_of(rule: object) -> str:

@@ -15,9 +15,8 @@ from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView, Batch, MostAgents
 from gamms.game.batch.arrays import LearnerActions
 from gamms.game.batch.games import step_numbers
-from gamms.game.batch.observed import VectorWriter, writers_of
 from gamms.game.batch.vectors import Vectors
-from gamms.game.batch.view import movement_in, vectors_in
+from gamms.game.batch.view import VectorWriter, movement_in, vectors_in, writers_of
 from gamms.game.deeds import field_of
 from gamms.game.settings import rule_spec_of
 from gamms.ir.graph import FloatArray, IntArray

@@ -16,7 +16,7 @@ from numpy.random import Generator
 
 from gamms.core.copies import copied, copied_values
 from gamms.deciding import phase_of
-from gamms.errors import attribute_hint
+from gamms.errors import UnknownAttribute
 from gamms.game.batch.called_functions import (
     functions_of_rules,
     keys_in_core,
@@ -797,7 +797,8 @@ class Cursor:
         except Exception as error:
             if not self._have_left(games):
                 if what:
-                    error.add_note(f"In {what}, in turn {self._values.turn}.{attribute_hint(error)}")
+                    hint = UnknownAttribute.hint_of(error)
+                    error.add_note(f"In {what}, in turn {self._values.turn}.{hint}")
                 error.add_note(self._named())
                 raise
         finally:

@@ -29,8 +29,8 @@ from gamms.game.batch.own_functions import FunctionsPerGame, MakeFunctions
 from gamms.game.batch.separate_games import SeparateGames
 from gamms.game.batch.state import Columns, GameArrays
 from gamms.game.batch.view import ArrayView
-from gamms.game.global_random import global_state, seeded_for_run
 from gamms.game.hidden_state import refusing_changes
+from gamms.game.random_streams import global_state, seeded_for_run
 from gamms.game.result import Result
 from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
