@@ -22,7 +22,7 @@ CENTER = (386045.0, 6672330.0)  # of Helsinki, metres in EPSG:32635
 
 
 def a_city(folder):
-    """The roads of a city as a graph: every junction is a node, coloured by how far away it is."""
+    """The roads of a city as a graph: every junction is a node, colored by how far away it is."""
     with gamms.create_context(seed=1) as ctx:
         gamms.osm.helsinki(ctx, resolution=60.0)
         start = ctx.graph.nearest_node(*CENTER)

@@ -73,10 +73,10 @@ def game():
     ("colors", "error", "words"),
     [
         ({"reed": "red"}, UnknownName, "Unknown team 'reed'. Did you mean 'red'?"),
-        ({"red": "rod"}, BadValue, "The colour of team 'red': Unknown color 'rod'"),
-        ({"blue": 5}, BadType, "The colour of team 'blue': A color is"),
-        ({"blue": (1, 2)}, BadValue, "The colour of team 'blue': A color has three or four"),
-        ([("red", "blue")], BadType, "team_colors must be a mapping from teams to colours"),
+        ({"red": "rod"}, BadValue, "The color of team 'red': Unknown color 'rod'"),
+        ({"blue": 5}, BadType, "The color of team 'blue': A color is"),
+        ({"blue": (1, 2)}, BadValue, "The color of team 'blue': A color has three or four"),
+        ([("red", "blue")], BadType, "team_colors must be a mapping from teams to colors"),
     ],
 )
 def test_a_wrong_team_or_color_is_named_and_changes_nothing(game, colors, error, words):

@@ -249,7 +249,7 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
     title: Annotated[str, typer.Option(help="A line above the picture.")] = "",
     theme: Annotated[
         Literal["light", "dark", "print"] | None,
-        typer.Option(help="Its colours; by default light, and dark with --fog."),
+        typer.Option(help="Its colors; by default light, and dark with --fog."),
     ] = None,
     labels: Annotated[
         bool | None, typer.Option("--labels/--no-labels", help="Names beside agents; by default while they are few.")

@@ -27,7 +27,7 @@ _AXES = ("x", "y")
 
 Territory = Mapping[int, Hashable]  # node id -> team
 NO_TERRITORY = memoryview(array("q"))  # to the core
-Colors = Mapping[Any, ColorType]  # team -> colour
+Colors = Mapping[Any, ColorType]  # team -> color
 
 
 def by_distance(

@@ -128,7 +128,7 @@ def rgba(color: AnyColor) -> Rgba:
     """Return RGB, RGBA, a name or `#rrggbb` as four integers, clipped to 0-255.
 
     Raises:
-        BadType: not a colour.
+        BadType: not a color.
         BadValue: not three or four finite numbers, or an unknown name.
     """
     try:
@@ -173,7 +173,7 @@ def table(name: object) -> tuple[Rgb, ...]:
         UnknownName (KeyError): the color map does not exist.
     """
     if not isinstance(name, str) or name not in _TABLES:
-        raise UnknownName("colour map", name, _TABLES)
+        raise UnknownName("color map", name, _TABLES)
     known = np.array([list(bytes.fromhex(color)) for color in _TABLES[name].split()], float)
     places = np.linspace(0.0, len(known) - 1.0, LEVELS)
     mixed = np.column_stack([np.interp(places, np.arange(len(known)), part) for part in known.T])

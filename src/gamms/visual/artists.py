@@ -563,13 +563,13 @@ def _checked_colors(colors: object) -> dict[str, Rgb]:
         BadType, BadValue: the colors are invalid.
     """
     if not isinstance(colors, Mapping):
-        raise BadType(f"team_colors must be a mapping from teams to colours, not {shown(colors)}.")
+        raise BadType(f"team_colors must be a mapping from teams to colors, not {shown(colors)}.")
     checked: dict[str, Rgb] = {}
     for team, color in colors.items():
         try:
             checked[as_text(team)] = rgba(color)[:3]
         except (BadType, BadValue) as error:
-            raise type(error)(f"The colour of team {shown(team)}: {error}") from None
+            raise type(error)(f"The color of team {shown(team)}: {error}") from None
     return checked
 
 

@@ -1,6 +1,6 @@
 """The default scene, for scenarios that do not declare their graph: gray streets, shaded buildings, colored agents.
 
-Agents have the colours of their teams, or their own. What few sensors see is drawn in the colours of the living
+Agents have the colors of their teams, or their own. What few sensors see is drawn in the colors of the living
 agents that carry them, below the agents. Flags, territories and the tags of this turn are drawn, and a legend shows
 the teams.
 """
@@ -88,7 +88,7 @@ class DefaultScene:
 
     Args:
         ctx: the context.
-        theme: its colours.
+        theme: its colors.
     """
 
     def __init__(self, ctx: IContext, theme: Theme) -> None:
@@ -110,7 +110,7 @@ class DefaultScene:
     def artists(self, declared: Mapping[str, IArtist], *, sensors: bool = True) -> dict[str, IArtist]:
         """Return the artists of the map, all agents, the sensors while they are few, rules, and the legend, by name.
 
-        Sizes and colours that declared artists do not have are filled in.
+        Sizes and colors that declared artists do not have are filled in.
         """
         self._renew_map()
         self._renew_agents(declared)
@@ -249,7 +249,7 @@ def artists_of_sights(
 
     Args:
         ctx: the context.
-        sights: sensor -> a colour and a view for each of its carriers; a view that is None cannot be drawn.
+        sights: sensor -> a color and a view for each of its carriers; a view that is None cannot be drawn.
         unit: the radius of agents.
         declared: artists by name, which are left out.
         before: artists to be used again.

@@ -345,8 +345,8 @@ class Drawing:
         events: of the turn that is shown.
         carriers: of sensors.
         viewpoint: of pictures.
-        team_colors: text of a team -> the colour that was declared for it.
-        sides: the order in which teams choose their colours, as a cut recording says; None: an agent of no team.
+        team_colors: text of a team -> the color that was declared for it.
+        sides: the order in which teams choose their colors, as a cut recording says; None: an agent of no team.
         has_default_look: whether the graph was not declared, so that agents on one node are drawn beside each other.
         has_stacks: whether so many agents are on one node that they are counted.
         spread: how agents on one node were moved before and after a turn.

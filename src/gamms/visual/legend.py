@@ -44,7 +44,7 @@ _ASIDE = 1 / 3  # of the width of a picture: the maximum for a legend
 _SMALLEST = 0.7  # the least size of letters, as a share of the usual one
 _MOST_ROWS = 12
 _DISC = "disc"
-SIGN: Rgb = (110, 114, 120)  # signs have the colours of teams, and are explained in grey
+SIGN: Rgb = (110, 114, 120)  # signs have the colors of teams, and are explained in grey
 _SMALL_PX = 17.0
 _HEADING_PX = 17.0
 _FAINT = (119, 119, 119)
@@ -166,7 +166,7 @@ def block_from_plain(plain: dict[str, Any]) -> Block:
     low, middle, high = words[1:-1]
     colors = tuple(rgba(color)[:3] for color in plain["colors"])
     if not 0 < len(colors) <= _MOST_COLORS:
-        raise BadValue(f"The bar of a recorded legend has between 1 and {_MOST_COLORS} colours, not {len(colors)}.")
+        raise BadValue(f"The bar of a recorded legend has between 1 and {_MOST_COLORS} colors, not {len(colors)}.")
     return ColorScale(words[0], colors, low, middle, high)
 
 
@@ -509,8 +509,8 @@ def checked(
         title: the title of the legend.
 
     Raises:
-        BadType, BadValue: not a mapping to numbers, a function that gives no colour, or an impossible span.
-        UnknownName (KeyError): no such node or edge, or no such colour map.
+        BadType, BadValue: not a mapping to numbers, a function that gives no color, or an impossible span.
+        UnknownName (KeyError): no such node or edge, or no such color map.
     """
     if not isinstance(given, Mapping):
         raise BadType(f"{of} must be a mapping from ids to values, not {shown(given)} ({type(given).__name__}).")
@@ -560,7 +560,7 @@ def _span(values: FloatArray, span: tuple[float | None, float | None], *, is_eve
     low = low if given[0] is None else given[0]
     high = high if given[1] is None else given[1]
     if given != (None, None) and low >= high:
-        raise BadValue(f"The colours need vmin below vmax, not from {low:g} to {high:g}.")
+        raise BadValue(f"The colors need vmin below vmax, not from {low:g} to {high:g}.")
     return low, high
 
 

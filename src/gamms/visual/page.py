@@ -76,7 +76,7 @@ def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
     """Check the options of a picture; the source of the map is added to the note unless the note names it already.
 
     Raises:
-        BadType, BadValue: an unknown keyword, a value of the wrong type, an unknown `fit`, or no colour.
+        BadType, BadValue: an unknown keyword, a value of the wrong type, an unknown `fit`, or no color.
     """
     refuse_keywords(options, PictureOptions.__annotations__, "A picture")
     fit = one_of(options.get("fit", _FITS[0]), "fit", _FITS)

@@ -54,7 +54,7 @@ _SPILL_PX = 64.0  # how far outside the box of a painting something sized in pix
 _COARSEST = 16.0
 _FINEST = 4.0
 _ROUNDING_PX = 1e-3  # camera offsets this close to whole pixels are rounded
-_LOST = (3, 3, 3)  # of each colour, give or take one, when a surface is made smaller
+_LOST = (3, 3, 3)  # of each color, give or take one, when a surface is made smaller
 
 Place = tuple[int, int]  # column, row
 
@@ -397,7 +397,7 @@ class ScenePart:
         self.painting.paint(canvas, camera)
 
     def show(self, canvas: Canvas, camera: Camera, behind: Rgba | None, budget: FrameBudget, pool: SurfacePool) -> None:
-        """Paint it as tiles; `behind` is the colour behind it, if nothing else is there."""
+        """Paint it as tiles; `behind` is the color behind it, if nothing else is there."""
         if self.tiles is None or self.tiles.background != behind:
             self.tiles = Tiles(self.painting, self.box, behind, pool)
         self.tiles.show(canvas, camera, budget)

@@ -27,7 +27,7 @@ class GroundTones(NamedTuple):
 
 
 class MapTones(NamedTuple):
-    """The colours of the map."""
+    """The colors of the map."""
 
     streets: Rgb
     nodes: Rgb
@@ -89,7 +89,7 @@ THEMES = {
         fog=((42, 45, 51), (104, 109, 118), (206, 210, 216)),
         teams=((50, 114, 208), (230, 80, 68), (60, 172, 108), (222, 158, 204), (246, 190, 76), (150, 226, 252)),
     ),
-    # Paper has no tone; team colours differ by an eighth in brightness, so that a copy in grey tells them apart.
+    # Paper has no tone; team colors differ by an eighth in brightness, so that a copy in grey tells them apart.
     "print": Theme(
         background=(255, 255, 255, 255),
         ink=(0, 0, 0, 255),

@@ -258,7 +258,7 @@ def _body(ctx: IContext, look: AgentData, x: float, y: float) -> None:
 
 @lru_cache(maxsize=256)
 def outline_of(color: AnyColor) -> Rgb:
-    """Return a dark colour around bright ones, white around the others."""
+    """Return a dark color around bright ones, white around the others."""
     red, green, blue, _ = rgba(color)
     luminance = 0.299 * red + 0.587 * green + 0.114 * blue
     return _DARK if luminance > _BRIGHT else _WHITE

@@ -233,13 +233,13 @@ _STEPS = 6  # distinct tones
 # percentiles of heights; shades vary between these
 _LOWEST = 5.0
 _TALLEST = 95.0
-_SHADE = 0.75  # of the colour of an area: its outline
+_SHADE = 0.75  # of the color of an area: its outline
 
 
 def render_obstacles(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw all obstacles.
 
-    `data`: `color_map` (type -> colour), `boundary_thickness` (world units); `fill` (bool): whether buildings are
+    `data`: `color_map` (type -> color), `boundary_thickness` (world units); `fill` (bool): whether buildings are
     filled, in the color of their type or, if the color map has none, in a shade that depends on their height.
 
     Faces of one type are drawn at once, the types in the order of their first face.

@@ -149,9 +149,9 @@ class FlagsDrawer(KeyedDrawer):
 
 
 def _checked_colors(colors: object) -> Mapping[Any, Any] | None:
-    """Raise BadType unless these are colours by team."""
+    """Raise BadType unless these are colors by team."""
     if colors is not None and not isinstance(colors, Mapping):
-        raise BadType(f"colors must be a mapping from teams to colours, not {shown(colors)}.")
+        raise BadType(f"colors must be a mapping from teams to colors, not {shown(colors)}.")
     return colors
 
 

@@ -24,7 +24,7 @@ _EDGE_PX = 4.0
 # of what is drawn of many sensors together
 _MANY_ALPHA = 110
 _MANY_PX = 2.5
-_MOST_OPAQUE = 0.4  # fields of view of all colours, one upon the other
+_MOST_OPAQUE = 0.4  # fields of view of all colors, one upon the other
 # world units
 _NODE_RADIUS = 2.0
 _JUNCTION_RADIUS = 1.0
@@ -127,14 +127,14 @@ def _carried(ctx: IContext, view: SensorView, data: dict[str, Any]) -> FloatArra
 
 
 def _mark(ctx: IContext, centers: Points, radius: float, color: AnyColor) -> None:
-    """Draw a ring, and a small dot for when the ring is too small: an agent there keeps its own colour."""
+    """Draw a ring, and a small dot for when the ring is too small: an agent there keeps its own color."""
     visual = drawing_of(ctx)
     visual.render_circles(centers, radius, color, 2.0)
     visual.render_circles(centers, _NODE_PX, _see_through(color), in_pixels=True)
 
 
 def _see_through(color: AnyColor) -> Rgba:
-    """Return the colour with our transparency, unless it brings its own."""
+    """Return the color with our transparency, unless it brings its own."""
     red, green, blue, alpha = rgba(color)
     return red, green, blue, min(alpha, _ALPHA)
 

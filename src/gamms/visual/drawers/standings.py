@@ -69,7 +69,7 @@ def counted_in(ctx: IContext, group: str) -> dict[str, dict[str, Any]]:
 
 
 def render_held(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the places of the rule `hold`: rings, on which an arc in the colour of a team grows while it holds them.
+    """Draw the places of the rule `hold`: rings, on which an arc in the color of a team grows while it holds them.
 
     `data` may have `colors` by team.
     """
@@ -93,7 +93,7 @@ def _arc(share: float, radius: float) -> FloatArray:
 
 
 def render_discovered(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the nodes of the rule `discover`: a grey square, and one in the colour of each team that has discovered it.
+    """Draw the nodes of the rule `discover`: a grey square, and one in the color of each team that has discovered it.
 
     `data` may have `colors` by team.
     """

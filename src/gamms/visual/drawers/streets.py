@@ -22,7 +22,7 @@ class _RoadClass(NamedTuple):
     """The look of roads of one class."""
 
     width: float  # in widths of a street
-    shade: float  # from the colour of streets, 0.0, to that of the background, 1.0, or of words, -1.0
+    shade: float  # from the color of streets, 0.0, to that of the background, 1.0, or of words, -1.0
 
 
 _PATH, _SERVICE, _ORDINARY, _MAIN, _MAJOR = range(5)
@@ -117,7 +117,7 @@ def _draw(visual: Drawing, strokes: list[_Strokes], look: GraphData, *, tinted: 
 
 
 def shaded(color: AnyColor, shade: float, visual: Drawing) -> AnyColor:
-    """Return a colour that is nearer to that of the background, or, below 0.0, to that of words."""
+    """Return a color that is nearer to that of the background, or, below 0.0, to that of words."""
     goal = visual.theme.background if shade > 0.0 else visual.theme.ink
     red, green, blue = (round(a + abs(shade) * (b - a)) for a, b in zip(rgba(color)[:3], goal[:3], strict=True))
     return red, green, blue

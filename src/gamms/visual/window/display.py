@@ -63,7 +63,7 @@ def open_window(owner: Owner, width: int, height: int, title: str) -> Any:
 
 _ICON_PX = 64
 _ICON_FINER = 4
-_ICON_NODES = ((14, 44), (32, 16), (50, 42))  # of a small graph, each in the colour of a team
+_ICON_NODES = ((14, 44), (32, 16), (50, 42))  # of a small graph, each in the color of a team
 
 
 def _icon(pygame: ModuleType) -> Any:

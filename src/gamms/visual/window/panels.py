@@ -131,7 +131,7 @@ class Hud:
         self._panel(canvas, lines, left, top)
 
     def paint_card(self, canvas: Canvas, title: str, color: Rgb | None, lines: Sequence[str]) -> None:
-        """Paint how a game ended in the upper middle: a title with a spot of a team's colour, and lines."""
+        """Paint how a game ended in the upper middle: a title with a spot of a team's color, and lines."""
         lines = _wrapped(tuple(map(_short, lines)), canvas.width)
         title = _short(title)
         spot = 0 if color is None else _SPOT_PX + _PAD_PX
@@ -172,11 +172,11 @@ class Hud:
         return left + width, top + height
 
     def badge(self, canvas: Canvas, words: str, x: float, y: float) -> None:
-        """Paint a round label around a point, in the colour of words, which no team has."""
+        """Paint a round label around a point, in the color of words, which no team has."""
         width = max(text_px(words, FONT_PX) + 10, BADGE_PX)
         badge = plain_panel(width, BADGE_PX, self.theme.ink, self.theme.background, radius=BADGE_PX // 2)
         canvas.surface.blit(badge, (round(x - width / 2), round(y - BADGE_PX / 2)))
-        edge = self.theme.ink[:3]  # none, so that no halo of another colour is around the words
+        edge = self.theme.ink[:3]  # none, so that no halo of another color is around the words
         canvas.text(words, x - text_px(words, FONT_PX) / 2, y - 6, FONT_PX, self.theme.background, edge=edge)
         self.taken.append(_box(x - width / 2, y - BADGE_PX / 2, width, BADGE_PX))
 

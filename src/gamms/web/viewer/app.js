@@ -265,7 +265,7 @@ export class App {
     }
   }
 
-  /** Put on the colours of the theme. */
+  /** Put on the colors of the theme. */
   #dress() {
     const theme = THEMES[this.look.theme];
     this.root.dataset.theme = theme.name;

@@ -49,7 +49,7 @@ export function iconButton(name, label, onClick, properties = {}) {
   return element("button", { type: "button", "aria-label": label, title: label, on: { click: onClick }, ...properties }, icon(name));
 }
 
-/** Make a disc in a colour. @param {string | undefined} color */
+/** Make a disc in a color. @param {string | undefined} color */
 export function dot(color) {
   return element("span", { class: "dot", "aria-hidden": "true", style: { background: color ?? "transparent" } });
 }

@@ -11,12 +11,12 @@ const FARTHEST = 1e5; // pixels from the view: what is all beyond is not painted
 /**
  * @typedef {{kind: ArrayLike<number>, space: ArrayLike<number>, size: ArrayLike<number>, width: ArrayLike<number>,
  *   angle: ArrayLike<number>, style: ArrayLike<number>, counts: ArrayLike<number>, points: ArrayLike<number>, text: string[],
- *   agents: string[], sides: (string[] | null)[], inks: string[]}} Commands `inks` are the colours of the styles
+ *   agents: string[], sides: (string[] | null)[], inks: string[]}} Commands `inks` are the colors of the styles
  * @typedef {(agent: string | undefined, sides: string[] | null | undefined, x: number, y: number) => [number, number] | null} Shift
  *   by how many pixels a command is moved that belongs to an agent or to some sides and is at a place; null: it is not shown
  */
 
-/** Return the commands of a drawing in the colours of a theme. @param {Map<string, any>} drawing @param {string} theme @returns {Commands} */
+/** Return the commands of a drawing in the colors of a theme. @param {Map<string, any>} drawing @param {string} theme @returns {Commands} */
 export function commandsOf(drawing, theme) {
   const recorded = drawing.get("commands"), colors = drawing.get("colors").get(theme);
   const columns = Object.fromEntries(["kind", "space", "size", "width", "angle", "style", "counts"].map((name) => [name, recorded.get(name)]));

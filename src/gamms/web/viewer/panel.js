@@ -182,7 +182,7 @@ function cssOf(color) {
   return Array.isArray(color) || ArrayBuffer.isView(color) ? `rgb(${Array.from(/** @type {any} */ (color)).slice(0, 3).join(",")})` : undefined;
 }
 
-/** @param {any[]} row a colour, its name, a value, and a letter instead of a dot */
+/** @param {any[]} row a color, its name, a value, and a letter instead of a dot */
 function rowOf([color, name, value, sign]) {
   const first = sign ? element("span", { class: "sign", "aria-hidden": "true", text: sign }) : dot(cssOf(color));
   return element("div", { class: "team" }, first, element("span", { class: "who", text: wordsOf(name) }), element("span", { class: "score", text: value === undefined || value === null ? "" : wordsOf(value) }));
@@ -193,7 +193,7 @@ function rowsOf(block) {
   return (block.get("rows") ?? []).slice(0, 50).map(rowOf);
 }
 
-/** What an artist says of its colours. @param {Map<string, any>} block */
+/** What an artist says of its colors. @param {Map<string, any>} block */
 function legendOf(block) {
   const steps = Array.from(block.get("colors") ?? []).slice(0, 64).map(cssOf);
   const bar = steps.length > 1 ? [element("div", { class: "gradient", style: { background: `linear-gradient(to right, ${steps.join(",")})` } }), element("div", { class: "ends" }, ...(block.get("ends") ?? []).map((/** @type {any} */ one) => element("span", { text: wordsOf(one) })))] : [];

@@ -63,7 +63,7 @@ export class Scene {
     this.camera.resize(clientWidth, clientHeight);
   }
 
-  /** Return the colours of all sides. @param {Look} look */
+  /** Return the colors of all sides. @param {Look} look */
   colors(look) {
     const { colors } = this.replay.state;
     if (this.known?.of !== colors || this.known.theme !== look.theme) {
@@ -380,7 +380,7 @@ export class Scene {
     to.textAlign = "left";
   }
 
-  /** Paint discs of one colour: of many as copies of one picture, which takes a third of the time. @param {Disc[]} discs */
+  /** Paint discs of one color: of many as copies of one picture, which takes a third of the time. @param {Disc[]} discs */
   #paintDiscs(discs) {
     const { to, ratio } = this;
     const [{ radius, color }] = discs;
@@ -516,7 +516,7 @@ function spreadOf(/** @type {import("./motion.js").Way[]} */ ways, /** @type {(w
   return found;
 }
 
-/** Return the discs of each colour. @param {Disc[]} discs @returns {Disc[][]} */
+/** Return the discs of each color. @param {Disc[]} discs @returns {Disc[][]} */
 function groupsByColor(discs) {
   /** @type {Map<string, Disc[]>} */
   const found = new Map();
