@@ -453,7 +453,12 @@ class Contacts:
     def make_room(self, contacts: int) -> int:
         """Allocate columns for `contacts` contacts; the previous contacts are lost."""
         ints = [memoryview(array("q", bytes(8 * contacts))) for _ in range(6)]
-        self.a, self.b, self.a_nodes, self.b_nodes, self.on_edges, self.order = ints
+        self.a = ints[0]
+        self.b = ints[1]
+        self.a_nodes = ints[2]
+        self.b_nodes = ints[3]
+        self.on_edges = ints[4]
+        self.order = ints[5]
         times: Any = memoryview(array("d", bytes(8 * contacts)))
         distances: Any = memoryview(array("d", bytes(8 * contacts)))
         self.times: memoryview[float] = times

@@ -111,7 +111,8 @@ class TurnPaths:
         self._passed = views[5]
         self._share = views[6]
         self._legs = views[10:16]
-        self._nodes, self._times = views[16:18]
+        self._nodes = views[16]
+        self._times = views[17]
 
     def ended(self, row: int, ids: Sequence[int], edge_ids: "EdgeIds", begun: Progress | None) -> "ResolvedAction":
         """Return the path that the core has written for an agent.

@@ -370,7 +370,7 @@ class Drawing:
         self.spread: DiscOffsets | None = None
         self.commands: Commands | None = None
         self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}
-        self._colors: tuple[object, dict[str, Rgb]] = None, {}  # what they depend on, and the colors of groups
+        self._colors: tuple[object, dict[str, Rgb]] = None, {}  # their inputs, and the colors of groups
 
     @contextmanager
     def themed(self, theme: Theme) -> Iterator[None]:
