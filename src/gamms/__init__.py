@@ -28,7 +28,7 @@ if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names
     from gamms import testing as testing
     from gamms import tournament as tournament, web as web
     from gamms.context import Context, InternalContext, create_context
-    from gamms.game.batch import array_rule, array_strategy
+    from gamms.game.array_functions.declarations import array_rule, array_strategy
     from gamms.typing import logger
     from gamms.versions import __version__ as __version__
 
@@ -84,7 +84,7 @@ _MODULES = {
 }
 _HOMES = {
     **dict.fromkeys(("Context", "InternalContext", "create_context"), "gamms.context"),
-    **dict.fromkeys(("array_rule", "array_strategy"), "gamms.game.batch"),
+    **dict.fromkeys(("array_rule", "array_strategy"), "gamms.game.array_functions.declarations"),
     "logger": "gamms.typing",
     "__version__": "gamms.versions",
 }

@@ -3,7 +3,7 @@
 import numpy as np
 
 import gamms
-from gamms.game.batch.separate_games import SeparateGames
+from gamms.game.cursor.separate_games import SeparateGames
 from gamms.rules import resource
 from gamms.scenario import Scenario
 

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from gamms.game import batch as games
 from gamms.game import turn
-from gamms.game.batch import games, travelers
+from gamms.game.block import travelers
 
 sys.path.insert(0, str(Path(__file__).parent))  # for the scenarios beside
 

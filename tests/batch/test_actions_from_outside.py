@@ -6,7 +6,7 @@ from batch_scenes import WAYS, assert_as_shown, beyond_core, plain, scene
 
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.given import as_kept
+from gamms.game.array_functions.given import as_kept
 
 DEEDS = {
     "scan": {"node": "node"},

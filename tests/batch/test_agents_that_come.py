@@ -4,7 +4,7 @@ import pytest
 from batch_scenes import plain, scene
 
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.game.batch import games as batch_games
+from gamms.game import batch as batch_games
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 NEAR = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
@@ -70,12 +70,12 @@ def late_or_first(state):
 def test_rows_for_agents_that_come_later_are_made_at_once(monkeypatch):
     made_engines = []
 
-    class CountedEngine(batch_games.ArrayEngine):
+    class CountedEngine(batch_games.BatchEngine):
         def __init__(self, *args):
             made_engines.append(self)
             super().__init__(*args)
 
-    monkeypatch.setattr(batch_games, "ArrayEngine", CountedEngine)
+    monkeypatch.setattr(batch_games, "BatchEngine", CountedEngine)
     with made().build(seed=1) as ctx:
         ctx.game.add(visit)
         with ctx.game.batch(seeds=[5, 6, 7]) as games, ctx.game.fork(0).ctx as alone:

@@ -9,7 +9,7 @@ from test_laws import LAWS
 
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.legality import IllegalAction
+from gamms.game.movement.legality import IllegalAction
 
 OUT = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "mutual": True, "then": "eliminate"}}
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 import gamms
 from gamms import belief, limits
 from gamms.errors import BadValue, TooLarge
-from gamms.game.batch import flows, routes
-from gamms.game.batch.flows import Flows
-from gamms.game.streets import StreetGraph
+from gamms.game.movement import flows, routes
+from gamms.game.movement.flows import Flows
+from gamms.game.movement.streets import StreetGraph
 
 EDGES = st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6), st.sampled_from([0.0, 1.0, 2.0, 3.5])), max_size=20)
 

@@ -12,8 +12,8 @@ from batch_scenes import WALK, beyond_core, plain, scene
 import gamms
 from gamms import strategies
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
-from gamms.game.batch import games as batch_games
-from gamms.game.batch.forms import strategy_spec_of
+from gamms.game import batch as batch_games
+from gamms.game.strategy_specs import strategy_spec_of
 from gamms.rules.in_core import FORMS
 from gamms.scenario import Scenario
 

@@ -8,8 +8,8 @@ import pytest
 
 import gamms
 from gamms.game import TeamArrays
-from gamms.game.batch.columns import AgentTable
-from gamms.game.streets import StreetGraph
+from gamms.game.block.columns import AgentTable
+from gamms.game.movement.streets import StreetGraph
 from gamms.ir.graph import GraphColumns, RowMapping
 
 OPENED = (StreetGraph, GraphColumns, AgentTable, TeamArrays, RowMapping)

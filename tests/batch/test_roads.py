@@ -6,7 +6,7 @@ from batch_scenes import assert_as_shown, plain, scene
 
 import gamms
 from gamms.errors import UnknownName
-from gamms.game.batch.roads import DifferingRoads
+from gamms.game.movement.roads import DifferingRoads
 from gamms.scenario import Scenario
 
 SEEDS = [161, 162, 163, 163]

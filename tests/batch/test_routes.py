@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch import routes
-from gamms.game.batch.routes import RouteTable
-from gamms.game.streets import StreetGraph
+from gamms.game.movement import routes
+from gamms.game.movement.routes import RouteTable
+from gamms.game.movement.streets import StreetGraph
 from gamms.strategies.knowledge import step_towards
 
 EDGES = st.lists(

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.errors import TooLarge, UnknownName
-from gamms.game.batch.sensing import VisibleAgentPairs
+from gamms.game.block.sensing import VisibleAgentPairs
 from gamms.strategies import chase, flee, goto, mix
 
 FIELD = {"fov": 2.0, "orientation": (0.6, 0.8)}

@@ -6,7 +6,7 @@ from batch_scenes import scene
 
 import gamms
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.game.batch import sensing
+from gamms.game.block import sensing
 from gamms.sensor.ground import MapSensor
 
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.core import travel as core
-from gamms.game.travel import map_of
+from gamms.game.movement.travel import map_of
 from gamms.graph import Graph
 
 NODES = 6

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.errors import BadValue
-from gamms.game.multi_edge_moves import MultiEdgeMoves
-from gamms.game.streets import StreetGraph
+from gamms.game.movement.legality import MultiEdgeMoves
+from gamms.game.movement.streets import StreetGraph
 from gamms.graph import Graph
 from gamms.graph.routes import CachedRoutes
 from gamms.ir.progress import Progress

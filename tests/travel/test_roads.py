@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.core import travel as core
-from gamms.game import travel
-from gamms.game.travel import RoadMap
+from gamms.game.movement import travel
+from gamms.game.movement.travel import RoadMap
 from gamms.graph import Graph
 
 IDS = [5, 3, 8, 1, 9, 2]

@@ -15,14 +15,14 @@ from gamms.core.copies import copied
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, GammsError, UnknownAttribute, nearest
 from gamms.game.facts import KnownFacts
-from gamms.game.legality import IllegalAction, Legality
+from gamms.game.movement.legality import IllegalAction, Legality
+from gamms.game.movement.streets import LegalNodes
+from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import PlannedAgents, TurnPart
 from gamms.game.random_streams import ArrayDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
-from gamms.game.streets import LegalNodes
 from gamms.game.team_memory import Memory, merged_memory, why_not_copied
-from gamms.game.travel import ResolvedAction
 from gamms.ir.agents import as_ids
 from gamms.ir.columns import copied_column
 from gamms.ir.game_state import GameState

@@ -14,13 +14,21 @@ from gamms.deciding import phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
 from gamms.game.decisions import ArrayPlan
 from gamms.game.facts import Information, PrivateFork
-from gamms.game.private import copy_known
 from gamms.game.random_streams import seeded_for_run
 from gamms.game.result import Collectors, Result, misspelt_names, what_went_wrong
 from gamms.game.rule_verbs import RuleVerbs
 from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet
 from gamms.game.slots import COUNTED
-from gamms.game.snapshots import GameInternals, GameStart, Snapshot, SnapshotError, SnapshotTaker, copy_game, own
+from gamms.game.snapshots import (
+    GameInternals,
+    GameStart,
+    Snapshot,
+    SnapshotError,
+    SnapshotTaker,
+    copy_game,
+    copy_known,
+    own,
+)
 from gamms.game.turn import TurnEngine
 from gamms.ir.game_state import GameState
 from gamms.progress import progress as progress_line
@@ -32,8 +40,7 @@ from gamms.typing.game import Rule, TeamPlan, strategy_name
 from gamms.versions import versions
 
 if TYPE_CHECKING:
-    from gamms.game.batch import Batch
-    from gamms.game.batch.games import MostAgents
+    from gamms.game.batch import Batch, MostAgents
 
 
 class Game(Surface, RuleVerbs):
@@ -521,8 +528,8 @@ class Game(Surface, RuleVerbs):
             SnapshotError: a turn is being played.
             TooLarge: the games would not fit into memory.
         """
-        from gamms.game.batch.columns import as_seeds  # few programs need it
-        from gamms.game.batch.games import Batch, BatchSource
+        from gamms.game.batch import Batch, BatchSource
+        from gamms.game.block.columns import as_seeds  # few programs need it
 
         if as_bool(record, "record"):
             raise BadValue(

@@ -16,7 +16,7 @@ import numpy as np
 from gamms import kernels
 from gamms.core import messages as core
 from gamms.game.channels import Channel, Jammer, Outgoing, checked_outboxes, groups_of, matching, unknown_in
-from gamms.game.legality import IllegalAction
+from gamms.game.movement.legality import IllegalAction
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.ir.chances import as_chances

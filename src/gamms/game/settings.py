@@ -330,7 +330,7 @@ class RuleSpec:
 
     `declared` attaches a spec to a rule. A user's rule may have the first seven fields as attributes of the function.
 
-    Any: turns and states of batches are classes of `gamms.game.batch`, which imports this module.
+    Any: the turns and states of batches are classes of packages that import this module.
 
     Attributes:
         prepare: called with the context when the rule is added, to look at the map and to publish facts.

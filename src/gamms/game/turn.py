@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any, cast
 
 from gamms.core.agents import MoveColumns
 from gamms.deciding import DecidePhase
-from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
 from gamms.game.conflicts import TurnConflicts
 from gamms.game.decisions import Decisions
 from gamms.game.facts import PrivateForks
-from gamms.game.legality import Legality
 from gamms.game.messages import Inboxes, Outboxes
-from gamms.game.moves import Refusals, TurnMoves
+from gamms.game.movement.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
+from gamms.game.movement.legality import Legality
+from gamms.game.movement.moves import Refusals, TurnMoves
+from gamms.game.movement.travel import ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart, left_out, note_lost
 from gamms.game.random_streams import DrawTable
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, SlotMaker, own_copy
-from gamms.game.travel import ResolvedAction
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.readonly import ReadOnlyMapping

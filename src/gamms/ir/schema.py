@@ -1,7 +1,7 @@
 """The schema: one table of the columns of agents, teams and games, `COLUMNS`.
 
 Used by `ir/agents.py` (the block, snapshots and forks), `ir/events.py` (event kinds for changes), `agent/agent.py`
-(properties), `recorder` (keyframes, replays, states of recordings) and `game/batch`. The fields of the game are
+(properties), `recorder` (keyframes, replays, states of recordings) and `game/block`. The fields of the game are
 declared in `GameState` in `ir/game_state.py`.
 
 To add a number per agent, add one entry, for example `Column("battery", np.float64, 1.0, event=ChangeEvent(0x01100015,

@@ -8,11 +8,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.game.batch import ArrayView
-from gamms.game.batch.movement import Movement
-from gamms.game.batch.view import movement_in
+from gamms.game.array_functions.view import ArrayView, movement_in
 from gamms.game.deeds import DeclaredField
-from gamms.game.streets import StreetGraph
+from gamms.game.movement.one_edge import Movement
+from gamms.game.movement.streets import StreetGraph
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown

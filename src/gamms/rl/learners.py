@@ -12,11 +12,10 @@ import numpy as np
 
 from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue
-from gamms.game.batch import ArrayView, Batch, MostAgents
-from gamms.game.batch.arrays import LearnerActions
-from gamms.game.batch.games import step_numbers
-from gamms.game.batch.vectors import Vectors
-from gamms.game.batch.view import VectorWriter, movement_in, vectors_in, writers_of
+from gamms.game.array_functions.view import ArrayView, VectorWriter, movement_in, vectors_in, writers_of
+from gamms.game.batch import Batch, MostAgents, step_numbers
+from gamms.game.batch_engine import LearnerActions
+from gamms.game.block.vectors import Vectors
 from gamms.game.deeds import field_of
 from gamms.game.settings import rule_spec_of
 from gamms.ir.graph import FloatArray, IntArray

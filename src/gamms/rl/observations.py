@@ -11,12 +11,11 @@ import numpy as np
 from gamms.arguments import as_count
 from gamms.core import observe
 from gamms.errors import BadType, BadValue
-from gamms.game.batch import ArrayView
-from gamms.game.batch.roads import MultiMapStreets
-from gamms.game.batch.vectors import room_for
-from gamms.game.batch.view import observers_in, views_by_map
+from gamms.game.array_functions.view import ArrayView, observers_in, views_by_map
+from gamms.game.block.vectors import room_for
 from gamms.game.conflicts import flat
-from gamms.game.streets import StreetGraph
+from gamms.game.movement.roads import MultiMapStreets
+from gamms.game.movement.streets import StreetGraph
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
 from gamms.rl.learners import Float32Array

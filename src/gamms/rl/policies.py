@@ -13,8 +13,8 @@ import numpy as np
 from gamms.arguments import as_bool, as_context, as_function_of, as_path, as_target
 from gamms.errors import BadFile, BadType, BadValue, MissingFile
 from gamms.folders import write_whole
-from gamms.game.batch import ArrayView, array_strategy
-from gamms.game.batch.view import movement_in
+from gamms.game.array_functions.declarations import array_strategy
+from gamms.game.array_functions.view import ArrayView, movement_in
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
 from gamms.plugins import needing

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from gamms.core import moves
-from gamms.game.batch import ArrayView, Batch
-from gamms.game.batch.forms import StrategySpec
-from gamms.game.batch.given import flown
+from gamms.game.array_functions.given import flown
+from gamms.game.array_functions.view import ArrayView
+from gamms.game.batch import Batch
+from gamms.game.strategy_specs import StrategySpec
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.deeds import DeedChoices

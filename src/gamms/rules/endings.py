@@ -10,7 +10,7 @@ from gamms.arguments import as_count, as_flag, as_float, as_int, as_key, shown_a
 from gamms.context import Context
 from gamms.core import rules as core
 from gamms.errors import BadValue, UnknownName
-from gamms.game.batch.in_core import ONE_THAT_SHOWS, reason_of_goals
+from gamms.game.block.in_core import ONE_THAT_SHOWS, reason_of_goals
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.rules.in_core import fits_core, in_core
 from gamms.rules.meetings import column, living_teams, turn_of

@@ -10,8 +10,8 @@ from gamms.arguments import as_count, as_flag, as_float, as_int, as_name, shown_
 from gamms.context import Context
 from gamms.core import rules as core
 from gamms.errors import BadType
-from gamms.game.batch.columns import AgentTable
-from gamms.game.batch.state import Arrays, GameArrays
+from gamms.game.block.columns import AgentTable
+from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
 from gamms.readonly import published

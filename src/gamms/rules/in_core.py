@@ -8,9 +8,9 @@ import numpy as np
 
 from gamms.core import contacts, rules
 from gamms.errors import BadValue
-from gamms.game.batch.columns import AgentTable, kept_in
-from gamms.game.batch.in_core import ONE_THAT_SHOWS, CompiledRule, RuleBuilder, floats, ints, memory_of
-from gamms.game.batch.state import Arrays
+from gamms.game.block.columns import AgentTable, kept_in
+from gamms.game.block.in_core import ONE_THAT_SHOWS, CompiledRule, RuleBuilder, floats, ints, memory_of
+from gamms.game.block.state import Arrays
 from gamms.game.conflicts import flat
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray

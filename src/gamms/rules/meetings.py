@@ -15,9 +15,9 @@ from gamms import kernels
 from gamms.context import Context
 from gamms.core import contacts as core
 from gamms.core import rules
-from gamms.game.batch.travelers import NO_LEGS
-from gamms.game.moves import TurnMoves
-from gamms.game.travel import ReachableNodes
+from gamms.game.block.travelers import NO_LEGS
+from gamms.game.movement.moves import TurnMoves
+from gamms.game.movement.travel import ReachableNodes
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
 from gamms.kernels.draws import BitArray

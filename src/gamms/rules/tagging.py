@@ -8,7 +8,7 @@ from gamms.arguments import as_count, as_flag, as_float, shown_as_called
 from gamms.context import Context
 from gamms.core import rules as core
 from gamms.errors import BadType, BadValue, nearest
-from gamms.game.batch.state import Arrays, GameArrays
+from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import all_know, as_teams, state_of

@@ -10,8 +10,8 @@ import numpy as np
 from gamms.arguments import as_choice, as_int, as_known, as_name, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
+from gamms.game.movement.streets import StreetGraph
 from gamms.game.settings import RuleSpec, declared
-from gamms.game.streets import StreetGraph
 from gamms.ir.graph import IntArray
 from gamms.rules.endings import all_know
 from gamms.rules.in_core import in_core

@@ -13,8 +13,8 @@ from gamms.arguments import as_int, as_items, as_known, as_mapping, as_path, as_
 from gamms.compat import Surface
 from gamms.context import Context, create_context
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.columns import as_seeds
-from gamms.game.batch.games import Batch, BatchSource, MostAgents
+from gamms.game.batch import Batch, BatchSource, MostAgents
+from gamms.game.block.columns import as_seeds
 from gamms.game.result import Result, warn_of_idle
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import GraphColumns, IntArray

@@ -15,8 +15,8 @@ from gamms.context import Context
 from gamms.errors import BadValue, TooLarge
 from gamms.game import Game
 from gamms.game.batch import Batch
-from gamms.game.batch.columns import AgentTable
-from gamms.game.batch.state import Columns
+from gamms.game.block.columns import AgentTable
+from gamms.game.block.state import Columns
 from gamms.game.hidden_state import HiddenState
 from gamms.game.snapshots import Snapshot
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray

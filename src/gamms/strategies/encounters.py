@@ -12,7 +12,7 @@ from gamms.context import Context
 from gamms.core import strategies as core
 from gamms.core.belief import likeliest
 from gamms.deciding import phase_of
-from gamms.game.batch.forms import CoreStep
+from gamms.game.strategy_specs import CoreStep
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.strategies.knowledge import (
     as_known_node,

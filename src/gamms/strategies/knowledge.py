@@ -13,9 +13,9 @@ from weakref import WeakKeyDictionary
 
 from gamms.arguments import as_function_of, as_int, as_items
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
-from gamms.game.batch import aims
-from gamms.game.batch.forms import CoreStep, StrategySpec, declare, strategy_spec_of
-from gamms.game.batch.strategy_steps import begin_steps
+from gamms.game.array_functions import aims
+from gamms.game.block.strategy_steps import begin_steps
+from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, strategy_spec_of
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy
 from gamms.typing.sensor_engine import SensorType
@@ -265,7 +265,7 @@ def step_towards(
         is_allowed: whether the agent may enter a node; None: every node.
 
     Returns:
-        See `gamms.game.batch.aims.step_towards`; None if there is no path.
+        See `gamms.game.array_functions.aims.step_towards`; None if there is no path.
 
     Raises:
         BadType: the agent flies.

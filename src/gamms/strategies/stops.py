@@ -8,7 +8,7 @@ from gamms.arguments import as_context
 from gamms.context import Context
 from gamms.core import strategies as core
 from gamms.errors import NoPath
-from gamms.game.batch.forms import CoreStep
+from gamms.game.strategy_specs import CoreStep
 from gamms.strategies.knowledge import (
     as_otherwise,
     has_speed,

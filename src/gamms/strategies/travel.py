@@ -9,7 +9,7 @@ from gamms.context import Context
 from gamms.core import moves
 from gamms.core import strategies as core
 from gamms.errors import BadType, BadValue
-from gamms.game.batch.forms import CoreStep, strategy_spec_of
+from gamms.game.strategy_specs import CoreStep, strategy_spec_of
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,

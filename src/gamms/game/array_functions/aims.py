@@ -1,0 +1,121 @@
+"""The actions that lead agents toward nodes: steps of strategies, and in array strategies of single games."""
+
+from collections.abc import Callable, Iterable, Sequence
+from itertools import takewhile
+from math import isfinite
+
+import numpy as np
+
+from gamms.arguments import as_array
+from gamms.errors import NoPath
+from gamms.game.movement.one_edge import PacedMovement
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.typing.graph_engine import IGraph
+
+_FIRST = 1 << 32  # the number of the first action that is not the number of a legal node
+
+
+def step_towards(
+    graph: IGraph,
+    here: int,
+    legal: Sequence[int],
+    target: int,
+    *,
+    has_speed: bool,
+    ends: Iterable[int] = (),
+    is_allowed: Callable[[int], bool] | None = None,
+) -> int | list[int] | None:
+    """Return the action that leads an agent toward a node.
+
+    Args:
+        graph: the graph.
+        here: the id of the agent's node.
+        legal: the ids of its legal nodes.
+        target: a node id.
+        has_speed: whether the agent may move along several edges, or part of one, in a turn.
+        ends: in games by metres, the nodes from which an agent with a speed can go on: its own, or the ends of its
+            edge.
+        is_allowed: whether the agent may enter a node; None: every node.
+
+    Returns:
+        A node id, maybe the agent's own; for an agent with a speed the nodes of the path, up to the first one out of
+        reach, so that the rest of its metres is used next turn; None if there is no path.
+    """
+    if ends and is_allowed is None:
+        return target if any(isfinite(graph.distance(end, target)) for end in ends) else None
+    if target in legal and (is_allowed is None or is_allowed(target)):
+        return target
+    try:
+        path = _path_ahead(graph, here, target, legal)
+    except NoPath:
+        return None
+    allowed = list(path if is_allowed is None else takewhile(is_allowed, path))
+    reached = sum(1 for _ in takewhile(legal.__contains__, allowed))
+    if has_speed:
+        return allowed[: reached + 1] or here
+    return allowed[reached - 1] if reached else here
+
+
+def _path_ahead(graph: IGraph, here: int, target: int, legal: Sequence[int]) -> list[int]:
+    """Return the nodes after `here` on the shortest path, at least up to the first node that is not legal."""
+    edges = 2  # enough for agents that move along one edge
+    while True:
+        path = graph.shortest_path(here, target, most_edges=edges)[1:]
+        if len(path) < edges or path[-1] not in legal:
+            return path
+        edges *= 2
+
+
+class Aims:
+    """The actions that lead agents of a single game toward nodes, as strategies go step by step.
+
+    Args:
+        graph: the graph.
+        movement: the movement of the agents.
+    """
+
+    def __init__(self, graph: IGraph, movement: PacedMovement) -> None:
+        self._graph = graph
+        self._movement = movement
+        self._actions: list[int | list[int]] = []
+
+    def towards(
+        self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None
+    ) -> IntArray:
+        """Return the actions of agents, as `Movement.towards` does."""
+        movement = self._movement
+        ids = movement.streets.ids_of
+        is_allowed: Callable[[int], bool] | None = None
+        if allowed is not None:
+            allowed = as_array(allowed, "allowed", "booleans", (movement.streets.num_nodes,))
+            is_allowed = set(ids(np.flatnonzero(allowed)).tolist()).__contains__
+        rows, are_legal = movement.legal(node, which)
+        are_paced = movement.is_paced[which[1]].tolist()
+        edges = movement.on_edge(which)
+        found = np.full(node.shape, -1)
+        for place, has_speed in enumerate(are_paced):
+            here, target = ids(np.array([node[place], targets[place]])).tolist()
+            ends = list[int]()
+            if has_speed and movement.leaves_nodes:
+                after = movement.columns.targets[edges[place : place + 1]]
+                ends = [here, *ids(after if edges[place] >= 0 else after[:0]).tolist()]
+            legal = ids(rows[place][are_legal[place]]).tolist()
+            step = step_towards(self._graph, here, legal, target, has_speed=has_speed, ends=ends, is_allowed=is_allowed)
+            if step is not None:
+                found[place] = self._number_of(step, legal)
+        return found
+
+    def _number_of(self, action: int | list[int], legal: list[int]) -> int:
+        if isinstance(action, int) and action in legal:
+            return legal.index(action)
+        self._actions.append(action)
+        return _FIRST + len(self._actions) - 1
+
+    def are_known(self, actions: IntArray) -> BoolArray:
+        """Return which actions `towards` has returned."""
+        return (actions >= _FIRST) & (actions < _FIRST + len(self._actions))
+
+    def action(self, number: int) -> int | list[int] | None:
+        """Return the value of `state["action"]` of an action by its number; None: it is the number of a legal node."""
+        return self._actions[number - _FIRST] if number >= _FIRST else None

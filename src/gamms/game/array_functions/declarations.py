@@ -1,0 +1,399 @@
+"""Declares array strategies and array rules, and calls them in single games.
+
+A single game is passed as a batch of one game: functions get the same view and the same turn as in a batch.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Hashable, Mapping
+from functools import WRAPPER_ASSIGNMENTS, partial, update_wrapper
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from gamms.arguments import as_context, as_function_of, as_numbers_of
+from gamms.deciding import phase_of
+from gamms.errors import BadType
+from gamms.game.array_functions.aims import Aims
+from gamms.game.array_functions.given import as_flights, flown
+from gamms.game.array_functions.turn import ArrayRule, ArrayTurn
+from gamms.game.array_functions.view import ArrayStrategy, ArrayView, asked_view
+from gamms.game.block.channels import MessageTraffic
+from gamms.game.block.columns import AgentTable, decider_of
+from gamms.game.block.deeds import DeclaredDeeds
+from gamms.game.block.initial_state import LastTurn, movement_of
+from gamms.game.block.sensing import note_sensors, note_sights
+from gamms.game.block.state import KEPT, STOPPED, Arrays, EmittedEvents, GameArrays
+from gamms.game.deeds import checked_value
+from gamms.game.movement.moves import TurnMoves
+from gamms.game.movement.one_edge import Movement, PacedMovement
+from gamms.game.settings import RuleSpec, declared
+from gamms.game.strategy_specs import F, StrategySpec, declare, key_of, strategy_spec_of
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.readonly import ReadOnlyMapping
+from gamms.typing import IContext
+from gamms.typing.context import HostContext
+
+_READ = "array rules, events"  # the key of `ctx.game.data` for the numbers of events that rules have read
+_CACHE = "array functions"  # the key of `ctx.game.internals.kept`
+_ONE = np.zeros(1, np.int64)  # the numbers of the games in a block of one game
+
+
+def array_strategy(
+    form: ArrayStrategy | None = None, /, *, of: object = None, begins: object = None
+) -> Callable[[IContext], Callable[[Any], None]]:
+    """Decorator: make a strategy from a function of an `ArrayView`, for batches and single games.
+
+    The decorated name is a function that makes the strategy, like `gamms.strategies.chase`: use `strategy=hunt(ctx)`,
+    or `strategies={"red": hunt}` in a scenario. The function is called once per turn for all agents with this strategy;
+    in a single game, the view has one game.
+
+    Args:
+        form: returns the actions: indices of legal nodes, (games, agents), or the result of `view.towards`; for flying
+            agents, offsets in map units, (games, agents, 3).
+        of: not supported; passing it raises an error.
+        begins: not supported; passing it raises an error.
+
+    Raises:
+        BadType: `form` is not callable, or `of` or `begins` is given.
+    """
+    _refuse_second_form(of, begins, "array_strategy")
+    function: ArrayStrategy = as_function_of(form, "An array strategy", "a view")
+    name = getattr(function, "__name__", "array strategy")
+
+    def make(ctx: IContext) -> Callable[[Any], None]:
+        as_context(ctx, name)
+
+        def strategy(state: dict[str, Any]) -> None:
+            _act(cast("HostContext", ctx), state, function, name)
+
+        declare(strategy, StrategySpec(array_form=function, begins=_kept_before))
+        return _documented(strategy, function)
+
+    return _documented(make, function)
+
+
+def array_rule(
+    form: ArrayRule | None = None, /, *, of: object = None, begins: object = None
+) -> Callable[[IContext], None]:
+    """Decorator: make a rule from a function of an `ArrayTurn`, for batches and single games.
+
+    The decorated name is the rule: use `ctx.game.add(storm)`, or `rules: [{rule: my_module:storm}]` in a scenario. In a
+    single game, the turn has one game.
+
+    Args:
+        form: applies the rule to all games of the turn.
+        of: not supported; passing it raises an error.
+        begins: not supported; passing it raises an error.
+
+    Raises:
+        BadType: `form` is not callable, or `of` or `begins` is given.
+    """
+    _refuse_second_form(of, begins, "array_rule")
+    function: ArrayRule = as_function_of(form, "An array rule", "a turn")
+    name = getattr(function, "__name__", "array rule")
+
+    def rule(ctx: IContext) -> None:
+        as_context(ctx, name)
+        turn = _SingleGameTurn(cast("HostContext", ctx))
+        turn._lock()
+        try:
+            function(turn)
+        finally:
+            turn._close()
+
+    spec = RuleSpec(array_form=function, begin_arrays=_kept_before, is_array_function=True)
+    return declared(_documented(rule, function), spec)
+
+
+def _refuse_second_form(of: object, begins: object, decorator: str) -> None:
+    if of is not None or begins is not None:
+        raise BadType(
+            f"{decorator} takes neither of= nor begins=: pass the array function itself, {decorator}(function). It "
+            "plays one game as it plays a batch, and needs no other function beside it."
+        )
+
+
+def _documented(function: F, form: Callable[..., object]) -> F:
+    """Give a function the name and the docstring of a form, but not its annotations."""
+    made: Any = update_wrapper(function, form, [one for one in WRAPPER_ASSIGNMENTS if "annot" not in one])
+    del made.__wrapped__
+    return function
+
+
+def _kept_before(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
+    """Return the arrays that functions keep in the game of a context; its rules continue after the events they read."""
+    for reader, number in ctx.game.data.get(_READ, {}).items():
+        state.events.read(reader, number)
+    return dict(ctx.game.data.get(KEPT, {}))
+
+
+# -- a block of one game ----------------------------------------------------------------------------------------------
+
+
+class _CachedMapData(NamedTuple):
+    """The movement of the agents of a game, and the data computed for its map.
+
+    Attributes:
+        version: the revision of the map, and the other values that the movement depends on.
+        movement: the movement of the agents.
+        shared: the data that array functions share.
+    """
+
+    version: tuple[object, ...]
+    movement: Movement
+    shared: dict[Hashable, Any]
+
+
+def _world(ctx: HostContext, roster: AgentTable) -> _CachedMapData:
+    """Return the movement of the agents of a game, and the data computed for its map."""
+    revision, cache = ctx.graph.graph.revision, ctx.game.internals.kept
+    version = revision, phase_of(ctx).setting_changes, tuple([agent.speed for agent in roster.agents])
+    known: _CachedMapData | None = cache.get(_CACHE)
+    if known is None or revision is None or known.version != version:
+        is_same_map = known is not None and revision is not None and known.version[0] == revision
+        shared = known.shared if known is not None and is_same_map else {}
+        known = cache[_CACHE] = _CachedMapData(version, movement_of(ctx.game, roster, may_reopen=True), shared)
+    return known
+
+
+def _block_of_one(ctx: HostContext) -> GameArrays:
+    """Return the game of a context as a block of one game."""
+    game, block, roster = ctx.game, ctx.agent.block, AgentTable.of(ctx.agent.agents.values())
+    world = _world(ctx, roster)
+    streets = world.movement.streets
+    nodes = streets.rows([[agent.current_node_id for agent in roster.agents]])
+    state = GameArrays(roster, world.movement, [ctx.seed], nodes)
+    state.alive[0] = [agent.alive for agent in roster.agents]
+    state.turn[0] = game.turn
+    state.shared = world.shared
+    state.facts = cast("dict[str, Any]", ReadOnlyMapping(game.facts))
+    state.kept = game.data.get(KEPT, {})
+    state.deeds = DeclaredDeeds(game.deeds, partial(checked_value, ctx=ctx), roster, streets)
+    if state.flights is not None:
+        flying: list[Any] = [roster.agents[number] for number in state.flights.agents.tolist()]
+        state.flights.position[0] = [agent.position for agent in flying]
+        state.flights.start[0] = [game.start_node(agent) for agent in flying]
+    for number, name in enumerate(roster.names):
+        place = block.on_edge(block.row_of(name))
+        if place is not None:
+            state.movement.put_on(_ONE, number, place)
+    return state
+
+
+# -- strategies -------------------------------------------------------------------------------------------------------
+
+
+class _Decisions(NamedTuple):
+    """The actions of the agents that an array function has decided for.
+
+    Attributes:
+        asked: the number of times that agents had been asked; see `TurnEngine`.
+        waiting: the agents that have not taken their actions, name -> index in the view.
+        view: the agents.
+        drawn: (agents,) the number of draws of each agent in this turn.
+        given: (1, agents) the actions, or (1, agents, 3) the offsets of flights.
+        deeds: agent -> deed -> its fields.
+        messages: agent -> its messages, as entries of `state["outbox"]`.
+    """
+
+    asked: int
+    waiting: dict[str, int]
+    view: ArrayView
+    drawn: IntArray
+    given: Any
+    deeds: dict[str, dict[str, dict[str, Any]]]
+    messages: dict[str, list[dict[str, Any]]]
+
+
+def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> None:
+    """Set the action of an agent; the first one that is asked lets the function decide for all, as in a batch."""
+    with phase_of(ctx).suspended(changes_world=False):
+        asked, cache = ctx.game.internals.parts.turns.asked, ctx.game.internals.kept
+    key, agent = (_CACHE, key_of(function), "quat" in state), state["name"]
+    known: _Decisions | None = cache.get(key)
+    if known is None or known.asked != asked or agent not in known.waiting:
+        known = cache[key] = _decided(ctx, state, function, name)
+    view, place, done = known.view, known.waiting.pop(agent), known.deeds.get(agent, {})
+    state["draw"].go_to(int(known.drawn[place]) or None)
+    state.get("outbox", []).extend(known.messages.get(agent, ()))
+    if view.flies:
+        state["action"] = flown(known.given[0, place].tolist(), ctx.agent.agents[agent].speed, done)
+        return
+    number = int(known.given[0, place])
+    action = None if view._aims is None else view._aims.action(number)
+    if action is None:
+        action = state["legal"][number]
+    state["action"] = {"node_id": action, "do": done} if done else action
+
+
+def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> _Decisions:
+    """Call an array function for an agent that is asked, and for all others that it decides for at this moment."""
+    with phase_of(ctx).suspended(changes_world=False):
+        block, turns, data = _block_of_one(ctx), ctx.game.internals.parts.turns, ctx.game.data
+        agents = _asked_with(ctx, block, state["name"], function)
+        _show(ctx, block, state)
+        asked = turns.asked if turns.is_deciding else -1
+        here, drawn = _deciding_now(ctx, block, state)
+    view = asked_view(block, _ONE, agents, here)
+    if isinstance(view._movement, PacedMovement):
+        view._aims = Aims(ctx.graph.graph, view._movement)
+    view.draw = view.draw.after(drawn[:, agents]).only(view.mask)
+    given = function(view)
+    if view.flies:
+        given = as_flights(given, f"{name}: what an agent that flies does", view.node.shape)
+    else:
+        given = view._checked(given, name)
+    if block.kept:
+        data[KEPT] = block.kept
+    names = block.roster.names
+    deeds: dict[str, dict[str, dict[str, Any]]] = {}
+    for one in view._deeds or ():
+        for number, fields in zip(one.agents.tolist(), block.deeds.fields(one), strict=True):
+            deeds.setdefault(names[number], {})[one.kind] = fields
+    messages: dict[str, list[dict[str, Any]]] = {}
+    for box in view._outboxes or ():
+        for number, to, body in zip(box.senders.tolist(), box.to, box.bodies, strict=True):
+            messages.setdefault(names[number], []).append({"channel": box.channel, "to": to, "body": body})
+    waiting = {name: place for place, name in enumerate(view["name"]) if view.mask[0, place]}
+    drawn = np.broadcast_to(view.draw.count, view.node.shape)[0]
+    return _Decisions(asked, waiting, view, drawn, given, deeds, messages)
+
+
+def _asked_with(ctx: HostContext, block: GameArrays, name: str, function: ArrayStrategy) -> IntArray:
+    """Return the numbers of the agents that a function decides for together with one that is asked.
+
+    An agent is asked alone with a time budget, or outside of a turn, and if another strategy calls its array strategy.
+    """
+    game, roster = ctx.game, block.roster
+    own = np.array([roster.names.index(name)])
+    if not game.internals.parts.turns.is_deciding or game.time_budget is not None:
+        return own
+    key, part_of = key_of(function), roster.part_of(game.order)
+    forms = [strategy_spec_of(decider_of(agent, game.plans)).array_form for agent in roster.agents]
+    has_function = np.array([form is not None and key_of(form) == key for form in forms], np.bool_)
+    found = np.flatnonzero(has_function & (part_of == part_of[own]) & (roster.flies == roster.flies[own]))
+    return found if own[0] in found else own
+
+
+def _deciding_now(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> tuple[BoolArray, IntArray]:
+    """Return which agents decide now with one that is asked, and how many numbers each has drawn, (1, all agents)."""
+    turns, names = ctx.game.internals.parts.turns, block.roster.names
+    here = np.array([[name == state["name"] for name in names]])
+    drawn = np.zeros(here.shape, np.int64)
+    drawn[here] = state["draw"].mark() or 0
+    if turns.is_deciding and turns.asked_part is not None and ctx.game.time_budget is None:
+        order, part = turns.asked_part
+        number_of = {name: number for number, name in enumerate(names)}
+        here[0, [number_of[order.names[i]] for i in part.members]] = True
+        for slot in order.slots:
+            drawn[0, number_of[slot.name]] = slot.marks()[0] or 0
+    return here, drawn
+
+
+def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
+    """Add the data of a single game that views show beyond `_block_of_one`, for an agent that is asked."""
+    game, roster, movement = ctx.game, block.roster, block.movement
+    turns = game.internals.parts.turns
+    if game.team_memory:
+        block.share_memories()
+    if len(movement.now):
+        movement.now[0] = state.get("time", 0.0)
+    blocked = game.internals.state.blocked
+    block.blocked[0] = ["in conflict" in (blocked.get(one) or "") for one in roster.names]
+    note_sensors(block, range(len(roster.names)), with_nodes=True)
+
+    def look(games: IntArray) -> None:  # noqa: ARG001 - there is one game
+        if "looked" not in block.now:
+            block.now["looked"] = True
+            with block.reading():
+                note_sights(block, ctx, turns.looks, 0)
+
+    block.look = look
+    block.reading = partial(phase_of(ctx).suspended, changes_world=False)
+    if game.channels:
+        block.radio = MessageTraffic(game.channels, roster, roster.part_of(None), 1)
+        block.radio.go_on(_ONE, turns.inboxes.entries(), game.turn)
+
+
+# -- rules ------------------------------------------------------------------------------------------------------------
+
+
+class _SingleGameTurn(ArrayTurn):
+    """The turn of a single game: its verbs change the game of the context immediately."""
+
+    def __init__(self, ctx: HostContext) -> None:
+        state = _block_of_one(ctx)
+        super().__init__(state, _ONE)
+        game, roster, block = ctx.game, state.roster, ctx.agent.block
+        self._ctx = ctx
+        self._game = game
+        self._is_moving = game.is_moving
+        state.change_roads = lambda _, verb, edges: getattr(ctx.graph, verb)(edges)
+        state.scores.put(_ONE, game.scores)
+        self._scores_before = state.scores.of(_ONE)[0]
+        state.placed[0] = [block.row_of(name) in block.placed for name in roster.names]
+        self.took_part = np.zeros(self.node.shape, np.bool_)
+        moves: TurnMoves | None = game.internals.state.moves
+        if moves is not None:
+            self.starts, self.ends, self.took_part, self.paths = LastTurn.of(moves, roster, state.movement, self.node)
+            for number in np.flatnonzero(roster.flies & self.took_part[0]).tolist():
+                state.placed[0, number] |= moves.was_put(moves.order.index_of[roster.names[number]])
+        done = [(0, roster.names.index(one.agent), i, one.kind, one.values) for i, one in enumerate(game.performed())]
+        self._deeds += state.deeds.from_plain(done, self.starts)
+
+    def _close(self) -> None:
+        """Write scores and kept arrays to the game."""
+        for key, points in self._state.scores.of(_ONE)[0].items():
+            if self._scores_before.get(key) != points:
+                self._game.scores[key] = points
+        if self._state.kept:
+            self._game.data[KEPT] = self._state.kept
+
+    @property
+    def is_playing(self) -> BoolArray:
+        """Whether each agent is alive, or was at the start of the turn, (1, agents)."""
+        now = self._game.turn + self._is_moving
+        out = {one["agent"] for one in self._game.events if one["kind"] == "eliminated" and one["turn"] == now}
+        return super().is_playing | np.array([name in out for name in self.roster.names], np.bool_)
+
+    def _note(self, kind: str, at: IntArray, fields: Mapping[str, list[Any]]) -> None:
+        for i in range(len(at)):
+            self._game.emit(kind, **{name: values[i] for name, values in fields.items()})
+
+    def _note_place(self, kind: str, at: IntArray, agents: IntArray) -> None:
+        """Add no event: the verbs of the game do."""
+
+    def new_events(self, reader: Hashable) -> list[EmittedEvents]:
+        """Return the events since the last call for a reader; in the first call, all events."""
+        read, events = self._game.data.setdefault(_READ, {}), self._game.events
+        found = [EmittedEvents.of(0, entry) for entry in events[read.get(reader, 0) :]]
+        read[reader] = len(events)
+        return found
+
+    def _end(self, _: int, how: dict[str, Any]) -> None:
+        self._game.end(**how)
+
+    def _take_out(self, at: IntArray, agents: IntArray) -> None:
+        super()._take_out(at, agents)
+        for number in agents.tolist():
+            self._game.eliminate(self.roster.names[number])
+
+    def _put_back(self, at: IntArray, agents: IntArray) -> None:
+        for number in agents.tolist():
+            self._game.respawn(self.roster.names[number])
+            self._state.start[0, number] = self.streets.rows(self.roster.agents[number].current_node_id)
+        super()._put_back(at, agents)
+
+    def start_of(self, agents: IntArray) -> IntArray:
+        """Return the start node of each agent, (1, agents); for a flying agent, the node nearest to its start."""
+        agents = as_numbers_of(agents, "agents", len(self.roster.names), "agents").reshape(-1)
+        starts = [self._game.start_node(self.roster.names[number]) for number in agents.tolist()]
+        nearest = self._ctx.graph.graph.nearest_node
+        return self.streets.rows([[one if isinstance(one, int) else nearest(*one[:2]) for one in starts]])
+
+    def stops(self, at: IntArray, agents: IntArray) -> IntArray:
+        """Return how often agents were tagged, respawned or eliminated so far."""
+        at, agents = self._pairs(at, agents)
+        counts = Counter(one.get(STOPPED[one["kind"]]) for one in self._game.events if one["kind"] in STOPPED)
+        return np.array([counts[self.roster.names[number]] for number in agents[at == 0].tolist()], np.int64)

@@ -1,0 +1,232 @@
+"""Actions from outside, which replace the decisions of a team's strategies in all games."""
+
+from collections.abc import Hashable, Mapping, Sequence
+from math import hypot
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.arguments import as_array, as_mapping
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.array_functions.view import ArrayView, as_actions
+from gamms.game.block.columns import AgentTable, PlayedGame
+from gamms.game.deeds import field_of
+from gamms.game.settings import Plan
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.text import shown
+
+_KEYS = ("moves", "flights", "deeds", "messages")
+
+
+class OutsideActions(NamedTuple):
+    """The actions of a team in one turn, in all games of a batch.
+
+    Attributes:
+        moves: numbers of legal nodes, (games, agents).
+        deeds: deed -> which agents do it, (games, agents), and its fields; see `ArrayView.do`.
+        messages: channel -> which agents send, the body, and to whom; see `ArrayView.send`.
+        flights: how far agents that fly go, map units, (games, agents, 3); None: they hover.
+        may_stay: whether agents stay whose moves are no numbers of legal nodes; else such moves are refused.
+    """
+
+    moves: IntArray
+    deeds: Mapping[str, tuple[BoolArray, Mapping[str, Any]]]
+    messages: Mapping[str, tuple[BoolArray, Any, Any]]
+    flights: FloatArray | None = None
+    may_stay: bool = False
+
+    def moves_in(self, view: ArrayView, moves: IntArray) -> IntArray:
+        """Return moves of the agents of a view, of which those that are not legal may be to stay."""
+        if not self.may_stay:
+            return moves
+        return np.where((moves >= 0) & (moves < view.counts), moves, 0)
+
+    def act(self, view: ArrayView) -> None:
+        """Carry out the given deeds and messages of the agents in the mask of a view."""
+
+        def here(value: Any) -> Any:
+            return value[view.games] if isinstance(value, np.ndarray) and value.ndim > 1 else value
+
+        for deed, (where, fields) in self.deeds.items():
+            view.do(deed, where[view.games], **{key: here(value) for key, value in fields.items()})
+        for channel, (where, body, to) in self.messages.items():
+            view.send(channel, where[view.games], here(body), here(to))
+
+
+def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied: bool) -> OutsideActions:
+    """Return the actions of a team as they were given to `Batch.step`.
+
+    Args:
+        value: integers, or a dict of moves, deeds and messages.
+        team: the team.
+        shape: games and agents.
+        is_copied: whether its arrays are copied, because they are kept.
+
+    Raises:
+        UnknownName (KeyError), BadType, BadValue: they are none.
+    """
+    by = f"team {shown(team)}"
+    if value is None:
+        raise BadType(f"{by}: its actions are None: leave out a team that plays its own strategies.")
+    if not isinstance(value, Mapping):
+        value = {"moves": value}
+
+    def own(one: Any) -> Any:
+        return one.copy() if is_copied and isinstance(one, np.ndarray) else one
+
+    for key in value:
+        if key not in _KEYS:
+            raise UnknownName(f"key of the actions of {by}:", key, _KEYS)
+    deeds = {}
+    messages = {}
+    for deed, done in as_mapping(value.get("deeds", {}), f"deeds of {by}").items():
+        where, fields = done if isinstance(done, tuple) and len(done) == 2 else (done, {})
+        fields = as_mapping(fields, f"The fields of the deed {deed!r}")
+        deeds[deed] = _as_mask(own(where), shape, deed), {key: own(one) for key, one in fields.items()}
+    for channel, sent in as_mapping(value.get("messages", {}), f"messages of {by}").items():
+        if not isinstance(sent, tuple) or len(sent) not in (2, 3):
+            raise BadType(f"messages[{channel!r}] must be (where, body) or (where, body, to), not {shown(sent)}.")
+        where, body, to = (*sent, None)[:3]
+        messages[channel] = _as_mask(own(where), shape, channel), own(body), own(to)
+    flights = own(value.get("flights"))
+    if flights is not None:
+        flights = as_flights(flights, f"Flights of {by}", shape)
+    given = value.get("moves")
+    moves = np.zeros(shape, np.int64) if given is None else as_actions(given, shape, by)
+    return OutsideActions(as_kept(moves) if is_copied else moves, deeds, messages, flights)
+
+
+def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
+    """Return flights of so many games and agents as they were given."""
+    flights = as_array(given, what, "numbers")
+    if flights.shape != (*shape, 3) or flights.dtype.kind == "b" or not np.isfinite(flights).all():
+        raise BadValue(
+            f"{what} are finite numbers (dx, dy, dz), an array {(*shape, 3)}, not {flights.dtype} of the shape "
+            f"{flights.shape}."
+        )
+    return flights.astype(np.float64)
+
+
+def as_kept(moves: IntArray) -> IntArray:
+    """Return a copy of moves; numbers of legal nodes take a byte each where that fits."""
+    return moves.astype(np.min_scalar_type(moves.max())) if moves.size and moves.min() >= 0 else moves.copy()
+
+
+def _as_mask(where: object, shape: tuple[int, int], what: str) -> BoolArray:
+    return as_array(where, f"The agents of {what!r}", "booleans", shape)
+
+
+class OutsideActor:
+    """Makes agents of a game take given actions in place of the decisions of their strategies and plans.
+
+    Its plans stay from turn to turn until `end`: the turn engine works out again who is asked when plans change.
+    """
+
+    def __init__(self, game: PlayedGame, roster: AgentTable) -> None:
+        self._game = game
+        self._roster = roster
+        self._taking: dict[Hashable, _OutsideStrategy] = {}
+
+    def take(self, given: Mapping[Hashable, OutsideActions], number: int) -> None:
+        """Replace the given actions from now on by those of a game of the batch, by team."""
+        if given.keys() != self._taking.keys():
+            self.end()
+            plans = self._game.plans
+            self._taking = {team: _OutsideStrategy(self._game, self._roster, team, plans.get(team)) for team in given}
+            self._game.plans = {**plans, **{team: Plan(one) for team, one in self._taking.items()}}
+        for team, one in self._taking.items():
+            one.given = given[team]
+            one.number = number
+
+    def end(self) -> None:
+        """Give decisions back to strategies and plans, also after a reset, as the first plans are part of the start."""
+        plans = self._game.plans
+        if any(isinstance(plan.function, _OutsideStrategy) for plan in plans.values()):
+            own = {
+                team: one.function.own if isinstance(one.function, _OutsideStrategy) else one
+                for team, one in plans.items()
+            }
+            self._game.plans = {team: plan for team, plan in own.items() if plan is not None}
+        self._taking = {}
+
+
+def _one_of(value: Any, number: int, agent: int) -> Any:  # Any: what a caller has given
+    """Return the value for one agent of a game; it is one for all, or an array that broadcasts to (games, agents)."""
+    if not isinstance(value, np.ndarray) or not value.ndim:
+        return value.item() if isinstance(value, np.ndarray | np.generic) else value
+    one = value[number, agent] if value.ndim > 1 else value[agent]
+    return one.tolist() if isinstance(one, np.ndarray | np.generic) else one
+
+
+class _OutsideStrategy:
+    """A plan by which agents of a team, if they are alive, take actions; in place of a plan of the game or of none.
+
+    Those that were not there from the start follow their strategies, or stay.
+    """
+
+    given: OutsideActions
+    number: int
+
+    def __init__(self, game: PlayedGame, roster: AgentTable, team: Hashable, own: Plan | None) -> None:
+        self._game = game
+        self._roster = roster
+        self.own = own
+        self._place_of = {roster.names[agent]: i for i, agent in enumerate(roster.members(team).tolist())}
+
+    def __call__(self, states: dict[str, Any]) -> None:
+        agents = self._game.ctx.agent.agents
+        for name, state in states.items():
+            if name in self._place_of:
+                self._act(state, self._place_of[name], agents[name].speed)
+            elif agents[name].strategy is None:
+                state["action"] = state["legal"][0]
+            else:
+                agents[name].strategy(state)
+
+    def _act(self, state: dict[str, Any], i: int, speed: float | None) -> None:
+        """Carry out the action of an agent at an index of the columns."""
+        (moves, deeds, messages, flights, may_stay), number = self.given, self.number
+        do = {
+            deed: self._plain_fields(deed, {key: _one_of(value, number, i) for key, value in fields.items()})
+            for deed, (where, fields) in deeds.items()
+            if where[number, i]
+        }
+        for channel, (where, body, to) in messages.items():
+            if where[number, i]:
+                receiver = self._roster.names[_one_of(to, number, i)] if isinstance(to, np.ndarray) else to
+                message = {"channel": channel, "to": receiver, "body": _one_of(body, number, i)}
+                state.get("outbox", []).append(message)
+        if "quat" in state:  # it flies
+            flight = [0.0, 0.0, 0.0] if flights is None else flights[number, i].tolist()
+            state["action"] = flown(flight, speed, do)
+            return
+        legal = state["legal"]
+        move = int(moves[number, i])
+        if not 0 <= move < len(legal):
+            if not may_stay:
+                raise BadValue(
+                    f"Action {move} of agent {shown(state['name'])}, turn {state['turn']}, is not the number of a "
+                    f"legal node: it has {len(legal)}, numbered from 0."
+                )
+            move = 0
+        state["action"] = {"node_id": legal[move], "do": do} if do else legal[move]
+
+    def _plain_fields(self, deed: str, fields: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the fields of a deed of one agent as scalar forms have them."""
+        declared = self._game.settings()["deeds"].get(deed, {})
+        plain = dict[str, Any]()
+        for key, value in fields.items():
+            kind = field_of(declared[key]).kind if key in declared else ""
+            known = {"agent": self._roster.names, "node": self._game.ctx.graph.columns().node_ids}.get(kind)
+            if known is not None and value not in (None, -1):
+                plain[key] = known[value] if kind == "agent" else int(known[value])
+            elif known is None and value is not None:
+                plain[key] = value
+        return plain
+
+
+def flown(flight: Sequence[float], speed: float | None, do: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the action of an agent that flies by so many map units, and by its speed at most."""
+    action = {"direction": flight, "distance": min(hypot(*flight), speed or 0.0)}
+    return {**action, "do": do} if do else action

@@ -1,0 +1,773 @@
+"""The argument of array strategies, also used by learners: the agents of one strategy in all games at once."""
+
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from copy import copy
+from typing import Any, NamedTuple, Self, TypeVar
+
+import numpy as np
+
+from gamms.arguments import as_array, as_count, as_key, as_numbers_of
+from gamms.core import observe, strategies
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.array_functions.aims import Aims
+from gamms.game.block.channels import OutgoingMessages, ReceivedMessages
+from gamms.game.block.columns import kept_in
+from gamms.game.block.deeds import ArrayDeeds
+from gamms.game.block.sensing import (
+    SHOWING_AGENTS,
+    SHOWING_NODES,
+    VisibleAgentPairs,
+    VisibleNodes,
+    covered,
+    names_of,
+    seen,
+    seen_nodes,
+)
+from gamms.game.block.state import Arrays, GameArrays
+from gamms.game.block.strategy_steps import looks_of, made_looks
+from gamms.game.block.vectors import Encoder, Vectors, legal_of, write_vectors
+from gamms.game.conflicts import flat
+from gamms.game.movement.flows import Flows
+from gamms.game.movement.noted_moves import MovementWithNotes
+from gamms.game.movement.one_edge import Movement, PacedMovement, Places
+from gamms.game.movement.roads import OpenRoads
+from gamms.game.movement.routes import RouteTable
+from gamms.game.random_streams import ArrayDraws
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.kernels.draws import BitArray
+from gamms.readonly import locked
+from gamms.text import shown
+
+ArrayStrategy = Callable[["ArrayView"], Any]
+"""Returns indices of legal nodes, array-like (games, agents); see docs/batches.md."""
+
+T = TypeVar("T")
+V = TypeVar("V", bound="ArrayView")
+_NO_CHOICES = flat(np.zeros(0), np.int64)
+_NO_PAIRS = flat(np.zeros(0), np.int64), flat(np.zeros(0), np.int64), flat(np.zeros(0), np.uint8)
+
+
+class TowardsInBatch(Exception):
+    """An array strategy calls `towards` for agents with speeds: batches have to call it game by game."""
+
+
+class ArrayView(Mapping[str, Any]):
+    """The agents of one strategy in many games, as arrays (games, agents).
+
+    A view has the keys of `state` in array form. `view["curr_pos"]` are node ids; `view["legal"]` are the ids of legal
+    nodes, (games, agents, most), padded with -1; `view["mask"]` is the mask of the agents to decide for. `name` and
+    `team` have one entry for each agent, `turn` has one for each game. `sensor` and `inbox` map the names of sensors
+    and channels to observations and messages.
+
+    Attributes:
+        games: (games,) the number of each game in the batch.
+        agents: (agents,) the number of each agent in the roster, ascending.
+        node: (games, agents) the row of each agent's node.
+        mask: (games, agents) the living agents to decide for; at arrivals and in a view by `only`, a part of them.
+        turn: (games,) the number of turns played.
+        draw: random numbers, one for each agent.
+        streets: the graph.
+        roster: the agents of every game.
+        memory_of: (all agents,) the number of each agent's memory; agents of a team may share one.
+    """
+
+    _deeds: list[ArrayDeeds] | None = None  # the deeds of the agents, in order; None: no strategy is deciding
+    _outboxes: list[OutgoingMessages] | None = None  # their messages, in order; None: no strategy is deciding
+    _channels: Iterable[str] = ()  # the names of the channels with an inbox
+    _aims: Aims | None = None  # the actions of agents with speeds toward nodes, in single games
+
+    def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
+        self._state = state
+        self.games = games
+        self.agents = agents
+        self.streets, self._movement, self._shared = state.world(games)
+        if state.noted_moves is not None and state.is_apart[games].any():
+            self._movement = MovementWithNotes(self._movement, state.noted_moves)
+        self.roster = state.roster
+        self.memory_of = state.memory_of
+        self.node: IntArray = state.chosen(state.node, games, agents)
+        self.mask: BoolArray = state.chosen(state.alive, games, agents)
+        self.turn = state.turn[games]
+        self._known = dict[str, IntArray]()
+        self.draw = ArrayDraws(self._draw_keys, self.turn[:, None])
+        self._whole = self.mask
+        self._sights = dict[Hashable, VisibleAgentPairs]()
+
+    def _draw_keys(self) -> BitArray:
+        """Return the keys of the draws of the agents, (games, agents)."""
+        keys: BitArray = self._state.chosen(self._state.draw_keys(), self.games, self.agents)
+        return keys
+
+    def _lock(self) -> None:
+        """Make the arrays read-only for strategies."""
+        for name in ("games", "agents", "node", "mask", "turn"):
+            setattr(self, name, locked(getattr(self, name)))
+
+    def __getitem__(self, key: str) -> Any:
+        if key in _VALUES:
+            return _VALUES[key](self)
+        if key in _OTHERWISE:
+            raise UnknownName(f"key of a view: use {_OTHERWISE[key]} instead of", key)
+        raise UnknownName("key of a view", key, tuple(_VALUES))
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_VALUES)
+
+    def __len__(self) -> int:
+        return len(_VALUES)
+
+    @property
+    def counts(self) -> IntArray:
+        """The number of legal nodes of each agent, including its own."""
+        if "counts" not in self._known:
+            counts = self._movement.counts(self.node, numbers_in(self, np.s_[:, :]))
+            self._known["counts"] = counts if self._state.flights is None else np.where(self._in_air, 1, counts)
+            if self._deeds is not None:  # a strategy must not write to it
+                self._known["counts"] = locked(self._known["counts"])
+        return self._known["counts"]
+
+    @property
+    def flies(self) -> bool:
+        """Whether all agents of the view fly; then a strategy returns offsets of flights."""
+        return bool(self.roster.flies[self.agents].all())
+
+    @property
+    def _in_air(self) -> BoolArray:
+        """Whether each agent flies, (games, agents); legal is only the node below it."""
+        return np.broadcast_to(self.roster.flies[self.agents], self.node.shape)
+
+    def _heights(self) -> FloatArray:
+        heights = np.zeros(self.node.shape)
+        flights = self._state.flights
+        if flights is not None:
+            flies, xyz = flights.xyz(self.games, self.agents)
+            heights[:, flies] = xyz[..., 2]
+        return heights
+
+    def legal_rows(self, which: Any = np.s_[:, :]) -> tuple[IntArray, BoolArray]:
+        """Return the rows of the legal nodes of each agent, (games, agents, most), and a mask of valid entries.
+
+        Args:
+            which: an index of some agents of the view.
+        """
+        rows, is_legal = self._movement.legal(self.node[which], numbers_in(self, which))
+        if self._state.flights is None:
+            return rows, is_legal
+        is_legal[..., 1:] &= ~self._in_air[which][..., None]
+        most = int(is_legal.sum(axis=-1).max(initial=1))
+        return rows[..., :most], is_legal[..., :most]
+
+    def _time(self) -> FloatArray:
+        now = self._movement.now
+        return now[self.games] if len(now) else np.zeros(len(self.games))
+
+    def _legal(self) -> IntArray:
+        rows, is_legal = self.legal_rows()
+        return np.where(is_legal, self.streets.ids_of(rows), -1)
+
+    def _places(self) -> Places:
+        """Return the positions of the agents; in games by metres, some may be on edges."""
+        found = self._movement.places(self.node, numbers_in(self, np.s_[:, :]))
+        flights = self._state.flights
+        if flights is not None:
+            flies, xyz = flights.xyz(self.games, self.agents)
+            found.xy[:, flies] = xyz[..., :2]
+        return found
+
+    def action_to(self, nodes: Any) -> IntArray:
+        """Return the actions that lead to these node ids, (games, agents); -1 if a node is not legal.
+
+        Raises:
+            BadType, BadValue: the ids are not integers, or do not broadcast to (games, agents).
+            UnknownName (KeyError): a node is not on the map.
+        """
+        wanted = self.streets.rows(as_array(nodes, "nodes", "integers", self.node.shape))
+        actions = self._movement.action_to(self.node, numbers_in(self, np.s_[:, :]), wanted)
+        return actions if self._state.flights is None else np.where(self._in_air & (actions > 0), -1, actions)
+
+    def towards(self, targets: IntArray, which: Any = np.s_[:, :], allowed: BoolArray | None = None) -> IntArray:
+        """Return the actions that move agents toward nodes, as the strategies of `gamms.strategies` do.
+
+        For agents with speeds, these are not numbers of legal nodes, but lead as far as the turn allows.
+
+        Args:
+            targets: rows of nodes.
+            which: an index of the agents of the view, (games, agents).
+            allowed: (nodes,) the nodes that may be entered, including the targets; None: all.
+
+        Returns:
+            The actions; -1 if there is no path.
+        """
+        node, (games, agents) = self.node[which], numbers_in(self, which)
+        asked = node.ravel(), np.broadcast_to(targets, node.shape).ravel(), (games.ravel(), agents.ravel()), allowed
+        if not isinstance(self._movement, PacedMovement):
+            return self._movement.towards(*asked).reshape(node.shape)
+        if self._aims is not None:
+            return self._aims.towards(*asked).reshape(node.shape)
+        if self._deeds is None:
+            raise BadValue("view.towards of agents with speeds works only while a strategy decides.")
+        raise TowardsInBatch
+
+    def only(self, asked: BoolArray) -> Self:
+        """Return a view for a part of a strategy that decides only for the agents in `asked`, (games, agents).
+
+        Its arrays contain all agents; its draws count only for the agents in its mask.
+        """
+        narrowed = copy(self)
+        narrowed.mask = self.mask & as_array(asked, "asked", "booleans", self.node.shape)
+        narrowed.draw = self.draw.only(narrowed.mask)
+        return narrowed
+
+    def of(self, agents: IntArray) -> "ArrayView":
+        """Return a view of other agents in the same games, by their numbers in the roster, ascending."""
+        numbers = as_numbers_of(agents, "agents", len(self.roster.names), "agents").reshape(-1)
+        return ArrayView(self._state, self.games, numbers)
+
+    def in_games(self, which: IntArray) -> "ArrayView":
+        """Return a view of the same agents in some games of this view, by index, ascending."""
+        places = as_numbers_of(which, "which", len(self.games), "games").reshape(-1)
+        return ArrayView(self._state, self.games[places], self.agents)
+
+    def sees(self, *names: str) -> BoolArray:
+        """Return a mask: whether each agent sees each other agent, (games, agents, all agents); see `seen`."""
+        return self.seen(*names).mask
+
+    def do(self, deed: str, where: Any, /, **fields: object) -> None:
+        """Make agents do a deed besides moving, as declared in `ctx.game.deeds`; deeds keep the order of the calls.
+
+        Args:
+            deed: the name of the deed.
+            where: a mask of agents, (games, agents); agents outside the view's mask are skipped.
+            fields: one value for all, or an array (games, agents). Agents are numbers in the roster, nodes are rows;
+                -1, or None in other fields, omits an optional field.
+
+        Raises:
+            UnknownName (KeyError): there is no such deed or field.
+            BadType, BadValue: a field is missing or impossible, an agent already does this deed, or no strategy is
+                deciding.
+        """
+        if self._deeds is None:
+            raise BadValue("view.do works only while a strategy decides: it is not for games.observe.")
+        chosen = as_array(where, "where", "booleans", self.node.shape) & self.mask
+        for earlier in self._deeds:
+            if earlier.kind == deed and chosen[earlier.at, np.searchsorted(self.agents, earlier.agents)].any():
+                raise BadValue(f"An agent does {deed!r} twice in a turn: give each call of view.do other agents.")
+        who = (self.games, self.agents)
+        order = len(self._deeds)
+        self._deeds.append(self._state.deeds.checked(deed, fields, chosen, who, self.node, order))
+
+    def send(self, channel: str, where: Any, body: object, to: object = None) -> None:
+        """Make agents send one message each by a channel, like `state["outbox"]`; messages keep the order of the calls.
+
+        Args:
+            channel: the name of the channel.
+            where: a mask of agents, (games, agents); agents outside the view's mask are skipped.
+            body: one plain value for all, or an array whose first axes are games and agents.
+            to: an agent, a team, or None for everybody on the channel; or an array (games, agents) of numbers in the
+                roster.
+
+        Raises:
+            UnknownName (KeyError): there is no such channel, agent or team.
+            BadType, BadValue: a team may not use the channel, a body is not plain, or no strategy is deciding.
+        """
+        radio = self._state.radio
+        if radio is None:
+            raise BadValue(f"Channel {shown(channel)} cannot be used: the game has no channels. Declare it before.")
+        if self._outboxes is None:
+            raise BadValue("view.send works only while a strategy decides.")
+        chosen = as_array(where, "where", "booleans", self.node.shape) & self.mask
+        who = (self.games, self.agents)
+        order = len(self._outboxes)
+        self._outboxes.append(radio.checked(channel, chosen, who, to, body, order))
+
+    def heard(self, channel: str) -> ReceivedMessages:
+        """Return the messages from a channel in the inboxes of the agents in the mask.
+
+        Raises:
+            UnknownName (KeyError): there is no such channel, or the games are only observed.
+        """
+        radio = self._state.radio
+        if self._outboxes is None:
+            raise UnknownName("channel of games that are observed", channel, ())
+        if radio is None:
+            raise UnknownName("channel", channel, ())
+        return radio.heard(channel, self.games, self.turn, self.agents, self.mask)
+
+    def seen(self, *names: str) -> VisibleAgentPairs:
+        """Return the agents that sensors show to the agents in the mask, as pairs; no agent sees itself.
+
+        Args:
+            names: names of sensors; none: all sensors that show agents. A named sensor at a fixed place also shows its
+                own agent.
+
+        Raises:
+            UnknownName (KeyError): no agent carries a sensor of this name that shows agents.
+        """
+        key = as_key(names, "The name of a sensor")
+        if key not in self._sights:
+            self._sights[key] = self._looked(names)
+        found = self._sights[key]
+        return found if self.mask is self._whole else found.of(self.mask[found.at, found.viewers])
+
+    def _looked(self, names: tuple[str, ...]) -> VisibleAgentPairs:
+        """Return the pairs that sensors of these names, or all sensors, show to all agents of the view; see `seen`."""
+        state = self._state
+        key = ("seen", self.agents.tobytes(), names)
+        are_all = len(self.games) == len(state)
+        known: VisibleAgentPairs | None = state.now.get(key)
+        if known is not None:
+            return known if are_all else known.in_games(self.games)
+        found = seen(state, self.games, self.agents, self._whole, names, self._xy_of_all)
+        if are_all:
+            state.now[key] = found
+        return found
+
+    def _xy_of_all(self) -> FloatArray:
+        """Return the positions of all agents of these games, (games, all agents, 2)."""
+        return ArrayView(self._state, self.games, np.arange(len(self.roster.names)))._places().xy
+
+    def seen_nodes(self, *names: str) -> VisibleNodes:
+        """Return the nodes that sensors show to the agents in the mask: NEIGHBOR, MAP, RANGE, ARC and OCCLUDED_MAP.
+
+        Args:
+            names: names of sensors; none: all sensors that show nodes.
+
+        Raises:
+            UnknownName (KeyError): no agent carries a sensor of this name that shows nodes.
+            BadValue: a sensor is of a user's class.
+            TooLarge: the agents see more than 268 million nodes together.
+        """
+        named = as_key(names, "The name of a sensor")
+        with self._state.reading():
+            return seen_nodes(self._state, self.games, self.agents, self.node, self.mask, named)
+
+    def covered(self) -> BoolArray:
+        """Return the nodes where sensors would show agents with positive probability, (games, agents, nodes)."""
+        with self._state.reading():
+            return covered(self._state, self.games, self.agents, self.node, self.mask)
+
+    def enemies(self) -> VisibleAgentPairs:
+        """Return the visible agents of other teams, as pairs; an agent without a team (None) is an enemy of all."""
+        found = self.seen()
+        return found.of(~self._are_mates(found))
+
+    def mates(self) -> VisibleAgentPairs:
+        """Return the visible agents of the same team, as pairs."""
+        found = self.seen()
+        return found.of(self._are_mates(found))
+
+    def _are_mates(self, found: VisibleAgentPairs) -> BoolArray:
+        """Return whether each pair is of the same team, (pairs,)."""
+        return self.roster.are_mates(self.agents[found.viewers], found.others)
+
+    def vector(self, others: int = 4) -> Vectors:
+        """Return observations as vectors of equal length, (games, agents, entries).
+
+        The entries are `x` and `y`, the agent's position; for each action `is_legal`, `dx` and `dy`; for each of the
+        nearest `others` visible agents `is_seen`, `is_mate`, `dx` and `dy`. Offsets are straight-line; the unit is half
+        of the longer side of the map, and the origin is its center.
+
+        Raises:
+            BadValue: an agent has more than 4096 legal nodes.
+            TooLarge: the vectors would not fit into memory.
+        """
+        return self._encoded(as_count(others, "others", least=0), 0, 1)
+
+    def _encoded(self, others: int, more: int, threads: int) -> Vectors:
+        """Return vectors with `more` additional entries: 0, except the last one, n / (n + 100) after n turns."""
+        encoder = self._encoder(others)
+        found = encoder.made(self.mask, more)
+        xy = self._places().xy if self._movement.leaves_nodes else None
+        places = np.arange(len(self.games))
+        observers = self._observers(self.mask, places * len(self.agents), are_looking=others > 0)
+        write_vectors(encoder, observers, encoder.output(found, xy), places, threads)
+        return found
+
+    def _encoder(self, others: int) -> Encoder:
+        """Return an encoder for vectors with `others` other agents."""
+        agents = len(self.roster.names)
+        actions = self._movement.width
+        key = "encoder", agents, others, actions
+        return kept_in(self._shared, key, lambda: Encoder([self.streets.columns.xy], agents, others, actions))
+
+    def _observers(self, mask: BoolArray, rows: IntArray, *, are_looking: bool = True) -> observe.Observers:
+        """Return the agents in the form of the core.
+
+        Args:
+            mask: the living agents, in rows of the output.
+            rows: (games,) the first row of each game.
+            are_looking: whether they see other agents.
+        """
+        streets = self.streets
+        choice = _NO_CHOICES
+        if self._movement.are_plain(self.agents) and not self._in_air.any():
+            offsets, targets = kept_in(self._shared, "along edges", lambda: legal_of(streets.offsets, streets.targets))
+        else:
+            nodes, is_legal = self.legal_rows()
+            counts = is_legal.sum(axis=-1).reshape(-1)
+            choice = flat(np.arange(len(counts)), np.int64)
+            offsets, targets = legal_of(np.concatenate(([0], np.cumsum(counts))), nodes[is_legal])
+        looks = self._plain_looks()
+        pairs = _NO_PAIRS
+        if are_looking and looks is None:
+            found = self.seen()
+            number = self.node.size
+            counts = np.bincount(found.at * self.node.shape[1] + found.viewers, minlength=number)
+            first = np.concatenate(([0], np.cumsum(counts)))
+            pairs = flat(first, np.int64), flat(found.nodes, np.int64), flat(self._are_mates(found), np.uint8)
+        games = flat(self.games, np.int64), flat(rows, np.int64)
+        return self._made_observers(mask, games, (choice, offsets, targets), (looks, *pairs), self._state.no_node)
+
+    def _made_observers(
+        self,
+        mask: BoolArray,
+        games: tuple[Any, Any],
+        legal: tuple[Any, Any, Any],
+        seen: tuple[Any, ...],
+        first: IntArray,
+    ) -> observe.Observers:
+        """Return the agents of the view in the form of the core; see `observe.Observers`.
+
+        Args:
+            mask: the living agents, in rows of the output.
+            games: the numbers of the games, and the first row of each.
+            legal: the legal nodes.
+            seen: the sensors, and the pairs of agents.
+            first: (all games,) the first node of the map of each game.
+        """
+        roster = self.roster
+        state = self._state
+        visible = observe.VisibleAgents(
+            *seen,
+            viewers=flat(self.agents, np.int64),
+            node=flat(state.node, np.int64),
+            alive=flat(state.alive.view(np.uint8), np.uint8),
+            team=flat(roster.team_of, np.int64),
+            are_mates=flat(roster.are_teams(), np.uint8),
+        )
+        is_asked = flat(mask.view(np.uint8), np.uint8)
+        return observe.Observers(
+            len(self.agents),
+            *games,
+            is_asked,
+            *legal,
+            first_node=first.data,
+            turn=flat(state.turn, np.int64),
+            seen=visible,
+        )
+
+    def _plain_looks(self) -> strategies.SensorTable | None:
+        """Return the sensors of all agents in the form of the core; None: some have no such form."""
+        state = self._state
+        if self._movement.leaves_nodes or state.noted:
+            return None
+        if "looks" not in state.shared:
+            state.shared["looks"] = made_looks(state, [True] * len(self.roster.names))
+        found: strategies.SensorTable = state.shared["looks"]
+        return found
+
+    @property
+    def living(self) -> BoolArray:
+        """Whether each agent is alive, (games, all agents)."""
+        return locked(self._state.alive[self.games])
+
+    @property
+    def is_there(self) -> BoolArray:
+        """Whether each agent is in the game, dead or alive, (games, all agents); others have not entered yet."""
+        return locked(self._state.is_there[self.games])
+
+    @property
+    def _blocked(self) -> BoolArray:
+        """Whether a conflict stopped the last move of each agent, (games, agents)."""
+        blocked: BoolArray = self._state.chosen(self._state.blocked, self.games, self.agents)
+        return blocked
+
+    def routes(self, weight: str | None = "length") -> RouteTable:
+        """Return a table of distances and next actions, by rows of nodes; `weight` is as in `graph.distance`.
+
+        All batches on equal graphs share these tables; tables of other graphs are kept up to 512 MB.
+        """
+        return self._movement.routes(weight)
+
+    def flows(self) -> Flows:
+        """Return tools for random walks, diffusion of probabilities, and reachable sets along edges.
+
+        Their results are cached for the batch.
+        """
+        return kept_in(self._shared, "flows", lambda: Flows(self.streets))
+
+    def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
+        """Return the stored arrays of a strategy for all games of the batch; the first call stores `make(games)`.
+
+        Index the arrays with `games`.
+        """
+        return self._state.keep(key, make)
+
+    def _checked(self, given: object, by: str) -> IntArray:
+        """Return actions as integers (games, agents), 0 for dead agents.
+
+        Args:
+            given: the actions.
+            by: the function that returned them, for messages.
+
+        Raises:
+            BadType, BadValue: they are not integers, have a wrong shape, or are not numbers of legal nodes.
+        """
+        actions = as_actions(given, self.node.shape, by)
+        chosen = np.where(self.mask, actions.astype(np.int64, copy=False), 0)
+        # NOTE: one comparison, because a negative number is a large one when unsigned (benchmarks: batches).
+        is_wrong = chosen.view(np.uint64) >= self.counts.view(np.uint64)
+        if self._aims is not None:
+            is_wrong &= ~self._aims.are_known(chosen)
+        if is_wrong.any():
+            game, agent = np.argwhere(is_wrong)[0]
+            raise BadValue(
+                f"{by}: action {chosen[game, agent]} of agent {self.roster.name(self.agents[agent])} in game "
+                f"{self.games[game]}, turn {self.turn[game]}, is not the number of a legal node: it has "
+                f"{self.counts[game, agent]}, numbered from 0."
+            )
+        return chosen
+
+
+def as_actions(given: object, shape: tuple[int, ...], by: str) -> IntArray:
+    """Return actions as an array of integers, one for each game and agent.
+
+    Args:
+        given: the actions.
+        shape: the numbers of games and agents.
+        by: the function that returned them, for messages.
+
+    Raises:
+        BadType, BadValue: they are not integers, or have a wrong shape.
+    """
+    try:
+        actions = np.asarray(given)
+    except ValueError:  # lists of several lengths
+        actions = np.array(None)
+    if actions.size and actions.dtype.kind not in "iu":
+        raise BadType(f"{by}: actions are the numbers of legal nodes, not {shown(given)}.")
+    if actions.shape != shape:
+        raise BadValue(
+            f"{by}: there is one action for each game and agent, an array {shape}, "
+            f"not one of the shape {actions.shape}."
+        )
+    return actions
+
+
+def asked_view(state: GameArrays, games: IntArray, agents: IntArray, here: BoolArray | None = None) -> ArrayView:
+    """Return a view for a strategy to decide with; `here` restricts its mask, (all games, all agents)."""
+    view = ArrayView(state, games, agents)
+    if here is not None:
+        view.mask = view._whole = view.mask & here[np.ix_(games, agents)]
+    view._deeds = []
+    view._outboxes = []
+    if state.radio is not None:
+        view._channels = state.radio.channels
+    view._lock()
+    return view
+
+
+def movement_in(view: ArrayView) -> Movement:
+    """Return the movement of the agents of a view; for the strategies of GAMMS."""
+    return view._movement
+
+
+def numbers_in(view: ArrayView, which: Any) -> tuple[IntArray, IntArray]:
+    """Return the game numbers and the roster numbers of some agents of a view."""
+    shape = view.node.shape
+    return np.broadcast_to(view.games[:, None], shape)[which], np.broadcast_to(view.agents, shape)[which]
+
+
+def views_by_map(view: ArrayView) -> Iterator[tuple[IntArray, ArrayView]]:
+    """Yield (indices, view) for each group of games of a view with the same open roads."""
+    for _, places in view._state.roads.by_map(view.games):
+        yield places, view.in_games(places)
+
+
+def vectors_in(view: ArrayView, others: int, more: int, threads: int) -> Vectors:
+    """Return the vectors of a view with additional entries; see `Encoder.made`."""
+    return view._encoded(others, more, threads)
+
+
+def observers_in(view: ArrayView) -> observe.Observers:
+    """Return the agents of a view in the form of the core."""
+    return view._observers(view.mask, np.arange(len(view.games)) * len(view.agents))
+
+
+def lasting_in(
+    views: Sequence[ArrayView], agents: IntArray, others: int, mask: BoolArray, first: IntArray
+) -> tuple[Encoder, observe.Observers] | None:
+    """Return an encoder and observers for the games on all maps, which can be reused after any turn.
+
+    Args:
+        views: a view of the games on each map.
+        agents: numbers in the roster, in any order.
+        others: the number of other agents in a vector.
+        mask: (games, agents) the living agents, in rows of the output; it may change.
+        first: (games,) the first node of the map of each game, among the nodes of all maps; it may change.
+
+    Returns:
+        The encoder and the observers; None if they cannot be reused, because turns change other columns that affect
+        observations, or sensors differ between maps.
+    """
+    those = [view.of(agents) for view in views]
+    if not all(one._movement.are_plain(agents) and one._plain_looks() is not None for one in those):
+        return None
+    looks = [looks_of(one.roster, [True] * len(one.roster.names)) for one in those]
+    if any(one != looks[0] for one in looks):
+        return None
+    own = those[0]
+    streets = [one.streets for one in those]
+    xy = [one.columns.xy for one in streets]
+    sensors = strategies.SensorTable(*looks[0], len(own.roster.teams), flat(np.concatenate(xy), np.float64))
+    ends = np.cumsum(np.concatenate([one.counts for one in streets]))
+    legal = legal_of(np.concatenate(([0], ends)), np.concatenate([one.targets for one in streets]))
+    games = np.arange(len(mask))
+    numbers = flat(games, np.int64), flat(games * len(agents), np.int64)
+    observers = own._made_observers(mask, numbers, (_NO_CHOICES, *legal), (sensors, *_NO_PAIRS), first)
+    return Encoder(xy, len(own.roster.names), others, own._movement.width), observers
+
+
+def alive_in(view: ArrayView) -> BoolArray:
+    """Return a mask of the living agents in all games of the batch, (all games, all agents); turns change it."""
+    return view._state.alive
+
+
+def roads_in(view: ArrayView) -> OpenRoads:
+    """Return the open roads of the games on the map of a view."""
+    return view._state.roads
+
+
+class _LazyMapping(Mapping[str, T]):
+    """A mapping of sensor or channel names to data for the agents of a view, computed on access."""
+
+    def __init__(self, names: Iterable[str], ask: Callable[[str], T]) -> None:
+        self._names = tuple(names)
+        self._ask = ask
+
+    def __getitem__(self, name: str) -> T:
+        return self._ask(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
+def _sensors(view: ArrayView) -> Mapping[str, VisibleAgentPairs | VisibleNodes]:
+    agents = view.roster.agents
+    of_nodes = names_of(agents, view.agents, SHOWING_NODES)
+    names = sorted({*names_of(agents, view.agents, SHOWING_AGENTS), *of_nodes})
+    return _LazyMapping(names, lambda name: view.seen_nodes(name) if name in of_nodes else view.seen(name))
+
+
+_VALUES: dict[str, Callable[[ArrayView], Any]] = {
+    "curr_pos": lambda view: view.streets.ids_of(view.node),
+    "edge": lambda view: view._places().edge,
+    "offset_m": lambda view: view._places().offset_m,
+    "xy": lambda view: view._places().xy,
+    "z": lambda view: view._heights(),
+    "legal": lambda view: view._legal(),
+    "mask": lambda view: view.mask,
+    "name": lambda view: tuple(view.roster.names[number] for number in view.agents.tolist()),
+    "team": lambda view: tuple(view.roster.teams[team] for team in view.roster.team_of[view.agents].tolist()),
+    "turn": lambda view: view.turn,
+    "time": lambda view: view._time(),
+    "draw": lambda view: view.draw,
+    "facts": lambda view: view._state.facts,
+    "sensor": _sensors,
+    "blocked": lambda view: view._blocked,
+    "deeds": lambda view: view._state.deeds.declared,
+    "inbox": lambda view: _LazyMapping(view._channels, view.heard),
+}
+
+_OTHERWISE = {  # keys of `state` without array form -> the replacement
+    "memory": "view.keep(key, make)",
+    "team_memory": "view.keep(key, make) and view.memory_of",
+    "rng": "view.draw",
+    "outbox": "view.send(channel, where, body)",
+    "action": "what the form returns, and view.do(deed, where)",
+    "quat": "view['xy'] of two turns",
+    "fork": "ctx.game.batch",
+}
+
+
+class VectorWriter(NamedTuple):
+    """Writes the observation vectors of agents in all games.
+
+    Attributes:
+        alive: (games, all agents) whether each agent of the roster is alive.
+        agents: (agents,) the numbers of the observing agents in the roster, in the order of the vectors.
+        mask: (games, agents) whether each observing agent is alive.
+        encoder, observers: see `write_vectors`.
+        first: (maps + 1,) the index of the first node of each map among the nodes of all maps.
+        first_node: (games,) the index of the first node of each game's map.
+        roads: the open roads of the games on each map.
+        more: the number of additional entries; see `Encoder.made`.
+        threads: the number of threads that write.
+    """
+
+    alive: BoolArray
+    agents: IntArray
+    mask: BoolArray
+    encoder: Encoder
+    observers: observe.Observers
+    first: IntArray
+    first_node: IntArray
+    roads: list[OpenRoads]
+    more: int
+    threads: int
+
+    def hold(self) -> bool:
+        """Return whether the writer is still valid: in no game are roads open that differ from the start."""
+        return not any(roads.are_closed for roads in self.roads)
+
+    def move(self, maps: IntArray) -> None:
+        """Set the map of each game by its number, (games,)."""
+        self.first_node[:] = self.first[maps]
+
+    def written(self, known: Vectors | None = None, which: IntArray | None = None) -> Vectors:
+        """Return the vectors of all games in new arrays.
+
+        Args:
+            known: the vectors before some games were reset; they are copied for the other games.
+            which: the numbers of the games to write; None: all games.
+        """
+        mask = self.alive.take(self.agents, axis=1)
+        self.mask[:] = mask
+        found = self.encoder.made(mask, self.more)
+        if known is not None and which is not None:
+            found.values[:] = known.values
+            found.legal[:] = known.legal
+            found.counts[:] = known.counts
+        places = np.arange(len(mask)) if which is None else which
+        write_vectors(self.encoder, self.observers, self.encoder.output(found), places, self.threads)
+        return found
+
+
+def writers_of(
+    views: Sequence[ArrayView], maps: IntArray, agents: IntArray, others: int, more: int, threads: int
+) -> VectorWriter | None:
+    """Return a writer of the observation vectors of agents.
+
+    Args:
+        views: a view of the games on each map; a view may contain no games.
+        maps: (games,) the number of the map of each game.
+        agents: the numbers of the observing agents in the roster, in any order.
+        others: the number of other agents in a vector.
+        more: the number of additional entries; see `Encoder.made`.
+        threads: the number of threads that write.
+
+    Returns:
+        The writer; None if the core does not hold the observations in columns.
+    """
+    first = np.cumsum([0, *(view.streets.num_nodes for view in views)])
+    first_node = first[maps]
+    mask = np.zeros((len(maps), len(agents)), np.bool_)
+    found = lasting_in(views, agents, others, mask, first_node)
+    if found is None:
+        return None
+    roads = [roads_in(view) for view in views]
+    return VectorWriter(alive_in(views[0]), agents, mask, *found, first, first_node, roads, more, threads)

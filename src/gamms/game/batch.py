@@ -1,0 +1,921 @@
+"""The public interface of a batch: many games of one scenario, played together."""
+
+import os
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from threading import RLock
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple, NoReturn, Self
+
+import numpy as np
+
+from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
+from gamms.errors import BadType, BadValue, GammsError, UnknownName
+from gamms.game.array_functions.given import OutsideActions, OutsideActor, as_given, as_kept
+from gamms.game.array_functions.view import ArrayView
+from gamms.game.batch_engine import BatchEngine, LearnerActions, movement_in_core
+from gamms.game.block.columns import (
+    BYTES_PER_AGENT,
+    AgentTable,
+    ComingAgent,
+    NewAgents,
+    PlayedGame,
+    ZeroDefaultScores,
+    agents_of,
+    drawn_maps,
+    reserved,
+)
+from gamms.game.block.state import Columns, GameArrays
+from gamms.game.cursor.called_functions import first_called
+from gamms.game.cursor.own_functions import FunctionsPerGame, MakeFunctions
+from gamms.game.cursor.separate_games import SeparateGames
+from gamms.game.hidden_state import refusing_changes
+from gamms.game.random_streams import global_state, seeded_for_run
+from gamms.game.result import Result
+from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.limits import max_memory, refuse_above
+from gamms.progress import progress as progress_line
+from gamms.progress import uninterrupted
+from gamms.readonly import Immutable, locked
+from gamms.text import shown
+from gamms.typing.agent_engine import IAgent
+
+MostAgents = int | Mapping[Any, int | Sequence[str]]
+"""The largest number of agents of a team, for every team or by team; or by team, the names of agents to reserve."""
+_AT_ONCE_IN_CORE = 1 << 22  # agents times turns that the core plays between two checks for Ctrl-C
+
+
+class BatchSource(NamedTuple):
+    """The source of the games of a batch on one map.
+
+    Attributes:
+        game: the game at its start, in a context that belongs to the batch.
+        starts: returns the ids of the start nodes for several seeds, agent name -> (seeds,); None: the start nodes do
+            not depend on the seed.
+        build: makes a context with the game of a seed; None: the batch was not made from a scenario.
+        show: does the same with a window; None: games are shown without one.
+        functions: makes the strategies, plans and functions of sensors that depend on the seed; None: none do.
+        differs: whether rules, facts, data or attributes of agents depend on the seed, too.
+        more_edges: edges that are not on the map of the game, but may be for other seeds.
+    """
+
+    game: PlayedGame
+    starts: Callable[[Sequence[int]], Mapping[str, IntArray]] | None
+    build: Callable[[int], Any] | None
+    show: Callable[[int], Any] | None
+    functions: MakeFunctions | None = None
+    differs: bool = False
+    more_edges: ClosedEdges = MappingProxyType({})
+
+
+class _SingleGame(NamedTuple):
+    """A game of the batch that is played again in a separate context."""
+
+    number: int
+    game: PlayedGame
+
+
+class Batch(Immutable):
+    """Many games of one scenario, each with its own seed: `scenario.batch(1000)`, `ctx.game.batch(1000)`.
+
+    Game i equals the game that `scenario.play(seed=seeds[i])` plays. The core plays the games, and calls plain
+    functions and array functions between its phases. A game in which a plain function does what the core cannot do, for
+    example changes a setting, continues in a context of its own. A batch is a context manager.
+
+    Attributes:
+        seeds: (games,) the seed of each game.
+        maps: (games,) the number of each game's map, drawn from its seed; 0 if there is one map.
+        slow: the first plain function that is called game by game, as text; None: there is none.
+        is_closed: whether `close` was called; results remain available.
+    """
+
+    seeds: Sequence[int]
+    maps: IntArray
+    slow: str | None
+    is_closed: bool
+    _way_out = "settings are those of the scenario, or of ctx.game, when it is made; reset(seeds=…) begins other games."
+
+    def __init__(
+        self,
+        sources: Sequence[BatchSource],
+        seeds: Sequence[int],
+        *,
+        record: bool,
+        most_agents: MostAgents | None,
+    ) -> None:
+        self._sources = sources
+        self._rosters = [_roster_of(source.game, most_agents) for source in sources]
+        self._roster = self._rosters[0]
+        for number, roster in enumerate(self._rosters):
+            _refuse_other_agents(roster, self._roster, number)
+        self._put_public(seeds=seeds)
+        self._refuse_too_many(BYTES_PER_AGENT * len(sources))
+        maps = locked(drawn_maps(seeds, len(sources)))
+        self._put_public(seeds=tuple(seeds), slow=None, maps=maps, is_closed=False)
+        # Before agents move in those contexts:
+        self._first_nodes = [
+            roster.first_nodes(source.game) for source, roster in zip(sources, self._rosters, strict=True)
+        ]
+        self._begin: IntArray = np.zeros((len(seeds), len(self._roster.names)), np.int64)  # see `_starts`
+        self._own = [
+            FunctionsPerGame(one.game, one.functions, self.seeds, one.more_edges, differs=one.differs)
+            for one in sources
+        ]
+        self._engine = self._made_engine()
+        self._separate = SeparateGames(self._engine, self._roster, self._begun_at, self._playing_alone)
+        is_kept = as_bool(record, "record") or self._engine.may_leave
+        self._log: list[dict[Hashable, OutsideActions]] | None = [] if is_kept else None
+        self._begun = np.zeros(len(seeds), np.int64)  # the length of the log at each game's start; -1: loaded
+        self._steps = 0
+        self._ran_from: IntArray | None = None  # (games,) the turns played before the current run; None: none runs
+        self._is_said = False  # whether the slow part was logged
+        self._first_turn = sources[0].game.turn  # the number of turns played before the batch
+        self._shown: _SingleGame | None = None  # the game in the context that `context` returned
+        self._window: _SingleGame | None = None  # the game in the window, with the number of its map
+        self._alone: _SingleGame | None = None  # the game that is playing now
+        self._was_given = False  # whether actions were passed to `step` and not logged
+        self._lock = RLock()  # of the thread that plays
+
+    def _made_engine(self) -> BatchEngine:
+        """Return the engine of the games, and set `slow`."""
+        engine = self._made_in_core()
+        self._put_public(slow=first_called(self._sources[0].game, self._roster))
+        return engine
+
+    def _made_in_core(self) -> BatchEngine:
+        """Return the engine that plays the games in the core.
+
+        Raises:
+            TooLarge: the games do not fit into memory.
+            BadValue, UnknownName: a game that has begun refers to a node or edge that the map no longer has.
+        """
+        self._take_functions(np.arange(len(self)))
+        games = [source.game for source in self._sources]
+        each = zip(games, self._rosters, self._own, strict=True)
+        movements = [movement_in_core(game, roster, own.more_edges) for game, roster, own in each]
+        self._begin = self._starts(self.seeds, self.maps)
+        return BatchEngine(games, movements, self.seeds, self.maps, self._begin, self._rosters, self._own)
+
+    def _take_functions(self, games: IntArray) -> None:
+        """Make and install the strategies and plans of games, if they depend on the seed."""
+        for number, own in enumerate(self._own):
+            if own.is_needed:
+                on_map = games[self.maps[games] == number]
+                own.take(on_map, [self.seeds[game] for game in on_map.tolist()])
+                own.install()
+
+    def __len__(self) -> int:
+        return len(self.seeds)
+
+    def __repr__(self) -> str:
+        games = f"{len(self)} games, {int(self._engine.is_over.sum())} over, played in the core"
+        if self._separate:
+            games += f", {len(self._separate)} of them in contexts of their own"
+        return f"Batch({games})"
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse to be pickled or copied."""
+        raise BadType(
+            "A batch can neither be pickled nor copied, because it plays in a context. Pickle its scenario and make a "
+            "batch of it in the other process; columns() and load(…) of batches copy games in arrays."
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the contexts of the batch."""
+        self._put_public(is_closed=True)
+        self._hide()
+        self._separate.close()
+        self._close_window()
+        for source in self._sources:
+            source.game.ctx.terminate()
+
+    def _refuse_closed(self) -> None:
+        if self.is_closed:
+            raise BadValue("This batch is closed: make another one with scenario.batch(…) or ctx.game.batch(…).")
+
+    # -- playing ------------------------------------------------------------------------------------------------
+
+    def step(
+        self,
+        actions: Mapping[Hashable, Any] | None = None,
+        *,
+        on_illegal: Literal["raise", "stay"] = "raise",
+        threads: int = 1,
+    ) -> BoolArray:
+        """Play one turn of all games that are not over; return a mask of the games that continue, (games,).
+
+        The first Ctrl-C takes effect after the turn; a second one interrupts the turn.
+
+        Args:
+            actions: team -> integers, (games, agents of the team, ordered by name): the index in `state["legal"]` of
+                the node that each agent moves to, 0 to stay. Teams without actions play their own strategies. Actions
+                of dead agents and of finished games are ignored. Instead of integers, a dict with the optional keys
+                `"moves"`: the integers, otherwise all stay; `"flights"`: the offsets of flying agents, (games, agents,
+                3), map units, otherwise they hover; `"deeds"`: deed -> (where, fields), or `where` alone, a mask
+                (games, agents); and `"messages"`: channel -> (where, body) or (where, body, to). Fields, bodies and
+                `to` are as in `view.do` and `view.send`: one value for all, or arrays (games, agents).
+            on_illegal: "raise": refuse illegal actions; "stay": agents with an illegal action stay, for example after a
+                rule of the phase "before" has made nodes illegal that `observe` listed.
+            threads: the number of threads that play; see `run`.
+
+        Raises:
+            UnknownName (KeyError): no agent plays for a team, or a deed or channel does not exist.
+            BadType, BadValue: actions have a wrong type or shape, or are illegal. No game has played and no rule was
+                called, unless a rule of the phase "before" made an action illegal; then these rules were called, and
+                other actions may be passed.
+        """
+        self._refuse_closed()
+        wanted = dict(as_mapping({} if actions is None else actions, "actions"))
+        may_stay = as_choice(on_illegal, "on_illegal", ("raise", "stay")) == "stay"
+        given = {team: self._as_given(team, value)._replace(may_stay=may_stay) for team, value in wanted.items()}
+        self._step(given, None, min(as_count(threads, "threads"), len(self)))
+        self._follow()
+        return ~self._engine.is_over
+
+    def _step(self, given: dict[Hashable, OutsideActions], numbers: LearnerActions | None, threads: int) -> None:
+        """Play one turn, and log the given actions."""
+        before, is_played = self._engine.turns(), False
+        with self._playing(), uninterrupted(at_most_once=True):
+            try:
+                with self._watched():
+                    self._play_turn(given, numbers, threads)
+                is_played = True
+            finally:
+                if is_played or (self._engine.turns() > before).any():  # a rule may raise after all agents moved
+                    self._note(given)
+                    self._was_given |= self._log is None and numbers is not None
+
+    def _step_numbers(self, numbers: LearnerActions, threads: int) -> bool:
+        """Play a turn; see `step_numbers`."""
+        self._refuse_closed()
+        if not self.is_in_arrays:
+            return False
+        given = dict[Hashable, OutsideActions]()
+        if self._log is not None:  # games may have to be played again
+            public = np.cumsum(self._roster.is_public) - 1  # numbers among public agents
+            for team in self.teams:
+                members = public[self._roster.members(team)]
+                if numbers.is_given[members].all():
+                    given[team] = OutsideActions(as_kept(numbers.actions[:, members]), {}, {}, may_stay=True)
+        self._step(given, numbers, threads)
+        self._follow()
+        return True
+
+    def _play_turn(
+        self, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None, threads: int
+    ) -> None:
+        engine = self._engine
+        separate = self._separate
+        going = separate.going if self._ran_from is None else []
+        turns = engine.turns()
+        separate.check(given if going else {})
+
+        def play_others(leaving: dict[int, str]) -> None:
+            self._take_leaving(leaving, turns)
+            if self._ran_from is None:
+                separate.step([*going, *leaving], given)
+
+        is_single = np.count_nonzero(~engine.is_over) == 1
+        try:
+            with nullcontext() if is_single else separate.undoing_after_error():
+                engine.step(
+                    {} if numbers is not None else given,
+                    numbers and self._with_all_rows(numbers),
+                    threads,
+                    play_others=play_others,
+                )
+        except NewAgents as error:
+            self._begin_with(error.agents)
+            self._play_turn(given, numbers, threads)
+
+    def _take_leaving(self, leaving: Mapping[int, str], turns: IntArray) -> None:
+        """Continue games in contexts of their own after `turns`, (games,), or after those before the current run."""
+        before = turns if self._ran_from is None else self._ran_from
+        for number, why in leaving.items():
+            self._separate.add(number, why, int(before[number]))
+
+    def _begin_with(self, agents: Sequence[IAgent]) -> None:
+        """Play all games again up to the last turn, with rows for agents that rules have created or will create."""
+        self._engine.release()
+        likely = [] if self._ran_from is None else self._agents_ahead()
+        self._rosters = [roster.with_more(agents, likely) for roster in self._rosters]
+        self._roster = self._rosters[0]
+        self._first_nodes = [
+            roster.first_nodes(source.game) for source, roster in zip(self._sources, self._rosters, strict=True)
+        ]
+        self._engine = engine = self._made_in_core()
+        self._separate.move_to(engine, self._roster)
+        for place, given in enumerate(self._log or ()):
+            turns = engine.turns()
+            try:
+                engine.step(given, only=self._begun <= place)
+            except NewAgents as error:
+                self._begin_with(error.agents)
+                return
+            except GammsError:
+                raise
+            except Exception:
+                if (engine.turns() == turns).all():  # otherwise a rule has raised when all had moved, as before
+                    raise
+
+    def _agents_ahead(self) -> list[ComingAgent]:
+        """Return agents like those that rules create in the first game, which is played by itself to its end."""
+        # NOTE: a row for each agent that comes costs all turns so far, unless it is known from another one: with a new
+        # agent in every fifth of 60 turns, a batch took 8 times as long as the games alone.
+        number = int(self.maps[0])
+        own = self._own[number]
+        own.remove()
+        game = self._sources[number].game
+        start = game.snapshot()
+        last = game.settings()["max_turns"]
+        found: dict[str, ComingAgent] = {}
+        try:
+            game.reset(seed=self.seeds[0])
+            with self._playing_alone(0, game), suppress(Exception):  # which the batch raises in its turn
+                while (last is None or game.turn < last) and game.step():
+                    agents = game.ctx.agent.agents.items()
+                    found |= {name: ComingAgent.like(one, name) for name, one in agents if name not in found}
+        finally:
+            game.restore(start)
+        return [agent._replace(is_reserved=False) for agent in found.values()]
+
+    def _with_all_rows(self, numbers: LearnerActions) -> LearnerActions:
+        """Return the actions of public agents as those of all agents."""
+        is_public = self._roster.is_public
+        if is_public.all():
+            return numbers
+        actions = np.zeros((len(self), len(is_public)), np.int64)
+        actions[:, is_public] = numbers.actions
+        is_given = is_public.copy()
+        is_given[is_public] = numbers.is_given
+        return LearnerActions(actions, is_given, numbers.deeds)
+
+    @contextmanager
+    def _playing(self) -> Iterator[None]:
+        """Hold the lock of the batch; refuse to play while another thread plays."""
+        if not self._lock.acquire(blocking=False):
+            raise BadValue(
+                "Another thread plays this batch right now. Make a batch for each thread, or use run(threads=…)."
+            )
+        try:
+            yield
+        finally:
+            self._lock.release()
+
+    def _note(self, given: dict[Hashable, OutsideActions]) -> None:
+        """Log the actions of a played turn."""
+        if self._log is not None:
+            self._log.append(given)
+        self._was_given |= self._log is None and bool(given)
+        self._steps += 1
+
+    def _as_given(self, team: Hashable, value: object) -> OutsideActions:
+        """Return the checked actions of a team; copies if they are logged."""
+        members = self._roster.members(team)
+        given = as_given(value, team, (len(self), len(members)), is_copied=self._log is not None)
+        if given.flights is not None and not self._roster.flies[members].any():
+            raise BadValue(f"team {shown(team)} was given flights, and none of its agents flies.")
+        return given
+
+    def _watched(self) -> AbstractContextManager[None]:
+        """Refuse functions that change hidden state; the check runs after 0, 1, 2, 4, 8, … steps."""
+        return nullcontext() if self._steps & (self._steps - 1) else self._watching()
+
+    def _watching(self) -> AbstractContextManager[None]:
+        return refusing_changes(
+            self._engine.functions,
+            "Keep it in view.keep(key, make) or turn.keep(key, make), else in state['memory'] or ctx.game.data.",
+        )
+
+    def run(self, progress: bool = False, *, warn: bool = True, threads: int = 1) -> None:
+        """Play all games to their ends.
+
+        Args:
+            progress: whether to show the progress on a line of stderr, if it is a terminal.
+            warn: whether to log once the teams without a strategy, and the part that makes the batch slow.
+            threads: the number of threads, if the core plays all parts; the results do not depend on it. Other games
+                use one thread.
+
+        Raises:
+            BadType, BadValue: `progress` or `warn` is not a boolean, `threads` is less than 1, the games have neither
+                a rule nor `max_turns` to end them, or another thread is playing them.
+        """
+        self._refuse_closed()
+        num_threads = min(as_count(threads, "threads"), len(self))
+        is_shown = as_bool(progress, "progress")
+        game = self.game
+        if game.settings()["max_turns"] is None and not game.rules:
+            raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
+        if as_bool(warn, "warn"):
+            game.internals.warn_of_idle_teams()
+            self._say_what_is_slow()
+        with self._playing(), progress_line() as line:
+            show = line if is_shown else None
+            self._ran_from = self._engine.turns()
+            try:
+                self._run_in_core(num_threads, show)
+            finally:
+                self._ran_from = None
+            with self._watching():
+                for _ in self._separate.run(game.settings()["max_turns"]):
+                    if show is not None:
+                        self._show_progress(show)
+        self._follow()
+
+    def _run_in_core(self, threads: int, show: Callable[[str], object] | None) -> None:
+        """Play games to their ends in the core, in chunks of turns, between which Ctrl-C works."""
+        turns = max(1, _AT_ONCE_IN_CORE // (len(self) * len(self._roster.names)))
+        plays_by_phases = self._engine.plays_by_phases
+        before = global_state() if self._engine.calls_each else None
+        while self._engine.playing.any():
+            if plays_by_phases:
+                self.step()
+            else:
+                with uninterrupted(at_most_once=True):
+                    played = self._engine.play(turns, threads)
+                    if self._log is not None:
+                        self._log += [{}] * played
+                    self._steps += played
+            if show is not None:
+                self._show_progress(show)
+        if before is not None and global_state() != before:
+            others = [number for number in range(len(self)) if number not in self._separate]
+            why = "a plain function draws from the global generators of random numbers"
+            self._take_leaving(dict.fromkeys(others, why), self.turn)
+
+    def _show_progress(self, show: Callable[[str], object]) -> None:
+        over = int(self._engine.is_over.sum())
+        show(f"{over} of {len(self)} games over, turn {int(self._engine.turns().max())}")
+
+    def _say_what_is_slow(self) -> None:
+        if self._is_said or self.slow is None:
+            return
+        self._is_said = True
+        self.game.ctx.logger.info(f"A batch calls plain functions game by game, because of {self.slow}.")
+
+    def reset(self, which: Any = None, *, seeds: Iterable[int] | None = None) -> None:
+        """Reset games to their start; with several maps, games with new seeds draw their maps again.
+
+        Args:
+            which: the numbers of games, or a mask (games,); None: all games.
+            seeds: one seed for each of these games; None: keep their seeds.
+
+        Raises:
+            BadType, BadValue: a game does not exist or occurs twice, or `which` or `seeds` has a wrong length.
+        """
+        self._refuse_closed()
+        numbers = self._numbers_of(which)
+        given = [self.seeds[game] for game in numbers] if seeds is None else as_ids(seeds, "seeds")
+        if len(given) != len(numbers):
+            raise BadValue(f"reset got {len(given)} seeds for {len(numbers)} games: give one for each.")
+        if not numbers:
+            return
+        if self._shown is not None and self._shown.number in numbers:
+            self._hide()
+        changed = dict(zip(numbers, given, strict=True))
+        if seeds is not None:
+            maps = self.maps.copy()
+            maps[numbers] = drawn_maps(given, len(self._sources))
+            self._begin[numbers] = self._starts(given, maps[numbers])
+            self._put_public(maps=locked(maps))
+        self._put_public(seeds=tuple(changed.get(game, seed) for game, seed in enumerate(self.seeds)))
+        if any(own.is_needed for own in self._own):
+            self._engine.release()
+            self._take_functions(np.array(numbers))
+        self._engine.start(np.array(numbers), given, self.maps[numbers], self._begin[numbers])
+        self._separate.forget(numbers)
+        if len(changed) == len(self):
+            self._log, self._was_given = None if self._log is None else [], False
+        self._begun[numbers] = len(self._log or ())
+        if self._log:  # drop the turns that no game needs any more
+            first = max(0, int(self._begun.min()))
+            del self._log[:first]
+            self._begun[self._begun >= 0] -= first
+
+    def columns(self) -> Columns:
+        """Return the state of all games as arrays, key -> (games, …), for `load`.
+
+        The arrays hold the positions of agents and the memory of rules and strategies; turn, scores and seeds are not
+        included. Rows can be selected, repeated and concatenated.
+
+        Raises:
+            BadValue: the core does not play all parts of the games, or they have several maps.
+        """
+        return self._arrays("columns").columns()
+
+    def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float] | None = None) -> None:
+        """Set the state of all games from `columns`; games keep their seeds, and their logs are cleared.
+
+        Args:
+            columns: the arrays of `columns()` of a batch of the same scenario, with one row for each game.
+            turn: the number of turns played.
+            scores: key -> (games,) numbers; None: no scores.
+
+        Raises:
+            BadType, BadValue: the core does not play all parts of the games, they have several maps, or the columns do
+                not fit these games.
+        """
+        as_mapping(columns, "columns")
+        for key, points in as_mapping({} if scores is None else scores, "scores").items():
+            numbers = as_array(points, f"Scores of {shown(key)}", "numbers")
+            if numbers.shape not in {(), (len(self),)} or np.isnan(numbers).any():
+                raise BadValue(f"Scores of {shown(key)} are numbers of {len(self)} games, not {shown(points)}.")
+        self._arrays("load").load(columns, as_count(turn, "turn", least=0), scores or {})
+        self._hide()
+        self._begun[:] = -1
+
+    def _arrays(self, what: str) -> GameArrays:
+        if self._separate or self._engine.calls_each:
+            why = str(self.slow).removesuffix(".")
+            raise BadValue(f"{what} needs games that the core plays completely; it does not, because of {why}.")
+        if len(self._sources) > 1:
+            raise BadValue(
+                f"{what} is for games on one map, whose nodes its columns number; these are on {len(self._sources)}: "
+                "make a batch for each map."
+            )
+        return self._engine.state_of(0)
+
+    # -- seeing -------------------------------------------------------------------------------------------------
+
+    def observe(self, team: Hashable, *, map: int | None = None) -> ArrayView:
+        """Return a view of the agents of a team in all games: positions, legal nodes and observations as arrays.
+
+        Args:
+            team: the team.
+            map: the number of a map, required if there are several: the view contains the games that are on this map
+                now, possibly none; its `games` are their numbers.
+
+        Raises:
+            UnknownName (KeyError): no agent plays for the team.
+            BadValue: the map does not exist, or is missing although there are several.
+        """
+        return self._view(self._roster.members(team), map)
+
+    def observe_agent(self, name: str, *, map: int | None = None) -> ArrayView:
+        """Return a view of one agent in all games; see `observe`.
+
+        Raises:
+            UnknownName (KeyError): the agent does not exist.
+            BadValue: see `observe`.
+        """
+        if as_key(name, "The name of an agent") not in self._roster.names:
+            raise UnknownName("agent", name, self._roster.names)
+        return self._view(np.array([self._roster.names.index(name)]), map)
+
+    def _view(self, agents: IntArray, map: int | None) -> ArrayView:
+        num_maps = len(self._sources)
+        if map is None and num_maps > 1:
+            raise BadValue(
+                f"These games are on {num_maps} maps, and a view has one: give map=k, from 0 to {num_maps - 1}, for "
+                "the games of which batch.maps is k."
+            )
+        number = 0 if map is None else as_int(map, "map")
+        if not 0 <= number < num_maps:
+            raise BadValue(f"There is no map {number}: the batch has {num_maps}, numbered from 0.")
+        self._separate.observe([game for game in self.detached if self.maps[game] == number])
+        return self._engine.view(agents, number)
+
+    @property
+    def game(self) -> PlayedGame:
+        """The game that the batch was made from, with its agents, rules and settings.
+
+        With several maps, it is the game on the first map, or on the map of the game whose strategies are being called.
+        """
+        if self._alone is not None:
+            return self._alone.game
+        return self._sources[self._engine.current].game
+
+    @property
+    def num_maps(self) -> int:
+        """The number of maps."""
+        return len(self._sources)
+
+    @property
+    def teams(self) -> tuple[Hashable, ...]:
+        """The teams that agents play for."""
+        return self._roster.public_teams
+
+    @property
+    def roster(self) -> AgentTable:
+        """The agents of all games; rules may add some."""
+        return self._roster
+
+    @property
+    def turn(self) -> IntArray:
+        """The number of turns played, (games,)."""
+        return self._engine.turns()
+
+    @property
+    def scores(self) -> dict[Any, Any]:
+        """The scores, key -> float64 (games,); a score that no game has set is 0."""
+        scores = ZeroDefaultScores(lambda: np.zeros(len(self)))
+        scores.update(self._engine.scores())
+        return scores
+
+    @property
+    def is_over(self) -> BoolArray:
+        """Whether each game has ended, (games,)."""
+        return self._engine.is_over
+
+    @property
+    def terminated(self) -> BoolArray:
+        """Whether each game has ended for a reason other than its time limit, (games,)."""
+        return self._engine.is_over & ~self.truncated
+
+    @property
+    def truncated(self) -> BoolArray:
+        """Whether each game has ended because of its time limit, (games,)."""
+        late = np.zeros(len(self), np.bool_)
+        for game in np.flatnonzero(self._engine.is_over).tolist():
+            over = self._engine.over(game)
+            late[game] = over is not None and over["truncated"]
+        return late
+
+    def result(self, game: int) -> Result:
+        """Return the result of a game so far; timings are 0 if the core plays it."""
+        number = self._as_game(game)
+        return self._separate.result(number) if number in self._separate else self._engine.result(number)
+
+    @property
+    def detached(self) -> dict[int, str]:
+        """The games that are played in contexts of their own, game -> reason; see docs/batches.md."""
+        return dict(sorted(self._separate.reasons.items()))
+
+    def table(self) -> dict[str, Any]:
+        """Return columns with one row for each game: seed, turns, reason, winner, truncated, and `score.<key>`.
+
+        With several maps, the column `map` is the number of each game's map.
+        """
+        overs = [self._engine.over(game) or {} for game in range(len(self))]
+        columns: dict[str, Any] = {"seed": np.array(self.seeds), "turns": self._engine.turns()}
+        if len(self._sources) > 1:
+            columns["map"] = self.maps.copy()
+        columns["reason"] = np.array([over.get("reason", "unfinished") for over in overs], object)
+        columns["winner"] = np.array([over.get("winner") for over in overs], object)
+        columns["truncated"] = np.array([over.get("truncated", True) for over in overs])
+        return columns | {f"score.{key}": numbers for key, numbers in sorted(self._engine.scores().items(), key=str)}
+
+    def record(self, game: int, path: str | os.PathLike[str]) -> None:
+        """Write a recording of the turns of a game played so far, as `scenario.play(seed=…, record=path)` does.
+
+        The game is played again, with the actions that were passed to `step`. An existing file is overwritten.
+
+        Raises:
+            BadValue: actions were passed to `step` without `record=True`, the game was loaded and not reset since, or
+                the batch was not made from a scenario.
+        """
+        number, file = self._as_game(game), as_path(path, "path")
+        build = self._sources[self.maps[number]].build
+        if build is None:
+            raise BadValue("Only a batch of a scenario can be recorded: scenario.batch(…), not ctx.game.batch(…).")
+        self._refuse_unknown_past(number)
+        with build(self.seeds[number]) as ctx:
+            ctx.record.start(file, overwrite=True)
+            self._play_to_now(ctx.game, number)
+
+    def _refuse_unknown_past(self, game: int) -> None:
+        """Refuse to play a game again if its past actions are unknown."""
+        if self._was_given:
+            raise BadValue(
+                "The actions that were given to step were not kept: make the batch with scenario.batch(…, "
+                "record=True), or ask for context(…) before actions are given."
+            )
+        self._entry_of(game)
+
+    def _play_alone(self, game: PlayedGame, number: int, turns: int, *, ends_before_moves: bool = False) -> None:
+        """Play a game in a separate context up to a turn, and the rules that end it before the moves of the next."""
+        first, log = self._entry_of(number) - self._first_turn, self._log or []
+        num_given = self._separate.ran_from.get(number, turns)
+        acting = OutsideActor(game, self._roster)
+        try:
+            with self._playing_alone(number, game), seeded_for_run(game.ctx, game.turn):
+                for turn in range(game.turn, turns):
+                    acting.take(log[first + turn] if log and turn < num_given else {}, number)
+                    _step_again(game)
+                if ends_before_moves and game.over is None:
+                    game.step()
+        finally:
+            acting.end()
+
+    def _play_to_now(self, game: PlayedGame, number: int) -> None:
+        """Play a game in a separate context up to its current turn in the batch."""
+        turns = int(self._engine.turns()[number])
+        is_ended = bool(self._engine.is_over[number]) and turns != self.game.settings()["max_turns"]
+        self._play_alone(game, number, turns, ends_before_moves=is_ended)
+
+    @contextmanager
+    def _playing_alone(self, number: int, game: PlayedGame) -> Iterator[None]:
+        """Let a game play in a separate context."""
+        before = self._alone
+        self._alone = _SingleGame(number, game)
+        try:
+            yield
+        finally:
+            self._alone = before
+
+    def _begun_at(self, number: int, turns: int) -> PlayedGame:
+        """Return a game after a number of turns, in a context of its own."""
+        game = self._begun_alone(number)
+        self._play_alone(game, number, turns)
+        return game
+
+    def _entry_of(self, game: int) -> int:
+        """Return the index of the log entry of a game's first turn."""
+        first = int(self._begun[game])
+        if first < 0:
+            raise BadValue(f"Game {game} was loaded, so it cannot be played from its start: begin it with reset first.")
+        return first
+
+    def context(self, game: int) -> Any:
+        """Return a context that shows a game; it is updated after each turn.
+
+        A game that the core plays, or that the turn engine can no longer show, is played again in a separate context,
+        which takes as long as playing it alone, now and in each later turn. This context is terminated when another
+        game needs one, and when the game is reset; with `vis_engine=`, its window then shows the next game.
+        Other games are shown in the batch's context of their map.
+
+        Raises:
+            BadValue: actions were passed to `step` without `record=True`, or the game was loaded and not reset since.
+        """
+        number = self._as_game(game)
+        with self._playing():
+            if self._separate.has_context(number) and self._sources[self.maps[number]].show is None:
+                return self._separate.game(number).ctx
+            return self._context_of(number)
+
+    def _context_of(self, number: int) -> Any:
+        """Return a separate context that shows a game."""
+        if self._shown is None or self._shown.number != number or self._shown.game.ctx.is_terminated():
+            self._refuse_unknown_past(number)
+            self._hide()
+            if self._log is None:
+                self._begin_log()
+            show = self._sources[self.maps[number]].show
+            game = self._begun_alone(number) if show is None else self._shown_in_window(show, number)
+            self._shown = _SingleGame(number, game)
+        self._follow()
+        return self._shown.game.ctx
+
+    def _begun_alone(self, number: int) -> PlayedGame:
+        """Return a game at its start, in a separate context."""
+        source, seed = self._sources[self.maps[number]], self.seeds[number]
+        game: PlayedGame
+        if source.build is not None:
+            game = source.build(seed).game
+            return game
+        self._engine.release()
+        own = self._own[self.maps[number]]
+        own.remove()
+        game = source.game.fork(0)
+        own.install()
+        game.reset(seed=seed)
+        return game
+
+    def _shown_in_window(self, show: Callable[[int], Any], number: int) -> PlayedGame:
+        """Return a game at its start, in the context with the window; `show` opens one for its map."""
+        seed, map = self.seeds[number], int(self.maps[number])
+        if self._window is not None and self._window.number == map and not self._window.game.ctx.is_terminated():
+            self._window.game.reset(seed=seed)
+            return self._window.game
+        self._close_window()
+        self._window = _SingleGame(map, show(seed).game)
+        return self._window.game
+
+    def _close_window(self) -> None:
+        if self._window is not None:
+            self._window.game.ctx.terminate()
+            self._window = None
+
+    def _begin_log(self) -> None:
+        """Log actions from now on; none were passed before."""
+        turns = self._engine.turns() - self._first_turn
+        most = int(turns.max())
+        self._log = [{} for _ in range(most)]
+        self._begun[self._begun >= 0] = (most - turns)[self._begun >= 0]
+
+    def _follow(self) -> None:
+        """Advance the separate context to the current turn of its game."""
+        if self._shown is not None and not self._shown.game.ctx.is_terminated():
+            self._play_to_now(self._shown.game, self._shown.number)
+
+    def _hide(self) -> None:
+        """Terminate the separate context that shows a game; a window stays open for the next game."""
+        if self._shown is not None and (self._window is None or self._shown.game is not self._window.game):
+            self._shown.game.ctx.terminate()
+        self._shown = None
+
+    @property
+    def is_in_arrays(self) -> bool:
+        """Whether the core plays all games: none is played in a context of its own."""
+        return not self._separate
+
+    @property
+    def loaded(self) -> int | None:
+        """The number of the game whose strategies are being called; None: no strategy is."""
+        if self._alone is not None:
+            return self._alone.number
+        return self._engine.loaded
+
+    # -- inside -------------------------------------------------------------------------------------------------
+
+    def _refuse_too_many(self, per_agent: int) -> None:
+        """Refuse more games than fit into memory, given the bytes for each agent of a game."""
+        games, agents = len(self), len(self._roster.names)
+        fitting = int(max_memory() // max(1, agents * per_agent))
+        what = f"A batch of {games} games with {agents} agents each, of which {fitting} would fit,"
+        refuse_above(games * agents * per_agent, what)
+
+    def _as_game(self, number: int) -> int:
+        game = as_int(number, "The number of a game")
+        if not 0 <= game < len(self):
+            raise BadValue(f"There is no game {game}: the batch has {len(self)}, numbered from 0.")
+        return game
+
+    def _numbers_of(self, which: object) -> list[int]:
+        """Return game numbers from a list of numbers or a mask (games,); None: all games."""
+        try:
+            games = np.arange(len(self)) if which is None else np.asarray(which)
+        except ValueError:  # lists of several lengths
+            games = np.zeros((1, 1))
+        if games.ndim != 1 or (games.dtype == np.bool_ and len(games) != len(self)):
+            wanted = f"a list of numbers of games, such as [0], or of {len(self)} booleans"
+            raise BadValue(f"which is {wanted}, not {shown(which)}.")
+        which_ones = np.flatnonzero(games) if games.dtype == np.bool_ else games
+        numbers = [self._as_game(game) for game in which_ones.tolist()]
+        if len({*numbers}) < len(numbers):
+            raise BadValue(f"Each game is begun again once, not as {shown(which)} says.")
+        return numbers
+
+    def _starts(self, seeds: Sequence[int], maps: IntArray) -> IntArray:
+        """Return the ids of the start nodes, (seeds, agents), for seeds and the numbers of their maps."""
+        found = np.zeros((len(seeds), len(self._roster.names)), np.int64)
+        for number, source in enumerate(self._sources):
+            which = np.flatnonzero(maps == number)
+            if not len(which):
+                continue
+            if source.starts is None:
+                found[which] = self._first_nodes[number]
+                continue
+            nodes = source.starts([seeds[place] for place in which.tolist()])
+            some = next(iter(nodes.values()))  # reserved names need a node, but never use it
+            found[which] = np.stack([nodes.get(name, some) for name in self._roster.names], axis=1)
+        return found
+
+
+def _roster_of(game: PlayedGame, most_agents: MostAgents | None) -> AgentTable:
+    """Return the roster of a game's agents, with names reserved for agents that may enter later."""
+    agents = agents_of(game)
+    roster = AgentTable.of(agents)
+    coming = {name: ComingAgent.departed(name, team) for name, (team, _) in game.internals.state.departed.items()}
+    if most_agents is not None:
+        coming |= {agent.name: agent for agent in reserved(roster, most_agents)}
+    return AgentTable.of(agents, [agent for name, agent in coming.items() if name not in roster.names])
+
+
+def _refuse_other_agents(roster: AgentTable, first: AgentTable, number: int) -> None:
+    """Refuse a map on which the game's agents differ from the first map."""
+    if roster.names != first.names:
+        other = min({*roster.names} ^ {*first.names})
+        raise BadValue(
+            f"On maps[{number}] the game has other agents than on maps[0]: only one of both has {shown(other)}. "
+            "Code of the scenario makes agents by the map; let it make the same on all maps."
+        )
+    are_alike = [
+        roster.teams == first.teams,
+        np.array_equal(roster.team_of, first.team_of),
+        np.array_equal(roster.varies, first.varies),
+        np.array_equal(roster.flies, first.flies),
+    ]
+    if not all(are_alike):
+        raise BadValue(
+            f"On maps[{number}] agents of the game have other teams or kinds than on maps[0]: let the code of the "
+            "scenario make the same on all maps."
+        )
+
+
+def _step_again(game: PlayedGame) -> None:
+    """Play a turn of a game; ignore an error after all agents moved, because the batch has already raised it."""
+    turn = game.turn
+    try:
+        game.step()
+    except Exception:
+        if game.turn == turn:
+            raise
+
+
+def step_numbers(games: Batch, numbers: LearnerActions, threads: int) -> bool:
+    """Play one turn of all games that are not over, if the core plays them; return whether it does.
+
+    Args:
+        games: the batch.
+        numbers: the actions of learners.
+        threads: the number of threads that play.
+    """
+    return games._step_numbers(numbers, threads)

@@ -1,0 +1,1224 @@
+"""Plays all games of a batch in the core, phase by phase where array functions are called between its phases."""
+
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import chain
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.core.arrivals import PHASES as PHASES_AT_ARRIVALS
+from gamms.core.turn import PHASES as PHASES_OF_CORE
+from gamms.errors import GammsError
+from gamms.game.array_functions.given import OutsideActions, as_flights
+from gamms.game.array_functions.turn import ArrayTurn
+from gamms.game.array_functions.view import ArrayStrategy, ArrayView, TowardsInBatch, asked_view
+from gamms.game.block.channels import MessageTraffic, radio_of
+from gamms.game.block.columns import (
+    AgentTable,
+    ComingAgent,
+    Failure,
+    NewAgents,
+    PlayedGame,
+    decider_of,
+    in_threads,
+    in_turns,
+    kept_in,
+    sensors_of,
+    some_rows,
+)
+from gamms.game.block.deeds import DeclaredDeeds, DeedLog, deed_log_of
+from gamms.game.block.in_core import CoreColumns, CoreGames, called_rules, is_function
+from gamms.game.block.initial_state import InitialState, movement_of
+from gamms.game.block.sensing import called_each_turn, look, note_sensors, turns_with_agent
+from gamms.game.block.state import GameArrays, LeavesSharedContext
+from gamms.game.cursor.called_functions import (
+    acts_before_moves,
+    asked_of,
+    first_called,
+    has_function_of_conflicts,
+    is_plain_rule,
+)
+from gamms.game.cursor.cursor import Cursor
+from gamms.game.cursor.own_functions import FunctionsPerGame, function_in
+from gamms.game.cursor.pointed import PointedContext
+from gamms.game.deeds import checked_value
+from gamms.game.messages import ANTENNA, MessagePositions
+from gamms.game.movement.by_metres import MetricMovement
+from gamms.game.movement.legality import IllegalAction
+from gamms.game.movement.one_edge import Movement, MovementOnMaps
+from gamms.game.order import left_out
+from gamms.game.result import Result
+from gamms.game.settings import NamedRule, Plan
+from gamms.game.strategy_specs import call_each, decides_in_arrays, key_of, strategy_spec_of
+from gamms.ir.game_state import PHASES
+from gamms.ir.graph import ClosedEdges, FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.text import as_code, shown
+from gamms.typing.agent_engine import IAgent
+from gamms.typing.game import strategy_name
+
+_DECIDE, _SETTLE, _MOVE = PHASES_OF_CORE
+_ARRIVE, _CHOOSE, _GO_ON = PHASES_AT_ARRIVALS
+
+
+class StrategyGroup(NamedTuple):
+    """Agents that one array function decides for."""
+
+    name: str
+    agents: IntArray  # numbers in the roster
+    form: ArrayStrategy
+
+
+class LearnerActions(NamedTuple):
+    """The actions of some agents in a turn of all games.
+
+    Attributes:
+        actions: (games, agents of the roster) numbers of legal nodes; those of dead agents do not count.
+        is_given: (agents,) which agents take them.
+        deeds: deed -> which of these agents do it, (games, given agents), and its fields; see `ArrayView.do`.
+    """
+
+    actions: IntArray
+    is_given: BoolArray
+    deeds: Mapping[str, tuple[BoolArray, Mapping[str, Any]]] = MappingProxyType({})
+
+
+class GamesOnOneMap:
+    """The games of a batch that are on one map: their rules, and the functions that are called between phases.
+
+    Args:
+        game: at its start, on the map.
+        state: of all games of the batch, as they are on this map.
+        block: the columns that the games on all maps share.
+        games: (games,) those that are on the map at first.
+        own: what differs between the games from their start.
+
+    Attributes:
+        game, state: see above.
+        before, deeds: the rules of the phases "before" and "deeds".
+        acts: whether functions are called between decisions and moves.
+        leaves_out: whether the order of play leaves out the team of an agent.
+        core: plays them.
+        cursor: calls plain functions; None: there are none.
+
+    Raises:
+        GammsError: a rule or the conflicts cannot be played in the core, or not from where the game is.
+    """
+
+    def __init__(
+        self,
+        game: PlayedGame,
+        state: GameArrays,
+        block: CoreColumns,
+        games: IntArray,
+        own: FunctionsPerGame,
+    ) -> None:
+        self.game = game
+        self._own = own
+        self.state = state
+        roster = state.roster
+        settings = game.settings()
+        if settings["team_memory"]:
+            state.share_memories()
+        check = partial(checked_value, ctx=game.ctx)
+        state.deeds = DeclaredDeeds(settings["deeds"], check, roster, state.streets, state.roads.are_open)
+        self._block = block
+        self._unlisted = roster.unlisted(settings["order"])
+        self.leaves_out = bool(self._unlisted.any())
+        for agent in roster.agents if decides_at_arrivals(state.movement) else ():
+            decider = decider_of(agent, settings["plans"])
+            if errs(agent) and decides_in_arrays(decider, settings):  # looks are counted game by game
+                call_each(decider)
+        rules, asked = called_rules(game, roster), asked_of(game, roster)
+        self.before = [one for one in rules if one.phase == "before"]
+        self.deeds = [one for one in rules if one.phase == "deeds"]
+        self._has_checks = len(game.internals.parts.rules.now.checks) > 0
+        self._has_conflicts = has_function_of_conflicts(game, roster)
+        self.acts = acts_before_moves(game, roster)
+        self._groups = _groups(roster, settings)
+        collects = len(game.internals.parts.collectors.by_name) > 0
+        self._observing = _observing(game, roster)
+        observing = np.flatnonzero(self._observing).tolist()
+        self._is_asked = np.isin(np.arange(len(roster.names)), asked)
+        calls_each = self.acts or collects or len(asked + observing) > 0 or any(map(is_plain_rule, rules))
+        self._initial = InitialState(game, state, block, games)
+        self._put_own(games)
+        carried = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
+        note_sensors(state, range(len(roster.names)), with_nodes=any(map(turns_with_agent, carried)))
+        pointed = PointedContext(game, state)
+        state.look = partial(look, game, state, pointed)
+        state.change_roads = pointed.change_roads
+        state.facts.update(game.facts)
+        for one in rules:
+            if one.spec.prepare_arrays is not None:
+                one.spec.prepare_arrays(state)
+        self.core = CoreGames(
+            game, state, block, is_apart=calls_each or not (state.radio is None and state.flights is None)
+        )
+        self.cursor: Cursor | None = None
+        if calls_each:
+            has_arrays = len(self._groups) > 0 or any(one.spec.is_array_function for one in rules)
+            self.cursor = Cursor(
+                game, pointed, state, self.core, asked, observing, own.first, has_array_functions=has_arrays
+            )
+        self._is_strict = settings["on_illegal"] == "raise"
+        self._flights: dict[Hashable, FloatArray | None] = {}  # by team, those that are given in this turn
+        self._called = as_code(decider_of(roster.agents[asked[0]], settings["plans"])) if asked else ""
+
+    @property
+    def _at_arrivals(self) -> bool:
+        return decides_at_arrivals(self.state.movement)
+
+    @property
+    def asks_functions(self) -> bool:
+        """Whether functions decide for agents, or agents observe by sensors that are called."""
+        return len(self._groups) > 0 or bool((self._is_asked | self._observing).any())
+
+    @property
+    def functions(self) -> list[Callable[..., object]]:
+        """The functions that are called."""
+        rules = [
+            one.spec.array_form for one in called_rules(self.game, self.state.roster) if one.spec.is_array_function
+        ]
+        plain = [] if self.cursor is None else self.cursor.functions
+        return [*(group.form for group in self._groups), *filter(None, rules), *plain]
+
+    def checkpoints(self, *, is_given: bool) -> Iterator[Callable[[], None]]:
+        """Yield a function that takes back what happens from now on, where functions may raise after rules or moves.
+
+        `is_given` says whether actions come from outside.
+        """
+        may_raise = len(self._groups) > 0 or self.state.radio is not None
+        may_raise_later = (may_raise and self.core.num_parts > 1) or self.asks_at_arrivals(is_given=is_given)
+        if self.cursor is not None:
+            yield self.cursor.checkpoint()
+        elif may_raise_later or self.leaves_out:
+            yield self.state.checkpoint(self.core.moves)
+
+    def asks_at_arrivals(self, *, is_given: bool) -> bool:
+        """Return whether functions are called where agents arrive, or actions from outside are taken there."""
+        return self._at_arrivals and (is_given or self.asks_functions or self._has_conflicts)
+
+    @property
+    def at_rest(self) -> BoolArray | None:
+        """Which agents decide for certain as a turn begins, (all games, agents); None: all."""
+        if not self._at_arrivals:
+            return None
+        games, agents = self.state.node.shape
+        at_rest: BoolArray = self.state.movement.on_edge((np.arange(games)[:, None], np.arange(agents))) < 0
+        return at_rest
+
+    def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
+        """Begin games on this map, with other seeds, their agents on these nodes, (games, agents)."""
+        self.state.reset(games, seeds, self.state.streets.rows(start))
+        self._initial.put(self.state, self._block, games)
+        self._put_own(games)
+        if self.cursor is not None:
+            self.cursor.forget(games)
+
+    def _put_own(self, games: IntArray) -> None:
+        """Begin games with the scores, events and open roads that are theirs alone."""
+        state = self.state
+        for number in games.tolist():
+            game = np.array([number])
+            own = self._own.maps[number]
+            if own is not None:
+                roads = state.roads.map_with(own.edge_ids, own.closed)
+                if roads is not None:
+                    roads.snapshot = own.snapshot
+                state.put_roads(game, roads)
+            values = self._own.first[number] if self._own.first else None
+            if values is not None:
+                state.scores.put(game, values.scores)
+                state.events.forget(game)
+                state.events.begin(game, [dict(event) for event in values.events])
+
+    def refuse_unlisted(self, games: IntArray) -> None:
+        """Refuse to play games in which an agent lives whose team the order of play leaves out.
+
+        Raises:
+            BadValue: there is one.
+        """
+        lives = self.state.alive[games] & self._unlisted
+        if lives.any():
+            at, agent = np.argwhere(lives)[0].tolist()
+            roster, number = self.state.roster, int(games[at])
+            error = left_out(roster.names[agent], roster.teams[roster.team_of[agent]])
+            error.add_note(f"In game {number} of a batch, with the seed {self.state.seeds[number]}.")
+            raise error
+
+    def check_given(self, games: IntArray, given: Mapping[Hashable, OutsideActions]) -> None:
+        """Refuse deeds and messages that are not legal before a rule is called."""
+        for team, wanted in given.items():
+            wanted.act(asked_view(self.state, games, self.state.roster.members(team), self.at_rest))
+
+    def call_before(self, games: IntArray) -> None:
+        """Call the rules of the phase "before"."""
+        games = self._initial.not_under_way(self.state, games)
+        for named in self.before:
+            self.call(named, games[self.state.is_going[games]])  # a game that one of them ends is over for the others
+
+    def take(
+        self,
+        games: IntArray,
+        given: Mapping[Hashable, OutsideActions],
+        numbers: LearnerActions | None,
+        here: BoolArray | None = None,
+    ) -> None:
+        """Take what agents are given besides their moves, which are in the block.
+
+        Args:
+            games: that are played.
+            given: team -> what its agents do, in place of what their strategies decide.
+            numbers: what other agents do.
+            here: (all games, agents) which agents decide now; None: all.
+        """
+        state, actions = self.state, self._block.given
+        self._flights = {team: wanted.flights for team, wanted in given.items()}
+        if numbers is not None:
+            if self.before or here is not None:  # the agents may be elsewhere
+                counts = asked_view(state, games, np.arange(actions.shape[1])).counts
+                actions[games] *= (actions[games] >= 0) & (actions[games] < counts)
+            if self.cursor is not None or numbers.deeds:
+                agents = np.flatnonzero(numbers.is_given)
+                self._take_acts_of(games, agents, OutsideActions(actions[:, agents], numbers.deeds, {}), here)
+        for team, wanted in given.items():
+            if self.cursor is not None or wanted.deeds or wanted.messages:
+                self._take_acts_of(games, state.roster.members(team), wanted, here)
+
+    def _take_acts_of(self, games: IntArray, agents: IntArray, given: OutsideActions, here: BoolArray | None) -> None:
+        """Take the deeds and messages that agents are given, and note their actions."""
+        view = asked_view(self.state, games, agents, here)
+        if self.cursor is not None:
+            self.cursor.note_given(view)
+        given.act(view)
+        self._take_acts(view)
+
+    def takes_block(self, is_given: BoolArray) -> BoolArray:
+        """Return which agents take the actions in the block, (agents,): those of functions, and those that are given.
+
+        Args:
+            is_given: (agents,) which agents have an action from outside.
+        """
+        takes = is_given | self._is_asked
+        for group in self._groups:
+            takes[group.agents] = True
+        return takes
+
+    def decide(self, games: IntArray, part: int, is_given: BoolArray, here: BoolArray | None = None) -> None:
+        """Write the actions of agents of a part of the turn for which functions decide into the block.
+
+        Args:
+            games: that are played.
+            part: of the turn.
+            is_given: (agents,) which agents have an action from outside.
+            here: (all games, agents) which agents decide now; None: all.
+        """
+        actions = self._block.given
+        if not self.core.arrival:
+            self._fly_as_given(games, is_given & (self.core.part_of == part))
+        self._call_each(games, part, is_given, here)
+        for group in self._groups:
+            agents = group.agents[~is_given[group.agents] & (self.core.part_of[group.agents] == part)]
+            asked = games if here is None else games[here[games][:, agents].any(axis=1)]
+            for some in self._by_roads(asked) if len(agents) and len(asked) else ():
+                view = asked_view(self.state, some, agents, here)
+                rows = np.ix_(some, agents)
+                if here is not None:
+                    view.draw = view.draw.after(self._drawn[rows]).only(view.mask)
+                try:
+                    actions[rows] = self._actions(view, group)
+                    self._take_acts(view)
+                except TowardsInBatch:
+                    for number in group.agents.tolist():
+                        call_each(decider_of(self.state.roster.agents[number], self.game.settings()["plans"]))
+                    raise NewAgents([]) from None
+                except Exception as error:
+                    error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn, view.games)}.")
+                    raise
+                if here is not None:
+                    self._drawn[rows] = view.draw.count
+
+    def _actions(self, view: ArrayView, group: StrategyGroup) -> IntArray:
+        """Return the actions that an array function gives; agents that fly stay on the node below them."""
+        given = group.form(view)
+        if not view.flies:
+            return view._checked(given, group.name)
+        name = getattr(group.form, "__name__", group.name)
+        self._fly(view, as_flights(given, f"{name}: what an agent that flies does", view.node.shape))
+        return np.zeros_like(view.node)
+
+    def _fly_as_given(self, games: IntArray, which: BoolArray) -> None:
+        """Let agents fly that are given flights, or hover without, in a part of the turn."""
+        roster = self.state.roster
+        agents = np.flatnonzero(which & roster.flies)
+        if not len(agents):
+            return
+        offsets = np.zeros((len(games), len(roster.names), 3))
+        for team, flights in self._flights.items():
+            if flights is not None:
+                offsets[:, roster.members(team)] = flights[games]
+        self._fly(ArrayView(self.state, games, agents), offsets[:, agents])
+
+    def _fly(self, view: ArrayView, offsets: FloatArray) -> None:
+        """Let the agents of a view fly so far, (games, agents, 3), and by their speeds at most."""
+        state, flights = self.state, self.state.flights
+        assert flights is not None  # noqa: S101 - these fly
+        for at, i in np.argwhere(view.mask).tolist():
+            game, agent = int(view.games[at]), int(view.agents[i])
+            try:
+                flights.fly(game, agent, offsets[at, i].tolist())
+            except GammsError as error:
+                turn = int(state.turn[game])
+                if self._is_strict:
+                    raise IllegalAction(f"Agent {state.roster.name(agent)} in turn {turn}: {error}") from error
+                self.note_unsent(Failure.illegal(game, agent, f"{type(error).__name__}: {error}"), turn)
+
+    def fly(self, games: IntArray, part: int) -> None:
+        """Let agents fly in a part of the turn, in which the others have moved."""
+        state, flights, nearest = self.state, self.state.flights, self.game.ctx.graph.graph.nearest_node
+        assert flights is not None  # noqa: S101 - some fly
+        those = flights.move(games, state.alive[games] & (self.core.part_of == part))
+        has_flown = flights.has_flown[those[0], np.searchsorted(flights.agents, those[1])]
+        below = [nearest(*flights.at(*pair)) for pair in zip(*those, strict=True)]
+        state.previous[those] = state.node[those]
+        state.node[those] = state.streets.rows(np.array(below, np.int64))
+        state.counts["moves"][those] += has_flown
+        state.placed[those] |= has_flown
+
+    def _call_each(self, games: IntArray, part: int, is_given: BoolArray, here: BoolArray | None) -> None:
+        """Call plain functions that decide, and the sensors that are called in each turn, game by game."""
+        are_next = self.core.part_of == part
+        asked = np.flatnonzero(self._is_asked & are_next & ~is_given)
+        observing = np.flatnonzero(self._observing & are_next & (is_given | ~self._is_asked))
+        if here is not None:
+            games = games[here[games][:, np.append(asked, observing)].any(axis=1)]
+        if self.cursor is None or not len(games) or not len(asked) + len(observing):
+            return
+        view = ArrayView(self.state, games, asked)
+        try:
+            self._block.given[np.ix_(games, asked)] = self.cursor.decide(view, observing, here)
+        except Exception as error:
+            if len(asked):
+                error.add_note(f"In the strategy {self._called} of a batch, {in_turns(view.turn, view.games)}.")
+            raise
+
+    def leave_closed_edges(self, games: IntArray, part: int) -> None:
+        """Put agents of a part of the turn that are on closed edges back on the nodes that they passed last."""
+        by = self.state.movement
+        if not isinstance(by, MetricMovement):
+            return
+        members = self.state.alive[games] & (self.core.part_of == part)
+        left = by.leave_closed_edges(games, members)
+        if self.cursor is not None:
+            self.cursor.note_closed_edges(*left)
+        if len(left[0]):
+            self.state.now.clear()
+
+    def begin_arrivals(self, games: IntArray) -> None:
+        """Begin a part of the turn of some games in which functions are called where agents arrive."""
+        self.core.begin_arrivals(games)
+        self._drawn = np.zeros(self.state.node.shape, np.int64)
+        if self.cursor is not None:
+            self.cursor.begin_arrivals()
+
+    def give_way_at_arrivals(self, games: IntArray) -> None:
+        """Let agents that have arrived stop that lose conflicts by a function."""
+        if self.cursor is not None and self._has_conflicts and len(games):
+            self.cursor.give_way_at_arrivals(games)
+
+    def note_losers(self, games: IntArray) -> None:
+        """Let agents know that conflicts have stopped them where they arrived."""
+        if self.cursor is not None:
+            self.cursor.note_losers(games)
+
+    def _by_roads(self, games: IntArray) -> Iterator[IntArray]:
+        """Yield the games for which an array function is called at once: those in which the same roads are open."""
+        roads = self.state.roads
+        if not roads.are_closed:
+            yield games
+            return
+        for _, places in roads.by_map(games):
+            yield games[places]
+
+    def _by_beginning(self, games: IntArray) -> Iterator[IntArray]:
+        """Yield the games in which agents have moved in the batch, and those in which they have not."""
+        if self._initial.last_turn is None:
+            yield games
+            return
+        has_moved = self.state.turn[games] > self._initial.turn
+        yield from filter(len, (games[has_moved], games[~has_moved]))
+
+    def _take_acts(self, view: ArrayView) -> None:
+        """Take what the agents of a view do besides moving."""
+        state = self.state
+        if state.radio is not None:
+            state.radio.post(view._outboxes or ())
+        deeds = [one._replace(at=view.games[one.at]) for one in view._deeds or ()]
+        for one in deeds if self.core.arrival else ():
+            self.core.note_late_deeds(one.at, one.agents)
+        if state.deed_log is not None and not self.core.arrival:
+            state.deed_log.want(state.deeds, deeds, state.turn)
+
+    def note_unsent(self, flaw: Failure, turn: int) -> None:
+        """Note that an agent could not send a message in a turn."""
+        self.state.note_failure(flaw, turn)
+        if self.cursor is not None:
+            self.cursor.note_undone(flaw)
+
+    def send(self, games: IntArray) -> None:
+        """Send messages between agents of these games, all of which have moved."""
+        radio = self.state.radio
+        if radio is not None and radio.is_sending and len(games):
+            for some in self._by_roads(games):
+                radio.send(some, _scene_of(self.game, self.state, radio, some))
+
+    def check(self, games: IntArray, part: int) -> None:
+        """Let rules refuse moves and deeds of a part of the turn."""
+        self.core.note_places(are_open=False)
+        if self._has_checks and self.cursor is not None and len(games):
+            self.cursor.check(games, part)
+
+    def do_deeds(self, games: IntArray, part: int) -> IntArray:
+        """Call the rules of the phase "deeds"; return the games in which roads were closed or opened."""
+        roads = self.state.roads
+        before = [roads.of(game) for game in games.tolist()]
+        lived = self.state.alive[games]
+        for named in self.deeds:
+            self.call(named, games, part)
+        fell = lived & ~self.state.alive[games]
+        self.state.fell[games] = self.state.fell[games] | fell if part else fell
+        if self.state.flights is not None:
+            are_put = self.state.node[games] != self._block.start[games]
+            self.state.flights.cancel(games, self.core.part_of == part, are_put)
+        are_other = [roads.of(game) is not one for game, one in zip(games.tolist(), before, strict=True)]
+        return games[np.array(are_other, np.bool_)]
+
+    def stop(self, games: IntArray, changed: IntArray, part: int) -> None:
+        """Let agents stay whose way was closed, in games whose roads have changed, or that lose by a function."""
+        self.core.note_places(are_open=True)
+        if self.cursor is not None and len(changed):
+            self.cursor.cut_off(changed, part)
+        if self.cursor is not None and self._has_conflicts and len(games) and not self._at_arrivals:
+            self.cursor.give_way(games, part)
+
+    def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
+        """Call a rule that is a function for some games; see `Cursor.call`."""
+        if not len(games):
+            return
+        if named.spec.array_form is None:
+            if self.cursor is not None:
+                self.cursor.call(named, games, part)
+            return
+        for some in self._by_roads(games):
+            for few in self._by_beginning(some):
+                self._apply(named, few, part)
+
+    def _apply(self, named: NamedRule, games: IntArray, part: int | None) -> None:
+        """Call an array rule for some games."""
+        form: Any = named.spec.array_form
+        turn = ArrayTurn(self.state, games)
+        turn._is_moving = part is not None
+        last = None if turn._is_moving else self._initial.last_turn
+        if last is not None and self.state.turn[games[0]] == self._initial.turn:
+            turn.starts, turn.ends, turn.took_part, turn.paths = some_rows(last, np.zeros_like(games))
+            turn._deeds = self._initial.last_deeds(len(games))
+        else:
+            moves = self.core.last_moves(games) if part is None else self.core.next_moves(games, part)
+            turn.starts, turn.ends, turn.took_part = moves
+            if self.state.deed_log is not None:
+                turn._deeds = self.state.deed_log.done_in(games, turn.took_part, is_moving=turn._is_moving)
+            if part is None:
+                turn.paths = self.core.paths(games)
+            elif self.core.courses is not None:
+                acting = turn.took_part & (self.core.part_of == part)
+                turn.paths = self.core.courses.paths(games, turn.starts, acting, turn.took_part & ~acting)
+        turn._lock()
+        try:
+            form(turn)
+        except LeavesSharedContext as error:
+            self.state.leave(games, str(error))
+        except Exception as error:
+            error.add_note(
+                f"In the rule {named.name!r} (phase {named.phase!r}) of a batch, {in_turns(turn.turn, turn.games)}."
+            )
+            raise
+        finally:
+            turn._close()
+
+
+class BatchEngine:
+    """Plays the games of a batch in the core.
+
+    A turn is: array rules of the phase "before", array strategies, all that the core plays, and array rules of the
+    phase "after" between those of the core.
+
+    Args:
+        games: the game at its start on each map.
+        movements: how agents go on each map.
+        seeds: of the games.
+        map_of: (games,) the number of the map that each is on.
+        start: the ids of the nodes where agents begin, (games, agents).
+        rosters: the agents on each map.
+        own: on each map, what differs between the games from their start.
+
+    Raises:
+        GammsError: a rule or the conflicts cannot be played in the core, or not from where the game is.
+    """
+
+    def __init__(
+        self,
+        games: Sequence[PlayedGame],
+        movements: Sequence[Movement],
+        seeds: Sequence[int],
+        map_of: IntArray,
+        start: IntArray,
+        rosters: Sequence[AgentTable],
+        own: Sequence[FunctionsPerGame],
+    ) -> None:
+        self._map_of = map_of.copy()
+        self._num_maps = len(games)
+        self._find_games()
+        begin = np.zeros_like(start)
+        for movement, of_map in zip(movements, self._on, strict=True):
+            begin[of_map] = movement.streets.rows(start[of_map])
+        settings = games[0].settings()
+        self._state = GameArrays(rosters[0], movements[0], seeds, begin)
+        self._state.radio = self._radio = radio_of(settings, rosters[0], len(seeds))
+        self._state.deed_log = self._deed_log = deed_log_of(settings, rosters[0], len(seeds))
+        logs: tuple[MessageTraffic | DeedLog | None, ...] = (self._radio, self._deed_log)
+        self._logs_of_turn = [log for log in logs if log is not None]
+        others = [self._state.on_map(*pair) for pair in zip(movements[1:], rosters[1:], strict=True)]
+        states = [self._state, *others]
+        self._last: int | None = settings["max_turns"]
+        self._is_strict = settings["on_illegal"] == "raise"
+        self._block = CoreColumns(states, self._map_of)
+        self._maps = [
+            GamesOnOneMap(game, state, self._block, of_map, values)
+            for game, state, of_map, values in zip(games, states, self._on, own, strict=True)
+        ]
+        self._num_parts = self._maps[0].core.num_parts
+        self._acts = self._maps[0].acts
+        self._asks_functions = self._maps[0].asks_functions
+        self._leaves_out = self._maps[0].leaves_out
+        self._of_all_maps: GameArrays | None = None  # see `_by_legal_moves`
+        if all(type(movement) is Movement for movement in movements):
+            self._of_all_maps = self._state.on_map(MovementOnMaps(movements, self._map_of), rosters[0])
+
+    def _find_games(self) -> None:
+        """Find the games that are on each map."""
+        self._is_on = (self._map_of == np.arange(self._num_maps)[:, None]).astype(np.int64)  # (maps, games) 1 or 0
+        self._on = [np.flatnonzero(is_on) for is_on in self._is_on]
+
+    def _each(self, which: BoolArray) -> Iterator[tuple[GamesOnOneMap, IntArray]]:
+        """Yield each map with those of its games that are chosen by a mask, (games,)."""
+        are_all = bool(which.all())
+        for one, games in zip(self._maps, self._on, strict=True):
+            yield one, games if are_all else games[which[games]]
+
+    @property
+    def current(self) -> int:
+        """The number of the map whose strategies are called now; 0: none are called."""
+        called = (number for number, one in enumerate(self._maps) if one.cursor is not None and one.cursor.is_asking)
+        return next(called, 0)
+
+    @property
+    def loaded(self) -> int | None:
+        """The number of the game whose strategies are called now; None: none are called."""
+        cursor = self._maps[self.current].cursor
+        return cursor.number if cursor is not None and cursor.is_asking else None
+
+    @property
+    def functions(self) -> list[Callable[..., object]]:
+        """The functions that it calls."""
+        return [function for one in self._maps for function in one.functions]
+
+    @property
+    def may_leave(self) -> bool:
+        """Whether functions are called, because of which games may have to be played in contexts of their own."""
+        return self.calls_each or len(self.functions) > 0
+
+    @property
+    def plays_by_phases(self) -> bool:
+        """Whether functions are called, or messages are sent, between phases of a turn."""
+        has_more = self._radio is not None or self._state.flights is not None
+        return has_more or self.calls_each or len(self.functions) > 0
+
+    @property
+    def calls_each(self) -> bool:
+        """Whether plain functions are called game by game."""
+        return any(one.cursor is not None for one in self._maps)
+
+    def release(self) -> None:
+        """Have the contexts as they were before plain functions were called."""
+        for one in self._maps:
+            if one.cursor is not None:
+                one.cursor.release()
+
+    def start(self, games: IntArray, seeds: Sequence[int], maps: IntArray, nodes: IntArray) -> None:
+        """Begin games again.
+
+        Args:
+            games: their numbers.
+            seeds: one for each of them.
+            maps: (games,) the numbers of the maps that they are on from now on.
+            nodes: (games, agents) the ids of the nodes where agents begin.
+        """
+        self._map_of[games] = maps
+        self._find_games()
+        self._state.is_apart[games] = False
+        for number, one in enumerate(self._maps):
+            which = np.flatnonzero(maps == number)
+            if len(which):
+                one.start(games[which], [seeds[place] for place in which.tolist()], nodes[which])
+
+    @property
+    def is_over(self) -> BoolArray:
+        """Which games have ended, (games,)."""
+        over = ~self._state.is_going
+        return over if self._last is None else over | (self._state.turn >= self._last)
+
+    @property
+    def playing(self) -> BoolArray:
+        """Which games are played here and are not over, (games,)."""
+        return ~(self.is_over | self._state.is_apart)
+
+    # -- playing ------------------------------------------------------------------------------------------------
+
+    def play(self, turns: int, threads: int) -> int:
+        """Play so many turns of the games that are not over; return how many were played at most.
+
+        Only where there are no array functions.
+        """
+        if self._leaves_out:  # who may be dead
+            self.step({})
+            return 1
+        before = self._state.turn.copy()
+        last = before + turns
+        until = last if self._last is None else np.minimum(last, self._last)
+        self._play(self.playing, until * self._num_parts, None, threads)
+        return int((self._state.turn - before).max())
+
+    def step(
+        self,
+        given: Mapping[Hashable, OutsideActions],
+        numbers: LearnerActions | None = None,
+        threads: int = 1,
+        only: BoolArray | None = None,
+        play_others: Callable[[dict[int, str]], None] | None = None,
+    ) -> None:
+        """Play one turn of all games that are not over.
+
+        Args:
+            given: team -> what its agents do, in place of what their strategies decide.
+            numbers: what agents do that follow neither these nor their strategies.
+            threads: how many play.
+            only: (games,) which games are played; None: all.
+            play_others: plays the turn of the games in contexts of their own; its argument says why some of these games
+                have not played this turn here.
+
+        Raises:
+            NewAgents: rules have created agents that have no rows; the games have to begin again.
+        """
+        playing = self.playing if only is None else only & self.playing
+        is_given = len(given) > 0 or numbers is not None
+        leaving = self._state.leaving
+        undoing = []
+        if np.count_nonzero(~self.is_over) > 1:
+            undoing = [*chain(*(one.checkpoints(is_given=is_given) for one in self._maps))]
+        try:
+            self._play_turn(playing, given, numbers, threads)
+            if play_others is not None:
+                play_others({**leaving})
+        except NewAgents:
+            raise
+        except BaseException:
+            for undo in undoing:
+                undo()
+            raise
+        finally:
+            leaving.clear()
+
+    def _play_turn(
+        self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None, threads: int
+    ) -> None:
+        """Play one turn of some games; those of all maps come to the end of a phase before the next begins."""
+        self._state.failures.clear()
+        for log in self._logs_of_turn:
+            log.begin_turn()
+        if any(one.before for one in self._maps):
+            playing = self._call_before(playing, given)
+        for one, games in self._each(playing) if self._leaves_out else ():
+            one.refuse_unlisted(games)
+        is_given = self._given_to(given, numbers)
+        ask = None
+        if self._maps[0].asks_at_arrivals(is_given=bool(is_given.any())):
+            ask = partial(self._ask_at_arrivals, is_given=is_given, given=given, numbers=numbers)
+        elif is_given.any():
+            self._take(playing, given, numbers)
+        first = self._block.part.copy()
+        try:
+            self._play_parts(playing, first, is_given, threads, ask)
+        except BaseException:
+            self._block.part[:] = first
+            self._block.held[:] = 0
+            raise
+        self._finish(playing)
+
+    def _given_to(self, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None) -> BoolArray:
+        """Return a mask (agents,) of the agents with an action from outside instead of a decision."""
+        roster = self._state.roster
+        is_given = np.zeros(len(roster.names), np.bool_) if numbers is None else numbers.is_given.copy()
+        for team in given:
+            is_given[roster.members(team)] = True
+        return is_given
+
+    def _take(
+        self,
+        playing: BoolArray,
+        given: Mapping[Hashable, OutsideActions],
+        numbers: LearnerActions | None,
+        here: BoolArray | None = None,
+    ) -> None:
+        """Take the actions that are given.
+
+        Args:
+            playing: (games,) which are played.
+            given: team -> what its agents do, in place of what their strategies decide.
+            numbers: what other agents do.
+            here: (games, agents) which agents decide now; None: all.
+        """
+        if numbers is not None:
+            self._block.given[:] = np.where(self._state.roster.flies, 0, numbers.actions)
+        self._take_moves(playing, given, here)
+        for one, games in self._each(playing):
+            one.take(games, given, numbers, here)
+
+    def _ask_at_arrivals(
+        self,
+        playing: BoolArray,
+        part: int,
+        *,
+        is_given: BoolArray,
+        given: Mapping[Hashable, OutsideActions],
+        numbers: LearnerActions | None,
+    ) -> None:
+        """Ask for the decisions of agents that arrive now or set out, and take actions from outside."""
+        here = np.zeros(self._state.node.shape, np.bool_)
+        for one, games in self._each(playing):
+            here[games] = one.core.deciding(games)
+        if is_given.any():
+            self._take(playing, given, numbers, here)
+        for one, games in self._each(playing):
+            one.decide(games, part, is_given, here)
+
+    def _take_moves(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], here: BoolArray | None) -> None:
+        """Write moves that were given into the block, if they are legal; `here` is as in `_take`."""
+        for state, games in self._by_legal_moves(playing) if given else ():
+            for team, wanted in given.items():
+                agents = state.roster.members(team)
+                view = asked_view(state, games, agents, here)
+                on_ground = np.where(state.roster.flies[agents], 0, wanted.moves[games])
+                moves = view._checked(wanted.moves_in(view, on_ground), f"team {shown(team)}")
+                self._block.given[np.ix_(games, agents)] = moves
+
+    def _by_legal_moves(self, playing: BoolArray) -> list[tuple[GameArrays, IntArray]]:
+        """Return the games in which one table has all legal moves, with their state."""
+        if self._of_all_maps is None or any(one.state.roads.are_closed for one in self._maps):
+            return [(one.state, games) for one, games in self._each(playing)]
+        return [(self._of_all_maps, np.flatnonzero(playing))]
+
+    def _play_parts(
+        self,
+        playing: BoolArray,
+        first: IntArray,
+        is_given: BoolArray,
+        threads: int,
+        ask: Callable[[BoolArray, int], None] | None,
+    ) -> None:
+        """Let agents decide and move, part by part; of each game those from the first part on that was not played.
+
+        Args:
+            playing: (games,) which are played.
+            first: (games,) the first part that was not played.
+            is_given: (agents,) which agents have an action from outside.
+            threads: how many play.
+            ask: asks functions where agents arrive in some games, in a part of the turn; None: they decide there in the
+                core, or do not decide at arrivals.
+        """
+        begun, flights = self._state.turn * self._num_parts, self._state.flights
+        if flights is not None:
+            flights.forget_choices()
+        self._state.turning.clear()
+        takes = None
+        if is_given.any() or self._asks_functions:
+            takes = [one.takes_block(is_given) for one in self._maps]
+        for part in range(self._num_parts):
+            now = playing & (first <= part) & self._state.is_going
+            play = partial(self._play, now, begun + part + 1, takes, threads)
+            for one, games in self._each(now):
+                one.leave_closed_edges(games, part)
+            if ask is not None:
+                self._play_arrivals(now, part, play, ask)
+            else:
+                for one, games in self._each(now) if self._asks_functions or flights is not None else ():
+                    one.decide(games, part, is_given)
+                self._play_decisions(now, part, partial(play, _DECIDE if self._acts else None))
+            self._act(now, part, play)
+            if ask is not None and not self._acts:
+                play(_MOVE)
+            self._state.turn_agents()
+            for one, games in self._each(now) if flights is not None else ():
+                one.fly(games, part)
+
+    def _play_decisions(
+        self, playing: BoolArray, part: int, play: Callable[[], None], *, is_later: bool = False
+    ) -> None:
+        """Carry out the decisions of agents in a part of the turn; record failed actions and unsent messages.
+
+        Args:
+            playing: (games,) which are played.
+            part: of the turn.
+            play: lets them do it in the core.
+            is_later: whether they decide at arrivals, when deeds were done.
+
+        Raises:
+            IllegalAction: they cannot do something, and `on_illegal` is "raise".
+        """
+        if self._state.flights is not None and not is_later:
+            members = self._maps[0].core.part_of == part
+            self._state.flights.set_out(np.flatnonzero(playing), members, is_first=part == 0)
+        flaws, turns = self._admit(part), self._state.turn.copy()
+        if self._deed_log is not None and not is_later:
+            self._deed_log.do(part)
+        play()
+        illegal = self._block.illegal
+        if illegal and self._is_strict:
+            raise self._illegal(illegal[0], illegal[0].message.removeprefix("BadValue: "))
+        failed = {(one.game, one.agent) for one in illegal}
+        for log in self._logs_of_turn if failed else ():
+            log.withdraw(failed)
+        for one in illegal if is_later else ():
+            self._maps[self._map_of[one.game]].core.forget_late_deeds(one.game, one.agent)
+        for flaw in [one for one in flaws if (one.game, one.agent) not in failed]:
+            self._maps[self._map_of[flaw.game]].note_unsent(flaw, int(turns[flaw.game]))
+
+    def _play_arrivals(
+        self, playing: BoolArray, part: int, play: Callable[[int], None], ask: Callable[[BoolArray, int], None]
+    ) -> None:
+        """Let agents of a part of the turn set out, and ask them again where they arrive, until the turn is over.
+
+        Args:
+            playing: (games,) which are played.
+            part: of the turn.
+            play: plays a phase in the core.
+            ask: asks functions in some games, in a part of the turn.
+        """
+        for one, games in self._each(playing):
+            one.begin_arrivals(games)
+        is_played = False
+        try:
+            play(_ARRIVE)
+            number = 0
+            now = playing
+            while number == 0 or now.any():
+                now = self._arriving(now)
+                turned = len(self._state.turning)
+                ask(now, part)
+                self._play_decisions(now, part, partial(play, _CHOOSE), is_later=number > 0)
+                for one, games in self._each(now):
+                    one.give_way_at_arrivals(games)
+                play(_GO_ON)
+                for one, games in self._each(now):
+                    one.note_losers(games)
+                if number > 0:
+                    self._state.turning[turned:] = filter(self._has_gone_on, self._state.turning[turned:])
+                play(_ARRIVE)
+                number += 1
+                for one in self._maps:
+                    one.core.arrival = number
+            is_played = True
+        finally:
+            for one in self._maps:
+                one.core.end_arrivals(is_played=is_played)
+
+    def _has_gone_on(self, turning: tuple[int, int, Any]) -> bool:
+        """Return whether an agent of a game that has chosen a heading where it has arrived was not stopped there."""
+        game, agent, _ = turning
+        losers = self._maps[self._map_of[game]].core.losers(np.array([game]))
+        return not losers[0, agent] and (game, agent) not in self._block.waiting
+
+    def _arriving(self, playing: BoolArray) -> BoolArray:
+        """Return in which of some games agents arrive, or set out, (games,)."""
+        arriving = np.zeros_like(playing)
+        for one, games in self._each(playing):
+            arriving[one.core.arriving(games)] = True
+        return arriving
+
+    def _act(self, playing: BoolArray, part: int, play: Callable[[int], None]) -> None:
+        """Call the functions between the decisions of agents and their moves, and let agents move then.
+
+        Args:
+            playing: (games,) which are played.
+            part: of the turn.
+            play: plays a phase in the core.
+        """
+        for one, games in self._each(playing) if self._acts else ():
+            one.check(games, part)
+        if self._deed_log is not None:
+            self._deed_log.note()
+        if not self._acts:
+            return
+        play(_SETTLE)
+        changed = [one.do_deeds(games, part) for one, games in self._each(playing)]
+        play(_SETTLE)
+        for (one, games), of_map in zip(self._each(playing), changed, strict=True):
+            one.stop(games, of_map, part)
+        play(_MOVE)
+
+    def _finish(self, playing: BoolArray) -> None:
+        """Send messages, and call rules and collectors, in games that have moved."""
+        for one, games in self._each(playing):
+            one.send(games)
+            for named in one.core.play_rules(games):
+                one.call(named, games)
+            if one.cursor is not None:
+                one.cursor.collect(games)
+        if self._radio is not None:
+            self._radio.end_turn()
+
+    def _admit(self, part: int) -> list[Failure]:
+        """Admit the messages of agents of a part of the turn; return what is wrong with the others.
+
+        Raises:
+            IllegalAction: a message cannot be sent, and `on_illegal` is "raise".
+        """
+        flaws = [] if self._radio is None else self._radio.admit(part, self._state.is_there)
+        if flaws and self._is_strict:
+            raise self._illegal(flaws[0], flaws[0].message)
+        return flaws
+
+    def _illegal(self, failure: Failure, why: str) -> IllegalAction:
+        """Return the error for an illegal action of an agent."""
+        state, game = self._state, failure.game
+        error = IllegalAction(f"Agent {state.roster.name(failure.agent)} in turn {state.turn[game]}: {why}")
+        error.add_note(f"In game {game} of a batch, with the seed {state.seeds[game]}.")
+        return error
+
+    def _call_before(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions]) -> BoolArray:
+        """Call the rules before the turn; return which games go on."""
+        self._take_moves(playing, given, self._maps[0].at_rest)
+        for one, games in self._each(playing):
+            one.check_given(games, given)
+        for one, games in self._each(playing):
+            one.call_before(games)
+        return playing & ~self.is_over
+
+    def _play(
+        self,
+        playing: BoolArray,
+        until: IntArray,
+        takes: Sequence[BoolArray] | None,
+        threads: int,
+        phase: int | None = None,
+    ) -> None:
+        """Play games in the core.
+
+        Args:
+            playing: (games,) which are played.
+            until: (games,) until so many parts of the turns of each game are played.
+            takes: (agents,) of each map which agents take the actions in the block; None: none do.
+            threads: how many play.
+            phase: of a part of the turn, see `gamms.core.turn`; None: all of them.
+        """
+        cores = [one.core for one in self._maps]
+        np.multiply(self._is_on, np.where(playing, until, 0), out=self._block.until)
+        for number, core in enumerate(cores):
+            core.prepare(None if takes is None else takes[number], threads)
+
+        def play_part(thread: int, begin: int, end: int) -> None:
+            for core in cores:
+                core.play_part(thread, begin, end, phase)
+
+        self._block.give()
+        in_threads(play_part, len(until), threads)
+        for core in cores:
+            core.finish()
+        self._block.take_in()
+
+    # -- seeing -------------------------------------------------------------------------------------------------
+
+    def state_of(self, number: int) -> GameArrays:
+        """Return the state of the games on the map with this number."""
+        return self._maps[number].state
+
+    def state_in(self, game: int) -> GameArrays:
+        """Return what is known of the games, as they are on the map of a game."""
+        return self._maps[int(self._map_of[game])].state
+
+    def by_map(self, games: IntArray) -> Iterator[tuple[GameArrays, IntArray]]:
+        """Yield the state of the games on each map, and those of some games that are on it."""
+        for number, one in enumerate(self._maps):
+            some = games[self._map_of[games] == number]
+            if len(some):
+                yield one.state, some
+
+    def set_apart(self, game: int, turns: int) -> None:
+        """Stop playing a game that continues after a number of turns in a context of its own."""
+        self._state.is_apart[game] = self._state.is_going[game] = True
+        self._state.over[game] = None
+        self._state.turn[game] = turns
+
+    def take_back(self, game: int) -> None:
+        """Play a game again that was played in a context of its own."""
+        self._state.is_apart[game] = False
+
+    def view(self, agents: IntArray, number: int) -> ArrayView:
+        """Return the observations of agents in the games on the map with this number."""
+        return ArrayView(self._maps[number].state, self._on[number], agents)
+
+    def over(self, game: int) -> dict[str, Any] | None:
+        """Return how a game has ended; None: it goes on."""
+        known, is_late = self._state.over[game], self._last is not None and self._state.turn[game] >= self._last
+        return {"reason": "max_turns", "winner": None, "truncated": True} if known is None and is_late else known
+
+    def scores(self) -> dict[Any, Any]:
+        """Return the scores of all games: key -> (games,)."""
+        return {key: numbers.copy() for key, numbers in self._state.scores.items()}
+
+    def turns(self) -> IntArray:
+        """Return how many turns were played, (games,)."""
+        return self._state.turn.copy()
+
+    def result(self, game: int) -> Result:
+        """Return the result of a game so far."""
+        on_map = self._maps[int(self._map_of[game])]
+        state, template = on_map.state, on_map.game.result()
+        nodes, roster, cursor = state.streets.ids(state.node[game]).tolist(), state.roster, on_map.cursor
+        own = None if cursor is None else cursor.agents(game)
+        if own is None:
+            own = [(agent, agent.strategy) for agent in roster.agents if not isinstance(agent, ComingAgent)]
+        ends = {agent.name: agent.team for agent, _ in own}
+        gone = on_map.game.internals.state.departed if cursor is None else cursor.departed(game)
+        agents = {}
+        for number, name in enumerate(roster.names):
+            if name in ends or name in gone:
+                agents[name] = {
+                    "team": ends[name] if name in ends else gone[name][0],
+                    "alive": bool(state.alive[game, number]),
+                    "node": nodes[number] if name in ends else gone[name][1],
+                    **{kind: int(counts[game, number]) for kind, counts in state.counts.items()},
+                }
+        plans = on_map.game.settings()["plans"]
+        deciders = {
+            agent.name: plans[agent.team].function if agent.team in plans else strategy for agent, strategy in own
+        }
+        strategies = {name: strategy_name(function_in(one, game)) for name, one in deciders.items()}
+        over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
+        return Result(
+            turns=int(state.turn[game]),
+            scores=state.scores.of(np.array([game]))[0],
+            events=[dict(event) for event in state.events.of(game)],
+            agents=agents,
+            errors=[dict(error) for error in state.errors[game]],
+            deeds=[] if self._deed_log is None else [dict(deed) for deed in self._deed_log.of(game)],
+            collected=template.collected if on_map.cursor is None else on_map.cursor.collected(game),
+            messages=[] if self._radio is None else [dict(message) for message in self._radio.of(game)],
+            timings=dict.fromkeys(PHASES, 0.0),
+            seed=state.seeds[game],
+            provenance=template.provenance | {"strategies": dict(sorted(strategies.items()))},
+            **over,
+        )
+
+
+def _observing(game: PlayedGame, roster: AgentTable) -> BoolArray:
+    """Return whose sensors are called in each turn, (agents,): maybe those of agents that differ between games."""
+    are_created = first_called(game, roster) is not None
+    are_called = [len(called_each_turn(agent)) > 0 for agent in roster.agents]
+    found: BoolArray = np.array(are_called, np.bool_) | (roster.varies & are_created)
+    return found
+
+
+def movement_in_core(game: PlayedGame, roster: AgentTable, more_edges: ClosedEdges) -> Movement:
+    """Return how the agents of a game move in the core, where rules may close and open roads.
+
+    `more_edges` are edges that are only in other games when they begin.
+    """
+    may_change = first_called(game, roster) is not None or any(map(is_function, called_rules(game, roster)))
+    return movement_of(game, roster, may_reopen=may_change, is_detached=may_change, more_edges=more_edges)
+
+
+def decides_at_arrivals(movement: Movement) -> bool:
+    """Return whether agents decide where they arrive."""
+    return isinstance(movement, MetricMovement) and movement.terms.decides_at_arrivals
+
+
+def errs(agent: IAgent) -> bool:
+    """Return whether an agent has a sensor that counts its looks in a turn."""
+    looks = [one.in_arrays() for one in sensors_of(agent).values() if hasattr(one, "in_arrays")]
+    return any(look is not None and not look.is_plain for look in looks)
+
+
+def _groups(roster: AgentTable, settings: Mapping[str, Any]) -> list[StrategyGroup]:
+    """Return the array functions that decide for all games at once, each with all agents that have the same."""
+    plans: Mapping[Any, Plan] = settings["plans"]
+    found: dict[Hashable, list[int]] = {}
+    for number, agent in enumerate(roster.agents):
+        decider = decider_of(agent, plans)
+        if decides_in_arrays(decider, settings):
+            key = key_of(strategy_spec_of(decider).array_form), bool(roster.flies[number])
+            found.setdefault(key, []).append(number)
+    groups = []
+    for numbers in found.values():
+        decider = decider_of(roster.agents[numbers[0]], plans)
+        form = strategy_spec_of(decider).array_form
+        assert form is not None  # noqa: S101 - they are array functions
+        groups.append(StrategyGroup(as_code(decider), np.array(numbers), form))
+    return groups
+
+
+def _scene_of(game: PlayedGame, state: GameArrays, radio: MessageTraffic, games: IntArray) -> MessagePositions:
+    """Return where the agents of some games are when all have moved.
+
+    Args:
+        game: in a context that has the map of these games.
+        state: of all games.
+        radio: of all games.
+        games: their numbers; the same roads are open in all of them.
+    """
+    streets, movement, shared = state.world(games)
+    columns = streets.columns
+    node = state.node[games]
+    which = np.broadcast_to(games[:, None], node.shape), np.broadcast_to(np.arange(node.shape[1]), node.shape)
+    z = kept_in(shared, "heights of nodes", lambda: _heights(game, columns.node_ids))[node]
+    xyz = np.concatenate((movement.places(node, which).xy, z[..., None]), axis=-1)
+    antennas = xyz + ANTENNA
+    if state.flights is not None:
+        agents, in_air = state.flights.agents, state.flights.position[games]
+        xyz[:, agents] = in_air
+        antennas[:, agents] = in_air
+
+    def is_within(at: IntArray, transmitters: IntArray, hops: int) -> BoolArray:
+        found: BoolArray = movement.routes(None).distances(node[at, transmitters][:, None], node[at]) <= hops
+        return found
+
+    return MessagePositions(
+        teams=radio.teams,
+        keys=state.roster.keys,
+        turns=state.turn[games] - 1,
+        xyz=xyz,
+        antennas=antennas,
+        alive=state.alive[games],
+        purposes=lambda *purpose: state.purposes(*purpose)[games],
+        is_within=is_within,
+        visible=game.ctx.graph.visible,
+        place_of=lambda node: columns.xy[columns.node_ids == node].tolist(),
+    )
+
+
+def _heights(game: PlayedGame, nodes: IntArray) -> FloatArray:
+    """Return the heights of nodes, metres."""
+    ground = game.ctx.graph.graph.ground(nodes)
+    return np.zeros(len(nodes)) if ground is None else np.asarray(ground.z)

@@ -1,0 +1,533 @@
+"""Basic data of a batch: its source game, seeds, agents and logs; and helpers for columns and threads."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
+from itertools import chain, count, islice
+from threading import Thread
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_count, as_ids, as_int, as_items, as_key, as_mapping, as_name
+from gamms.errors import BadValue, GammsError, UnknownName
+from gamms.game.result import Result
+from gamms.game.settings import NamedRule, Plan
+from gamms.game.snapshots import GameInternals, Snapshot
+from gamms.game.strategy_specs import key_of, strategy_spec_of
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.kernels.draws import BitArray
+from gamms.limits import refuse_above
+from gamms.readonly import locked
+from gamms.text import shown
+from gamms.typing.agent_engine import AgentType, IAgent
+from gamms.typing.game import Deed
+
+BYTES_PER_AGENT = 400  # of a game in the core; 290 measured, with the events of 200 turns
+Column = np.ndarray[Any, Any]
+P = TypeVar("P")
+T = TypeVar("T")
+Table = TypeVar("Table", bound=NamedTuple)
+
+
+def some_rows(table: Table, which: BoolArray | IntArray) -> Table:
+    """Return rows of a named tuple of columns, selected by a mask or by indices."""
+    return type(table)(*(_chosen(column, which) for column in table))
+
+
+def _chosen(column: Any, which: BoolArray | IntArray) -> Any:
+    if isinstance(column, list):
+        rows = np.flatnonzero(which) if which.dtype == np.bool_ else which
+        return [column[row] for row in rows.tolist()]
+    if isinstance(column, Mapping):
+        return {name: _chosen(one, which) for name, one in column.items()}
+    if hasattr(column, "_fields"):
+        return some_rows(column, which)
+    return column[which] if isinstance(column, np.ndarray) else column
+
+
+def lock(arrays: Iterable[Column]) -> None:
+    """Make arrays read-only, except for `put_locked`."""
+    for array in arrays:
+        if array.flags.writeable:
+            array.setflags(write=False)
+
+
+def put_locked(array: Column, where: IntArray | BoolArray | tuple[Any, ...], values: object) -> None:
+    """Write to an array that may be read-only."""
+    is_writeable = array.flags.writeable
+    array.setflags(write=True)
+    array[where] = values
+    array.setflags(write=is_writeable)
+
+
+def kept_in(known: dict[Any, Any], key: Hashable, make: Callable[[], T]) -> T:
+    """Return the value of a key; the first call stores `make()`."""
+    if key not in known:
+        known[key] = make()
+    found: T = known[key]
+    return found
+
+
+def once(at: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
+    """Return each pair of game and agent once, in the order of first occurrence."""
+    if len(at) < 2:
+        return at, agents
+    _, first = np.unique(np.column_stack((at, agents)), axis=0, return_index=True)
+    kept = np.sort(first)
+    return at[kept], agents[kept]
+
+
+def joined_rows(tables: Sequence[Table]) -> Table:
+    """Return the concatenated rows of several tables; there is at least one."""
+    return type(tables[0])(*map(_joined, zip(*tables, strict=True))) if len(tables) > 1 else tables[0]
+
+
+def _joined(columns: Sequence[Any]) -> Any:
+    first = columns[0]
+    if isinstance(first, list):
+        return [one for column in columns for one in column]
+    if isinstance(first, Mapping):
+        return {name: _joined([column[name] for column in columns]) for name in first}
+    return np.concatenate(columns) if isinstance(first, np.ndarray) else first
+
+
+def places_of(numbers: IntArray, most: int) -> IntArray:
+    """Return the index of each number below a limit in an array, (most,); -1: the number is not in it."""
+    found = np.full(most, -1)
+    found[numbers] = np.arange(len(numbers))
+    return found
+
+
+class Failure(NamedTuple):
+    """An error of an agent in a game of the batch."""
+
+    game: int
+    agent: int
+    kind: str
+    message: str
+
+    @classmethod
+    def illegal(cls, game: int, agent: int, why: str) -> "Failure":
+        """Return the failure for an illegal action, or for a message that cannot be sent."""
+        return cls(game, agent, "illegal", why)
+
+
+class GameLog(ABC, Generic[P]):
+    """A log of all games: noted as arrays of many games, and written out for each game when it is read.
+
+    Args:
+        num_games: of the batch.
+    """
+
+    def __init__(self, num_games: int) -> None:
+        self._pending: list[P] = []
+        self._of_game: list[list[dict[str, Any]]] = [[] for _ in range(num_games)]
+
+    def of(self, game: int) -> list[dict[str, Any]]:
+        """Return the log entries of a game, in order."""
+        for noted in self._pending:
+            for number, entry in self._entries(noted):
+                self._of_game[number].append(entry)
+        self._pending.clear()
+        return self._of_game[game]
+
+    def forget(self, games: IntArray) -> None:
+        """Remove the entries of some games."""
+        if len(games) == len(self._of_game):  # do not write out entries that are removed anyway
+            self._pending.clear()
+        self.of(0)
+        for game in games.tolist():
+            self._of_game[game] = []
+
+    def clear(self) -> None:
+        """Remove the entries of all games."""
+        self._pending.clear()
+        for entries in filter(None, self._of_game):
+            entries.clear()
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that undoes all later changes."""
+        pending = [*self._pending]
+        lengths = [len(entries) for entries in self._of_game]
+
+        def undo() -> None:
+            self._pending[:] = pending
+            for entries, number in zip(self._of_game, lengths, strict=True):
+                del entries[number:]
+
+        return undo
+
+    def begin(self, games: IntArray, entries: Sequence[dict[str, Any]]) -> None:
+        """Start the empty logs of some games with entries of earlier turns."""
+        for game in games.tolist():
+            self._of_game[game] += entries
+
+    @abstractmethod
+    def _entries(self, noted: P) -> Iterable[tuple[int, dict[str, Any]]]:
+        """Return pairs of game number and log entry; the entries of a game are in order."""
+
+
+class PlayedGame(Protocol):
+    """The interface of `gamms.game.Game` that a batch needs."""
+
+    ctx: Any  # its own class, which knows this one
+    turn: int
+    plans: Mapping[Any, Plan]
+
+    # ruff: noqa: D102 - see there
+    @property
+    def agents(self) -> list[IAgent]: ...
+    @property
+    def rules(self) -> tuple[NamedRule, ...]: ...
+    @property
+    def facts(self) -> Mapping[str, Any]: ...
+    @property
+    def scores(self) -> Mapping[Any, float]: ...
+    @property
+    def over(self) -> dict[str, Any] | None: ...
+    @property
+    def internals(self) -> GameInternals: ...
+    def settings(self) -> dict[str, Any]: ...
+    def fork(self, seed: int) -> Any: ...
+    def reset(self, seed: int | None = None) -> None: ...
+    def step(self) -> bool: ...
+    def run(self, max_turns: int | None = None) -> Result: ...
+    def result(self) -> Result: ...
+    def performed(self) -> list[Deed]: ...
+    def snapshot(self) -> Snapshot: ...
+    def restore(self, snapshot: Snapshot) -> None: ...
+
+
+def sensors_of(agent: "IAgent | ComingAgent") -> Mapping[str, Any]:
+    """Return the sensors of an agent by their names."""
+    found: Mapping[str, Any] = getattr(agent, "sensors", {})
+    return found
+
+
+class ComingAgent(NamedTuple):
+    """An agent that is in no game of a batch at the start, but has a row.
+
+    Attributes:
+        name, team, type, speed: of the agent.
+        strategy: its strategy, of which only the array form counts.
+        sensors: those that agents of this name carry in some game, by name.
+        is_reserved: whether the caller has reserved the row; else a rule has created the agent.
+        is_known: whether a rule has created the agent in some game; else it is like another agent of its team.
+    """
+
+    name: str
+    team: Hashable
+    type: AgentType
+    speed: float | None
+    strategy: Any
+    sensors: Mapping[str, Any]
+    is_reserved: bool = False
+    is_known: bool = True
+
+    @classmethod
+    def like(cls, agent: IAgent, name: str) -> "ComingAgent":
+        """Return a reserved agent of this name that is probably like another one."""
+        own = agent.team, agent.type, agent.speed, agent.strategy, sensors_of(agent)
+        return cls(name, *own, is_reserved=True, is_known=False)
+
+    @classmethod
+    def departed(cls, name: str, team: Hashable) -> "ComingAgent":
+        """Return an agent that was deleted before the batch."""
+        return cls(name, team, AgentType.BASIC, None, None, {}, is_known=False)
+
+    def fits(self, agent: "IAgent | ComingAgent") -> bool:
+        """Return whether an agent that was created can take this row."""
+        is_same = self.team == agent.team and self.type is agent.type and self.speed == agent.speed
+        forms = [key_of(strategy_spec_of(one.strategy).array_form) for one in (self, agent)]
+        return is_same and forms[0] == forms[1] and sensors_of(agent).keys() <= self.sensors.keys()
+
+    def joined(self, agent: IAgent) -> "ComingAgent":
+        """Return this agent such that an agent that was created, maybe in another game, can take its row.
+
+        Raises:
+            BadValue: they differ in a way that one row cannot hold.
+        """
+        known = agent.team, agent.type, agent.speed, agent.strategy
+        found = ComingAgent(self.name, *known, {**self.sensors, **sensors_of(agent)}, self.is_reserved)
+        if self.is_known and not found._replace(sensors=self.sensors).fits(self):
+            raise BadValue(
+                f"Agent {shown(self.name)} differs between the games of a batch: it has team {shown(self.team)}, "
+                f"{self.type.name}, speed {self.speed} in one, and team {shown(agent.team)}, {agent.type.name}, speed "
+                f"{agent.speed} in another. Give them different names, or play the games alone: scenario.play(seed=…)."
+            )
+        return found
+
+
+class NewAgents(GammsError):
+    """Rules have created agents that have no rows in a batch.
+
+    Attributes:
+        agents: these agents.
+    """
+
+    def __init__(self, agents: Sequence[IAgent]) -> None:
+        super().__init__(f"Rules have created {shown([agent.name for agent in agents])}.")
+        self.agents = agents
+
+
+class AgentTable(NamedTuple):
+    """The agents of every game of a batch, in the order of their names.
+
+    Attributes:
+        names: (agents,) the names of the agents, sorted.
+        teams: the teams that agents play for, in the order of their first agents.
+        team_of: (agents,) the number of each agent's team.
+        keys: (agents,) the hashes of the names, for keyed draws.
+        agents: the agents of the context that the batch was made from, for constant data such as sensors, and those
+            that may come.
+        is_first: (agents,) whether each agent is in the game at the start; the other rows are for agents that may come.
+        is_public: (agents,) whether callers observe the agent and give it actions.
+        varies: (agents,) whether the strategy and the sensors of an agent of this name may differ between games.
+        flies: (agents,) whether each agent flies; the others move on the ground.
+    """
+
+    names: tuple[str, ...]
+    teams: tuple[Hashable, ...]
+    team_of: IntArray
+    keys: BitArray
+    agents: list[Any]  # `IAgent`, or `ComingAgent`
+    is_first: BoolArray
+    is_public: BoolArray
+    varies: BoolArray
+    flies: BoolArray
+
+    @classmethod
+    def of(
+        cls, agents: Iterable[IAgent], coming: Iterable[ComingAgent] = (), varying: Collection[str] = ()
+    ) -> "AgentTable":
+        """Return the roster of the agents, and of agents that rules may create.
+
+        Args:
+            agents: the agents of the start.
+            coming: the others.
+            varying: the names of agents that are deleted in some game, and created again.
+        """
+        named: dict[str, Any] = {agent.name: agent for agent in sorted(agents, key=lambda agent: agent.name)}
+        named |= {agent.name: agent for agent in coming}
+        names = tuple(sorted(named))
+        ordered = [named[name] for name in names]
+        teams = tuple(dict.fromkeys(agent.team for agent in ordered))
+        number = {team: i for i, team in enumerate(teams)}
+        team_of = np.array([number[agent.team] for agent in ordered], np.int64)
+        is_first = np.array([not isinstance(agent, ComingAgent) for agent in ordered], np.bool_)
+        is_public = np.array([getattr(agent, "is_reserved", True) for agent in ordered], np.bool_)
+        varies = ~is_first | np.array([name in varying for name in names], np.bool_)
+        flies = np.array([agent.type is AgentType.AERIAL for agent in ordered], np.bool_)
+        masks = [locked(one) for one in (is_first, is_public, varies, flies)]
+        return cls(names, teams, locked(team_of), locked(kernels.name_keys(names)), ordered, *masks)
+
+    @property
+    def coming(self) -> dict[str, ComingAgent]:
+        """The agents that rules may create, by name."""
+        return {agent.name: agent for agent in self.agents if isinstance(agent, ComingAgent)}
+
+    def can_hold(self, agent: IAgent) -> bool:
+        """Return whether an agent that was created in a game can take the row of its name."""
+        if agent.name not in self.names:
+            return False
+        number = self.names.index(agent.name)
+        known = self.agents[number]
+        if isinstance(known, ComingAgent):
+            return known.fits(agent)
+        own = sensors_of(agent)
+        is_same = known.strategy is agent.strategy and sensors_of(known) == own
+        may_vary = is_same or bool(self.varies[number])
+        return may_vary and ComingAgent.like(known, agent.name)._replace(sensors=own).fits(agent)
+
+    def with_more(self, agents: Iterable[IAgent], likely: Iterable[ComingAgent] = ()) -> "AgentTable":
+        """Return the roster with rows for agents that were created.
+
+        Args:
+            agents: these agents.
+            likely: agents that probably come later; others of their names may come instead.
+
+        Raises:
+            BadValue: an agent differs from another one of its name in a way that one row cannot hold.
+        """
+        coming = self.coming
+        first = {agent.name: agent for agent in self.agents if not isinstance(agent, ComingAgent)}
+        varying = {name for name, varies in zip(self.names, self.varies.tolist(), strict=True) if varies}
+        for agent in agents:
+            name = agent.name
+            if name in first:
+                ComingAgent.like(first[name], name)._replace(is_known=True).joined(agent)
+                varying.add(name)
+                continue
+            known = coming.get(name) or ComingAgent.like(agent, name)._replace(is_reserved=False)
+            coming[name] = known.joined(agent)
+        coming |= {agent.name: agent for agent in likely if agent.name not in {**coming, **first}}
+        return AgentTable.of(first.values(), coming.values(), varying)
+
+    def first_nodes(self, game: PlayedGame) -> list[int]:
+        """Return the ids of the start nodes of a game's agents; for flying agents, the nodes nearest to the starts.
+
+        Those that may come have any node.
+        """
+        nearest = game.ctx.graph.graph.nearest_node
+        found = list[int]()
+        for agent in self.agents:
+            if isinstance(agent, ComingAgent):
+                found.append(next(iter(game.ctx.graph.graph.get_nodes())))
+                continue
+            place = game.internals.start_of(agent)
+            found.append(place if isinstance(place, int) else nearest(*place[:2]))
+        return found
+
+    def members(self, team: Hashable) -> IntArray:
+        """Return the numbers of the public agents of a team, ascending."""
+        if as_key(team, "A team") not in self.public_teams:
+            raise UnknownName("team", team, self.public_teams)
+        return np.flatnonzero((self.team_of == self.teams.index(team)) & self.is_public)
+
+    @property
+    def public_teams(self) -> tuple[Hashable, ...]:
+        """The teams of public agents, in the order of their first agents."""
+        return tuple(dict.fromkeys(self.teams[number] for number in self.team_of[self.is_public].tolist()))
+
+    def column(self, values: Mapping[str, Any], default: float) -> Column:
+        """Return values by agent name as an array of one game, (1, agents), with a default for missing names."""
+        known = as_mapping(values, "values")
+        return np.array([[known.get(name, default) for name in self.names]])
+
+    def plays_for(self, teams: Collection[Hashable] | None) -> BoolArray:
+        """Return whether each agent is in one of these teams, (agents,); None: all agents are."""
+        is_in = np.array([teams is None or team in teams for team in self.teams], np.bool_)
+        return is_in[self.team_of]
+
+    def part_of(self, order: Sequence[Sequence[Hashable]] | None) -> IntArray:
+        """Return the part of the turn in which each agent moves, for an order of play, (agents,)."""
+        parts = [next((i for i, part in enumerate(order or ()) if team in part), 0) for team in self.teams]
+        return np.array(parts, np.int64)[self.team_of]
+
+    def unlisted(self, order: Sequence[Sequence[Hashable]] | None) -> BoolArray:
+        """Return whether the team of each agent is missing in an order of play, (agents,)."""
+        return ~self.plays_for(None if order is None else [team for part in order for team in part])
+
+    def are_teams(self) -> BoolArray:
+        """Return whether agents of each team are mates, (teams,); False only for agents without a team (None)."""
+        return np.array([team is not None for team in self.teams], np.bool_)
+
+    def are_mates(self, agents: IntArray, others: IntArray) -> BoolArray:
+        """Return whether agents are mates of others, given numbers that broadcast; agents without a team are not."""
+        own = self.team_of[agents]
+        found: BoolArray = (own == self.team_of[others]) & self.are_teams()[own]
+        return found
+
+    def name(self, number: int) -> str:
+        """Return the name of an agent, for messages."""
+        return shown(self.names[number])
+
+
+def agents_of(game: PlayedGame) -> list[IAgent]:
+    """Return all agents of a game in the order of names, dead or alive."""
+    return [agent for _, agent in sorted(game.ctx.agent.agents.items())]
+
+
+def decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
+    """Return the plan of an agent's team, or the agent's strategy, or None."""
+    return plans[agent.team].function if agent.team in plans else agent.strategy
+
+
+def reserved(roster: AgentTable, most_agents: object) -> list[ComingAgent]:
+    """Return the agents that rules may create, for which the caller reserves rows."""
+    found: dict[Hashable, list[str]] = {}
+    given = most_agents if isinstance(most_agents, Mapping) else dict.fromkeys(roster.public_teams, most_agents)
+    for team, most in given.items():
+        there = len(roster.members(team))
+        if isinstance(most, Iterable):
+            names = [as_name(name, "an agent") for name in as_items(most, f"most_agents[{team!r}]", "names")]
+        else:
+            number = as_count(most, f"most_agents[{team!r}]")
+            if number < there:
+                raise BadValue(f"most_agents[{team!r}] is {number}, and team {shown(team)} has {there} agents.")
+            refuse_above(number * BYTES_PER_AGENT, f"A batch with most_agents[{team!r}]={number}")
+            free = (name for i in count() if (name := f"{team}_{i}") not in roster.names)
+            names = list(islice(free, number - there))
+        taken = [name for name in names if name in (*roster.names, *chain.from_iterable(found.values()))]
+        if taken:
+            raise BadValue(f"most_agents[{team!r}] reserves names for new agents, and {shown(taken[0])} is taken.")
+        if len({*names}) < len(names):
+            raise BadValue(f"most_agents[{team!r}] has a name twice: {shown(names)}.")
+        found[team] = names
+    first = {team: roster.agents[roster.members(team)[0]] for team in found}
+    return [ComingAgent.like(first[team], name) for team, names in found.items() for name in names]
+
+
+class ZeroDefaultScores(dict[Any, Any]):
+    """Scores, key -> (games,); a missing score is 0 in all games, as in `ctx.game.scores`."""
+
+    def __init__(self, zeros: Callable[[], Any]) -> None:
+        super().__init__()
+        self._zeros = zeros
+
+    def __missing__(self, key: object) -> Any:
+        return self._zeros()
+
+
+def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
+    """Return the seeds of a batch: the given ones, or consecutive numbers."""
+    if seeds is None:
+        if num_games is None:
+            raise BadValue("batch needs the number of games, or seeds=.")
+        first = as_int(seed, "seed")
+        return range(first, first + as_count(num_games, "num_games"))
+    if as_int(seed, "seed"):
+        raise BadValue(f"batch got seed={shown(seed)} and seeds: give one of both.")
+    given = tuple(as_ids(seeds, "seeds"))
+    if not given:
+        raise BadValue("seeds is empty: a batch has at least one game.")
+    if num_games is not None and as_count(num_games, "num_games") != len(given):
+        raise BadValue(f"batch got num_games={shown(num_games)} and {len(given)} seeds: give one of both.")
+    return given
+
+
+def drawn_maps(seeds: Sequence[int], num_maps: int) -> IntArray:
+    """Return the number of the map that each seed draws, (seeds,)."""
+    if num_maps == 1:
+        return np.zeros(len(seeds), np.int64)
+    purposes = np.array([kernels.purpose_key(seed, "map") for seed in seeds], np.uint64)
+    bits = kernels.draw_bits_rows(purposes, kernels.name_keys(["map"]), 0)
+    return kernels.below_many(bits, num_maps)
+
+
+def in_threads(play: Callable[[int, int, int], object], games: int, threads: int) -> None:
+    """Call `play(thread, begin, end)` for equal parts of the games, each part in its own thread.
+
+    If several threads raise errors, the first one is raised after all have ended.
+
+    Args:
+        play: called with the number of the thread, the first game, and the end of the range.
+        games: the number of games.
+        threads: the number of threads; the calling thread plays the last part.
+    """
+    bounds = [games * part // threads for part in range(threads + 1)]
+    errors: dict[int, BaseException] = {}
+
+    def play_part(number: int) -> None:
+        try:
+            play(number, bounds[number], bounds[number + 1])
+        except BaseException as error:  # noqa: BLE001 - raised below
+            errors[number] = error
+
+    others = [Thread(target=play_part, args=(number,)) for number in range(threads - 1)]
+    for one in others:
+        one.start()
+    play_part(threads - 1)
+    for one in others:
+        one.join()
+    if errors:
+        raise errors[min(errors)]
+
+
+def in_turns(turns: IntArray, games: IntArray) -> str:
+    """Return a phrase with the turns of games, (games,), for notes on errors; it names a single game."""
+    known = np.unique(turns).tolist() or [0]
+    those = f"in turn {known[0]}" if len(known) == 1 else f"in turns {known[0]} to {known[-1]}"
+    return f"{those} of game {games[0]}" if len(games) == 1 else those

@@ -1,0 +1,818 @@
+"""Plays the games of a batch in the core: those of which every part is a function of it.
+
+`StrategySpec.core_form` is the number by which `gamms.core.moves` knows a strategy.
+`RuleSpec.core_form` is a function that makes the rule that `gamms.core.rules` plays.
+"""
+
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import groupby
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.core import arrivals, conflicts, contacts, draws, moves, rules, turn
+from gamms.errors import BadValue, NoPath
+from gamms.game.block.columns import AgentTable, Failure, PlayedGame, decider_of
+from gamms.game.block.scores import fits_float
+from gamms.game.block.state import CoreEvents, GameArrays
+from gamms.game.block.strategy_steps import (
+    LOOKING,
+    MOST_LOOKING,
+    StrategySteps,
+    always_act,
+    can_read,
+    has_plain_looks,
+)
+from gamms.game.block.travelers import NO_LEGS, EdgeColumns, MetreColumns, ThreadTravel, in_parts
+from gamms.game.conflicts import Conflicts, ConflictTable, flat, ranked_for_all
+from gamms.game.movement.arrivals import NO_DEEDS, WAITS
+from gamms.game.movement.by_edges import EdgeMovement
+from gamms.game.movement.by_metres import MetricMovement
+from gamms.game.movement.courses import EdgeCourses, MetreCourses, paths_in_parts
+from gamms.game.movement.one_edge import AnyNodeMovement, Paths
+from gamms.game.movement.roads import OpenRoads, RoadTables
+from gamms.game.movement.travel import no_way
+from gamms.game.settings import NamedRule, as_called, declared, rule_spec_of
+from gamms.game.strategy_specs import strategy_spec_of
+from gamms.ir.game_state import joined_end
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.text import shown
+from gamms.typing.context import HostContext
+from gamms.typing.game import EdgePlace
+
+ONE_THAT_SHOWS = "a winner that the core finds"
+_REACH, _END = (rules.KINDS.index(kind) for kind in ("reach", "end"))
+_ILLEGAL, _WAITS, _LATE_DEED = (rules.KINDS.index(kind) for kind in ("illegal", "waits", "late deed"))
+_SCORING = np.isin(rules.KINDS, ["tag", "capture", "reach", "arrive"])  # (kinds,) of rules that score
+_FIRST_ROOM = 1024  # events
+
+
+class CompiledRule(NamedTuple):
+    """A rule in the core, as its events have it.
+
+    Attributes:
+        is_scored: whether each of its events scores for the team of the agent.
+        has_floats: whether the points are no integers.
+        flags: the teams whose flags it has, by number.
+        reason, winner, truncated: of the end of a game; the winner may be `ONE_THAT_SHOWS`. Without a reason, it is
+            that teams have reached their goals.
+    """
+
+    is_scored: bool = False
+    has_floats: bool = False
+    flags: tuple[Hashable, ...] = ()
+    reason: str = ""
+    winner: object = ONE_THAT_SHOWS
+    truncated: bool = False
+
+
+class RuleBuilder:
+    """What the rules of one thread and one map are made with.
+
+    Attributes:
+        state: of all games.
+        thread: its number.
+        games, events, steps, pieces: see `gamms.core.rules`.
+        columns: of the agents of one game: nodes, times and lengths of their tracks.
+        legs: of the same; none in games that count edges.
+        by_metres: whether the games are by metres.
+        home: (all games, agents) where agents come back; -1: they have not come yet.
+        rules: of the numbers that events have, what they are of.
+        agents_in: columns of numbers of agents that are kept, -1 for none; they may have been loaded.
+    """
+
+    def __init__(
+        self,
+        state: GameArrays,
+        games: rules.GameColumns,
+        events: rules.Events,
+        travel: ThreadTravel | None,
+        known: list[CompiledRule],
+        thread: int,
+        home: IntArray,
+    ) -> None:
+        agents, streets = len(state.roster.names), state.streets
+        self.state = state
+        self.thread = thread
+        self.games = games
+        self.events = events
+        self.home = home
+        self.by_metres = travel is not None and travel.most_legs > 0
+        self.legs = NO_LEGS
+        if travel is None:
+            self._most_nodes, most_legs, keys = 2, 0, streets.num_nodes
+            self.columns: tuple[Any, Any, Any] = ints(2 * agents), floats(2 * agents), ints(agents)
+            self.steps: rules.AgentPaths = rules.AgentPaths(*self.columns)
+        else:
+            self._most_nodes, most_legs = travel.most, travel.most_legs
+            keys = max(streets.num_nodes, len(state.movement.columns.edge_ids))
+            self.columns, self.steps, self.legs = travel.tracks, travel.course, travel.legs
+        room = 2 * agents * (self._most_nodes + 2 * most_legs + 1)  # visits and legs, each with two entries
+        places: Any = [ints(room) for _ in range(3)] + [floats(room) for _ in range(4)]
+        found: Any = ints(room), ints(room), np.full(keys, -1).data, ints(room)
+        self.pieces = contacts.MotionIntervals(*places, *found)
+        self.rules = known
+        self.agents_in: list[IntArray] = []
+
+    def number(self, *played: CompiledRule) -> int:
+        """Return the first of the numbers of a rule, one for each of its parts."""
+        self.rules += played
+        return len(self.rules) - len(played)
+
+    def tracks(self, sides: memoryview, *, at_end: bool) -> contacts.Tracks:
+        """Return the tracks of the agents of a game, of these sides."""
+        return contacts.Tracks(len(self.state.roster.names), self._most_nodes, *self.columns, sides, at_end=at_end)
+
+    def visitors(self, *, at_end: bool) -> rules.Visitors:
+        """Return the agents on the ground, with the nodes that they visit."""
+        sides = ints(len(self.state.roster.names))
+        tracks = self.tracks(sides, at_end=at_end)
+        return rules.Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(None, air=False), sides)
+
+    def plays(self, teams: Collection[Hashable] | None, *, air: bool = True) -> Any:
+        """Return which agents are of these teams, 1 or 0; None: of any. `air` says whether those that fly are, too."""
+        roster = self.state.roster
+        return flat(roster.plays_for(teams) & (air | ~roster.flies), np.int64)
+
+    def refuse_unknown_agents(self) -> None:
+        """Refuse numbers that rules have kept, or that were loaded, and that are those of no agents."""
+        agents = len(self.state.roster.names)
+        for column in self.agents_in:
+            if column.min(initial=-1) < -1 or column.max(initial=-1) >= agents:
+                raise BadValue(f"A rule keeps numbers of agents from -1 to {agents - 1}, not {shown(column)}.")
+
+    def rows(self, nodes: Collection[int]) -> IntArray:
+        """Return the rows of nodes, given their ids."""
+        return self.state.streets.rows(sorted(nodes))
+
+    def team(self, team: Hashable) -> int:
+        """Return the number of a team; -1: no agent plays for it."""
+        teams = self.state.roster.teams
+        return teams.index(team) if team in teams else -1
+
+
+class CoreColumns:
+    """The columns that the core writes, of the games on all maps, a row for each game.
+
+    Args:
+        states: of the games, one for each map; they share all columns that do not depend on the map.
+        map_of: (games,) the number of the map that each game is on; it may change.
+
+    Attributes:
+        given: (games, agents) the numbers of the legal nodes that agents go to that are given them; -1: they go along
+            routes.
+        start, went, takes_part: (games, agents) where agents were before they moved, where they went, and who did.
+        ends: (games, agents) where agents go in the part of a turn that is under way.
+        wanted: (games, agents) where agents wanted to go that conflicts have stopped, as these compare places.
+        held: (games, agents) which agents may not do what they have decided.
+        until: (maps, games) until so many parts of the turns of each game on a map are played.
+        part: (games,) how many parts of the turn that is under way were played.
+        over: (games,) which games have ended.
+        score: (games, teams)
+        rules: of the numbers that events have, what they are of.
+        events: of each thread.
+        illegal: what agents have decided in the last phase that the core could not do, by game and agent.
+        waiting: the games and agents that have arrived too often in the last phase.
+    """
+
+    def __init__(self, states: Sequence[GameArrays], map_of: IntArray) -> None:
+        self._state = state = states[0]
+        self._states = states
+        self._map_of = map_of
+        shape = state.node.shape
+        self.given, self.start, self.ends, self.went, self.wanted = np.zeros((5, *shape), np.int64)
+        self.takes_part, self.held = np.zeros((2, *shape), np.uint8)
+        self.until = np.zeros((len(states), shape[0]), np.int64)
+        self.part = np.zeros(shape[0], np.int64)
+        self.over = np.zeros(shape[0], np.uint8)
+        self.score = np.zeros((shape[0], len(state.roster.teams)))
+        self.rules: list[CompiledRule] = []
+        self.events: list[rules.Events] = []
+        self.illegal: list[Failure] = []
+        self.waiting: set[tuple[int, int]] = set()
+        self._ids = np.concatenate([one.streets.columns.node_ids for one in states])
+        self._first = np.cumsum([0, *(one.streets.num_nodes for one in states)])  # the place of each map in `_ids`
+        self.begin(np.arange(shape[0]))
+
+    def until_of(self, state: GameArrays) -> IntArray:
+        """Return the row of `until` of the map of a state."""
+        found: IntArray = self.until[[one is state for one in self._states].index(True)]
+        return found
+
+    def begin(self, games: IntArray) -> None:
+        """Begin games, whose agents have not moved."""
+        self.start[games] = self._state.node[games]
+        self.went[games] = self._state.node[games]
+        self.takes_part[games] = 0
+        self.held[games] = 0
+        self.part[games] = 0
+
+    def events_of(self, thread: int) -> rules.Events:
+        """Return where a thread notes events."""
+        while len(self.events) <= thread:
+            self.events.append(rules.Events(_FIRST_ROOM))
+        return self.events[thread]
+
+    def give(self) -> None:
+        """Let the core know which games are over, and the scores."""
+        np.logical_not(self._state.is_going, out=self.over)
+        put_scores(self._state, self.score)
+
+    def take_in(self) -> None:
+        """Let the state of the batch have what has happened."""
+        np.equal(self.over, 0, out=self._state.is_going)
+        wrong: list[tuple[Failure, int]] = []
+        self.illegal = []
+        self.waiting = set()
+        for noted in [self._read(events) for events in self.events if events.count]:
+            is_wrong = noted.kinds >= _ILLEGAL
+            for row in np.flatnonzero(is_wrong).tolist():
+                failure = self._failure_of(noted, row)
+                wrong.append((failure, int(noted.turns[row])))
+                if noted.kinds[row] == _ILLEGAL:
+                    self.illegal.append(failure)
+                elif noted.kinds[row] == _WAITS:
+                    self.waiting.add((failure.game, failure.agent))
+            self._state.events.take(noted.those(~is_wrong))
+        self._note_wrong(wrong)
+        for state in self._states:
+            if state.movement.remembers:
+                state.movement.take_out(*np.nonzero(~state.alive))
+            state.now.clear()
+
+    def _read(self, events: rules.Events) -> CoreEvents:
+        """Take the scores, and the ends of games that rules have noted; return the other events."""
+        state = self._state
+        count = events.count
+        columns = events.games, events.turns, events.rules, events.kinds, events.agents, events.others, events.nodes
+        games, turns, numbers, kinds, agents, others, nodes = (np.array(column[:count]) for column in columns)
+        nodes = self._ids[self._first[self._map_of[games]] + nodes]
+        flags = tuple(one.flags for one in self.rules)
+        noted = CoreEvents(games, turns, numbers, kinds, agents, others, nodes, flags)
+        noted = noted.those(np.argsort(games, kind="stable"))  # those of one map come behind those of another
+        events.count = 0
+        self._note_scores(noted)
+        is_end = noted.kinds == _END
+        for row in np.flatnonzero(is_end).tolist():
+            played, game, winner = self.rules[noted.rules[row]], int(noted.games[row]), int(noted.agents[row])
+            who = played.winner
+            if who is ONE_THAT_SHOWS:
+                who = None if winner < 0 else state.roster.teams[winner]
+            reason = played.reason or self._reason_of_goals(noted, row)
+            how = {"reason": reason, "winner": who, "truncated": played.truncated}
+            state.over[game] = joined_end(state.over[game], how)
+        return noted.those(~is_end)
+
+    def _reason_of_goals(self, noted: CoreEvents, end: int) -> str:
+        """Return the reason of an end by agents that have reached goals: events of the same rule and turn before it."""
+        teams, first = self._state.roster.teams, end
+        while first and noted.kinds[first - 1] == _REACH and noted.rules[first - 1] == noted.rules[end]:
+            first -= 1
+        members = self._state.roster.team_of[noted.agents[first:end]].tolist()
+        return reason_of_goals(dict.fromkeys(teams[number] for number in members))
+
+    def _note_scores(self, noted: CoreEvents) -> None:
+        """Take scores, and in which order they were first set."""
+        score = self.score
+        teams = self._state.roster.teams
+        is_scored = np.array([one.is_scored for one in self.rules], np.bool_)
+        has_floats = np.array([one.has_floats for one in self.rules], np.bool_)
+        rows = np.flatnonzero((noted.rules >= 0) & (noted.kinds != _END))
+        rows = rows[is_scored[noted.rules[rows]]]
+        rows = rows[_SCORING[noted.kinds[rows]]]
+        if not len(rows):
+            return
+        which = noted.games[rows] * len(teams) + self._state.roster.team_of[noted.agents[rows]]
+        first = np.full(score.size, -1)
+        first[which[::-1]] = rows[::-1]
+        are_floats = np.zeros(score.size, np.bool_)
+        are_floats[which[has_floats[noted.rules[rows]]]] = True
+        self._state.scores.take(teams, score, first.reshape(score.shape), are_floats.reshape(score.shape))
+
+    def _note_wrong(self, wrong: list[tuple[Failure, int]]) -> None:
+        """Note what agents have decided wrongly, as the core has found it in turns of these numbers."""
+        decided = self._state.failures
+        for failure, _ in wrong:
+            self._states[self._map_of[failure.game]].tell(failure)
+        if decided:  # by functions, in the same part of a turn
+            wrong = sorted([*decided, *wrong], key=_of_failure)
+            decided.clear()
+        for failure, when in wrong:
+            self._state.note_failure(failure, when)
+
+    def _failure_of(self, noted: CoreEvents, row: int) -> Failure:
+        """Return the error: an agent arrived too often, did a deed too late, or has no path to a node."""
+        edge, target, game, agent, kind = (
+            int(column[row]) for column in (noted.others, noted.nodes, noted.games, noted.agents, noted.kinds)
+        )
+        if kind != _ILLEGAL:
+            return Failure.illegal(game, agent, WAITS if kind == _WAITS else NO_DEEDS)
+        by = self._states[self._map_of[game]].movement
+        if edge < 0:  # it is on a node
+            why = f"BadValue: {NoPath(int(by.columns.node_ids[-2 - edge]), target)}"
+            return Failure.illegal(game, agent, why)
+        node, end = by.columns.node_ids[[by.columns.sources[edge], by.columns.targets[edge]]].tolist()
+        may_turn = isinstance(by, MetricMovement) and by.backs(noted.others[[row]], noted.games[[row]])[0] >= 0
+        error = no_way(node, end, target, is_paced=True, may_turn=bool(may_turn))
+        return Failure.illegal(game, agent, f"BadValue: {error}")
+
+
+def _of_failure(pair: tuple[Failure, int]) -> tuple[int, int]:
+    return pair[0].game, pair[0].agent
+
+
+def put_scores(state: GameArrays, score: FloatArray) -> None:
+    """Write the scores of all games as the core takes them, (games, teams)."""
+    for number, team in enumerate(state.roster.teams):
+        column = state.scores.get(team)
+        score[:, number] = 0.0 if column is None or column.dtype == object else column
+
+
+def reason_of_goals(teams: Iterable[Hashable]) -> str:
+    """Return the reason of the end of a game in which these teams have reached their goals."""
+    return f"{' and '.join(map(str, teams))} reached the goal"
+
+
+def ints(number: int) -> Any:  # memoryviews are not subscriptable
+    """Return memory for integers, as the core takes it."""
+    return np.zeros(number, np.int64).data
+
+
+def floats(number: int) -> Any:
+    """Return memory for floats, as the core takes it."""
+    return np.zeros(number).data
+
+
+def memory_of(column: np.ndarray[Any, Any]) -> Any:
+    """Return the memory of a column of the batch, which the core writes to."""
+    assert column.flags.c_contiguous  # noqa: S101 - the state of a batch is in one piece
+    return (column.view(np.uint8) if column.dtype == np.bool_ else column).reshape(-1).data
+
+
+def core_form_of(game: PlayedGame, roster: AgentTable, number: int) -> int | None:
+    """Return the number by which the core knows what decides for an agent, None: it does not play that.
+
+    Args:
+        game: at its start.
+        roster: its agents; one without a strategy stays.
+        number: of the agent.
+    """
+    settings = game.settings()
+    agent = roster.agents[number]
+    decider = decider_of(agent, settings["plans"])
+    if roster.varies[number]:
+        return None
+    if decider is None:
+        return moves.STAY
+    if roster.flies[number]:
+        return None
+    spec = strategy_spec_of(decider)
+    steps = spec.core_steps or ()
+    if spec.core_form is not None:
+        return spec.core_form
+    kinds = {step.kind for step in steps}
+    by_edges = settings["speed_unit"] == "edges"
+    goes_on = agent.speed is not None and "follow" in kinds  # beyond its stops
+    may_look = by_edges and not roster.flies.any() and len(roster.names) <= MOST_LOOKING and has_plain_looks(agent)
+    may_err = settings["on_illegal"] == "raise" and not (by_edges and agent.speed is None)
+    is_played = always_act(steps) and not (goes_on or may_err) and settings["legal"] == "edges"
+    memory = game.internals.state.memories.get(agent.name, {})
+    is_played = is_played and can_read(steps, memory, game.ctx.graph.graph.get_node)
+    return moves.BY_STEPS if is_played and (may_look or kinds.isdisjoint(LOOKING)) else None
+
+
+def conflicts_in_core(game: PlayedGame, roster: AgentTable) -> Conflicts | None:
+    """Return the conflicts of a game that the core resolves; None: there are none, or a function resolves them."""
+    teams = [roster.teams[number] for number in roster.team_of.tolist()]
+    return ranked_for_all(game.settings()["conflicts"], roster.names, teams)
+
+
+def is_function(rule: NamedRule) -> bool:
+    """Return whether a rule is a function that is called, of arrays or of the context, and no rule of the core."""
+    return rule.spec.is_array_function or rule.spec.core_form is None
+
+
+def called_rules(game: PlayedGame, roster: AgentTable) -> list[NamedRule]:
+    """Return the rules of a game as a batch calls them; the core has no form of some where agents leave the nodes."""
+    settings, called = game.settings(), as_called(game.rules)
+    by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
+    leaves_nodes = by_metres or bool(roster.flies.any())
+    are_exact = all(map(fits_float, game.scores.values()))  # else no rule in the core may add to scores
+    without = [
+        one.spec.core_form is not None and (not are_exact or (leaves_nodes and one.spec.needs_nodes)) for one in called
+    ]
+    return [
+        one._replace(rule=_without_core(one.rule)) if is_function else one
+        for one, is_function in zip(called, without, strict=True)
+    ]
+
+
+def _without_core(rule: Callable[[Any], object]) -> Callable[[Any], object]:
+    """Return a rule that the core does not have."""
+
+    def call(ctx: HostContext) -> None:
+        rule(ctx)
+
+    return declared(call, replace(rule_spec_of(rule), core_form=None))
+
+
+class CoreGames:
+    """The games of a batch on one map, in the core.
+
+    Args:
+        game: at its start.
+        state: of all games, which turns change.
+        block: the columns that the games on all maps share.
+        is_apart: whether rules are played when all agents of all games have moved, because functions are called
+            between them.
+
+    Attributes:
+        has_functions: whether functions are called between its phases.
+        part_of: (agents,) the part of the turn in which each decides and moves, in the order of play.
+        num_parts: how many parts a turn has.
+        arrival: how often agents have arrived in this part of the turn, where functions are called then; None: they
+            are not.
+    """
+
+    arrival: int | None = None
+
+    def __init__(self, game: PlayedGame, state: GameArrays, block: CoreColumns, *, is_apart: bool) -> None:
+        settings = game.settings()
+        self._state = state
+        self._block = block
+        called = called_rules(game, state.roster)
+        self._rules = [one for one in called if one.phase == "after"]
+        self.has_functions = is_apart or any(map(is_function, self._rules))
+        self._keeps_courses = is_apart or any(map(is_function, called))
+        self._conflicts = conflicts_in_core(game, state.roster)
+        self._has_conflicts = settings["conflicts"] is not None
+        deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
+        found = [core_form_of(game, state.roster, number) for number in range(len(deciders))]
+        forms = [moves.STAY if one is None else one for one in found]
+        self._decides_by = np.array(forms, np.uint8)
+        pairs = zip(forms, deciders, strict=True)
+        self._steps = [
+            (strategy_spec_of(one).core_steps or ()) if form == moves.BY_STEPS else () for form, one in pairs
+        ]
+        self._by_steps: StrategySteps | None = None
+        self._deciding = self._decides_by.copy()
+        streets = state.streets
+        self._streets = streets.core_with_all_legal if isinstance(state.movement, AnyNodeMovement) else streets.core
+        self._first_node = np.zeros(len(state), np.int64)  # see `rules.GameColumns`
+        self._tables: RoadTables | None = None  # of the games, once a rule has closed roads
+        self._until = block.until_of(state)
+        self._here = state.node  # see `note_places`
+        self._last: tuple[IntArray, IntArray, BoolArray] | None = None  # see `last_moves`, while agents arrive
+        self._games = np.zeros(0, np.int64)  # that are played
+        self.part_of = state.roster.part_of(settings["order"])
+        self.num_parts = len(settings["order"] or [()])
+        self._made: list[tuple[turn.Player, RuleBuilder]] = []  # of each thread
+        self._movers: list[moves.OneEdgeMovers] = []  # one for each thread
+        self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions
+        self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
+        self._counts = ints(state.node.size)  # that threads share
+        self._has_own_homes = is_apart or not state.roster.is_first.all()
+        self._home = state.start.copy() if self._has_own_homes else state.start  # see `RuleBuilder.home`
+        self._made.append(self._player())
+
+    def last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
+        """Return where agents of some games were before they moved, where they went, and which took part."""
+        block = self._block
+        start, went, takes_part = self._last or (block.start, block.went, block.takes_part)
+        return start[games], went[games], takes_part[games] > 0
+
+    def note_places(self, *, are_open: bool) -> None:
+        """Note where agents are that are about to move; `are_open` says that the edges noted last are open."""
+        self._here = self._state.node.copy()
+        if self.courses is not None:
+            self.courses.note_places(are_open=are_open)
+
+    def next_moves(self, games: IntArray, part: int) -> tuple[IntArray, IntArray, BoolArray]:
+        """Return the same of agents that are about to move in a part of the turn."""
+        block, here = self._block, self._here[games]
+        goes = (self.part_of == part) & (block.held[games] == 0)
+        return here, np.where(goes, block.ends[games], here), block.takes_part[games] > 0
+
+    def enter(self, game: int, agent: int, node: int) -> None:
+        """Let an agent be in a game from now on, on a node."""
+        state, block = self._state, self._block
+        row = int(state.streets.rows(node))
+        state.is_there[game, agent] = True
+        state.start[game, agent] = -1
+        if not block.takes_part[game, agent]:
+            for column in (block.start, block.went, block.ends, self._here):
+                column[game, agent] = row
+        if state.flights is not None:
+            state.flights.enter(game, agent)
+
+    def leave(self, game: int, agent: int, node: int) -> None:
+        """Let an agent that is deleted be no more in a game; its last node was this one."""
+        state = self._state
+        state.is_there[game, agent] = state.alive[game, agent] = False
+        state.start[game, agent] = -1
+        state.node[game, agent] = state.streets.rows(node)
+        state.movement.clear(game, agent)
+
+    def _find_homes(self) -> None:
+        """Let agents come back where they began, or stay where they are if they came later."""
+        state = self._state
+        if self._has_own_homes:
+            here = np.where(state.is_there, state.node, -1)
+            self._home[:] = np.where(state.start >= 0, state.start, here)
+
+    def hold(self, game: int, agent: int) -> None:
+        """Keep an agent from what it has decided."""
+        self._block.held[game, agent] = 1
+
+    def note_conflict(self, game: int, agent: int, place: int | EdgePlace) -> None:
+        """Note that a conflict has stopped an agent on the way to a node or an edge."""
+        columns, streets = self._state.movement.columns, self._state.streets
+        if isinstance(place, EdgePlace):
+            row = len(columns.node_ids) + int(np.flatnonzero(columns.edge_ids == place.edge)[0])
+        else:
+            row = int(streets.rows(place))
+        self._block.wanted[game, agent] = row
+        self._state.blocked[game, agent] = True
+
+    # -- arrivals -----------------------------------------------------------------------------------------------------
+
+    def begin_arrivals(self, games: IntArray) -> None:
+        """Begin a part of the turn of some games in which functions are called where agents arrive."""
+        block, by, columns = self._block, self._state.movement, self._columns
+        assert isinstance(columns, MetreColumns) and columns.arrivals is not None  # noqa: S101, PT018 - by metres
+        columns.keep_courses()
+        self._arrivals = columns.arrivals
+        self._ends = columns.ends
+        self._arrivals.now[games] = arrivals.UNBEGUN
+        self._before = [one.copy() for one in (self._state.node, by.edge, by.share, by.motion)]
+        self._last = block.start.copy(), block.went.copy(), block.takes_part.copy()
+        self.arrival = 0
+
+    def arriving(self, games: IntArray) -> IntArray:
+        """Return the games, of some, in which agents arrive or set out; views then show the time."""
+        now = self._arrivals.now
+        goes_on = games[now[games] < np.inf]
+        self._state.movement.now[goes_on] = now[goes_on]
+        return goes_on
+
+    def deciding(self, games: IntArray) -> BoolArray:
+        """Return which agents of some games decide now, (games, agents)."""
+        is_before_end = self._arrivals.now[games] < 1.0
+        found: BoolArray = (self._arrivals.comes[games] == arrivals.ASKED) & is_before_end[:, None]
+        return found
+
+    def losers(self, games: IntArray) -> BoolArray:
+        """Return which agents of some games have lost conflicts now, (games, agents)."""
+        found: BoolArray = self._arrivals.loses[games] > 0
+        return found
+
+    def places(self, game: int) -> tuple[list[int | EdgePlace], list[int | EdgePlace]]:
+        """Return where moves of all agents of a game begin and end now."""
+        found = [[self._place_of(row) for row in rows[game].tolist()] for rows in self._ends]
+        return found[0], found[1]
+
+    def note_late_deeds(self, games: IntArray, agents: IntArray) -> None:
+        """Note that agents have decided to do deeds at arrivals, one for each of these games."""
+        self._arrivals.late[games, agents] = 1
+
+    def forget_late_deeds(self, game: int, agent: int) -> None:
+        """Record that an agent has no decision, because its action was illegal."""
+        self._arrivals.late[game, agent] = 0
+
+    def end_arrivals(self, *, is_played: bool) -> None:
+        """Put agents back where the part of the turn began; they move when it ends, if it was played."""
+        block, by = self._block, self._state.movement
+        for column, before in zip((self._state.node, by.edge, by.share, by.motion), self._before, strict=True):
+            column[:] = before
+        if self._last is not None and not is_played:
+            block.start[:], block.went[:], block.takes_part[:] = self._last
+        self._arrivals.now.fill(np.inf)
+        by.now.fill(0.0)
+        self._last = None
+        self.arrival = None
+        self._state.now.clear()
+
+    def num_played_parts(self, game: int) -> int:
+        """Return how many parts of the turn that is under way were played in a game."""
+        return int(self._block.part[game])
+
+    @property
+    def moves(self) -> tuple[np.ndarray[Any, Any], ...]:
+        """The columns of the last moves, how many parts of a turn were played, and where agents wanted to go."""
+        block = self._block
+        courses = () if self.courses is None else self.courses.columns()
+        return block.start, block.went, block.takes_part, block.part, block.wanted, *courses
+
+    @property
+    def courses(self) -> EdgeCourses | MetreCourses | None:
+        """How agents go that do not go along one edge a turn, where functions are called; None: there are none."""
+        return None if self._columns is None else self._columns.courses
+
+    def paths(self, games: IntArray) -> Paths | None:
+        """Return how agents of some games have gone in their last turns; None: all along one edge at once, or none."""
+        starts, ends, took_part = self.last_moves(games)
+        if self.courses is not None:
+            return self.courses.paths(games, starts, took_part)
+        return None if self.num_parts == 1 else paths_in_parts(starts, ends, self.part_of, self.num_parts)
+
+    def wanted(self, game: int, agent: int) -> int | EdgePlace:
+        """Return the node or the edge to which an agent wanted to go that a conflict has stopped."""
+        return self._place_of(int(self._block.wanted[game, agent]))
+
+    def _place_of(self, row: int) -> int | EdgePlace:
+        """Return a node or an edge, as conflicts compare them, by its id."""
+        columns = self._state.movement.columns
+        beyond = row - len(columns.node_ids)
+        return int(columns.node_ids[row]) if beyond < 0 else EdgePlace(int(columns.edge_ids[beyond]))
+
+    def prepare(self, is_given: BoolArray | None, threads: int) -> None:
+        """Prepare to play the games that `CoreColumns.until` says.
+
+        Args:
+            is_given: (agents,) which agents take the actions in the block; the others decide themselves; None: all do.
+            threads: how many play.
+        """
+        while len(self._made) < threads:
+            self._made.append(self._player())
+        self._take_roads()
+        self._find_homes()
+        self._deciding[:] = self._decides_by
+        if is_given is not None:
+            self._deciding[is_given] = moves.GIVEN
+        self._made[0][1].refuse_unknown_agents()
+        if self._by_steps is not None:
+            self._games = np.flatnonzero(self._until)
+            self._by_steps.take_memories(self._games)
+
+    def _take_roads(self) -> None:
+        """Let agents move, find ways and meet on the roads that are open in each game."""
+        roads = self._state.roads
+        if (self._tables is not None or roads.are_closed) and self._tables is not roads.tables:
+            self._tables = roads.tables
+            self._give_roads(roads, self._tables)
+
+    def _give_roads(self, roads: OpenRoads, tables: RoadTables) -> None:
+        """Let all threads play on the maps of these tables."""
+        self._first_node[:] = tables.first
+        for weight, search in roads.searches:
+            search.take(*roads.arcs_of(tables.maps, weight, reverse=False))
+        if self._streets.are_all_legal:
+            return
+        streets = moves.LegalMoves(flat(tables.offsets, np.int32), flat(tables.targets, np.int32))
+        for movers in self._movers:
+            movers.take(streets)
+        if self._by_steps is not None:
+            self._by_steps.take_roads(tables)
+        if self._columns is not None:
+            self._columns.take_roads(tables, streets)
+
+    def play_part(self, thread: int, begin: int, end: int, phase: int | None) -> None:
+        """Play those of the games from `begin` to `end - 1` that are on this map, or a phase; None: all phases."""
+        player = self._made[thread][0]
+        if phase is None:
+            turn.play_aside(player, begin, end)
+        else:
+            turn.play_phases_aside(player, phase, begin, end)
+
+    def finish(self) -> None:
+        """Let the state of the batch have what agents remember of the games that were played."""
+        if self._by_steps is not None:
+            self._by_steps.give_memories(self._games)
+
+    def play_rules(self, games: IntArray) -> Iterator[NamedRule]:
+        """Apply the rules of some games that have moved; yield each function where it has its turn."""
+        if not self.has_functions:
+            return
+        numbers = flat(games, np.int64)
+        for part in self._parts:
+            if isinstance(part, NamedRule):
+                yield part
+            else:
+                before = self._state.node.copy(), self._state.stops.copy()
+                self._block.give()
+                self._take_roads()
+                self._find_homes()
+                rules.play_games(part, numbers)
+                self._block.take_in()
+                if self._state.flights is not None:
+                    self._follow(games, *before)
+
+    def _follow(self, games: IntArray, node: IntArray, stops: IntArray) -> None:
+        """Place agents that fly where they began that rules of the core have respawned."""
+        state, flights = self._state, self._state.flights
+        assert flights is not None  # noqa: S101 - some fly
+        rows = np.ix_(games, flights.agents)
+        at, which = np.nonzero((state.stops[rows] != stops[rows]) & state.alive[rows])
+        back = games[at], flights.agents[which]
+        flights.put_back(*back)
+        state.previous[back] = node[back]
+
+    def _player(self) -> tuple[turn.Player, RuleBuilder]:
+        """Make what one more thread plays with."""
+        state, roster, block = self._state, self._state.roster, self._block
+        columns = self._columns = self._columns or self._new_columns()
+        games = rules.GameColumns(
+            len(roster.names),
+            len(roster.teams),
+            node=memory_of(state.node),
+            start=memory_of(block.start),
+            previous=memory_of(state.previous),
+            alive=memory_of(state.alive),
+            placed=memory_of(state.placed),
+            stops=memory_of(state.stops),
+            home=memory_of(self._home),
+            turn=memory_of(state.turn),
+            over=block.over.data,
+            score=memory_of(block.score),
+            team=flat(roster.team_of, np.int64),
+            first_node=self._first_node.data,
+            nobody=roster.teams.index(None) if None in roster.teams else -1,
+            **({} if columns is None else columns.on_edges),
+        )
+        shared = {
+            "ends": memory_of(block.ends),
+            "went": memory_of(block.went),
+            "takes_part": memory_of(block.takes_part),
+            "counts": self._counts,
+            "moves": memory_of(state.counts["moves"]),
+            "blocks": memory_of(state.counts["blocked"]),
+            "blocked": memory_of(state.blocked),
+            "wanted": memory_of(block.wanted),
+            "held": memory_of(block.held),
+            "part_of": flat(self.part_of, np.int64),
+            "part": block.part.data,
+            "parts": self.num_parts,
+        }
+        walks = draws.RandomChoices(flat(state.draw_keys(), np.uint64), shared["counts"], shared["ends"])
+        some_walk = bool((self._decides_by == moves.RANDOM_WALK).any())
+        given = memory_of(block.given)
+        contests, requests = self._conflicting()
+        if self._by_steps is None and any(self._steps):
+            self._by_steps = StrategySteps(state, self._steps)
+        by_steps = None if self._by_steps is None else self._by_steps.of_thread(games, len(self._made))
+        routes = None if self.courses is None else self.courses.routes.core
+        of_movers = {**shared, "by_steps": by_steps, "routes": routes}
+        args = self._streets, self._deciding.data, walks, some_walk, given, contests, requests
+        events = block.events_of(len(self._made))
+        if columns is None:
+            movers = moves.OneEdgeMovers(*args, **of_movers)
+            travel = None if self.num_parts == 1 else in_parts(movers, len(roster.names))
+        else:
+            travel = columns.thread(args, of_movers, events)
+            movers = travel.movers
+        self._movers.append(movers)
+        making = RuleBuilder(state, games, events, travel, block.rules, len(self._made), self._home)
+        parts = self._made_rules(making)
+        first = None
+        if self.has_functions:
+            self._parts = parts
+        elif parts:
+            (first,) = parts
+        if self._tables is not None:
+            self._give_roads(state.roads, self._tables)
+        at_arrivals = None if travel is None else travel.arrivals
+        return turn.Player(games, movers, at_arrivals, first, self._until.data), making
+
+    def _made_rules(self, making: RuleBuilder) -> list[Any]:
+        """Return functions, and the first of the rules of the core between them, each chain as one."""
+        parts: list[Any] = []
+        for are_functions, several in groupby(self._rules, is_function):
+            if are_functions:
+                parts += several
+            else:
+                parts.append(
+                    rules.chained([form(making) for one in several if (form := one.spec.core_form) is not None])
+                )
+        return parts
+
+    def _new_columns(self) -> EdgeColumns | MetreColumns | None:
+        """Return what threads share in games that do not go along one edge a turn."""
+        by, go_by_steps = self._state.movement, any(self._steps)
+        keeps_courses = self._keeps_courses or self.num_parts > 1
+        if isinstance(by, MetricMovement):
+            return MetreColumns(
+                self._state,
+                by,
+                self.part_of,
+                go_by_steps=go_by_steps,
+                keeps_courses=keeps_courses,
+                has_conflicts=self._has_conflicts,
+            )
+        if isinstance(by, EdgeMovement):
+            return EdgeColumns(self._state, by, self.part_of, go_by_steps=go_by_steps, keeps_courses=keeps_courses)
+        return None
+
+    def _conflicting(self) -> tuple[conflicts.Contests | None, conflicts.MoveRequests | None]:
+        """Return what finds those who give way; None: there are no conflicts."""
+        if self._conflicts is None:
+            return None, None
+        state, columns = self._state, self._columns
+        table = ConflictTable(
+            self._conflicts, state.roster, state.movement.columns, has_edges=isinstance(columns, MetreColumns)
+        )
+        ranks = state.draw_keys(table.purpose) if table.ranks is None else table.ranks
+        ends = (columns and columns.ends) or (state.node, self._block.ends)
+        where = memory_of(ends[0]), memory_of(ends[1]), memory_of(self._block.takes_part)
+        return table.contests, table.requests(*where, ranks)

@@ -1,0 +1,370 @@
+"""The initial state of a batch, copied from its game, which may have been played for some turns."""
+
+from collections import Counter
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from math import nan
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.errors import BadType, BadValue
+from gamms.game.block.columns import AgentTable, PlayedGame, agents_of, decider_of, some_rows
+from gamms.game.block.deeds import ArrayDeeds
+from gamms.game.block.in_core import CoreColumns
+from gamms.game.block.state import STOPPED, Arrays, GameArrays
+from gamms.game.movement.by_edges import EdgeMovement
+from gamms.game.movement.by_metres import MetricMovement, TravelTerms, seconds_of_turn
+from gamms.game.movement.flights import poses_in, starts_above
+from gamms.game.movement.moves import TurnMoves
+from gamms.game.movement.one_edge import AnyNodeMovement, Legs, Movement, Paths
+from gamms.game.movement.streets import StreetGraph
+from gamms.game.settings import as_called
+from gamms.game.slots import COUNTED
+from gamms.game.strategy_specs import key_of, strategy_spec_of
+from gamms.game.turn import closed_edge
+from gamms.ir.graph import ClosedEdges, IntArray, locked_columns
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.progress import Motion
+from gamms.ir.schema import NUMBERS
+from gamms.text import as_code, shown
+from gamms.typing import AgentType, IAgent
+from gamms.typing.game import Track
+
+_NOWHERE = (nan, nan, nan)  # where agents in the air begin that come later
+Begins = Callable[[Any, GameArrays], Mapping[Hashable, Arrays]]
+"""Returns the memory of an array form in the game of a context: key -> name -> an array of one game."""
+
+
+def movement_type(game: PlayedGame, roster: AgentTable) -> type[Movement]:
+    """Return the class of movement for the settings and agents of a game."""
+    settings = game.settings()
+    if settings["legal"] == "any":
+        return AnyNodeMovement
+    if settings["speed_unit"] != "edges":
+        return MetricMovement
+    on_ground = [agent for agent in roster.agents if agent.type is not AgentType.AERIAL]
+    return Movement if all(agent.speed is None for agent in on_ground) else EdgeMovement
+
+
+def movement_of(
+    game: PlayedGame,
+    roster: AgentTable,
+    *,
+    may_reopen: bool = False,
+    is_detached: bool = False,
+    more_edges: ClosedEdges | None = None,
+) -> Movement:
+    """Return the movement of the agents of a game.
+
+    Args:
+        game: the game.
+        roster: its agents.
+        may_reopen: whether closed roads may be opened later.
+        is_detached: whether the movement stays the same when the map of the game changes.
+        more_edges: edges that are neither open nor closed, but may be open in other games.
+    """
+    settings, graph = game.settings(), game.ctx.graph
+    columns, routes = graph.storage.detached() if is_detached else (graph.columns(), graph.routes)
+    streets, closed = StreetGraph(locked_columns(columns), routes), graph.storage.roads()[1] if may_reopen else {}
+    whole = StreetGraph(*graph.storage.with_edges({**closed, **(more_edges or {})})) if closed or more_edges else None
+    speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
+    made = movement_type(game, roster)
+    if issubclass(made, MetricMovement):
+        return made(streets, speeds, TravelTerms.of(game, whole or streets), whole, closed)
+    if issubclass(made, EdgeMovement):
+        return made(streets, speeds, whole, closed)
+    movement = made(streets, whole, closed)
+    if made is AnyNodeMovement:
+        movement.turn_seconds = seconds_of_turn(settings)
+    return movement
+
+
+class InitialState:
+    """The initial state of the games on one map of a batch.
+
+    Args:
+        game: the game at the start of the batch; its context is not played in.
+        state: the state of all games of the batch, with agents, deeds and channels already set.
+        columns: the columns of all games that the core writes.
+        games: the numbers of the games on the map.
+
+    Attributes:
+        turn: the number of turns played before the batch.
+        last_turn: the moves of the last turn, if an array rule reads them; None: no rule does, or no turn was played.
+
+    Raises:
+        BadValue: a node where an agent was is no longer on the map.
+        UnknownName (KeyError): an agent moved over a node that is no longer on the map.
+    """
+
+    def __init__(self, game: PlayedGame, state: GameArrays, columns: CoreColumns, games: IntArray) -> None:
+        if game.turn:
+            _take_places(game, state.movement)
+        block, values, rows = game.ctx.agent.block, game.internals.state, state.streets.rows
+        names, known = state.roster.names, game.ctx.agent.agents
+        self.turn = game.turn
+        self._parts_played = values.parts_played
+        self._over = game.over
+        self._scores = dict(values.scores)
+        self._errors = [*values.errors]
+        self._events = [*values.events]
+        self._messages = [*values.messages]
+        self._deeds = [*values.deeds]
+        self._agents = np.array([number for number, name in enumerate(names) if name in known], np.int64)
+        own = [block.row_of(names[number]) for number in self._agents.tolist()]
+        self._alive = np.array([block.alive[row] for row in own], np.bool_)
+        self._places = [rows([int(column[row]) for row in own]) for column in (block.node, block.previous)]
+        self._has_left = (self._places[0] != self._places[1]) | (self.turn > 0)
+        self.last_turn: LastTurn | None = None
+        self._last_deeds: list[ArrayDeeds] = []
+        is_read = any(one.spec.is_array_function and one.phase == "before" for one in as_called(game.rules))
+        if values.moves is not None and is_read:
+            self.last_turn = LastTurn.of(values.moves, state.roster, state.movement, self._places[0][None])
+            done = enumerate(game.performed())
+            deeds = [(0, names.index(one.agent), i, one.kind, one.values) for i, one in done if one.agent in names]
+            self._last_deeds = state.deeds.from_plain(deeds, self.last_turn.starts)
+        self._progress = [(number, block.progress[row]) for number, row in zip(self._agents, own, strict=True)]
+        self._take_departed(game, state)
+        self._numbers = {name: [getattr(block, name)[row] for row in own] for name in state.numbers}
+        self._placed = [name in known and block.row_of(name) in block.placed for name in names]
+        if state.flights is not None:
+            self._take_flights(game, state)
+        self._blocked = ["in conflict" in values.blocked.get(name, "") for name in names]
+        nothing = dict.fromkeys(COUNTED, 0)
+        self._counts = {kind: [values.counts.get(name, nothing)[kind] for name in names] for kind in COUNTED}
+        events = [event.get(STOPPED.get(event["kind"], "")) for event in values.events]
+        stopped = Counter(name for name in events if isinstance(name, str))
+        self._stops = [stopped[name] for name in names]
+        self.put(state, columns, games)
+        for one in game.rules:
+            _take_up(game, state, f"the rule {one.name!r}", one.spec.begin_arrays)
+        self._take_up_memories(game, state)
+
+    def _take_up_memories(self, game: PlayedGame, state: GameArrays) -> None:
+        """Copy the memory of agents into `state.first`, for the forms of their strategies."""
+        settings, known = game.settings(), game.ctx.agent.agents
+        if not (self.turn or any(_remembers(game, agent) for agent in known.values())):
+            return
+        deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
+        by_key = {key_of(begins): one for one in deciders if (begins := strategy_spec_of(one).begins) is not None}
+        for one in by_key.values():
+            _take_up(game, state, f"the strategy {as_code(one)}", strategy_spec_of(one).begins)
+
+    def last_deeds(self, games: int) -> list[ArrayDeeds]:
+        """Return the deeds of the last turn, repeated for a number of games."""
+        found = []
+        for one in self._last_deeds:
+            number = len(one.at)
+            repeated = some_rows(one, np.tile(np.arange(number), games))
+            found.append(repeated._replace(at=np.repeat(np.arange(games), number)))
+        return found
+
+    def not_under_way(self, state: GameArrays, games: IntArray) -> IntArray:
+        """Return the games that are not in a turn of which some parts were played before the batch."""
+        return games if self._parts_played is None else games[state.turn[games] > self.turn]
+
+    def put(self, state: GameArrays, columns: CoreColumns, games: IntArray) -> None:
+        """Set games, which were reset, to this state."""
+        state.turn[games], state.blocked[games], state.stops[games] = self.turn, self._blocked, self._stops
+        state.placed[games] = self._placed
+        for one in NUMBERS:
+            state.numbers[one.name][games] = one.initial
+            state.numbers[one.name][games[:, None], self._agents] = self._numbers[one.name]
+        state.alive[games[:, None], self._agents] = self._alive
+        if self.turn:
+            state.node[games[:, None], self._agents] = self._places[0]
+        state.previous[games[:, None], self._agents[self._has_left]] = self._places[1][self._has_left]
+        state.node[games[:, None], self._gone] = self._gone_at
+        self._put_flights(state, games)
+        for number, place in self._progress:
+            if place is not None:
+                state.movement.put_on(games, number, place)
+        for kind, numbers in self._counts.items():
+            state.counts[kind][games] = numbers
+        state.scores.put(games, self._scores)
+        if self._over is not None:
+            for game in games.tolist():
+                state.over[game] = dict(self._over)
+            state.is_going[games] = False
+        self._put_logs(state, games)
+        columns.begin(games)
+        if self._parts_played:
+            columns.part[games] = self._parts_played
+            columns.takes_part[games] = state.alive[games]
+
+    def _take_departed(self, game: PlayedGame, state: GameArrays) -> None:
+        """Store where agents were deleted."""
+        has_node, departed = game.ctx.graph.graph.has_node, game.internals.state.departed
+        gone = {name: node for name, (_, node) in departed.items() if name not in game.ctx.agent.agents}
+        gone = {name: node for name, node in gone.items() if has_node(node)}
+        self._gone = np.array([state.roster.names.index(name) for name in gone], np.int64)
+        self._gone_at = state.streets.rows([*gone.values()])
+
+    def _take_flights(self, game: PlayedGame, state: GameArrays) -> None:
+        """Store the poses and start positions of the flying agents."""
+        block, numbers, moves = game.ctx.agent.block, np.flatnonzero(state.roster.flies), game.internals.state.moves
+        names = [state.roster.names[number] for number in numbers.tolist()]
+        known = game.ctx.agent.agents
+        starts: list[Any] = [game.internals.start_of(known[name]) if name in known else _NOWHERE for name in names]
+        nearest = game.ctx.graph.graph.nearest_node
+        below = state.streets.rows([nearest(*(0.0, 0.0) if one is _NOWHERE else one[:2]) for one in starts])
+        self._starts_in_air = np.array(starts)
+        self._below = state.streets.columns.xy[below]
+        rows = [block.row_of(name) if name in known else None for name in names]
+        self._poses = poses_in(block, rows, starts)
+        places = [-1 if moves is None else moves.order.index_of.get(name, -1) for name in names]
+        put = [place >= 0 and moves is not None and moves.was_put(place) for place in places]
+        self._have_flown = [is_put and not self._placed[i] for is_put, i in zip(put, numbers.tolist(), strict=True)]
+        for number, has_flown in zip(numbers.tolist(), self._have_flown, strict=True):
+            self._placed[number] |= has_flown
+
+    def _put_flights(self, state: GameArrays, games: IntArray) -> None:
+        if state.flights is not None:
+            below = state.streets.columns.xy[state.start[np.ix_(games, state.flights.agents)]]
+            starts = starts_above(below, self._starts_in_air, self._below)
+            state.flights.begin(games, starts, self._poses, self._have_flown)
+
+    def _put_logs(self, state: GameArrays, games: IntArray) -> None:
+        for game in games.tolist():
+            state.errors[game] += self._errors
+        state.events.begin(games, self._events)
+        if state.radio is not None:
+            state.radio.go_on(games, self._messages, self.turn)
+        if state.deed_log is not None:
+            state.deed_log.begin(games, self._deeds)
+
+
+def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | None) -> None:
+    """Copy the memory of a rule or a strategy in a game into `state.first`."""
+    if begins is None:
+        return
+    found: Any = begins(game.ctx, state)
+    if not isinstance(found, Mapping) or not all(isinstance(one, Mapping) for one in found.values()):
+        raise BadType(f"begins of {named} must return key -> name -> array of one game, not {shown(found)}.")
+    state.first |= {key: dict(arrays) for key, arrays in found.items()}
+    state.first_by |= dict.fromkeys(found, named)
+
+
+def _take_places(game: PlayedGame, movement: Movement) -> None:
+    """Refuse agents whose nodes were removed, and put agents on nodes whose edges are gone, as their turn would.
+
+    Raises:
+        BadValue: a node was removed.
+    """
+    block, graph = game.ctx.agent.block, game.ctx.graph
+    by_metres = isinstance(movement, MetricMovement)
+    edges = movement.columns.edge_ids  # those that are open, or that a function may open
+    for agent in [one for one in agents_of(game) if one.type is not AgentType.AERIAL]:
+        row = block.row_of(agent.name)
+        for node in (game.internals.start_of(agent), block.previous[row]):
+            if not graph.graph.has_node(node):
+                raise BadValue(
+                    f"Node {node}, where agent {shown(agent.name)} started or was before, was removed from the map: a "
+                    "batch that continues the game needs it. Close its roads instead, or set agent.prev_node_id."
+                )
+        place = block.on_edge(row) if by_metres else block.progress[row]
+        if by_metres and place is not None and place.edge not in edges:
+            game.internals.state.blocked.add(agent.name, closed_edge(place.source, place.target))
+            place = None
+        if not by_metres and place is not None and (agent.speed is None or place.source != block.node[row]):
+            place = None
+        block.set_progress(row, place)
+
+
+def _remembers(game: PlayedGame, agent: IAgent) -> bool:
+    """Return whether the memory of an agent or of its team is not empty."""
+    values, nothing = game.internals.state, dict[Any, Any]()
+    known = values.memories.get(agent.name, nothing), values.team_memories.get(agent.team, nothing)
+    return any(not isinstance(one, dict) or len(one) > 0 for memory in known for one in memory.values())
+
+
+# -- the last turn before the batch ----------------------------------------------------------------------------------
+
+_SHORT = {1: (0.0,), 2: (0.0, 1.0)}  # length of a path -> times at its nodes, if the agent stays or takes one edge
+
+
+class LastTurn(NamedTuple):
+    """The moves of the last turn of one game; arrays are (1, agents). See `ArrayTurn`."""
+
+    starts: IntArray
+    ends: IntArray
+    took_part: BoolArray
+    paths: Paths | None
+
+    @classmethod
+    def of(cls, moves: TurnMoves, roster: AgentTable, movement: Movement, node: IntArray) -> "LastTurn":
+        """Return the last moves of a game; `node` are the rows of the agents' current nodes, (1, agents).
+
+        Raises:
+            UnknownName (KeyError): a move used a node or an edge that is no longer on the map.
+        """
+        number = {name: i for i, name in enumerate(roster.names)}
+        pairs = [(i, number[name]) for name, i in moves.order.index_of.items() if name in number]
+        slots, numbers = [i for i, _ in pairs], np.array([number for _, number in pairs], np.int64)
+        starts, ends, took_part, rows = node.copy(), node.copy(), np.zeros(node.shape, np.bool_), movement.streets.rows
+        starts[0, numbers] = rows([int(moves.starts[i]) for i in slots])
+        ends[0, numbers] = rows([int(moves.ends[i]) for i in slots])
+        took_part[0, numbers] = True
+        paths = None
+        if isinstance(movement, MetricMovement):
+            paths = _paths_by_metres(moves, slots, numbers, movement, starts)
+        elif moves.actions:
+            tracks = [moves.track(i) for i in slots]
+            if any(_SHORT.get(len(track.path)) != track.times or _waits(track) for track in tracks):
+                paths = _paths(tracks, numbers, movement, starts)
+        return cls(starts, ends, took_part, paths)
+
+
+def _paths(tracks: Sequence[Track], numbers: IntArray, movement: Movement, starts: IntArray) -> Paths:
+    """Return the paths of all agents, (1, agents): the tracks of `numbers`; other agents stay at `starts`."""
+    shape = (*starts.shape, max((len(track.path) for track in tracks), default=1))
+    nodes, times = np.repeat(starts[..., None], shape[-1], axis=-1), np.full(shape, np.inf)
+    times[..., 0], lengths, waits = 0.0, np.ones(starts.shape, np.int64), np.zeros(starts.shape, np.bool_)
+    rows = movement.streets.rows
+    for number, track in zip(numbers.tolist(), tracks, strict=True):
+        length = lengths[0, number] = len(track.path)
+        nodes[0, number, :length], nodes[0, number, length:] = rows(list(track.path)), rows(track.path[-1])
+        times[0, number, : len(track.times)] = track.times
+        waits[0, number] = _waits(track)
+    return Paths(nodes, times, lengths, lengths == 1, waits, np.ones_like(waits))
+
+
+def _paths_by_metres(
+    moves: TurnMoves, slots: Sequence[int], numbers: IntArray, movement: MetricMovement, starts: IntArray
+) -> Paths:
+    """Return the paths of agents that move by meters, including the legs along edges."""
+    tracks = [moves.track(i) for i in slots]
+    arrived = [_arrivals(track) for track in tracks]
+    paths = _paths(arrived, numbers, movement, starts)
+    shape = (*starts.shape, max((len(track.legs) for track in tracks), default=0))
+    row_of = {edge: row for row, edge in enumerate(movement.columns.edge_ids.tolist())}
+    legs = Legs(np.full(shape, -1), np.full(shape, -1), *(np.zeros(shape) for _ in range(4)))
+    waits = np.zeros_like(paths.waits)
+    for number, track in zip(numbers.tolist(), tracks, strict=True):
+        waits[0, number] = _waits(track)
+        for place, leg in enumerate(track.legs):
+            back = -1 if leg.back is None else row_of[leg.back]
+            for column, value in zip(legs, (row_of[leg.edge], back, *leg[3:7]), strict=True):
+                column[0, number, place] = value
+    edge, motion = np.full(starts.shape, -1), np.full(starts.shape, Motion.STOPPED)
+    for number, i in zip(numbers.tolist(), slots, strict=True):
+        progress = moves.actions[i].progress if i in moves.actions else None
+        if progress is not None:
+            edge[0, number], motion[0, number] = row_of[progress.edge], progress.motion
+    stays = np.asarray((legs.edge < 0).all(axis=-1))
+    return paths._replace(legs=legs, edge=edge, motion=motion, stays=stays, waits=waits, rests=edge < 0)
+
+
+def _waits(track: Track) -> bool:
+    """Return whether an agent waits on its first node before it leaves."""
+    return len(track.path) > 1 and track.path[0] == track.path[1]
+
+
+def _arrivals(track: Track) -> Track:
+    """Return the track of the nodes where legs end, after the start node, which occurs twice if the agent waited."""
+    if not track.legs:
+        return track
+    waits = _waits(track)
+    ends = [leg for leg in track.legs if leg.end in (0.0, 1.0)]
+    nodes = [leg.target if leg.end else leg.source for leg in ends]
+    return Track((*track.path[: 1 + waits], *nodes), (*track.times[: 1 + waits], *(leg.until for leg in ends)))

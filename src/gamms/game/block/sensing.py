@@ -1,0 +1,435 @@
+"""What the sensors of agents show in the games of a batch: plain ones by the core, all others by their own code.
+
+A plain sensor shows the agents of some teams that are within a radius of its agent. Any other is asked in a context
+that is pointed at the game, once for each agent that carries it.
+"""
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_array, as_numbers_of
+from gamms.core import observe, strategies
+from gamms.errors import BadValue, TooLarge, UnknownName
+from gamms.game.block.columns import PlayedGame, places_of, sensors_of, some_rows
+from gamms.game.block.state import GameArrays
+from gamms.game.block.strategy_steps import MOST_LOOKING, has_plain_looks, looks_of
+from gamms.game.conflicts import flat
+from gamms.game.cursor.pointed import PointedContext
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.sensor_results import AgentLook
+from gamms.text import shown
+from gamms.typing.agent_engine import IAgent
+from gamms.typing.context import HostContext
+from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor, SensorType
+
+SHOWING_AGENTS = ON_GROUND | IN_AIR
+SHOWING_NODES = {SensorType.NEIGHBOR, SensorType.MAP, SensorType.RANGE, SensorType.ARC, SensorType.OCCLUDED_MAP}
+_MOST_PAIRS = 1 << 28  # agents and nodes, of one answer
+_MOST_MARKS = 1 << 24  # pairs of agents that the core compares at once
+
+
+class VisibleAgentPairs(NamedTuple):
+    """The agents that agents see, as pairs: by game, then by observer, then by the name of the other agent.
+
+    Attributes:
+        shape: the numbers of games and agents in the view, and of agents in the roster.
+        at: (pairs,) the game, as an index in the view.
+        viewers: (pairs,) the observer, as an index in the view.
+        others: (pairs,) the number of the visible agent in the roster.
+        nodes: (pairs,) the row of its node.
+    """
+
+    shape: tuple[int, int, int]
+    at: IntArray
+    viewers: IntArray
+    others: IntArray
+    nodes: IntArray
+
+    @property
+    def mask(self) -> BoolArray:
+        """Whether each agent sees each other agent, (games, agents of the view, agents of the roster).
+
+        Raises:
+            TooLarge: the mask would take more than 256 MB; use the pairs.
+        """
+        use = "at, viewers, others and nodes of view.seen()"
+        return _mask_of_pairs(self.shape, (self.at, self.viewers, self.others), use)
+
+    def in_games(self, games: IntArray) -> "VisibleAgentPairs":
+        """Return the pairs of some games, ascending, renumbered for a view of these games."""
+        at = places_of(games, self.shape[0])[self.at]
+        return self._replace(shape=(len(games), *self.shape[1:]), at=at).of(at >= 0)
+
+    def of(self, chosen: BoolArray | IntArray) -> "VisibleAgentPairs":
+        """Return pairs selected by a mask, (pairs,), or by indices.
+
+        Raises:
+            BadType, BadValue: a pair does not exist.
+        """
+        if getattr(chosen, "dtype", None) == np.bool_:
+            return some_rows(self, as_array(chosen, "chosen", "booleans", self.at.shape))
+        return some_rows(self, as_numbers_of(chosen, "chosen", len(self.at), "pairs").reshape(-1))
+
+
+class VisibleNodes(NamedTuple):
+    """The nodes that agents see, as pairs: by game, then by observer.
+
+    The nodes of one observer are in the order of the map; for a single sensor, in the order of the sensor.
+
+    Attributes:
+        shape: the numbers of games and agents in the view, and of nodes on the map.
+        at: (pairs,) the game, as an index in the view.
+        viewers: (pairs,) the observer, as an index in the view.
+        nodes: (pairs,) the row of the node.
+    """
+
+    shape: tuple[int, int, int]
+    at: IntArray
+    viewers: IntArray
+    nodes: IntArray
+
+    @property
+    def mask(self) -> BoolArray:
+        """Whether each node is visible, (games, agents, nodes).
+
+        Raises:
+            TooLarge: the mask would take more than 256 MB; use the pairs.
+        """
+        return _mask_of_pairs(self.shape, (self.at, self.viewers, self.nodes), "at, viewers and nodes")
+
+
+def _mask_of_pairs(shape: tuple[int, ...], pairs: tuple[IntArray, ...], use: str) -> BoolArray:
+    """Return a mask that is true at these places; `use` says in a message what to use where it would be too large."""
+    if np.prod(shape, dtype=np.float64) > _MOST_PAIRS:
+        raise TooLarge(f"A mask of {shape} is too large. Use the pairs: {use}.")
+    found = np.zeros(shape, np.bool_)
+    found[pairs] = True
+    return found
+
+
+def names_of(agents: Sequence[IAgent], numbers: IntArray, kinds: Collection[SensorType]) -> list[str]:
+    """Return the names of the sensors of some agents of a roster that are of some kinds."""
+    carried = [sensors_of(agents[number]) for number in numbers.tolist()]
+    return sorted({name for one in carried for name, sensor in one.items() if sensor.type in kinds})
+
+
+def turns_with_agent(sensor: ISensor) -> bool:
+    """Return whether a sensor has a field of view that turns with the agent that carries it."""
+    return bool(getattr(sensor, "turns_with_agent", False))
+
+
+def noted_sensors(agent: IAgent) -> list[str]:
+    """Return the sensors of an agent that show agents, that which counts first.
+
+    Of what several sensors show, the last one on the ground counts, else the first one in the air.
+    """
+    carried = sensors_of(agent)
+    ground = [name for name, one in carried.items() if one.type in ON_GROUND]
+    return [*ground[::-1], *(name for name, one in carried.items() if one.type in IN_AIR)]
+
+
+def noted_node_sensors(agent: IAgent, *, varies: bool) -> list[str]:
+    """Return the sensors of an agent that show nodes and may show others in other games from the same node.
+
+    That is what turns with the agent, what shows the nodes to which open roads lead, and all if they vary by game.
+    """
+    nodes = {name: one for name, one in sensors_of(agent).items() if one.type in SHOWING_NODES}
+    return [name for name, one in nodes.items() if varies or one.type is SensorType.NEIGHBOR or turns_with_agent(one)]
+
+
+def called_each_turn(agent: IAgent) -> list[str]:
+    """Return the sensors of an agent that are called in each turn, even if nothing asks for their data.
+
+    These are the sensors that report earlier turns, and those whose code may do more than look at the world.
+    """
+    found = []
+    for name, sensor in sensors_of(agent).items():
+        look: AgentLook | None = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
+        if not getattr(sensor, "sees_world_only", False) or (look is not None and look.is_late):
+            found.append(name)
+    return found
+
+
+def note_sensors(state: GameArrays, agents: Sequence[int], *, with_nodes: bool) -> None:
+    """Note which sensors of some agents are asked in a context that is pointed at their games.
+
+    Args:
+        state: of the games.
+        agents: numbers in the roster.
+        with_nodes: whether maps may be others, and agents turned; in the core they are not.
+    """
+    roster, are_few = state.roster, len(state.roster.names) <= MOST_LOOKING
+    each = zip(roster.agents, roster.flies | roster.varies, strict=True)
+    are_plain = [are_few and not is_odd and has_plain_looks(one) for one, is_odd in each]
+    odd = [number for number in agents if not are_plain[number]]
+    found = {number: noted_sensors(roster.agents[number]) for number in odd}
+    state.noted = {number: names for number, names in found.items() if names}
+    if with_nodes or roster.varies.any():
+        varies = roster.varies.tolist()
+        found = {number: noted_node_sensors(roster.agents[number], varies=varies[number]) for number in agents}
+        state.noted_nodes = {number: names for number, names in found.items() if names}
+
+
+# -- agents ---------------------------------------------------------------------------------------------------------
+
+
+def seen(
+    state: GameArrays,
+    games: IntArray,
+    agents: IntArray,
+    asked: BoolArray,
+    names: Sequence[str],
+    axes: Callable[[], FloatArray],
+) -> VisibleAgentPairs:
+    """Return which agents some agents see.
+
+    Args:
+        state: of the games.
+        games: their numbers.
+        agents: their numbers in the roster.
+        asked: (games, agents) which of them are asked.
+        names: of the sensors, which show their own agents then if they look from a fixed place; none: all.
+        axes: returns where all agents are, (games, all agents, 2).
+
+    Raises:
+        UnknownName (KeyError): no agent carries such a sensor that shows agents.
+    """
+    known = names_of(state.roster.agents, agents, SHOWING_AGENTS)
+    for name in names:
+        if name not in known:
+            raise UnknownName("sensor that shows agents", name, known)
+    shape = len(games), len(agents), len(state.roster.names)
+    noted = np.isin(agents, [*state.noted])
+    parts = [*_seen_in_core(state, games, agents, asked & ~noted, names, axes)]
+    if noted.any() and len(games):
+        if state.look is not None:
+            state.look(games)
+        parts += _sighted(state, names, (games, agents), asked)
+    none = np.zeros(0, np.int64)
+    at, viewers, others, nodes = (np.concatenate(columns) for columns in zip((none,) * 4, *parts, strict=True))
+    _, first = np.unique((at * shape[1] + viewers) * shape[2] + others, return_index=True)
+    return VisibleAgentPairs(shape, at[first], viewers[first], others[first], nodes[first])
+
+
+def _seen_in_core(
+    state: GameArrays,
+    games: IntArray,
+    agents: IntArray,
+    asked: BoolArray,
+    names: Sequence[str],
+    axes: Callable[[], FloatArray],
+) -> Iterator[tuple[IntArray, ...]]:
+    """Yield columns of the games, agents, others and nodes that plain sensors show."""
+    key = "plain", tuple(names), tuple(state.noted)
+    if key not in state.shared:
+        looking = [number not in state.noted for number in range(len(state.roster.names))]
+        state.shared[key] = looks_of(state.roster, looking, names)
+    columns = state.shared[key]
+    if columns[0][-1] == 0 or not asked.any():
+        return
+    shape = len(agents), len(state.roster.names)
+    xy = axes()
+    step = max(1, _MOST_MARKS // (shape[0] * shape[1]))
+    for first in range(0, len(games), step):
+        some = games[first : first + step]
+        marks = np.zeros((len(some), *shape), np.uint8)
+        begins, squares, shows = columns
+        places = flat(xy[first : first + step], np.float64)
+        looks = strategies.SensorTable(begins, squares, shows, len(state.roster.teams), places)
+        observe.mark_seen(
+            looks,
+            flat(agents, np.int64),
+            flat(state.roster.team_of, np.int64),
+            flat(asked[first : first + step].view(np.uint8), np.uint8),
+            flat(state.alive[some].view(np.uint8), np.uint8),
+            marks.reshape(-1).data,
+        )
+        at, viewers, others = np.nonzero(marks)
+        yield at + first, viewers, others, state.node[some[at], others]
+
+
+def _sighted(
+    state: GameArrays, names: Sequence[str], who: tuple[IntArray, IntArray], asked: BoolArray
+) -> Iterator[tuple[IntArray, ...]]:
+    """Yield the same columns of what was noted, of one agent that first which counts."""
+    for at, game in enumerate(who[0].tolist()):
+        for column, agent in enumerate(who[1].tolist()):
+            sights = state.sighted.get((game, agent), {}) if asked[at, column] else {}
+            for others, nodes in [sight for name, sight in sights.items() if name in names or not names]:
+                counts = (others != agent) | bool(names)
+                here = np.full(int(counts.sum()), at)
+                yield here, np.full_like(here, column), others[counts], nodes[counts]
+
+
+# -- nodes ----------------------------------------------------------------------------------------------------------
+
+
+def seen_nodes(
+    state: GameArrays, games: IntArray, agents: IntArray, node: IntArray, asked: BoolArray, names: Sequence[str]
+) -> VisibleNodes:
+    """Return which nodes some agents see; see `seen`.
+
+    Args:
+        state: of the games.
+        games: their numbers.
+        agents: their numbers in the roster.
+        node: where they are, rows (games, agents).
+        asked: (games, agents) which of them are asked.
+        names: of the sensors; none: all.
+
+    Raises:
+        UnknownName (KeyError): no agent carries such a sensor that shows nodes.
+        BadValue: a sensor is of a class of its own.
+        TooLarge: the agents see more than 268 million nodes together.
+    """
+    known = names_of(state.roster.agents, agents, SHOWING_NODES)
+    for name in names:
+        if name not in known:
+            raise UnknownName("sensor that shows nodes", name, known)
+    if state.look is not None and state.noted_nodes:
+        state.look(games)
+    shape, none = (*node.shape, state.streets.num_nodes), np.zeros(0, np.int64)
+    parts = [(none, none, none)]
+    for column, number in enumerate(agents.tolist()):
+        carried = [name for name in names or known if _shows_nodes(state.roster.agents[number], name)]
+        own = [_nodes_shown(state, games, number, name, node[:, column], asked[:, column]) for name in carried]
+        if not own:
+            continue
+        at, rows = (np.concatenate(side) for side in zip(*own, strict=True))
+        if len(own) > 1:
+            at, rows = np.divmod(np.unique(at * shape[2] + rows), max(shape[2], 1))
+        parts.append((at, np.full_like(at, column), rows))
+        if sum(len(part[0]) for part in parts) > _MOST_PAIRS:
+            raise TooLarge("The agents see too many nodes together for arrays. Ask for fewer games.")
+    at, viewers, rows = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    order = np.argsort(at * shape[1] + viewers, kind="stable")
+    return VisibleNodes(shape, at[order], viewers[order], rows[order])
+
+
+def _shows_nodes(agent: IAgent, name: str) -> bool:
+    sensor = sensors_of(agent).get(name)
+    return sensor is not None and sensor.type in SHOWING_NODES
+
+
+def _nodes_shown(
+    state: GameArrays, games: IntArray, number: int, name: str, node: IntArray, asked: BoolArray
+) -> tuple[IntArray, IntArray]:
+    """Return what a sensor of an agent shows in the games in which it is asked: columns of games and rows of nodes."""
+    agent = state.roster.agents[number]
+    at = np.flatnonzero(asked)
+    if name in state.noted_nodes.get(number, ()):
+        none = np.zeros(0, np.int64)
+        noted = [state.sighted_nodes.get((int(games[i]), number), {}).get(name, none) for i in at]
+        return np.repeat(at, [len(rows) for rows in noted]), np.concatenate((none, *noted))
+    sensor = sensors_of(agent)[name]
+    if sensor.type is SensorType.NEIGHBOR and state.roads.are_closed:
+        tables = state.roads.tables
+        entries, ends = kernels.chosen_runs(tables.offsets, tables.first[games[at]] + node[at])
+        return np.repeat(at, np.diff(ends)), tables.targets[entries]
+    if not sensor.sees_world_only:
+        raise BadValue(
+            f"The sensor {shown(name)} of agent {shown(agent.name)} is of a class of its own, and so has no array "
+            "form. Look with state['sensor'], in a strategy for one agent."
+        )
+    starts, which = np.unique(node[at], return_inverse=True)
+    found = sensor.sense_many(state.streets.ids(starts))
+    ends = found.offsets[:-1]
+    counts = np.diff(found.offsets)[which]
+    total = int(counts.sum())
+    if total > _MOST_PAIRS:
+        raise TooLarge(f"The agents see {total} nodes together, too many for arrays. Ask for fewer games.")
+    places = np.arange(total) - np.repeat(np.cumsum(counts) - counts - ends[which], counts)
+    return np.repeat(at, counts), state.streets.rows(found.values)[places]
+
+
+def covered(state: GameArrays, games: IntArray, agents: IntArray, node: IntArray, asked: BoolArray) -> BoolArray:
+    """Return on which nodes sensors on the ground would show agents with some probability, (games, agents, nodes)."""
+    found = np.zeros((*node.shape, state.streets.num_nodes), np.bool_)
+    if state.look is not None and not state.noted.keys().isdisjoint(agents.tolist()):
+        state.look(games)
+    for column, number in enumerate(agents.tolist()):
+        agent, here = state.roster.agents[number], node[:, column]
+        for name, sensor in sensors_of(agent).items():
+            if sensor.type not in ON_GROUND:
+                continue
+            for start in np.unique(here[asked[:, column]]).tolist():
+                at = np.flatnonzero(asked[:, column] & (here == start))
+                if turns_with_agent(sensor) or state.roster.varies[number]:
+                    for i in at.tolist():
+                        found[i, column, state.covered.get((int(games[i]), number), {}).get(name, [])] = True
+                    continue
+                rows = rows_covered(state, sensor, int(state.streets.ids(np.array(start))), agent.name)
+                found[at[:, None], column, rows] = True
+    return found
+
+
+def rows_covered(state: GameArrays, sensor: ISensor, node_id: int, owner: str) -> IntArray:
+    """Return the rows of the nodes where a sensor would show agents with some probability, from a node."""
+    there = sensor.coverage(node_id, owner)
+    return state.streets.rows(there.node_ids[there.detection > 0.0])
+
+
+# -- what is noted --------------------------------------------------------------------------------------------------
+
+
+def note_sights(
+    state: GameArrays, ctx: HostContext, look: Callable[[IAgent, Sequence[str]], dict[str, Any]], number: int
+) -> None:
+    """Note what sensors show in the game of a context.
+
+    Args:
+        state: of all games.
+        ctx: the context.
+        look: returns what some sensors of an agent show it, as `state["sensor"]` has it.
+        number: of the game.
+    """
+    names = {name: i for i, name in enumerate(state.roster.names)}
+    for i in {**state.noted, **state.noted_nodes}:
+        agent = ctx.agent.agents.get(state.roster.names[i])
+        carried = sensors_of(agent) if agent is not None and agent.alive else {}
+        of_agents = [name for name in state.noted.get(i, ()) if name in carried]
+        of_nodes = [name for name in state.noted_nodes.get(i, ()) if name in carried]
+        data = look(agent, of_agents + of_nodes) if carried else {}
+        sights = state.sighted[number, i] = {}
+        for name in of_agents:
+            known = [(names[other], node) for other, node in _places_in(data[name], ctx) if other in names]
+            others, nodes = np.array([*known, (0, 0)], np.int64)[:-1].T
+            sights[name] = others, state.streets.rows(nodes)
+            if turns_with_agent(carried[name]) or state.roster.varies[i]:
+                rows = rows_covered(state, carried[name], agent.current_node_id, agent.name)
+                state.covered.setdefault((number, i), {})[name] = rows
+        state.sighted_nodes[number, i] = {name: state.streets.rows(_nodes_in(data[name])) for name in of_nodes}
+
+
+def _places_in(data: Mapping[str, Any], ctx: HostContext) -> list[tuple[str, int]]:
+    """Return the agents that a sensor shows, with node ids; for agents in the air, the nearest nodes."""
+    nearest = ctx.graph.graph.nearest_node
+    return [(name, nearest(*at[1][:2]) if isinstance(at, tuple) else int(at)) for name, at in data.items()]
+
+
+def _nodes_in(data: list[int] | Mapping[str, Any]) -> list[int]:
+    return [*(data if isinstance(data, list) else data["nodes"])]
+
+
+def look(game: PlayedGame, state: GameArrays, pointed: PointedContext, games: IntArray) -> None:
+    """Note what sensors show in the games that were not looked at since something changed.
+
+    Args:
+        game: whose context is pointed at games.
+        state: of all games of the batch.
+        pointed: points the context.
+        games: their numbers.
+    """
+    known: set[int] = state.now.setdefault("looked", set())
+    new = [number for number in games[~state.is_apart[games]].tolist() if number not in known]
+    if not new:
+        return
+    looks = game.internals.parts.turns.looks
+    with pointed.held():
+        for number in pointed.each(np.array(new)):
+            note_sights(state, game.ctx, looks, number)
+    known.update(new)

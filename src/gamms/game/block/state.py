@@ -1,0 +1,616 @@
+"""The state of the games of a batch: positions, scores, events, deeds, and the memory of rules and strategies."""
+
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from copy import copy, deepcopy
+from functools import partial
+from itertools import chain
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from gamms import kernels
+from gamms.core import rules
+from gamms.errors import BadType, BadValue, GammsError
+from gamms.game.block.channels import MessageTraffic
+from gamms.game.block.columns import AgentTable, Failure, GameLog
+from gamms.game.block.deeds import DeclaredDeeds, DeedLog
+from gamms.game.block.scores import Scores
+from gamms.game.decisions import COUNT_OF
+from gamms.game.movement.flights import Flights
+from gamms.game.movement.noted_moves import NotedMoves
+from gamms.game.movement.one_edge import Movement
+from gamms.game.movement.roads import MultiMapStreets, RoadMap
+from gamms.game.movement.streets import StreetGraph
+from gamms.game.slots import COUNTED
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.schema import NUMBERS
+from gamms.kernels.draws import BitArray
+from gamms.readonly import locked
+from gamms.text import shown
+
+KEPT = "array functions"  # the key of `ctx.game.data` for the arrays of array functions in a single game
+STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # event kind -> field of the stopped agent
+NAMED = {"tag": "other", "take": "flag", "drop": "flag", "capture": "flag"}  # core event kind -> its second field
+Arrays = dict[str, Any]  # name -> an array whose first axis is the games
+Purpose = tuple[str | int, ...]
+Heading = tuple[float, float] | None
+Columns = dict[Hashable, np.ndarray[Any, Any]]
+"""The state of games as arrays (games, …) by name, as `Batch.columns` returns it."""
+
+
+class LeavesSharedContext(GammsError):
+    """A function does what a context that games share cannot do: its game continues in a context of its own."""
+
+
+class EmittedEvents(NamedTuple):
+    """Events of one kind that were emitted together.
+
+    Attributes:
+        kind: the kind of the events.
+        games: (events,) the number of each event's game.
+        turns: (events,) the turn of each event.
+        fields: name -> a list with a value for each event.
+    """
+
+    kind: str
+    games: IntArray
+    turns: IntArray
+    fields: Mapping[str, list[Any]]
+
+    @classmethod
+    def of(cls, game: int, entry: Mapping[str, Any]) -> "EmittedEvents":
+        """Return the event of one log entry of a game."""
+        fields = {name: [value] for name, value in entry.items() if name not in ("turn", "kind")}
+        return cls(entry["kind"], np.array([game]), np.array([entry["turn"]]), fields)
+
+
+class CoreEvents(NamedTuple):
+    """Events logged by the core; arrays are (events,). See `gamms.core.rules`.
+
+    Attributes:
+        games, turns, rules, kinds, agents, others: the numbers that the core logs.
+        nodes: the ids of the nodes.
+        flags: for each rule number, the teams of its flags.
+    """
+
+    games: IntArray
+    turns: IntArray
+    rules: IntArray
+    kinds: IntArray
+    agents: IntArray
+    others: IntArray
+    nodes: IntArray
+    flags: tuple[tuple[Hashable, ...], ...]
+
+    def those(self, which: BoolArray | IntArray) -> "CoreEvents":
+        """Return the events selected by a mask or by indices."""
+        games, turns, rules, kinds, agents, others, nodes = (column[which] for column in self[:7])
+        return CoreEvents(games, turns, rules, kinds, agents, others, nodes, self.flags)
+
+    def emitted(self, names: Sequence[str]) -> Iterator[EmittedEvents]:
+        """Yield events grouped by kind; the events of a game keep their order. `names` are the agents' names."""
+        is_first = np.diff(self.games, prepend=-1) != 0
+        run = np.cumsum(is_first | (np.diff(self.kinds, prepend=-1) != 0))
+        run -= np.maximum.accumulate(np.where(is_first, run, 0))  # the number, within a game, of the run of one kind
+        keys = run * len(rules.KINDS) + self.kinds
+        for key in np.unique(keys).tolist():
+            some, kind = self.those(keys == key), rules.KINDS[key % len(rules.KINDS)]
+            fields: dict[str, list[Any]] = {"agent": [names[agent] for agent in some.agents.tolist()]}
+            if kind in NAMED:
+                others = zip(some.rules.tolist(), some.others.tolist(), strict=True)
+                fields[NAMED[kind]] = [names[one] if kind == "tag" else self.flags[rule][one] for rule, one in others]
+            fields["node"] = some.nodes.tolist()
+            yield EmittedEvents(kind, some.games, some.turns, fields)
+
+
+class EventLog(GameLog[EmittedEvents | CoreEvents]):
+    """The log of the events of all games.
+
+    Args:
+        num_games: the number of games in the batch.
+        names: the names of the agents.
+    """
+
+    def __init__(self, num_games: int, names: Sequence[str]) -> None:
+        super().__init__(num_games)
+        self._names = names
+        self._read: dict[Hashable, IntArray] = {}  # reader -> (games,) the number of events that it has read
+        self._read_before: dict[Hashable, int] = {}  # the same of turns before the batch
+
+    def begin(self, games: IntArray, entries: Sequence[dict[str, Any]]) -> None:
+        """Start the empty logs of games with events of earlier turns."""
+        super().begin(games, entries)
+        for reader, number in self._read_before.items():
+            self._read[reader][games] = number
+
+    def read(self, reader: Hashable, number: int) -> None:
+        """Register a reader that had read the first `number` events of each game before the batch."""
+        self._read_before[reader] = number
+        self._read[reader] = np.full(len(self._of_game), number)
+
+    def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> None:
+        """Log events, one for each entry of `games`; the events of a game are in order."""
+        self._pending.append(EmittedEvents(kind, games, turns, fields))
+
+    def take(self, events: CoreEvents) -> None:
+        """Log events of games in the core."""
+        self._pending.append(events)
+
+    def new(self, reader: Hashable, games: IntArray) -> list[EmittedEvents]:
+        """Return the events of games that a reader has not read yet, game by game, and mark them as read."""
+        read = self._read.setdefault(reader, np.zeros(len(self._of_game), np.int64))
+        found = []
+        for game, number in zip(games.tolist(), read[games].tolist(), strict=True):
+            entries = self.of(game)
+            found += [EmittedEvents.of(game, entry) for entry in entries[number:]]
+            read[game] = len(entries)
+        return found
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that undoes all later changes."""
+        undo_log = super().checkpoint()
+        read = {reader: numbers.copy() for reader, numbers in self._read.items()}
+
+        def undo() -> None:
+            undo_log()
+            self._read = read
+
+        return undo
+
+    def forget(self, games: IntArray) -> None:
+        """Remove the events of games."""
+        super().forget(games)
+        for numbers in self._read.values():
+            numbers[games] = 0
+
+    def clear(self) -> None:
+        """Remove the events of all games."""
+        super().clear()
+        for numbers in self._read.values():
+            numbers[:] = 0
+
+    def _entries(self, noted: EmittedEvents | CoreEvents) -> Iterator[tuple[int, dict[str, Any]]]:
+        if isinstance(noted, CoreEvents):
+            for emitted in noted.emitted(self._names):
+                yield from self._entries(emitted)
+            return
+        kind, games, turns, fields = noted
+        for number, turn, *values in zip(games.tolist(), turns.tolist(), *fields.values(), strict=True):
+            yield number, {"turn": turn, "kind": kind, **dict(zip(fields, values, strict=True))}
+
+
+def _tell_nobody(failure: Failure) -> None:
+    """Do nothing; the default of `GameArrays.tell`."""
+
+
+def _refuse_other_arrays(made: object, games: int) -> None:
+    """Refuse the return value of `make` in `keep(key, make)` unless it is a dict of arrays (games, …)."""
+    if not isinstance(made, dict):
+        raise BadType(f"make of keep(key, make) returns name -> array, not {shown(made)}.")
+    for name, array in made.items():
+        if not isinstance(array, np.ndarray) or array.shape[:1] != (games,):
+            raise BadValue(
+                f"make({games}) of keep(key, make) returns arrays whose first axis is {games} games, and "
+                f"{shown(name)} is {shown(array)}."
+            )
+
+
+def _as_made(key: Hashable, named: str, first: Arrays, made: object, is_first: BoolArray) -> Arrays:
+    """Return the memory of a game that has begun, with the names, shapes and data types that `make` makes.
+
+    Args:
+        key: the key of the memory.
+        named: the rule or strategy, for messages.
+        first: the memory of one game.
+        made: the arrays that `make` made for one game.
+        is_first: (agents,) which agents are in the game; the memory may have rows for these alone.
+    """
+    _refuse_other_arrays(made, 1)
+    like: Arrays = made  # type: ignore[assignment] # checked above
+    first = {name: _with_all_rows(one, like[name], is_first) if name in like else one for name, one in first.items()}
+    given, wanted = ({name: np.shape(one) for name, one in those.items()} for those in (first, like))
+    for name in wanted | given:
+        if given.get(name) != wanted.get(name):
+            raise BadValue(
+                f"What begins of {named} returns under {shown(key)} is not what keep(key, make) makes for one game: "
+                f"{shown(name)} has the shape {given.get(name)}, not {wanted.get(name)}; None: it is not there. Of a "
+                "mapping by the names of agents, arrays.roster.column(values, default) makes one, (1, agents)."
+            )
+        own, kind = np.asarray(first[name]).dtype, like[name].dtype
+        if not np.can_cast(own, kind, "same_kind") and like[name].size:
+            raise BadValue(f"begins of {named} returns {shown(name)} of {own} under {shown(key)}, not of {kind}.")
+    return {name: np.asarray(first[name]).astype(one.dtype) for name, one in like.items()}
+
+
+def _with_all_rows(given: object, like: np.ndarray[Any, Any], is_first: BoolArray) -> np.ndarray[Any, Any]:
+    """Return an array of one game, with the rows of `like` for the agents that are to come if it lacks them."""
+    array = np.asarray(given)
+    number = np.count_nonzero(is_first)
+    if array.shape != (1, number, *like.shape[2:]) or like.shape[1:2] != is_first.shape:
+        return array
+    found = like.astype(array.dtype)
+    found[:, is_first] = array
+    return found
+
+
+def _purpose_keys(seeds: Sequence[int], purposes: Sequence[Purpose]) -> BitArray:
+    """Return the hashes of seeds and purposes, (seeds, purposes)."""
+    return np.array([[kernels.purpose_key(seed, *one) for one in purposes] for seed in seeds], np.uint64)
+
+
+def _repeated(first: Arrays, games: int) -> Arrays:
+    return {name: np.repeat(one, games, axis=0) for name, one in first.items()}
+
+
+class MapData(NamedTuple):
+    """The graph, the movement, and cached data of games with the same open roads, or of several maps.
+
+    Attributes:
+        streets: the graph; for several maps, the parts that do not differ.
+        movement: the movement of the agents.
+        shared: data computed for the map, or for all maps, by key.
+    """
+
+    streets: StreetGraph
+    movement: Movement
+    shared: dict[Hashable, Any]
+
+
+class GameArrays:
+    """The state of all games of a batch.
+
+    Attributes:
+        roster: the agents of each game.
+        movement: the movement of the agents.
+        streets: the graph on which agents move.
+        seeds: the seed of each game.
+        node: (games, agents) the row of the current node of each agent.
+        start: (games, agents) the row of its start node; -1: it was not in the game at the start.
+        previous: (games, agents) rows of the previous nodes; up to date where plain functions are called.
+        alive: (games, agents) whether each agent is alive.
+        is_there: (games, agents) whether each agent is in the game, dead or alive; the others have not entered yet.
+        turn: (games,) the number of turns played.
+        scores: key -> (games,) numbers.
+        counts: name -> (games, agents) the numbers of moves, conflicts and illegal actions.
+        errors: for each game, its error entries in order.
+        failures: failed decisions of functions in the current part of the turn, with the turn; the core logs them
+            together with its own.
+        tell: called with each failure, to inform the agent.
+        deeds: the deeds that agents may do besides moving.
+        deed_log: the log of deeds; None: the games declare no deeds.
+        radio: the channels and their messages; None: the games have no channels.
+        is_apart: (games,) whether each game is played in a context of its own.
+        leaving: game -> why it is going to be played in a context of its own, after the current turn of the others.
+        noted_moves: legal nodes and positions in games that are played in contexts of their own; None: none was noted.
+        flights: the flying agents; None: no agent flies.
+        noted, noted_nodes: agent -> its sensors that are called individually for agents, or for nodes.
+        sighted: (game, agent) -> sensor in `noted` -> the visible agents, and the rows of nodes where they appear.
+        sighted_nodes: (game, agent) -> sensor in `noted_nodes` -> the rows of the visible nodes.
+        covered: (game, agent) -> a sensor that turns with the agent -> rows of the nodes where it would show agents.
+        look: calls these sensors in games; None: they were called already.
+        reading: returns the context manager in which sensors are called.
+        change_roads: closes or opens roads in games; see `PointedContext.change_roads`.
+        over: for each game, the reason, winner and truncation of its end; None while it continues.
+        is_going: (games,) whether each game continues.
+        roads: the open roads of each game.
+        stops: (games, agents) how often each agent was tagged, respawned or eliminated.
+        headings: for each game, agent number -> heading set during the game; see `AgentBlock`.
+        turning: (game, agent, heading) triples chosen in the current part of the turn.
+        placed: (games, agents) whether a rule has placed the agent since its move in this turn.
+        fell: (games, agents) whether a rule of the phase "deeds" has eliminated the agent in this turn.
+        numbers: name -> (games, agents) additional numbers of agents; see `ir.schema.NUMBERS`.
+        kept: the memory of rules and strategies: key -> name -> array (games, …).
+        first: the memory of turns before the batch, as `kept`, but arrays of one game.
+        first_by: key -> the rule or strategy that returned this memory, for messages.
+        facts: the facts that rules have published, by name.
+        events: the events of all games.
+        blocked: (games, agents) whether a conflict stopped the agent in the last turn.
+        shared: data computed once for all games, by key; independent of the state.
+        now: data computed from the current state, by key; cleared when the state changes.
+        no_node: (games,) zeros: the number of the first node, for games on one map.
+        memory_of: (agents,) the number of each agent's memory; agents of a team may share one.
+    """
+
+    def __init__(self, roster: AgentTable, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
+        self.roster, self.seeds = roster, list(seeds)
+        games, shape = len(seeds), (len(seeds), len(roster.names))
+        self.start = np.where(roster.is_first, start, -1)
+        self.node = start.copy()
+        self.previous = start.copy()
+        self.alive: BoolArray = np.tile(roster.is_first, (games, 1))
+        self.is_there = self.alive.copy()
+        self.turn = np.zeros(games, np.int64)
+        self.scores = Scores(games)
+        self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
+        self.errors: list[list[dict[str, Any]]] = [[] for _ in seeds]
+        self.over, self.is_going = list[dict[str, Any] | None]([None] * games), np.ones(games, np.bool_)
+        self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
+        self.placed = np.zeros(shape, np.bool_)
+        self.fell = np.zeros(shape, np.bool_)
+        self.flights = Flights(roster, games) if roster.flies.any() else None
+        self.numbers = {one.name: np.full(shape, one.initial, one.kind) for one in NUMBERS}
+        self.headings: list[dict[int, Heading]] = [{} for _ in seeds]
+        self.turning: list[tuple[int, int, Heading]] = []
+        self.events = EventLog(games, roster.names)
+        self.failures: list[tuple[Failure, int]] = []
+        self.is_apart = np.zeros(games, np.bool_)
+        self.leaving: dict[int, str] = {}
+        self.radio: MessageTraffic | None = None
+        self.deed_log: DeedLog | None = None
+        self._purposes: dict[tuple[Purpose, ...], BitArray] = {}
+        self._draw_keys: dict[str, BitArray] = {}  # by purpose
+        self._seeds: IntArray | None = None  # as an array
+        self._be_on(movement)
+
+    def _be_on(self, movement: Movement) -> None:
+        """Initialize the attributes that depend on the map."""
+        movement.begin(self.node.shape)
+        self.movement = movement
+        if self.flights is not None:
+            movement.leaves_nodes = True
+        self.streets = movement.streets
+        self.roads = movement.all_roads
+        self._of_maps: MapData | None = None  # for games that differ in their open roads
+        self.deeds = DeclaredDeeds({}, None, self.roster, movement.streets)
+        self.kept = dict[Hashable, Arrays]()
+        self.first = dict[Hashable, Arrays]()
+        self.first_by = dict[Hashable, str]()
+        self.facts = dict[str, Any]()
+        self.shared: dict[Hashable, Any] = {}
+        self.noted_moves: NotedMoves | None = None
+        self.noted: dict[int, list[str]] = {}
+        self.noted_nodes: dict[int, list[str]] = {}
+        self.now = dict[Hashable, Any]()
+        self.sighted: dict[tuple[int, int], dict[str, tuple[IntArray, IntArray]]] = {}
+        self.sighted_nodes: dict[tuple[int, int], dict[str, IntArray]] = {}
+        self.covered: dict[tuple[int, int], dict[str, IntArray]] = {}
+        self.look: Callable[[IntArray], None] | None = None
+        self.reading: Callable[[], AbstractContextManager[None]] = nullcontext
+        self.change_roads: Callable[[IntArray, str, Sequence[int]], None] | None = None
+        self.tell: Callable[[Failure], None] = _tell_nobody
+        self.memory_of = locked(np.arange(len(self.roster.names)))
+        self.no_node = np.zeros(len(self), np.int64)
+        self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
+
+    def on_map(self, movement: Movement, roster: AgentTable) -> Self:
+        """Return a state of the same games on another map; it shares all attributes that do not depend on the map."""
+        twin = copy(self)
+        twin.roster = roster
+        twin._be_on(movement)
+        return twin
+
+    def __len__(self) -> int:
+        return len(self.seeds)
+
+    def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
+        """Reset games to the start of their map; `InitialState.put` then adds the state of earlier turns."""
+        for game, seed in zip(games.tolist(), seeds, strict=True):
+            self.seeds[game], self.over[game], self.errors[game] = seed, None, []
+            self.headings[game] = {}
+        self.start[games] = np.where(self.roster.is_first, start, -1)
+        self.node[games] = self.previous[games] = start
+        self.alive[games] = self.is_there[games] = self.roster.is_first
+        self.is_going[games] = True
+        self.put_roads(games, None)
+        self.movement.clear(games)
+        for numbers in chain.from_iterable(one.values() for one in self.scores.columns):
+            numbers[games] = 0
+        for key, make in self._makers.items():
+            for name, rows in make(len(games)).items():
+                self.kept[key][name][games] = rows
+        for purposes, keys in self._purposes.items():
+            keys[games] = _purpose_keys(seeds, purposes)
+        for purpose, drawn in self._draw_keys.items():
+            drawn[games] = kernels.first_key_rows(self.purposes(purpose)[games, None], self.roster.keys[None])
+        self._seeds = None
+        self.now.clear()
+        for log in self._logs:
+            log.forget(games)
+
+    @property
+    def _logs(self) -> Iterator[GameLog[Any]]:
+        """The logs that hold entries of many games as arrays."""
+        yield from (log for log in (self.events, self.radio, self.deed_log) if log is not None)
+
+    def put_roads(self, games: IntArray, roads: RoadMap | None) -> None:
+        """Set the map of games, on which other roads are open; None: the map of the start."""
+        self.roads.put(games, roads)
+        self.movement.roads = self.roads if self.roads.are_closed else None
+
+    def world(self, games: IntArray) -> MapData:
+        """Return the graph, the movement and the cached data of games."""
+        if not self.roads.are_closed:
+            return MapData(self.streets, self.movement, self.shared)
+        number = self.roads.number[games]
+        if len(games) and (number != number[0]).any():
+            if self._of_maps is None:
+                self._of_maps = MapData(MultiMapStreets(self.streets), self.movement, self.roads.shared)
+            return self._of_maps
+        roads = self.roads.of(int(games[0])) if len(games) else None
+        if roads is None:
+            return MapData(self.streets, self.movement.at_start(), self.shared)
+        self.roads.use(roads)
+        if roads.world is None:
+            roads.world = MapData(roads.streets, self.movement.on(roads), roads.shared)
+        found: MapData = roads.world
+        return found
+
+    def share_memories(self) -> None:
+        """Make the agents of each team share one memory; agents without a team (None) keep their own."""
+        teams, team_of = self.roster.teams, self.roster.team_of
+        shares = np.array([team is not None for team in teams], np.bool_)[team_of]
+        numbers = np.where(shares, team_of, len(teams) + np.arange(len(team_of)))
+        self.memory_of = locked(np.unique(numbers, return_inverse=True)[1])
+
+    def columns(self) -> Columns:
+        """Return copies of the positions of agents and of the memory of rules and strategies, name -> (games, …).
+
+        The turn, scores, seeds, logs, deeds, messages, and the moves of the last turn are not included.
+        """
+        return {name: one.copy() for name, one in self._remembered().items()}
+
+    def _remembered(self) -> Columns:
+        found: Columns = {"node": self.node, "start": self.start, "alive": self.alive, "is_there": self.is_there}
+        found.update(dict[Hashable, Any](self.numbers))
+        if self.flights is not None:
+            found.update(dict[Hashable, Any](self.flights.remembered))
+        found |= {name: getattr(self.movement, name) for name in self.movement.remembers}
+        found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
+        if any("stops" in those for those in self.kept.values()):  # a rule compares `stops` with earlier values
+            found["stops"] = self.stops
+        return found
+
+    def _refuse_others(self, columns: Columns, mine: Columns) -> None:
+        """Refuse columns whose names, shapes, data types or values do not fit `mine`, the columns of these games."""
+        shapes, given = ({name: np.shape(one) for name, one in those.items()} for those in (mine, columns))
+        wrong = [name for name in shapes | given if given.get(name) != shapes.get(name)]
+        if wrong:
+            raise BadValue(
+                f"columns must come from the same number of games of this scenario, after a turn of these: "
+                f"{shown(wrong[0])} has the shape {given.get(wrong[0])}, not {shapes.get(wrong[0])}; None: missing."
+            )
+        nodes, edges = self.streets.num_nodes, len(self.movement.columns.edge_ids)
+        limits: dict[Hashable, tuple[int, int]] = dict.fromkeys(("node", "previous"), (0, nodes))
+        limits |= {"start": (0 if self.roster.is_first.all() else -1, nodes), "begun": (-1, nodes), "edge": (-1, edges)}
+        for name, values in columns.items():
+            numbers, kind = np.asarray(values), mine[name].dtype
+            if not np.can_cast(numbers.dtype, kind, "same_kind"):
+                raise BadValue(f"The column {name!r} is of {kind}, not of {numbers.dtype}.")
+            if name in limits:
+                least, end = limits[name]
+                others = numbers[(numbers < least) | (numbers >= end)]
+                if len(others):
+                    raise BadValue(f"The column {name!r} has numbers from {least} to {end - 1}, not {others[0]}.")
+
+    def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float]) -> None:
+        """Set the state of all games from `columns`, and clear their events and errors."""
+        mine = self._remembered()
+        self._refuse_others(columns, mine)
+        for name, values in mine.items():
+            values[:] = columns[name]
+        self.turn[:], self.is_going[:], self.blocked[:] = turn, True, False
+        self.over[:] = [None] * len(self)
+        for errors in filter(None, self.errors):
+            errors.clear()
+        for numbers in chain.from_iterable(one.values() for one in self.scores.columns):
+            numbers[:] = 0
+        for key, points in scores.items():
+            self.scores.add(key, np.arange(len(self)), points)
+        for log in self._logs:
+            log.clear()
+        self.now.clear()
+
+    def chosen(self, column: Any, games: IntArray, agents: IntArray | None = None) -> Any:
+        """Return a copy of some rows and columns of (games, agents), by ascending numbers; None: all agents."""
+        # NOTE: `take` costs half of an index, and several times as much as a copy of all (benchmarks: batches).
+        of_games = column if len(games) == len(self) else column.take(games, axis=0)
+        if agents is None or len(agents) == column.shape[1]:
+            return of_games.copy() if of_games is column else of_games
+        return of_games.take(agents, axis=1)
+
+    def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
+        """Return the memory of a rule or a strategy in all games; the first call stores `make(games)`."""
+        known = self.kept.get(key)
+        if known is None:
+            if not callable(make):
+                raise BadType(f"make of keep(key, make) is a function of the number of games, not {shown(make)}.")
+            first = self.first.get(key)
+            if first is not None:
+                named = self.first_by.get(key)
+                is_first = self.roster.is_first
+                make = partial(_repeated, first if named is None else _as_made(key, named, first, make(1), is_first))
+            known = make(len(self))
+            _refuse_other_arrays(known, len(self))
+            self.kept[key], self._makers[key] = known, make
+        return known
+
+    def checkpoint(self, more: Sequence[np.ndarray[Any, Any]]) -> Callable[[], None]:
+        """Return a function that undoes all later changes, including changes to the columns in `more`."""
+        by_key: list[dict[Any, Any]] = [*self.scores.columns, *self.kept.values()]
+        columns = [
+            self.node,
+            self.previous,
+            self.alive,
+            self.is_there,
+            self.start,
+            self.turn,
+            self.stops,
+            self.placed,
+            self.blocked,
+            self.is_going,
+        ]
+        columns += [
+            *more,
+            *(getattr(self.movement, name) for name in self.movement.remembers),
+            *self.counts.values(),
+            *self.numbers.values(),
+            *(() if self.flights is None else self.flights.columns),
+            *chain.from_iterable(map(dict.values, by_key)),
+        ]
+        copies = [deepcopy(column) if column.dtype == object else column.copy() for column in columns]
+        known = [(one, {*one}) for one in (*by_key, self.kept, self._makers)]
+        over = [*self.over]
+        headings = [*self.headings]
+        undo_logs = [*(log.checkpoint() for log in self._logs), self.roads.checkpoint()]
+        num_errors = [len(errors) for errors in self.errors]
+
+        def undo() -> None:
+            for column, values in zip(columns, copies, strict=True):
+                column[...] = values
+            for one, keys in known:
+                for key in one.keys() - keys:
+                    del one[key]
+            self.over[:] = over
+            self.headings[:] = headings
+            for undo_log in undo_logs:
+                undo_log()
+            self.movement.roads = self.roads if self.roads.are_closed else None
+            for errors, number in zip(self.errors, num_errors, strict=True):
+                del errors[number:]
+            self.now.clear()
+
+        return undo
+
+    def leave(self, games: IntArray, why: str) -> None:
+        """Stop playing games in the current turn, because of what a function does in them."""
+        self.leaving |= {number: why for number in games.tolist() if number not in self.leaving}
+        self.is_going[games] = False
+
+    def turn_agents(self) -> None:
+        """Set the headings that living agents have chosen in the current part of the turn, after its moves."""
+        for game, agent, heading in self.turning:
+            if self.alive[game, agent]:
+                self.headings[game] = {**self.headings[game], agent: heading}
+        self.turning.clear()
+
+    def note_failure(self, failure: Failure, turn: int | None = None) -> None:
+        """Count a failure, and add it to the error log of its game; `turn` is the turn, None: the current one."""
+        game, agent, kind, message = failure
+        self.counts[COUNT_OF.get(kind, kind)][game, agent] += 1
+        name, when = self.roster.names[agent], int(self.turn[game]) if turn is None else turn
+        self.errors[game].append({"turn": when, "agent": name, "kind": kind, "message": message})
+
+    def purposes(self, *purpose: str | int) -> BitArray:
+        """Return the hash of each game's seed and a purpose, (games,); see `kernels.purpose_key`."""
+        return self.several_purposes(purpose)[:, 0]
+
+    def several_purposes(self, *purposes: Purpose) -> BitArray:
+        """Return the hashes of each game's seed and each purpose, (games, purposes)."""
+        keys = self._purposes.get(purposes)
+        if keys is None:
+            keys = self._purposes[purposes] = _purpose_keys(self.seeds, purposes)
+        return keys
+
+    def seeds_of(self, games: IntArray) -> IntArray:
+        """Return the seeds of games, (games,)."""
+        if self._seeds is None:
+            self._seeds = np.array(self.seeds)
+        return self._seeds[games]
+
+    def draw_keys(self, purpose: str = "agent") -> BitArray:
+        """Return the keys of agents' draws for a purpose, (games, agents); see `kernels.first_key_rows`."""
+        if purpose not in self._draw_keys:
+            self._draw_keys[purpose] = kernels.first_key_rows(self.purposes(purpose)[:, None], self.roster.keys[None])
+        return self._draw_keys[purpose]

@@ -1,0 +1,220 @@
+"""Data for decisions of agents along edges in the core: steps of strategies, sensors, memories, tables of paths."""
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import partial
+from itertools import accumulate, chain
+from typing import Any
+
+import numpy as np
+
+from gamms.arguments import as_int
+from gamms.core import rules, strategies
+from gamms.errors import BadValue
+from gamms.game.block.columns import AgentTable
+from gamms.game.block.state import Arrays, GameArrays
+from gamms.game.conflicts import flat
+from gamms.game.movement.roads import RoadMap, RoadTables
+from gamms.game.movement.routes import PathTables
+from gamms.game.strategy_specs import CoreStep
+from gamms.ir.graph import IntArray
+from gamms.ir.sensor_results import AgentLook
+from gamms.text import shown
+from gamms.typing import IAgent
+from gamms.typing.context import HostContext
+from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor
+
+_MOST_BYTES = 128 * 2**20  # of the tables of ways of one thread
+MOST_LOOKING = 1024  # agents that are compared with each other; among more, sensors find those that are near by cells
+_LEAST = 1e-150
+_MOST = 1e150  # radii whose squares are neither zero nor infinite
+LOOKING = ("chase", "flee")
+_REMEMBERED = {"follow": {"at": -1}, "wander": {"target": -1, "left": 0}}  # by kinds of steps: column -> at first
+
+
+def always_act(steps: Sequence[CoreStep]) -> bool:
+    """Return whether an agent acts in any case that decides by some steps; `chase`, say, may give no action."""
+    if not steps:
+        return False
+    first = steps[0]
+    rest = steps[1:]
+    if first.kind == "mix":
+        return always_act(rest) and always_act(rest[first.number :])
+    if first.kind == "skip":
+        return always_act(rest[first.number :])
+    return first.kind in ("stay", "walk") or always_act(rest)
+
+
+def _looks(steps: Sequence[CoreStep]) -> bool:
+    return any(step.kind in LOOKING for step in steps)
+
+
+def _plain_look(sensor: ISensor) -> AgentLook | None:
+    """Return how a sensor shows the agents of some teams that are within a radius of its agent; None: it does not."""
+    look: AgentLook | None = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
+    if look is None or not look.is_plain:
+        return None
+    return look if _LEAST < look.radius < _MOST or look.radius == np.inf else None
+
+
+def has_plain_looks(agent: IAgent) -> bool:
+    """Return whether `looks_of` has all that the sensors of an agent show of others."""
+    sensors = getattr(agent, "sensors", {}).values()
+    return all(_plain_look(sensor) is not None for sensor in sensors if sensor.type in ON_GROUND | IN_AIR)
+
+
+def looks_of(roster: AgentTable, looking: Sequence[bool], names: Sequence[str] = ()) -> tuple[Any, Any, Any]:
+    """Return the plain sensors of the agents of a roster that look, of these names or all, as the core takes them.
+
+    That is `begins`, `squares` and `shows` of `strategies.SensorTable`.
+    """
+    looks: list[list[AgentLook]] = [[] for _ in roster.agents]
+    for agent, own in [
+        pair for pair, is_looking in zip(zip(roster.agents, looks, strict=True), looking, strict=True) if is_looking
+    ]:
+        for name, sensor in getattr(agent, "sensors", {}).items():
+            look = _plain_look(sensor) if sensor.type in ON_GROUND else None
+            if look is not None and (not names or name in names):
+                own.append(look)
+    listed = [look for own in looks for look in own]
+    return (
+        _column([0, *accumulate(map(len, looks))], np.int64),
+        _column([look.radius * look.radius for look in listed], np.float64),
+        _column([look.shows(team) for look in listed for team in roster.teams], np.uint8),
+    )
+
+
+def made_looks(state: GameArrays, looking: Sequence[bool]) -> strategies.SensorTable:
+    """Return the plain sensors of the agents of the roster that look from their nodes, for the core."""
+    xy = flat(state.streets.columns.xy, np.float64)
+    return strategies.SensorTable(*looks_of(state.roster, looking), len(state.roster.teams), xy)
+
+
+def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
+    """Return what agents of the game of a context remember of steps, as `StrategySteps` keeps it."""
+    found: dict[Hashable, Arrays] = {}
+    names = state.roster.names
+
+    def row_of(node: int) -> int:
+        return int(state.streets.rows(node))
+
+    for step in [step for step in steps if step.key]:
+        columns = found["memory", step.key] = _unremembered(step.kind, len(names), 1)
+        known = {name: memory[step.key] for name, memory in ctx.game.memories.items() if step.key in memory}
+        for number, name in enumerate(names):
+            values = _numbers_of(step, known[name], row_of) if name in known else None
+            for column, value in zip(columns.values(), values or (), strict=values is not None):
+                column[0, number] = value
+    return found
+
+
+def can_read(steps: Sequence[CoreStep], memory: Mapping[Any, Any], find: Callable[[int], Any]) -> bool:
+    """Return whether an agent's memory of steps is as these write it; `find` raises if a node is not on the map."""
+    remembered = [step for step in steps if step.key and step.key in memory]
+    return all(_numbers_of(step, memory[step.key], find) is not None for step in remembered)
+
+
+def _unremembered(kind: str, agents: int, games: int) -> Arrays:
+    """Return the columns of agents that remember nothing yet."""
+    return {name: np.full((games, agents), first) for name, first in _REMEMBERED[kind].items()}
+
+
+def _numbers_of(step: CoreStep, known: Any, row_of: Callable[[int], Any]) -> tuple[Any, ...] | None:
+    """Return what an agent remembers of a step, as its columns have it; None: the step has not written that."""
+    try:
+        if step.kind == "follow":
+            return (range(len(step.nodes or ()) + 1)[as_int(known, "the next stop")],)
+        target, left = known
+        return row_of(target), as_int(left, "left")
+    except (TypeError, ValueError, LookupError):
+        return None
+
+
+class StrategySteps:
+    """Columns of the steps of strategies, which all threads of a batch share.
+
+    Args:
+        state: of all games.
+        steps: of each agent, in the order of the roster; none of one that has none.
+    """
+
+    def __init__(self, state: GameArrays, steps: Sequence[Sequence[CoreStep]]) -> None:
+        self._state = state
+        self._remembered: dict[str, CoreStep] = {}
+        self._columns: list[tuple[str, str]] = []  # of the memory: the key, and the name
+        self._steps = self._made_steps(steps)
+        self._looks = made_looks(state, [_looks(one) for one in steps])
+        for key in self._remembered:
+            self._kept(key)
+        self._memory = np.zeros((len(self._columns), *state.node.shape), np.int64)
+        self._ways: list[PathTables] = []  # of each thread
+        self._maps: list[RoadMap | None] = [None]  # on which they lead; see `RoadTables`
+
+    def _made_steps(self, steps: Sequence[Sequence[CoreStep]]) -> strategies.StrategySteps:
+        rows = self._state.streets.rows
+        listed = [step for one in steps for step in one]
+        nodes: list[IntArray] = [np.zeros(0, np.int64)]
+        following: list[Sequence[int]] = [()]
+        first: dict[Any, int] = {}
+        slots = []
+        for step in listed:
+            if step.key and step.key not in self._remembered:
+                self._remembered[step.key] = step
+                self._columns += [(step.key, name) for name in _REMEMBERED[step.kind]]
+            slots.append([key for key, _ in self._columns].index(step.key) if step.key else 0)
+            if (step.nodes, step.following) not in first:
+                first[step.nodes, step.following] = sum(map(len, nodes))
+                nodes.append(np.arange(self._state.streets.num_nodes) if step.nodes is None else rows(step.nodes))
+                following.append(step.following or np.zeros(len(nodes[-1]), np.int64).tolist())
+        sizes = [self._state.streets.num_nodes if step.nodes is None else len(step.nodes) for step in listed]
+        return strategies.StrategySteps(
+            _column([0, *accumulate(map(len, steps))], np.int64),
+            _column([strategies.KINDS.index(step.kind) for step in listed], np.uint8),
+            _column([first[step.nodes, step.following] for step in listed], np.int64),
+            _column(sizes, np.int64),
+            _column([step.number for step in listed], np.int64),
+            _column([step.chance for step in listed], np.float64),
+            _column(slots, np.int64),
+            _column(np.concatenate(nodes), np.int64),
+            _column([*chain.from_iterable(following)], np.int64),
+        )
+
+    def of_thread(self, games: rules.GameColumns, thread: int) -> strategies.Strategies:
+        """Return the strategies as a thread of a number plays them."""
+        if thread == len(self._ways):
+            arcs = self._state.roads.arcs_of(self._maps, "length", reverse=True)
+            self._ways.append(PathTables(self._state.streets.columns.node_ids, arcs, _MOST_BYTES))
+        keys = flat(self._state.draw_keys(), np.uint64)
+        memory = self._memory.reshape(-1).data
+        return strategies.Strategies(games, self._steps, self._ways[thread].core, self._looks, keys, memory)
+
+    def take_memories(self, games: IntArray) -> None:
+        """Take what agents remember in some games from the state of the batch."""
+        nodes = self._state.streets.num_nodes
+        for column, (key, name) in enumerate(self._columns):
+            step = self._remembered[key]
+            known = self._kept(key)[name][games]
+            most = nodes - 1 if step.nodes is None or step.kind != "follow" else len(step.nodes)
+            if name != "left" and not -1 <= known.min(initial=-1) <= known.max(initial=-1) <= most:
+                raise BadValue(f"Agents remember numbers from -1 to {most} under {shown(key)}, not {shown(known)}.")
+            self._memory[column, games] = known
+
+    def give_memories(self, games: IntArray) -> None:
+        """Write what agents remember in these games into the state of the batch."""
+        for column, (key, name) in enumerate(self._columns):
+            self._kept(key)[name][games] = self._memory[column, games]
+
+    def _kept(self, key: str) -> Arrays:
+        make = partial(_unremembered, self._remembered[key].kind, len(self._state.roster.names))
+        return self._state.keep(("memory", key), make)
+
+    def take_roads(self, tables: RoadTables) -> None:
+        """Let agents find ways on the roads that are open in each game."""
+        moved = tables.moved(self._maps)
+        self._maps = tables.maps
+        arcs = self._state.roads.arcs_of(self._maps, "length", reverse=True)
+        for known in self._ways:
+            known.take(arcs, moved)
+
+
+def _column(values: object, dtype: type[np.generic]) -> Any:  # memoryviews are not subscriptable
+    return np.array(values, dtype).data

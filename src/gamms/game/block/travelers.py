@@ -1,0 +1,342 @@
+"""Builds the columns with which the core plays games along several edges a turn, or by metres."""
+
+from array import array
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.core import arrivals, by_edges, by_metres, contacts, moves, rules, travel
+from gamms.game.block.state import GameArrays
+from gamms.game.conflicts import flat
+from gamms.game.movement.arrivals import MOST_ARRIVALS
+from gamms.game.movement.by_edges import EdgeMovement
+from gamms.game.movement.by_metres import MetricMovement
+from gamms.game.movement.courses import EdgeCourses, MetreCourses
+from gamms.game.movement.roads import RoadMap, RoadTables
+from gamms.game.movement.travel import ENDLESS, ReachableNodes, StoredPaths, TurnPaths
+from gamms.ir.graph import IntArray
+from gamms.kernels import buffer
+from gamms.limits import refuse_above
+
+_BYTES_PER_LEG = 500  # of the agents of a game
+_BYTES_PER_KEPT = 80
+_MOST_LEGAL = 1 << 20  # nodes that are remembered as legal
+_MOST_REMEMBERED = 1 << 22  # nodes on the ways of agents, 16 bytes each
+_MOST_NEAR = 1 << 17  # nodes on short ways, likewise
+_LONGEST = 256  # nodes on the way of an agent that are remembered
+_ROUNDED = 1e-6  # by how much more of a way agents may cover than they should
+NO_LEGS = contacts.Legs(0, *[memoryview(array("q"))] * 5, *[memoryview(array("d"))] * 5)  # type: ignore[arg-type]
+
+
+def most_legs(by: MetricMovement) -> int:
+    """Return how many legs an agent has in a turn at most: a way has each edge once, unless it decides on its way."""
+    fastest = float(by.paces.max(initial=0.0, where=~np.isnan(by.paces))) * by.terms.turn_seconds * (1.0 + _ROUNDED)
+    if by.terms.decides_at_arrivals:
+        shortest = float(by.columns.lengths.min(initial=np.inf))
+        is_limited = fastest < shortest * MOST_ARRIVALS
+        return 5 + (int(fastest // shortest) if is_limited else MOST_ARRIVALS)
+    lengths = np.cumsum(np.sort(by.columns.lengths))
+    return 3 + min(int(np.searchsorted(lengths, fastest, side="right")), by.streets.num_nodes)
+
+
+def _refuse_too_long(legs: int, kept: int) -> None:
+    """Refuse ways of agents through a turn that would not fit into memory.
+
+    Args:
+        legs: of the agents of a game at most, or nodes that they pass.
+        kept: those of all games, if functions may ask for them.
+
+    Raises:
+        TooLarge: they would not.
+    """
+    refuse_above(
+        _BYTES_PER_LEG * legs + _BYTES_PER_KEPT * kept,
+        f"A batch whose agents may go along {legs} edges in a turn, all of a game together,",
+    )
+
+
+def most_nodes(by: EdgeMovement) -> int:
+    """Return how many nodes an agent passes in a turn at most, the one where it is included."""
+    return 3 + int(by.paces.max(initial=0.0, where=~np.isnan(by.paces)))
+
+
+class ThreadTravel(NamedTuple):
+    """Columns of one thread that plays games by metres, or along several edges a turn.
+
+    Attributes:
+        movers: the agents, and how they move.
+        arrivals: the same as they decide where they arrive, if they do so.
+        course: how they have gone.
+        tracks, legs: the columns of that, as contacts take them: nodes, times and lengths of tracks.
+        most: nodes that an agent passes.
+        most_legs: of an agent.
+    """
+
+    movers: moves.OneEdgeMovers
+    arrivals: arrivals.Arrivals | None
+    course: rules.AgentPaths
+    tracks: tuple[Any, Any, Any]
+    legs: contacts.Legs
+    most: int
+    most_legs: int
+
+
+def in_parts(movers: moves.OneEdgeMovers, agents: int) -> ThreadTravel:
+    """Return what one thread plays games with whose agents go along one edge, each in its part of the turn."""
+    nodes: Any = np.zeros(agents * 3, np.int64).data
+    times: Any = np.zeros(agents * 3).data
+    lengths: Any = np.zeros(agents, np.int64).data
+    course = moves.PartPaths(movers, nodes, times, lengths)
+    return ThreadTravel(movers, None, course, (nodes, times, lengths), NO_LEGS, 3, 0)
+
+
+def _remembered(rows: int) -> int:
+    """Return how many nodes on its way each of so many agents remembers."""
+    return max(8, min(_LONGEST, _MOST_REMEMBERED // max(rows, 1)))
+
+
+class EdgeColumns:
+    """Columns of games along several edges a turn, which all threads share.
+
+    Args:
+        state: of all games.
+        by: how agents go.
+        part_of: (agents,) the part of the turn in which each goes.
+        go_by_steps: whether some agents decide by steps, which may lead far.
+        keeps_courses: whether functions are called, which may ask how agents have gone.
+    """
+
+    def __init__(
+        self, state: GameArrays, by: EdgeMovement, part_of: IntArray, *, go_by_steps: bool, keeps_courses: bool
+    ) -> None:
+        self._by = by
+        self._agents = state.node.shape[1]
+        self.on_edges: dict[str, Any] = {"edge": by.begun.reshape(-1).data, "share": by.covered.reshape(-1).data}
+        self.ends: tuple[IntArray, IntArray] | None = None
+        shape = state.node.shape
+        self._most = most_nodes(by) + int(part_of.any())
+        _refuse_too_long(self._agents * self._most, state.node.size * self._most * keeps_courses)
+        self._ahead = np.full(shape, -1)
+        self._covered = np.zeros(shape)
+        courses = EdgeCourses(by, self._ahead, self._covered, self._most, part_of) if keeps_courses else None
+        self.courses = courses
+        rows = state.node.size
+        lengths = np.asarray(by.whole.weights("length"), np.float64)
+        edges_at = by.all_roads.edges_at_start
+        self._hops = StoredPaths(by.columns, np.ones(len(lengths)), rows, 8, edges_at)
+        self._ways = StoredPaths(by.columns, lengths, rows if go_by_steps else 0, _remembered(rows), edges_at)
+        self._walks: list[by_edges.EdgePaths] = []  # of each thread
+        self._maps: list[RoadMap | None] = [None]  # see `RoadTables`
+
+    def take_roads(self, tables: RoadTables, streets: moves.LegalMoves) -> None:
+        """Let agents go and find paths on the roads that are open in each game."""
+        moved = tables.moved(self._maps)
+        self._maps = tables.maps
+        edges_at = self._by.all_roads.edges_at(self._maps)
+        for paths in (self._hops, self._ways):
+            paths.take_maps(edges_at, moved)
+        for walks in self._walks:
+            walks.take(streets)
+
+    def thread(
+        self,
+        movers: tuple[Any, ...],
+        columns: Mapping[str, Any],
+        events: rules.Events,  # noqa: ARG002
+    ) -> ThreadTravel:
+        """Return what one thread plays with; see `MetreColumns`."""
+        by = self._by
+        most = self._most
+        reach = ReachableNodes(by.streets.num_nodes)
+        nodes: Any = np.zeros(self._agents * most, np.int64).data
+        times: Any = np.zeros(self._agents * most).data
+        lengths: Any = np.zeros(self._agents, np.int64).data
+        ints: Any = np.zeros(self._agents + most, np.int64).data
+        covered: Any = np.zeros(self._agents).data
+        walks = by_edges.EdgePaths(
+            *(nodes, times, lengths, by.streets.core, self._hops.plain_ways(reach), most),
+            speeds=flat(by.paces, np.float64),
+            ahead=ints[: self._agents],
+            covered=covered,
+            route=ints[self._agents :],
+            kept=None if self.courses is None else self.courses.core,
+        )
+        self._walks.append(walks)
+        long_ways: travel.GoalPaths | None = None
+        if columns["by_steps"] is not None:
+            long_ways = self._ways.plain_ways(reach)
+            columns["by_steps"].go_far(long_ways)
+        after: tuple[Any, Any] = (self._ahead.reshape(-1).data, self._covered.reshape(-1).data)
+        walkers = by_edges.EdgeMovers(walks, *after, long_ways, *movers, **columns)
+        return ThreadTravel(walkers, None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
+
+
+class ArrivalColumns:
+    """Data that all threads share in games whose agents decide at arrivals; see `core.arrivals`.
+
+    Args:
+        shape: the numbers of games and agents.
+
+    Attributes:
+        now: (games,) the time of the last arrivals.
+        comes, late, loses: (games, agents) who arrives, who has decided to do deeds, and who has lost a conflict.
+    """
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        self._columns = np.zeros((5, *shape), np.int64)
+        self._queue = arrivals.Queue(shape[1], shape[0])
+        self.now = np.full(shape[0], np.inf)
+        self.comes = np.zeros(shape, np.uint8)
+        self.late = np.zeros(shape, np.uint8)
+        self.loses = self._columns[1]
+
+    def thread(self, travelers: by_metres.MetreMovers, *, has_end: bool) -> arrivals.Arrivals:
+        """Return what one thread plays with; `has_end` says whether arrivals at the end of a turn count."""
+        columns: list[Any] = [self.comes, self.late, self._columns]
+        views = [one.reshape(-1).data for one in columns]
+        now: Any = self.now.data
+        return arrivals.Arrivals(travelers, MOST_ARRIVALS, self._queue, now, *views, has_end=has_end)
+
+
+class MetreColumns:
+    """Columns of games by metres, which all threads share.
+
+    Args:
+        state: of all games.
+        by: how agents go.
+        part_of: (agents,) the part of the turn in which each goes.
+        go_by_steps: whether some agents decide by steps, which may lead far.
+        keeps_courses: whether functions are called, which may ask how agents have gone.
+        has_conflicts: whether agents may stop each other.
+
+    Attributes:
+        arrivals: of agents that decide at these; None: they do not.
+        courses: how agents go in all games, if functions are called.
+        on_edges: where agents are, as `rules.GameColumns` has it.
+        ends: the places where moves begin and end, as conflicts compare them, (games, agents) each; None: nodes.
+    """
+
+    def __init__(
+        self,
+        state: GameArrays,
+        by: MetricMovement,
+        part_of: IntArray,
+        *,
+        go_by_steps: bool,
+        keeps_courses: bool,
+        has_conflicts: bool,
+    ) -> None:
+        self._has_conflicts = has_conflicts
+        self._by = by
+        self._agents = state.node.shape[1]
+        self._most = most_legs(by) + 2 * int(part_of.any())
+        self._part_of = part_of
+        self._shape = shape = state.node.shape
+        decides_at_arrivals = by.terms.decides_at_arrivals
+        self.arrivals = ArrivalColumns(shape) if decides_at_arrivals else None
+        self._at_arrivals: list[arrivals.Arrivals] = []  # of each thread
+        self._travelers: list[by_metres.MetreMovers] = []  # one for each thread
+        self._refuse_too_long((1 + decides_at_arrivals) * keeps_courses)
+        self.courses = MetreCourses(by, shape, self._most, part_of) if keeps_courses else None
+        self._drawn = np.zeros(shape, np.int64)
+        self._kept: TurnPaths | None = None  # how agents go between arrivals
+        starts, ends = np.zeros((2, *shape), np.int64)
+        self.ends: tuple[IntArray, IntArray] = starts, ends
+        self.on_edges: dict[str, Any] = {"edge": by.edge.reshape(-1).data, "share": by.share.reshape(-1).data}
+        self._longest = max(8, self._most if by.is_endless else 0)
+        self._slots = 1 << max(6, (_MOST_NEAR // self._longest).bit_length() - 1)
+        self._roads: list[travel.RoadEdges] = []  # of each thread
+        self._near: list[StoredPaths] = []  # likewise
+        self._maps: list[RoadMap | None] = [None]  # see `RoadTables`
+        rows = state.node.size if go_by_steps else 0
+        edges_at = by.all_roads.edges_at_start
+        self._memories = StoredPaths(by.columns, by.terms.costs, rows, _remembered(rows), edges_at)
+
+    def take_roads(self, tables: RoadTables, streets: moves.LegalMoves) -> None:  # noqa: ARG002 - as by edges
+        """Let agents go and find paths on the roads that are open in each game."""
+        moved = tables.moved(self._maps)
+        self._maps = tables.maps
+        all_roads = self._by.all_roads
+        edges_at = all_roads.edges_at(self._maps)
+        removed = buffer(all_roads.removed(self._maps))
+        offsets, edges = map(buffer, edges_at[0])
+        for roads in self._roads:
+            roads.take(offsets, edges)
+            roads.note_removed(removed)
+        for paths in (self._memories, *self._near):
+            paths.take_maps(edges_at, moved)
+
+    def _refuse_too_long(self, kept: int) -> None:
+        """Refuse ways of agents that would not fit into memory, so many times those of all games."""
+        rows = self._shape[0] * self._shape[1]
+        _refuse_too_long(self._agents * self._most, rows * self._most * kept)
+
+    def keep_courses(self) -> None:
+        """Keep how agents go in all games between arrivals, because functions are called there."""
+        if self._kept is None:
+            self._refuse_too_long(2)
+            self._kept = TurnPaths(self._shape[0] * self._shape[1], self._most, 0)
+        self.courses = courses = self.courses or MetreCourses(self._by, self._shape, self._most, self._part_of)
+        for travelers, at_arrivals in zip(self._travelers, self._at_arrivals, strict=True):
+            travelers.keep_paths(courses.core)
+            at_arrivals.keep_paths(self._kept.core)
+
+    def _known(self) -> travel.LegalCache:
+        """Return room for the legal nodes that a thread remembers."""
+        speeds, kinds = np.unique(self._by.paces, return_inverse=True)
+        tables: Any = np.zeros((2, len(speeds) * self._by.streets.num_nodes), np.int64)
+        room: Any = np.empty(_MOST_LEGAL, np.int64)
+        return travel.LegalCache(flat(kinds, np.int64), tables[0].data, tables[1].data, room.data)
+
+    def thread(self, movers: tuple[Any, ...], columns: Mapping[str, Any], events: rules.Events) -> ThreadTravel:
+        """Return what one thread plays with.
+
+        Args:
+            movers: the arguments of `moves.OneEdgeMovers`,
+            columns: and its keyword arguments.
+            events: receives what agents cannot do.
+        """
+        by = self._by
+        most = self._most
+        roads = by.new_map()
+        reach = ReachableNodes(by.streets.num_nodes)
+        ways = self._memories.ways(roads, reach)
+        near = self._memories.apart(self._slots, self._longest)
+        self._roads.append(roads)
+        self._near.append(near)
+        if columns["by_steps"] is not None:
+            columns["by_steps"].go_far(ways)
+        trips = TurnPaths(self._agents, most, max(self._memories.most, most))
+        kept = None if self.courses is None else self.courses.core
+        travelers = by_metres.MetreMovers(
+            ways,
+            near.ways(roads, reach),
+            self._known(),
+            trips.core,
+            events,
+            *movers,
+            slots=self._slots,
+            nodes=by.streets.num_nodes,
+            speeds=flat(by.paces, np.float64),
+            motion=by.motion.reshape(-1).data,
+            start_places=self.ends[0].reshape(-1).data,
+            end_places=self.ends[1].reshape(-1).data,
+            drawn=self._drawn.reshape(-1).data,
+            most_edges=1 if by.terms.decides_at_arrivals else ENDLESS,
+            kept=kept,
+            **columns,
+        )
+        legs: list[Any] = [column.data for column in np.zeros((4, self._agents * most), np.int64)]
+        metres: Any = np.zeros(self._agents * most).data
+        edge_ids = flat(by.columns.edge_ids, np.int64)
+        tracks: Any = trips.nodes.reshape(-1).data, trips.times.reshape(-1).data, trips.passed.data
+        course = by_metres.MetrePaths(*[travelers, *tracks, edge_ids, *legs, metres])
+        parts: Any = [one.reshape(-1).data for one in (trips.begins, trips.ends, trips.since, trips.until)]
+        of_legs = contacts.Legs(most, *[trips.legs.data, *legs, *parts, metres])
+        at_arrivals = None
+        if self.arrivals is not None:
+            at_arrivals = self.arrivals.thread(travelers, has_end=self._has_conflicts)
+            self._travelers.append(travelers)
+            self._at_arrivals.append(at_arrivals)
+        return ThreadTravel(travelers, at_arrivals, course, tracks, of_legs, most + 1, most)

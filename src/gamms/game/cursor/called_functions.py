@@ -1,0 +1,93 @@
+"""Which plain functions of a game are called game by game."""
+
+from collections.abc import Callable, Iterator
+from itertools import chain
+
+from gamms.game.block.columns import AgentTable, ComingAgent, PlayedGame, decider_of
+from gamms.game.block.in_core import called_rules, conflicts_in_core, core_form_of
+from gamms.game.block.sensing import called_each_turn
+from gamms.game.block.state import KEPT
+from gamms.game.settings import NamedRule
+from gamms.game.strategy_specs import decides_in_arrays
+from gamms.text import as_code, shown
+
+
+def functions_of_rules(game: PlayedGame, roster: AgentTable) -> Iterator[Callable[..., object]]:
+    """Yield the plain functions of rules and conflicts that are called."""
+    for one in called_rules(game, roster):
+        if is_plain_rule(one):
+            yield one.rule
+    for _, check in game.internals.parts.rules.now.checks:
+        yield check
+    if has_function_of_conflicts(game, roster):
+        yield game.settings()["conflicts"].resolve
+
+
+def has_function_of_conflicts(game: PlayedGame, roster: AgentTable) -> bool:
+    """Return whether a function decides conflicts, and not ranks that all agents have."""
+    return game.settings()["conflicts"] is not None and conflicts_in_core(game, roster) is None
+
+
+def acts_before_moves(game: PlayedGame, roster: AgentTable) -> bool:
+    """Return whether functions are called between the decisions of agents and their moves."""
+    return game.internals.parts.rules.now.act_before_moves or has_function_of_conflicts(game, roster)
+
+
+def is_plain_rule(rule: NamedRule) -> bool:
+    """Return whether a rule is a function of the context alone."""
+    return rule.spec.core_form is None and not rule.spec.is_array_function
+
+
+def keys_in_core(game: PlayedGame, roster: AgentTable) -> Iterator[str]:
+    """Yield the keys of `ctx.game.data` and the facts of rules that the core plays, or that are called in arrays."""
+    called = called_rules(game, roster)
+    if any(one.spec.is_array_function for one in called):
+        yield KEPT
+    for one in called:
+        spec = one.spec
+        if spec.core_form is not None and spec.key is not None:
+            yield spec.key
+            if spec.disclose is not None:
+                yield from spec.disclose({}, ())
+
+
+def asked_of(game: PlayedGame, roster: AgentTable) -> list[int]:
+    """Return the numbers of the agents whose strategies, or the plans of whose teams, are called game by game."""
+    are_created = first_called(game, roster) is not None  # by a function
+    found = []
+    for number, agent in enumerate(roster.agents):
+        if isinstance(agent, ComingAgent) and not are_created:
+            continue
+        if is_asked(game, roster, number):
+            found.append(number)
+    return found
+
+
+def is_asked(game: PlayedGame, roster: AgentTable, number: int) -> bool:
+    """Return whether the strategy of an agent, or the plan of its team, is called game by game."""
+    settings = game.settings()
+    decider = decider_of(roster.agents[number], settings["plans"])
+    return core_form_of(game, roster, number) is None and not decides_in_arrays(decider, settings)
+
+
+def first_called(game: PlayedGame, roster: AgentTable) -> str | None:
+    """Return the first plain function that is called game by game, in words; None: there is none."""
+    called = called_rules(game, roster)
+    rules = [f"the rule {one.name!r}" for one in called if is_plain_rule(one)]
+    rules += [f"the check of the rule {one.name!r}" for one in called if one.spec.check is not None]
+    if has_function_of_conflicts(game, roster):
+        rules.append(f"the conflicts {as_code(game.settings()['conflicts'])}")
+    settings = game.settings()
+    plans = settings["plans"]
+    deciders = (
+        f"the strategy {as_code(decider_of(agent, plans))}"
+        for number, agent in enumerate(roster.agents)
+        if not isinstance(agent, ComingAgent) and is_asked(game, roster, number)
+    )
+    collectors = (f"the collector {name!r}" for name in game.internals.parts.collectors.by_name)
+    sensors = (
+        f"the sensor {shown(name)} of agent {shown(agent.name)}"
+        for agent in roster.agents
+        for name in called_each_turn(agent)
+    )
+    return next(chain(rules, deciders, collectors, sensors), None)

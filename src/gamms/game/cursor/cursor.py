@@ -1,0 +1,1277 @@
+"""Calls plain rules and strategies in a context that is pointed at each game of a batch in turn."""
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import repeat
+from operator import is_, itemgetter
+from typing import Any, NamedTuple, NoReturn
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.random import Generator
+
+from gamms.core.copies import copied, copied_values
+from gamms.deciding import phase_of
+from gamms.errors import UnknownAttribute
+from gamms.game.array_functions.view import ArrayView
+from gamms.game.block.channels import MessageTraffic
+from gamms.game.block.columns import (
+    Failure,
+    NewAgents,
+    PlayedGame,
+    decider_of,
+    kept_in,
+    sensors_of,
+)
+from gamms.game.block.in_core import CoreGames, called_rules
+from gamms.game.block.scores import fits_float
+from gamms.game.block.state import STOPPED, GameArrays, LeavesSharedContext
+from gamms.game.cursor.called_functions import (
+    functions_of_rules,
+    keys_in_core,
+)
+from gamms.game.cursor.own_functions import FirstValues, FunctionPerGame, some_function
+from gamms.game.cursor.pointed import GuardedDict, PointedContext, PointedState, Population, StartOfGame
+from gamms.game.decisions import Decisions
+from gamms.game.messages import Inboxes
+from gamms.game.movement.courses import Routes
+from gamms.game.movement.flights import Flights
+from gamms.game.movement.moves import TurnMoves
+from gamms.game.order import TurnOrder, TurnPart
+from gamms.game.random_streams import DrawTable
+from gamms.game.result import Collectors
+from gamms.game.settings import NamedRule
+from gamms.game.slots import COUNTED
+from gamms.game.strategy_specs import strategy_spec_of
+from gamms.game.turn import CLOSED, closed_edge
+from gamms.ir.agents import AgentBlock, as_ids
+from gamms.ir.events import (
+    AERIAL_AGENT_FLIGHT,
+    AERIAL_AGENT_TURN,
+    AGENT_ATTRIBUTE,
+    AGENT_CREATE,
+    AGENT_DELETE,
+    AGENT_SENSOR_DEREGISTER,
+    AGENT_SENSOR_REGISTER,
+)
+from gamms.ir.game_state import BlockedAgents, GameState, Scores, in_conflict
+from gamms.ir.graph import IntArray
+from gamms.ir.journal import Journal
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.schema import CHANGE_EVENTS, NUMBERS
+from gamms.plain import is_plain, is_same
+from gamms.typing.agent_engine import IAgent
+
+_OWN = ("agent_facts", "departed", "over", "start", "team_facts", "team_memories")
+_PrivateFacts = tuple[dict[Any, dict[str, Any]], dict[Any, dict[str, Any]]]  # of agents, of teams
+_NUMBERS = [column.name for column in NUMBERS]
+_CHANGING = {CHANGE_EVENTS[name].code for name in ("node", "previous", "alive", *_NUMBERS)}
+_EQUIPPING = {AGENT_CREATE, AGENT_DELETE, AGENT_SENSOR_REGISTER, AGENT_SENSOR_DEREGISTER}
+_TURNED = CHANGE_EVENTS["heading"].code
+_CHANGING |= {AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE, _TURNED}
+
+
+def _itself(function: object) -> object:
+    """Return the function of a collector for another game of the batch."""
+    return function
+
+
+class _AskedAgents(NamedTuple):
+    """Agents that are asked, some of which may be dead.
+
+    Attributes:
+        part: the living ones, as a part of a turn.
+        places: the slot of each agent; -1: it is dead.
+        members: the slots and names of the living ones.
+        templates: the names of the living ones, and their states.
+    """
+
+    part: TurnPart
+    places: list[int]
+    members: list[tuple[int, str]]
+    templates: list[tuple[str, dict[str, Any]]]
+
+
+class _StartValues(NamedTuple):
+    """The values with which games begin; see `GameState`.
+
+    Attributes:
+        turn, moves, counts, blocked: how many turns were played, and what is known of agents in them.
+        memories, team_memories: what agents and teams remember.
+        private_facts: the facts of agents and those of teams.
+    """
+
+    turn: int
+    moves: TurnMoves | None
+    counts: dict[str, dict[str, int]]
+    blocked: dict[str, str]
+    memories: dict[str, dict[Any, Any]]
+    team_memories: dict[Any, dict[Any, Any]]
+    private_facts: _PrivateFacts
+
+    @classmethod
+    def of(cls, state: GameState) -> "_StartValues":
+        """Return the values with which the game of a context begins."""
+        memories = {name: memory for name, memory in state.memories.items() if memory}
+        counts = {name: each.copy() for name, each in state.counts.items()}
+        private_facts = state.agent_facts, state.team_facts
+        return cls(state.turn, state.moves, counts, {**state.blocked}, memories, state.team_memories, private_facts)
+
+
+class _StreamPositions(NamedTuple):
+    """How far random streams and sensors of agents of a game are in the turn, where they are asked again in it.
+
+    Attributes:
+        streams: by names of agents; see `AgentSlot.marks`.
+        looks: of each sensor that counts its looks; see `DetectionModel.mark`.
+    """
+
+    streams: dict[str, tuple[Any, Any]]
+    looks: list[Any]
+
+
+class _LivingOrder(NamedTuple):
+    """The order of a turn of the agents that live in a game.
+
+    Attributes:
+        order: the order.
+        table: the keys of their draws.
+        asked: by numbers in the roster of agents that are asked, and of others that observe.
+    """
+
+    order: TurnOrder
+    table: DrawTable
+    asked: dict[tuple[bytes, bytes], _AskedAgents]
+
+
+@dataclass
+class _PopulationCaches:
+    """Values derived from a set of agents of the context.
+
+    Attributes:
+        lasts: the last states of agents, and the last data of sensors, each a list of one item.
+        notices: of the sensors that count their looks.
+        sees_world_only: whether all sensors that are called look only at the graph and the agents.
+        are_plain: whether all sensors do, and show the same whenever they are asked.
+        living_of: returns the order of the agents that live, by row, and know the same facts or not.
+    """
+
+    lasts: list[list[Any]]
+    notices: list[Any]
+    sees_world_only: bool
+    are_plain: bool
+    living_of: Callable[[bytes, bool], _LivingOrder]
+
+
+class Cursor:
+    """Calls plain functions in a context that is pointed at each game of a batch in turn.
+
+    The context has one set of agents. They show the game that the context is pointed at. If a plain function reads what
+    a context cannot show of the core, or changes what the core cannot change, its game leaves: it plays the same turn
+    in a context of its own, and all turns that follow.
+
+    Args:
+        game: at its start, whose context is pointed at games.
+        pointed: points the context.
+        state: of all games.
+        core: plays them.
+        asked: the numbers in the roster of agents whose strategies and plans are called.
+        observing: the numbers of agents whose sensors are called in each turn.
+        first_values: what each game begins with; empty: all begin with the same.
+        has_array_functions: whether array functions are called, too.
+
+    Attributes:
+        functions: the plain functions that are called.
+    """
+
+    _has_begun = False
+    _living: _LivingOrder
+    _cached: _PopulationCaches
+    _attributes_shown: list[dict[str, Any]]
+    _marks: dict[int, _StreamPositions]  # of games, while agents arrive
+    _part: int | None = None  # of the turn in which agents are about to move
+
+    def __init__(
+        self,
+        game: PlayedGame,
+        pointed: PointedContext,
+        state: GameArrays,
+        core: CoreGames,
+        asked: Sequence[int],
+        observing: Sequence[int],
+        first_values: Sequence[FirstValues | None],
+        *,
+        has_array_functions: bool,
+    ) -> None:
+        parts = game.internals.parts
+        self._game = game
+        self._observing_names = {state.roster.names[number] for number in (*asked, *observing)}
+        self._pointed = pointed
+        self._state = state
+        state.tell = self.note_undone
+        self._core = core
+        self._has_array_functions = has_array_functions
+        self._ctx = game.ctx
+        self._parts = parts
+        self._turns = parts.turns
+        self._values = parts.state
+        self._phase = phase_of(game.ctx)
+        self._why = ""  # why the game leaves that the context is pointed at
+        self._core_keys = frozenset(keys_in_core(game, state.roster))
+        specs = [one.spec for one in called_rules(game, state.roster) if one.spec.core_form is not None]
+        self._facts_in_core = {str(spec.key): spec.fact_of_game for spec in specs if spec.fact_of_game is not None}
+        deciders = [decider_of(state.roster.agents[number], game.settings()["plans"]) for number in asked]
+        collectors = parts.collectors.by_name.values()
+        self._periods = {one.every for one in collectors}
+        self._first_values = first_values
+        of_rules = [function for one in game.rules for function in (one.rule, one.spec.check)]
+        of_sensors = [
+            getattr(one, "function", None) for agent in state.roster.agents for one in sensors_of(agent).values()
+        ]
+        functions = *deciders, *of_rules, *of_sensors
+        self._own_functions = [one for one in functions if isinstance(one, FunctionPerGame)]
+        self.functions = [
+            *map(some_function, functions_of_rules(game, state.roster)),
+            *map(some_function, deciders),
+            *(one.fn for one in collectors),
+        ]
+        # of each game, as Python objects
+        games = range(len(state))
+        self._data: list[dict[Any, Any] | None] = [None for _ in games]  # None: as at the start
+        self._facts_of: list[dict[str, Any] | None] = [None for _ in games]  # None: as at the start
+        self._nothing_private: _PrivateFacts = ({}, {})  # of games without such facts
+        self._private_facts: list[_PrivateFacts | None] = [None for _ in games]  # None: there are none
+        self._attributes: list[list[dict[str, Any]] | None] = [None for _ in games]  # None: as at the start
+        self._team_memories: list[dict[Any, dict[Any, Any]]] = [{} for _ in games]
+        self._memories: list[dict[str, dict[Any, Any]]] = [{} for _ in games]
+        self._collectors: list[Collectors] = [parts.collectors for _ in games]
+        self._inboxes: dict[int, Inboxes] = {}  # where there are channels
+        self._asked_agents = frozenset(asked)
+        self._deeds: list[tuple[int, int, int, str, Mapping[str, Any]]] = []  # see `DeclaredDeeds.from_plain`
+        self._undone: dict[int, dict[str, str]] = {}  # agent -> why it did not do what it wanted, but for conflicts
+        self._first = _StartValues.of(parts.state)
+        self._new_agents: list[IAgent] = []  # that have no rows
+        self._start = parts.state.start
+        self._rngs: list[Generator | None] = [None for _ in games]  # `ctx.rng` of each game; None: it was not used
+        self._data_before: dict[int, dict[Any, Any] | None] = {}  # of games whose data were read since the checkpoint
+        self.forget(np.arange(len(state)))
+
+    @property
+    def number(self) -> int:
+        """The number of the game that the context is pointed at; -1: of none."""
+        return self._number
+
+    @property
+    def is_asking(self) -> bool:
+        """Whether a strategy or a plan is running."""
+        return self._phase.agent is not None
+
+    # -- the context --------------------------------------------------------------------------------------------
+
+    def _begin(self) -> None:
+        """Let the context be pointed at games, unless it is already."""
+        if self._has_begun:
+            return
+        values = self._values
+        self._pointed.hold()
+        self._has_begun = True
+        self._kept = {name: getattr(values, name) for name in _OWN}
+        self._number_of = {name: i for i, name in enumerate(self._state.roster.names)}
+        self._looks = self._no("what agents have sensed")
+        self._known_caches: WeakKeyDictionary[Population, _PopulationCaches] = WeakKeyDictionary()
+        self._take_shown()
+        self._turns.note_departed()
+        self._take_first_values()
+        self._phase.before_reading = self._own_attributes
+        self._own_of_ctx = vars(self._ctx)
+        self._has_drawn = self._own_of_ctx["_rng"] is not None  # when the games were made, differently for each seed
+        values.__class__ = PointedState
+        values.start = StartOfGame(self._read_field, self._replace_data, self._began, self._leave)
+        values.has_begun = True
+        values.last_turn = self._game.settings()["max_turns"]
+        values.blocked = BlockedAgents()
+        self._facts_own: dict[str, Any] | None = None  # of the game, if they are not the first ones
+        self._show_facts(None)
+        self._alive: bytes | None = None  # the agents whose order is taken; None: unknown
+        self._is_public = True  # whether that is the order of agents that know the same facts
+        self._private_shown: _PrivateFacts | None = None
+        self._read = dict[str, Any]()
+        self._number = -1
+        self._fixed = self._what_is_fixed()
+
+    def _take_first_values(self) -> None:
+        """Take the data, facts and attributes of agents with which games begin."""
+        values = self._values
+        self._first_data = {key: one for key, one in values.data.items() if key not in self._core_keys}
+        self._facts = values.facts
+        self._first_facts = dict(self._facts)
+        self._first_attributes = [copied_values(vars(one)) for one in self._agents]
+        self._are_shared = is_plain(self._first_attributes)  # those of games that have not read any that may change
+        self._shared_attributes: list[dict[str, Any]] = [one.__dict__ for one in self._agents]
+        self._attributes_shown = self._shared_attributes
+
+    def release(self) -> None:
+        """Restore the context as it was before it was pointed at games."""
+        if not self._has_begun:
+            return
+        self._has_begun = False
+        values, turns = self._values, self._turns
+        values.__class__ = GameState
+        for name, value in self._kept.items():
+            setattr(values, name, value)
+        values.has_begun = False
+        values.began = {}
+        values.last_turn = None
+        values.stream_version += 1  # slots have memories and draws of games of the batch
+        turns.is_playing = turns.is_moving = False
+        self._phase.before_reading = None
+        self._pointed.show_first()
+        self._take_shown()
+        for agent, own in zip(self._agents, self._first_attributes, strict=True):
+            agent.__dict__ = own
+        for last in self._cached.lasts:
+            last[0] = {}
+        self._pointed.release()
+
+    def _no(self, what: str) -> GuardedDict:
+        return GuardedDict({}, None, self._leave, what)
+
+    def _leave(self, what: str) -> NoReturn:
+        """Let the game leave that the context is pointed at, because of what a function does, in words."""
+        self._why = self._why or f"a plain function {what}"
+        raise LeavesSharedContext(self._why)
+
+    def _let_leave(self) -> None:
+        """Stop playing the game that the context is pointed at, and restore the context."""
+        self._state.leave(np.array([self._number]), self._why)
+        self._why = ""
+        turns = self._turns
+        is_moving = turns.is_moving
+        self.release()
+        self._begin()
+        turns.is_playing = True
+        turns.is_moving = is_moving
+
+    def _what_is_fixed(self) -> tuple[Any, ...]:
+        """Return the numbers and objects that only the turn engine may change."""
+        parts, graph = self._parts, self._ctx.graph
+        means = self._phase.setting_changes, parts.rules.now, len(parts.collectors.by_name)
+        return means, graph.obstacle_revision, graph.storage.has_placed
+
+    def _take_shown(self) -> None:
+        """Take the agents that the context shows from now on."""
+        self._population = population = self._pointed.population
+        self._block = population.block
+        self._agents = population.agents.members
+        self._journal = population.journal
+        self._cached = self._caches_of(population)
+        self._alive = None
+        self._attributes_shown = []  # unknown
+        self._forget_looks()
+
+    def _caches_of(self, population: Population) -> _PopulationCaches:
+        """Return what follows from the agents of the context, which are these."""
+        if population not in self._known_caches:
+            self._known_caches[population] = self._new_caches(population.agents.members)
+        return self._known_caches[population]
+
+    def _new_caches(self, agents: Sequence[Any]) -> _PopulationCaches:
+        access = self._ctx.agent.storage.turn_access
+        each = [access(one) for one in agents]
+        of_sensors = [last for one in each for _, last, *_ in one.carried]
+        lasts = [one.last for one in each] + [last for last in of_sensors if type(last) is list]
+        sensors = [sensor for agent in agents for sensor in agent.sensors.values()]
+        observing = (agent for agent in agents if agent.name in self._observing_names)
+        carried = [sensor for agent in observing for sensor in agent.sensors.values()]
+        looks = [(one, one.in_arrays()) for one in sensors if hasattr(one, "in_arrays")]
+        counting = {id(one): one.notice for one, look in looks if look is not None and not look.is_plain}
+        notices = [counting[id(one)] for one in carried if id(one) in counting]
+        sees_world_only = all(getattr(one, "sees_world_only", False) for one in carried)
+        are_plain = not counting and all(getattr(one, "sees_world_only", False) for one in sensors)
+        return _PopulationCaches(lasts, notices, sees_world_only, are_plain, lru_cache(1024)(self._new_living))
+
+    def _refuse_changes(self) -> None:
+        """Let the game leave if a function has changed a value that all games share."""
+        if self._what_is_fixed() != self._fixed:
+            self._leave("changes the map, settings, rules or collectors")
+
+    def _have_left(self, games: IntArray) -> bool:
+        """Let all of some games leave if a function has changed the attributes of agents that they share."""
+        if not self._are_shared or is_same(self._shared_attributes, self._first_attributes):
+            return False
+        self._state.leave(games, "a plain function changes the __dict__ of agents")
+        self.release()
+        return True
+
+    def _forget_looks(self) -> None:
+        for last in self._cached.lasts:
+            last[0] = self._looks
+
+    # -- pointing -----------------------------------------------------------------------------------------------
+
+    def _each(self, games: IntArray) -> Iterator[int]:
+        """Point the context at each of some games in turn, and yield the number of the game."""
+        values, state, pointed = self._values, self._state, self._pointed
+        for number in pointed.each(games):
+            self._number = number
+            if pointed.population is not self._population:
+                self._take_shown()
+            for own in self._own_functions:
+                own.number = number
+            self._read.clear()
+            self._own_of_ctx["_rng"] = self._rngs[number]
+            self._changes = self._phase.strategy_changes, self._phase.sensor_changes
+            values.team_memories = self._team_memories[number]
+            values.over = self._over = state.over[number]
+            private = self._private_facts[number] or self._nothing_private
+            if private is not self._private_shown:
+                self._private_shown = private
+                values.agent_facts, values.team_facts = private
+            if pointed.alive != self._alive or any(private) == self._is_public:
+                self._take_living(pointed.alive)
+            if state.radio is not None:
+                self._turns.inboxes = kept_in(self._inboxes, number, self._new_inboxes)
+            facts = self._facts_of[number]
+            if facts is not self._facts_own:
+                self._show_facts(facts)
+            for name, fact_of_game in self._facts_in_core.items():
+                self._facts[name] = self._facts_shown[name] = fact_of_game(state, number)
+            self._show_attributes_of(number)
+            yield number
+
+    def _each_that_stays(self, games: IntArray) -> Iterator[int]:
+        """Point the context at each of some games, but for those that have left, and yield the place of the game."""
+        places = np.flatnonzero(~np.isin(games, [*self._state.leaving]))
+        first = 0
+        while first < len(places):
+            for place, _ in zip(places[first:].tolist(), self._each(games[places[first:]]), strict=True):
+                first += 1
+                yield place
+                if self._why:
+                    self._let_leave()
+                    break
+
+    def _show_facts(self, own: dict[str, Any] | None) -> None:
+        """Let the facts be those of a game; None: those that were published before the batch."""
+        self._facts_own = own
+        self._facts_shown = self._first_facts if own is None else own
+        self._facts.clear()
+        self._facts.update(self._facts_shown)
+
+    def _show_attributes_of(self, number: int) -> None:
+        """Let the agents have the attributes that they have in a game."""
+        attributes = self._attributes[number]
+        if attributes is None and not self._are_shared:
+            attributes = self._attributes[number] = [copied_values(own) for own in self._first_attributes]
+        attributes = attributes or self._shared_attributes
+        if attributes is not self._attributes_shown:
+            self._show_attributes(attributes)
+
+    def _show_attributes(self, attributes: list[dict[str, Any]]) -> None:
+        """Let the agents have these attributes of the caller's."""
+        for agent, own in zip(self._agents, attributes, strict=True):
+            agent.__dict__ = own
+        self._attributes_shown = attributes
+
+    def _own_attributes(self) -> None:
+        """Let the game have attributes of its own before one is read that may change in place."""
+        if self._attributes[self._number] is None:
+            own = self._attributes[self._number] = copied(self._attributes_shown)
+            self._show_attributes(own)
+
+    def _take_attributes(self) -> None:
+        """Keep the attributes that a function has set in a game."""
+        if self._attributes[self._number] is None:
+            self._attributes[self._number] = self._attributes_shown
+            self._shared_attributes = copied(self._first_attributes)
+
+    def forget(self, games: IntArray) -> None:
+        """Reset some games to their start."""
+        self._pointed.forget(games)
+        first = self._first
+        asked = {self._state.roster.names[number] for number in self._asked_agents}
+        undone = {name: why for name, why in first.blocked.items() if name in asked}
+        for number in games.tolist():
+            self._data[number] = self._facts_of[number] = self._attributes[number] = None
+            self._rngs[number] = self._first_rng(number)
+            private_facts = first.private_facts
+            own = self._first_values[number] if self._first_values else None
+            if own is not None:
+                self._data[number] = self._copy_of_data(
+                    {key: one for key, one in own.data.items() if key not in self._core_keys}
+                )
+                self._facts_of[number] = dict(own.facts)
+                self._attributes[number] = [copied_values(one) for one in own.attributes]
+                private_facts = own.agent_facts, own.team_facts
+            self._private_facts[number] = copied(private_facts) if any(private_facts) else None
+            self._memories[number] = defaultdict(dict, copied(first.memories))
+            self._team_memories[number] = copied(first.team_memories)
+            self._collectors[number] = self._new_collectors()
+            self._undone[number] = undone.copy()
+            self._inboxes.pop(number, None)
+
+    def _first_rng(self, number: int) -> Generator | None:
+        """Return `ctx.rng` of a game that begins; None: it begins when it is used."""
+        state = None if self._start is None else self._start.rng_of(self._state.seeds[number])
+        if state is None:
+            return None
+        rng: Generator = self._ctx.stream("context")
+        rng.bit_generator.state = state
+        return rng
+
+    def _new_inboxes(self) -> Inboxes:
+        """Return the inboxes of the agents of a game."""
+        return Inboxes(self._ctx, self._values)
+
+    def _new_collectors(self) -> Collectors:
+        """Return the collectors of a game that begins."""
+        collectors = Collectors()
+        collectors.copy_from(self._parts.collectors, _itself)
+        return collectors
+
+    def _take_living(self, alive: bytes) -> None:
+        """Let the agents that live now take turns."""
+        self._alive = alive
+        self._is_public = not any(self._private_shown or self._nothing_private)
+        self._living = self._cached.living_of(alive, self._is_public)
+        self._turns.take_order(self._living.order)
+
+    def _new_living(self, _: bytes, is_public: bool) -> _LivingOrder:  # noqa: ARG002 - on which the order depends
+        """Return the order of the agents that live now, which know the same facts or not."""
+        return _LivingOrder(self._turns.order(), self._turns.draw_table, {})
+
+    def _order_of(self, population: Population, took_part: BoolArray) -> TurnOrder:
+        """Return the order of the agents that took part in a turn, some of which may have been deleted."""
+        alive = np.ascontiguousarray(took_part[population.numbers]).tobytes()
+        with self._phase.suspended():  # a strategy may ask how agents have moved
+            with self._pointed.showing(population):
+                self._pointed.show_lives(alive)
+                living = self._caches_of(population).living_of(alive, self._is_public)
+            if not self._pointed.has_other_agents():
+                self._take_living(bytes(self._block.alive))
+        return living.order
+
+    # -- fields that are made when they are read ------------------------------------------------------------------
+
+    def _read_field(self, name: str) -> Any:
+        """Return a field of the game that the context is pointed at."""
+        read = self._read
+        if name not in read:
+            read[name] = getattr(self, f"_make_{name}")()
+        return read[name]
+
+    def _make_data(self) -> dict[Any, Any]:
+        number = self._number
+        data = self._data[number]
+        if number not in self._data_before:
+            self._data_before[number] = None if data is None else self._copy_of_data(data)
+        if data is None:
+            data = self._data[number] = self._copy_of_data(self._first_data)
+        return data
+
+    def _copy_of_data(self, data: dict[Any, Any]) -> dict[Any, Any]:
+        values: dict[Any, Any] = {key: copied(one) for key, one in dict.items(data)}
+        if not self._core_keys:
+            return values
+        keys = ", ".join(sorted(self._core_keys))
+        return GuardedDict(values, self._core_keys, self._leave, f"ctx.game.data, with that of {keys}")
+
+    def _replace_data(self, data: dict[Any, Any]) -> None:
+        if self._core_keys:
+            self._leave("replaces ctx.game.data")
+        self._make_data()
+        self._data[self._number] = self._read["data"] = data
+
+    def _began(self) -> dict[str, Any]:
+        state = self._state
+        begun = np.flatnonzero(state.start[self._number] >= 0)
+        nodes = state.streets.ids(state.start[self._number, begun]).tolist()
+        starts: dict[str, Any] = dict(zip((state.roster.names[i] for i in begun), nodes, strict=True))
+        if state.flights is not None:
+            places = map(tuple, state.flights.start[self._number].tolist())
+            flying = zip((state.roster.names[i] for i in state.flights.agents), places, strict=True)
+            starts |= {name: place for name, place in flying if name in starts}
+        return starts
+
+    _make_began = _began
+
+    def _make_scores(self) -> Scores:
+        self._scores_before = self._state.scores.of(np.array([self._number]))[0]
+        scores = Scores()
+        dict.update(scores, self._scores_before)
+        return scores
+
+    def _make_events(self) -> list[dict[str, Any]]:
+        found = self._state.events.of(self._number)
+        self._num_events = len(found)
+        return found
+
+    def _make_messages(self) -> list[dict[str, Any]]:
+        radio = self._state.radio
+        found = [] if radio is None else radio.of(self._number)
+        self._num_messages = len(found)
+        return found
+
+    def _make_deeds(self) -> list[dict[str, Any]]:
+        log = self._state.deed_log
+        return [] if log is None else log.of(self._number)
+
+    def _make_errors(self) -> list[dict[str, Any]]:
+        return self._state.errors[self._number]
+
+    def _make_counts(self) -> dict[str, dict[str, int]]:
+        state = self._state
+        columns = {kind: state.counts[kind][self._number].tolist() for kind in COUNTED}
+        names = enumerate(state.roster.names)
+        return self._first.counts | {name: {kind: column[i] for kind, column in columns.items()} for i, name in names}
+
+    def _make_memories(self) -> NoReturn:
+        self._leave("reads ctx.game.memories")
+
+    def _make_moves(self) -> TurnMoves | None:
+        """Return how agents have moved in the last turn of the game, or are about to move; None: there was none."""
+        part, games = self._part, np.array([self._number])
+        if part is not None:
+            return self._moves_between(*(column[0] for column in self._core.next_moves(games, part)))
+        if self._state.turn[self._number] == self._first.turn and not self._core.num_played_parts(self._number):
+            return self._first.moves
+        starts, ends, took_part = (column[0] for column in self._core.last_moves(games))
+        if not took_part.any():
+            return None
+        moves = self._moves_between(starts, ends, took_part)
+        parts = self._parts.settings.order
+        return moves if parts is None or self._core.courses is not None else moves.in_parts(parts)
+
+    @property
+    def _moment(self) -> tuple[int, int | None]:
+        """How many turns were played, and the part in which agents are about to move; None: none."""
+        return int(self._state.turn[self._number]), self._part
+
+    def _moves_between(self, starts: IntArray, ends: IntArray, took_part: BoolArray) -> TurnMoves:
+        """Return the moves of the agents that took part."""
+        moment, population = self._pointed.moved.get(self._number, (None, self._population))
+        if moment != self._moment:
+            population = self._population
+        order = self._order_of(population, took_part)
+        ids, courses = self._state.streets.ids, self._core.courses
+        numbers = np.flatnonzero(took_part)
+        acting = numbers
+        if self._part is not None:  # the others stay where they are
+            acting = np.where(self._core.part_of[numbers] == self._part, numbers, -1)
+        actions = {} if courses is None else courses.actions(self._number, acting)
+        first = ids(starts[took_part]).tolist()
+        if courses is not None and self._part is not None:
+            actions |= courses.standing(self._number, np.where(acting < 0, numbers, -1), first)
+        if self._state.flights is not None:
+            actions |= self._state.flights.actions(self._number, acting, first)
+        moves = TurnMoves(order, as_ids(first), ids(ends[took_part]).data, actions)
+        if self._state.deed_log is not None:
+            for number, deeds in self._state.deed_log.plain_of(self._number).items():
+                if took_part[number] and self._part in (None, self._core.part_of[number]):
+                    moves.do(int(np.searchsorted(numbers, number)), deeds)
+        return moves
+
+    # -- before agents move ---------------------------------------------------------------------------------------
+
+    def check(self, games: IntArray, part: int) -> None:
+        """Let rules refuse moves and deeds of a part of the turn in each of these games."""
+        self._call_each(self._check, games, part=part)
+
+    def _check(self) -> None:
+        number, moves, log = self._number, self._read_field("moves"), self._state.deed_log
+        part_of, numbers = self._core.part_of, self._number_of
+        members = [i for i, name in enumerate(moves.order.names) if part_of[numbers[name]] == self._part]
+        for i, kind, why in self._turns.refused(moves, members, self._parts.rules):
+            agent = numbers[moves.slots[i].name]
+            self._note_undone(number, agent, why)
+            if kind is None:
+                self._hold(agent)
+            elif log is not None:
+                self._state.note_failure(Failure.illegal(number, agent, why))
+                log.refuse(number, agent, kind)
+        self._refuse_other_agents("the check of a rule")
+
+    def cut_off(self, games: IntArray, part: int) -> None:
+        """Let agents stay whose way was closed in these games."""
+        self._call_each(self._cut_off, games, part=part)
+
+    def _cut_off(self) -> None:
+        moves = self._read_field("moves")
+        for i in self._turns.cut_off(moves):
+            agent = self._number_of[moves.slots[i].name]
+            self._hold(agent)
+            self._note_undone(self._number, agent, CLOSED)
+
+    def give_way(self, games: IntArray, part: int) -> None:
+        """Let agents stay that lose conflicts, by a function, in these games."""
+        self._call_each(self._give_way, games, part=part)
+
+    def _give_way(self) -> None:
+        moves = self._read_field("moves")
+        for i, end in self._turns.lost(moves):
+            agent = self._number_of[moves.slots[i].name]
+            self._hold(agent)
+            self._core.note_conflict(self._number, agent, end)
+        self._refuse_other_agents("the function of conflicts")
+
+    def begin_arrivals(self) -> None:
+        """Begin a part of the turn in which agents are asked where they arrive."""
+        self._marks = {}
+
+    def give_way_at_arrivals(self, games: IntArray) -> None:
+        """Let agents that have arrived stop that lose conflicts, by a function, in these games."""
+        self._call_each(self._give_way_at_arrivals, games)
+
+    def _give_way_at_arrivals(self) -> None:
+        order, number = self._living.order, self._number
+        agents = [self._number_of[name] for name in order.names]
+        before, after = [[places[agent] for agent in agents] for places in self._core.places(number)]
+        for i, _ in self._turns.losers_between(order, before, after):
+            self._core.hold(number, agents[i])
+        self._refuse_other_agents("the function of conflicts")
+
+    def note_losers(self, games: IntArray) -> None:
+        """Tell agents that conflicts have stopped them where they arrived."""
+        for at, agent in np.argwhere(self._core.losers(games)).tolist():
+            game = int(games[at])
+            self._note_undone(game, agent, in_conflict(self._core.wanted(game, agent)))
+
+    def _hold(self, agent: int) -> None:
+        """Cancel the move of an agent of the game that the context is pointed at."""
+        self._state.counts["blocked"][self._number, agent] += 1
+        self._core.hold(self._number, agent)
+        if self._state.flights is not None:
+            self._state.flights.hold(self._number, agent)
+
+    def _refuse_other_agents(self, what: str) -> None:
+        if any(type(one) is not tuple or one[0] != AGENT_ATTRIBUTE for one in self._journal.log):
+            self._leave(f"that is {what} changes agents")
+
+    # -- rules --------------------------------------------------------------------------------------------------
+
+    def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
+        """Call a rule in each of these games, before agents of a part of the turn move; None: before or after all."""
+        what = f"the rule {named.name!r} (phase {named.phase!r})"
+        self._call_each(lambda: named.rule(self._ctx), games, what, part=part)
+
+    def collect(self, games: IntArray) -> None:
+        """Call the collectors in those of these games in which they are due."""
+        turns = self._state.turn[games]
+        is_due = np.zeros(len(games), np.bool_)
+        for every in self._periods:
+            is_due |= turns % every == 0
+        if is_due.any():
+            self._call_each(self._collect, games[is_due], "a collector")
+
+    def _collect(self) -> None:
+        self._collectors[self._number].collect(self._values.turn, self._ctx, lambda: self._game.agents)
+
+    def collected(self, game: int) -> dict[str, dict[str, list[Any]]]:
+        """Return what was collected in a game, by the names of collectors."""
+        return self._collectors[game].tables()
+
+    def _call_each(
+        self, function: Callable[[], object], games: IntArray, what: str = "", *, part: int | None = None
+    ) -> None:
+        """Call a function while the context is pointed at each of these games in turn.
+
+        Args:
+            function: that is called.
+            games: their numbers.
+            what: the function, in words; "": its errors say that.
+            part: of the turn in which agents are about to move; None: they are not.
+        """
+        turns = self._turns
+        self._begin()
+        turns.is_playing = True
+        self._part = part
+        turns.is_moving = part is not None or self._core.arrival is not None
+        try:
+            for _ in self._each_that_stays(games[self._pointed.by_population(games)]):
+                self._call(function)
+        except Exception as error:
+            if not self._have_left(games):
+                if what:
+                    hint = UnknownAttribute.hint_of(error)
+                    error.add_note(f"In {what}, in turn {self._values.turn}.{hint}")
+                error.add_note(self._named())
+                raise
+        finally:
+            turns.is_playing = turns.is_moving = False
+            self._part = None
+        self._have_left(games)
+        if self._new_agents:
+            raise NewAgents(self._new_agents)
+        self._state.now.clear()
+
+    def _call(self, function: Callable[[], object]) -> None:
+        """Call a function in the game that the context is pointed at, and take what it has changed."""
+        table = self._living.table
+        begun = table.begun
+        try:
+            try:
+                function()
+            finally:
+                if not self._why:
+                    self._take()
+                    self._refuse_changes()
+            if table.begun != begun:
+                self._leave("draws by the streams of agents")
+            if not all(map(is_, map(itemgetter(0), self._cached.lasts), repeat(self._looks))):
+                self._forget_asking()
+        except Exception:
+            if not self._why:
+                raise
+
+    def _forget_asking(self) -> None:
+        """Forget what a function has asked sensors for, as if it had not."""
+        if not self._cached.are_plain:
+            self._leave("asks sensors that err, or of classes of their own")
+        self._forget_looks()
+
+    def _named(self) -> str:
+        return f"In game {self._number} of a batch, with the seed {self._state.seeds[self._number]}."
+
+    def _take(self) -> None:
+        """Write the changes of a game into the columns."""
+        number, over, journal = self._number, self._values.over, self._journal
+        block = None
+        self._take_rng()
+        if self._has_other_agents():
+            block = self._take_population()
+            if block is None:
+                return
+        if self._read:
+            self._take_logs(self._read)
+        if over is not self._over:
+            self._state.over[number] = over
+            self._state.is_going[number] = over is None
+        if block is not None or journal.log or journal.progressed:
+            self._take_agents(journal, block)
+        if self._pointed.has_changed_map():
+            self._take_roads()
+        for name in _NUMBERS:
+            self._state.numbers[name][number, self._population.numbers] = getattr(block or self._block, name)
+        if self._facts != self._facts_shown:
+            self._take_facts()
+        if self._private_shown is self._nothing_private and any(self._nothing_private):
+            self._private_facts[number] = self._nothing_private
+            self._nothing_private = {}, {}
+
+    def _has_other_agents(self) -> bool:
+        """Return whether a function has created or deleted agents, or changed their strategies or sensors."""
+        changes = self._phase.strategy_changes, self._phase.sensor_changes
+        if changes != self._changes or self._journal.log:
+            self._pointed.part_from_others()
+        return self._pointed.has_other_agents()
+
+    def _take_rng(self) -> None:
+        """Keep the random stream of a game."""
+        self._rngs[self._number] = rng = self._own_of_ctx["_rng"]
+        if rng is not None and self._has_drawn:
+            self._leave("draws from ctx.rng, as the code of the scenario does")
+
+    def _take_population(self) -> AgentBlock | None:
+        """Store the agents that a function has created or deleted for its game.
+
+        Returns:
+            The block with what the function has done; None: some agents have no rows, and games have to begin again.
+        """
+        number, before = self._number, self._population
+        agents = self._ctx.agent.agents
+        roster = self._state.roster
+        known = {agent.name: agent for agent in before.agents.members}
+        first = dict(zip(self._pointed.first.agents.members, self._pointed.first.agents.equipment, strict=True))
+        new = [agent for name, agent in agents.items() if known.get(name) is not agent]
+        changed = [agent for agent, own in first.items() if own != (agent.strategy, agent.sensors)]
+        self._turns.note_departed()
+        self._refuse_other_forms([agent for agent in changed if agents.get(agent.name) is agent], first)
+        unfit = [agent for agent in new if not roster.can_hold(agent)]
+        unfit += [agent for agent in changed if not roster.varies[self._number_of[agent.name]]]
+        if unfit:
+            self._new_agents += unfit
+            before.renew_journal()
+            self._pointed.show(before)
+            self._take_shown()
+            self._fixed = self._what_is_fixed()
+            return None
+        self._take_attributes()
+        if self._pointed.moved.get(number, (None,))[0] != self._moment:
+            self._pointed.moved[number] = self._moment, before
+        for name in [name for name, agent in known.items() if agents.get(name) is not agent]:
+            self._core.leave(number, self._number_of[name], self._pointed.departed[number][name][1])
+        for agent in new:
+            self._core.enter(number, self._number_of[agent.name], agent.current_node_id)
+        attributes = {agent.name: agent.__dict__ for agent in agents.values()}
+        found = self._pointed.take_population(number)
+        self._take_shown()
+        self._attributes[number] = [attributes[agent.name] for agent in self._agents]
+        self._fixed = self._what_is_fixed()
+        return found.block
+
+    def _refuse_other_forms(self, changed: Sequence[Any], first: Mapping[Any, tuple[Any, Any]]) -> None:
+        """Leave the core if agents have other strategies now, and functions of arrays have decided for them."""
+        for agent in changed:
+            if strategy_spec_of(agent.strategy).array_form is not strategy_spec_of(first[agent][0]).array_form:
+                self._leave("changes a strategy to or from an array strategy")
+
+    def _take_logs(self, read: dict[str, Any]) -> None:
+        """Write the changes of the scores and the events of a game that were read."""
+        if "scores" in read:
+            self._take_scores(read["scores"])
+        if "events" in read and len(read["events"]) != self._num_events:
+            if len(read["events"]) < self._num_events:
+                self._leave("deletes events")
+            self._note_events(read["events"][self._num_events :])
+        if "messages" in read and len(read["messages"]) != self._num_messages:
+            self._leave("changes ctx.game.messages")
+
+    def _take_roads(self) -> None:
+        """Store the roads that a function has left open for its game."""
+        if not self._pointed.take_roads(self._number):
+            self._leave("changes more of the map than which roads are open")
+
+    def _note_events(self, entries: Sequence[dict[str, Any]]) -> None:
+        """Count the agents that events stop which a function has added to the log of a game."""
+        state, numbers = self._state, self._number_of
+        for entry in entries:
+            stopped = entry.get(STOPPED.get(entry["kind"], ""))
+            if isinstance(stopped, str) and stopped in numbers:
+                state.stops[self._number, numbers[stopped]] += 1
+
+    def _take_scores(self, scores: dict[Any, Any]) -> None:
+        known = self._scores_before
+        if scores == known and [*map(type, scores.values())] == [*map(type, known.values())]:
+            return
+        columns = self._state.scores
+        are_exact = {key for key, column in columns.items() if column.dtype == object}
+        if not all(key in are_exact or fits_float(points) for key, points in scores.items()):
+            self._leave("sets scores that are no numbers")
+        columns.put(np.array([self._number]), scores)
+
+    def _take_agents(self, journal: Journal, changed: AgentBlock | None) -> None:
+        """Write where agents are that were put elsewhere, and who lives.
+
+        Args:
+            journal: what a function has done.
+            changed: the agents, if it has created or deleted some; else None.
+        """
+        state, number, block = self._state, self._number, changed or self._block
+        kinds = {one[0] for one in journal.log if type(one) is tuple}
+        progressed = [name for name in map(journal.names.__getitem__, journal.progressed) if name in block.rows]
+        journal.log.clear()
+        journal.progressed.clear()
+        if AGENT_ATTRIBUTE in kinds:
+            self._take_attributes()
+        if not kinds <= _CHANGING | (_EQUIPPING if changed else set()):
+            self._leave("changes agents otherwise than by putting them elsewhere or out of the game")
+        numbers = self._population.numbers
+        for name in progressed:
+            state.movement.clear(number, self._number_of[name])
+        if changed or _TURNED in kinds:
+            headings = zip(numbers.tolist(), block.heading, self._population.first_headings, strict=True)
+            state.headings[number] = {agent: now for agent, now, first in headings if now != first}
+        block.locate()
+        state.node[number, numbers] = state.streets.rows(np.array(block.node))
+        state.previous[number, numbers] = state.streets.rows(np.array(block.previous))
+        alive = bytes(block.alive)
+        state.alive[number, numbers] = np.frombuffer(alive, np.bool_)
+        if not changed:
+            self._pointed.headings, self._pointed.alive = state.headings[number], alive
+        state.placed[number, numbers] = [row in block.placed for row in range(len(numbers))]
+        if state.flights is not None:
+            fly = self._population.flying, self._population.rows_in_air
+            state.placed[number, state.flights.agents] |= state.flights.take(number, block, *fly)
+
+    def _take_facts(self) -> None:
+        """Store the facts that a rule has published in a game."""
+        known, now = self._facts_shown, self._facts
+        changed = {name for name, fact in now.items() if name not in known or fact is not known[name]}
+        self._facts_of[self._number] = self._facts_own = self._facts_shown = dict(now)
+        if changed & self._core_keys:
+            self._leave("publishes facts of rules in the core")
+        if self._has_array_functions:
+            self._leave("publishes facts, which array functions may read")
+
+    # -- strategies ---------------------------------------------------------------------------------------------
+
+    @contextmanager
+    def _deciding(self, games: IntArray) -> Iterator[None]:
+        """Let agents observe and decide in games at which the context is pointed."""
+        turns = self._turns
+        self._begin()
+        turns.is_playing = turns.is_moving = True
+        try:
+            yield
+        except Exception as error:
+            if not self._have_left(games):
+                error.add_note(self._named())
+                raise
+        finally:
+            turns.is_playing = turns.is_moving = False
+            turns.travel.now = 0.0
+            self._forget_looks()
+        self._have_left(games)
+
+    def decide(self, view: ArrayView, observing: IntArray, here: BoolArray | None) -> IntArray:
+        """Return the actions of agents that are asked game by game.
+
+        Args:
+            view: the agents.
+            observing: the numbers of other agents, whose sensors are called.
+            here: (all games, all agents) which of these do so, where they arrive now; None: all do.
+        """
+        state = self._state
+        agents = view.agents
+        places = self._pointed.by_population(view.games)
+        games = view.games[places]
+        are_blocked = np.any(state.blocked[games][:, agents], axis=1).tolist()
+        ends = list[int]()
+        decided = list[int]()
+        self._deeds = []
+        if self._core.courses is not None:
+            self._core.courses.routes.forget()
+        with self._deciding(games):
+            for place in self._each_that_stays(games):
+                number = self._number
+                self._living.table.rekey(state.seeds[number])
+                if here is None:
+                    asked = self._asked(agents, observing)
+                else:
+                    asked = self._new_asked(agents[here[number, agents]], observing[here[number, observing]])
+                if not asked.part.observing:
+                    continue
+                told = self._tell_blocked(asked) if are_blocked[place] or number in self._undone else ()
+                try:
+                    ends += self._ask(asked)
+                    decided.append(place)
+                except Exception:
+                    if not self._why:
+                        raise
+                for slot in told:
+                    slot.set_blocked(None)
+        if state.deed_log is not None and not self._core.arrival:
+            state.deed_log.want(state.deeds, state.deeds.from_plain(self._deeds, state.node), state.turn)
+        if self._core.courses is not None:
+            self._core.courses.routes.write()
+            return np.full(view.node.shape, -1)
+        wanted = np.array(state.streets.ids_of(view.node))
+        wanted[places[decided]] = np.array(ends, np.int64).reshape(len(decided), len(agents))
+        return view.action_to(wanted)
+
+    def note_given(self, view: ArrayView) -> None:
+        """Note that agents were given actions in place of their own."""
+        names = self._state.roster.names
+        for at, i in np.argwhere(view.mask).tolist():
+            self._undone.get(view.games[at], {}).pop(names[view.agents[i]], None)
+
+    def _ask(self, asked: _AskedAgents) -> list[int]:
+        """Return the nodes to which agents of the game that the context is pointed at go."""
+        memories = self._memories[self._number]
+        for name, template in asked.templates:
+            template["memory"] = memories[name]
+        if self._core.arrival is None:
+            for notice in self._cached.notices:
+                notice.reset()
+            decisions = self._turns.decide(self._living.order, asked.part)
+        else:
+            decisions = self._decide_at_arrival(asked)
+        if not self._cached.sees_world_only:
+            self._take_what_sensors_change()
+        if self._state.flights is not None:
+            self._choose_flights(self._state.flights, decisions, asked)
+        if self._core.courses is not None:
+            self._choose_routes(self._core.courses.routes, decisions, asked)
+        if decisions.actions or decisions.failures or decisions.written or self._number in self._undone:
+            self._take_decisions(decisions, asked)
+        if self._state.deed_log is not None and decisions.actions:
+            self._take_deeds(decisions, asked)
+        if self._state.radio is not None:
+            self._take_messages(self._state.radio, decisions, asked)
+        found = decisions.ends
+        return [found[i] for i in asked.places]
+
+    def _decide_at_arrival(self, asked: _AskedAgents) -> Decisions:
+        """Return the decisions of agents, which may have decided in the same turn before."""
+        number, turns, slots = self._number, self._turns, self._living.order.slots
+        known = self._marks.get(number, _StreamPositions({}, [{} for _ in self._cached.notices]))
+        for notice, looks in zip(self._cached.notices, known.looks, strict=True):
+            notice.go_to(looks)
+        for i, name in asked.members:
+            slots[i].go_to(known.streams.get(name, (None, None)))
+        turns.travel.now = self._state.movement.now[number].item()
+        decisions = turns.decide(self._living.order, asked.part)
+        streams = {name: slots[i].marks() for i, name in asked.members}
+        self._marks[number] = _StreamPositions(
+            known.streams | streams, [notice.mark() for notice in self._cached.notices]
+        )
+        return decisions
+
+    def _take_what_sensors_change(self) -> None:
+        """Write what sensors of the user's own have changed before agents have decided."""
+        if self._journal.log or self._journal.progressed or self._values.over is not self._over:
+            self._leave("that is a sensor changes agents or ends the game")
+        self._take()
+        self._refuse_changes()
+
+    def _choose_flights(self, flights: Flights, decisions: Decisions, asked: _AskedAgents) -> None:
+        """Let agents of the game that the context is pointed at fly as they have decided."""
+        for i, name in asked.members:
+            action = decisions.actions.get(i)
+            if action is not None and (action.position is not None or action.quat is not None):
+                flights.choose(self._number, self._number_of[name], action.position, action.quat)
+
+    def _choose_routes(self, routes: Routes, decisions: Decisions, asked: _AskedAgents) -> None:
+        """Let agents of the game that the context is pointed at go as they have decided."""
+        number, starts, ends = self._number, decisions.starts, decisions.ends
+        for i, name in asked.members:
+            end = None if ends[i] == starts[i] else ends[i]
+            flies = self._block.kind[self._block.row_of(name)]
+            if not routes.choose(number, self._number_of[name], None if flies else decisions.actions.get(i), end):
+                self._leave("chooses a route with an edge that it repeats")
+
+    def _take_decisions(self, decisions: Decisions, asked: _AskedAgents) -> None:
+        """Take the decisions that are not nodes to go to."""
+        for action in decisions.actions.values():
+            if self._core.courses is None and len(action.path) > 2:
+                self._leave("chooses a route over other nodes")
+            if self._core.courses is None and action.path[1:] == action.path[:1]:
+                self._leave("chooses a route that comes to the node on which it begins")
+        named = dict(asked.members)
+        for i, action in decisions.actions.items():
+            if action.heading != ():
+                self._state.turning.append((self._number, self._number_of[named[i]], action.heading))
+        decide = set(named.values())
+        known = self._undone.pop(self._number, {})
+        undone = {name: why for name, why in known.items() if name not in decide}
+        for i, why in decisions.undone():
+            undone[named[i]] = f"{undone[named[i]]}; {why}" if named[i] in undone else why
+        if undone:
+            self._undone[self._number] = undone
+        if decisions.written:
+            decisions.merge_team_memories()
+        turn = self._values.turn
+        for i, kind, message in decisions.failures:
+            self._state.failures.append((Failure(self._number, self._number_of[named[i]], kind, message), turn))
+
+    def _take_deeds(self, decisions: Decisions, asked: _AskedAgents) -> None:
+        """Take what agents of the game that the context is pointed at do besides moving."""
+        for i, name in asked.members:
+            action, agent = decisions.actions.get(i), self._number_of[name]
+            deeds = (action and action.deeds) or {}
+            if self._core.arrival and deeds:
+                self._core.note_late_deeds(np.array([self._number]), np.array([agent]))
+            for order, (kind, fields) in enumerate(deeds.items()):
+                self._deeds.append((self._number, agent, order, kind, fields))
+
+    def _take_messages(self, radio: MessageTraffic, decisions: Decisions, asked: _AskedAgents) -> None:
+        """Take what agents of the game that the context is pointed at send."""
+        failed, slots, number = decisions.failed, self._living.order.slots, self._number
+        having = {*asked.part.observing}  # an outbox: agents whose plan is of arrays have none
+        messages, unsent = self._turns.outboxes.read(
+            [slots[i] for i, _ in asked.members if i in having and i not in failed]
+        )
+        flaws = [Failure.illegal(number, self._number_of[slot.name], why) for slot, why in unsent]
+        radio.post_checked(number, messages, flaws)
+
+    def note_closed_edges(self, games: IntArray, agents: IntArray, edges: IntArray) -> None:
+        """Let agents know that they have left edges, which were closed."""
+        columns = self._state.movement.columns
+        ends = columns.node_ids[columns.sources[edges]], columns.node_ids[columns.targets[edges]]
+        for game, agent, source, target in zip(*(one.tolist() for one in (games, agents, *ends)), strict=True):
+            self._note_undone(game, agent, closed_edge(source, target))
+
+    def note_undone(self, failure: Failure) -> None:
+        """Let an agent that is asked know in its next turn what it did wrong in this one."""
+        self._note_undone(failure.game, failure.agent, failure.message)
+
+    def _note_undone(self, game: int, agent: int, why: str) -> None:
+        if agent in self._asked_agents:
+            undone, name = self._undone.setdefault(game, {}), self._state.roster.names[agent]
+            undone[name] = f"{undone[name]}; {why}" if name in undone else why
+
+    def _asked(self, agents: IntArray, observing: IntArray) -> _AskedAgents:
+        """Return the living ones of agents that are asked, and of others that only observe."""
+        which = agents.tobytes(), observing.tobytes()
+        return kept_in(self._living.asked, which, lambda: self._new_asked(agents, observing))
+
+    def _new_asked(self, agents: IntArray, observing: IntArray) -> _AskedAgents:
+        """Return the same; `_asked` remembers it, because the same agents are asked in each turn."""
+        order, names = self._living.order, self._state.roster.names
+        named = [names[number] for number in agents.tolist()]
+        places = [order.index_of.get(name, -1) for name in named]
+        members = [(i, name) for i, name in zip(places, named, strict=True) if i >= 0]
+        part = order.whole
+        if len(members) < len(order.slots):
+            part = TurnPart(order.slots, [i for i, _ in members], self._parts.settings)
+        others = {order.index_of.get(names[number], -1) for number in observing.tolist()} - {-1}
+        if others:
+            part.observing = sorted(others.union(part.observing))
+            part.see_world_only = False  # all of them observe before any decides
+        templates = [(name, order.slots[i].template) for i, name in members]
+        return _AskedAgents(part, places, members, templates)
+
+    def _tell_blocked(self, asked: _AskedAgents) -> list[Any]:
+        """Set the reasons why agents failed to act in their last turns; return their slots."""
+        state, told = self._state, []
+        slots, numbers = self._living.order.slots, self._number_of
+        undone = self._undone.get(self._number, {})
+        for i, name in asked.members:
+            why = [undone[name]] if name in undone else []
+            if self._core.arrival is not None:
+                pass  # `note_losers` has noted conflicts
+            elif state.blocked[self._number, numbers[name]] and state.turn[self._number] > self._first.turn:
+                why.append(in_conflict(self._core.wanted(self._number, numbers[name])))
+            if why:
+                slots[i].set_blocked("; ".join(why))
+                told.append(slots[i])
+        return told
+
+    # -- turns --------------------------------------------------------------------------------------------------
+
+    def agents(self, game: int) -> list[tuple[Any, Any]] | None:
+        """Return the agents of a game and their strategies; None: those of the start."""
+        population = self._pointed.population_of[game]
+        if population is None:
+            return None
+        strategies = [strategy for strategy, _ in population.agents.equipment]
+        return [*zip(population.agents.members, strategies, strict=True)]
+
+    def departed(self, game: int) -> dict[str, tuple[Any, int]]:
+        """Return the agents that were deleted in a game, with their teams and nodes."""
+        return self._pointed.departed[game]
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that takes back all that happens from now on."""
+        undo = self._state.checkpoint(self._core.moves)
+        facts = [*self._facts_of]
+        private_facts = [one and copied(one) for one in self._private_facts]
+        attributes = copied(self._attributes)
+        undo_pointed = self._pointed.checkpoint()
+        rngs = [rng and deepcopy(rng) for rng in self._rngs]
+        memories = [{name: copied(one) for name, one in each.items() if one} for each in self._memories]
+        team_memories = [{team: copied(one) for team, one in each.items()} for each in self._team_memories]
+        undone = copied(self._undone)
+        collected = [one.snapshot() for one in self._collectors] if self._periods else []
+        data = self._data_before = {}
+
+        def take_back() -> None:
+            undo()
+            for one, values in zip(self._collectors, collected, strict=False):  # none if there are no collectors
+                one.restore(values)
+            self._facts_of[:] = facts
+            self._private_facts[:] = private_facts
+            self._attributes[:] = attributes
+            undo_pointed()
+            self._rngs[:] = rngs
+            self._memories[:] = [defaultdict(dict, each) for each in memories]
+            self._team_memories[:] = team_memories
+            self._undone = undone
+            for number, before in data.items():
+                self._data[number] = before
+
+        return take_back

@@ -1,0 +1,288 @@
+"""Differences between games of a batch from their start: functions that a seed makes, or that a game prepares."""
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from gamms.core.copies import copied, copied_values
+from gamms.errors import BadValue
+from gamms.game.block.columns import PlayedGame
+from gamms.game.settings import NamedRule, Plan, declared
+from gamms.game.snapshots import own
+from gamms.game.strategy_specs import strategy_spec_of
+from gamms.ir.graph import ClosedEdges, GraphColumns, IntArray
+from gamms.ir.obstacles import ObstacleColumns
+from gamms.text import as_code
+
+Owner = tuple[str, str]
+"""The owner of a function: ("agent", name) for a strategy, ("team", team) for a plan, ("sensor", id) for a sensor."""
+MakeFunctions = Callable[[int], Mapping[Owner, Any]]
+"""Resets a game with a seed, and returns its strategies, plans and sensor functions that depend on the seed."""
+
+
+class FunctionPerGame:
+    """A strategy, a rule, a sensor, or the plan of a team, with a different function in each game.
+
+    Attributes:
+        of_game: the function of each game; None: the game has none yet.
+        number: the number of the game that a call is for.
+    """
+
+    def __init__(self, num_games: int) -> None:
+        self.of_game: list[Any] = [None] * num_games
+        self.number = 0
+
+    def __call__(self, *asked: Any) -> Any:
+        """Call the function of the current game."""
+        return self.of_game[self.number](*asked)
+
+    def __repr__(self) -> str:
+        """Return the name of the first game's function that exists."""
+        return as_code(some_function(self))
+
+
+def function_in(decider: Any, game: int) -> Any:
+    """Return the function of a strategy or plan in a game."""
+    return decider.of_game[game] if isinstance(decider, FunctionPerGame) else decider
+
+
+def some_function(decider: Any) -> Any:
+    """Return the function of a strategy or plan in the first game that has one."""
+    return next(filter(None, decider.of_game)) if isinstance(decider, FunctionPerGame) else decider
+
+
+def per_game(rule: NamedRule, of_game: FunctionPerGame) -> NamedRule:
+    """Return a rule that calls the function of each game."""
+    spec = rule.spec
+    check = FunctionPerGame(len(of_game.of_game)) if spec.check is not None else None
+    if check is not None:
+        check.of_game = [one and rule._replace(rule=one).spec.check for one in of_game.of_game]
+    plain = replace(
+        spec,
+        prepare=None,
+        check=check,
+        act_as_one=None,
+        parts=(),
+        array_form=None,
+        core_form=None,
+        prepare_arrays=None,
+        fact_of_game=None,
+        begin_arrays=None,
+        is_array_function=False,
+    )
+    return rule._replace(rule=declared(of_game, plain))
+
+
+def _stay(state: dict[str, Any]) -> None:
+    """Stay, in a game in which the agent has no strategy."""
+    state["action"] = state["legal"][0] if state["legal"] else (0.0, 0.0, 0.0)
+
+
+class FirstValues(NamedTuple):
+    """The values with which a game begins; see `GameState`. `attributes` are of the agents, in the order of rows."""
+
+    facts: dict[str, Any]
+    data: dict[Any, Any]
+    scores: dict[Any, Any]
+    events: list[dict[str, Any]]
+    attributes: list[dict[str, Any]]
+    agent_facts: dict[Any, dict[str, Any]]
+    team_facts: dict[Any, dict[str, Any]]
+
+    @classmethod
+    def of(cls, game: PlayedGame) -> "FirstValues":
+        """Return the values with which a game begins."""
+        state = game.internals.state
+        private = copied((state.agent_facts, state.team_facts))
+        attributes = [copied_values(vars(agent)) for agent in game.ctx.agent.storage.share().members]
+        events = [dict(event) for event in state.events]
+        return cls(dict(state.facts), copied(state.data), dict(state.scores), events, attributes, *private)
+
+
+class _Map(Protocol):
+    """The part of the snapshot of a map that games compare."""
+
+    columns: GraphColumns
+    obstacles: ObstacleColumns
+    closed: ClosedEdges
+
+
+class FirstMap(NamedTuple):
+    """The map that a game begins with, which differs from that of the first seed in the open roads.
+
+    Attributes:
+        edge_ids: the ids of the open edges, in order.
+        closed: the closed edges.
+        snapshot: the map, as `ctx.graph.storage.snapshot` returns it.
+    """
+
+    edge_ids: IntArray
+    closed: ClosedEdges
+    snapshot: Any
+
+
+class FunctionsPerGame:
+    """The differences between the games on one map from their start.
+
+    Args:
+        game: the game in whose context the functions are called.
+        make: resets the game with a seed, and makes the functions of the seed; None: they do not differ.
+        seeds: the seeds of all games of the batch.
+        more_edges: see the attribute.
+        differs: whether rules, facts, data or attributes of agents differ with the seed, too.
+
+    Attributes:
+        first: what each game begins with; empty: all begin with the same.
+        maps: the map that each game begins with; None: that of the first seed.
+        more_edges: edges that are not on the map of the first seed, but may be on those of other seeds.
+    """
+
+    def __init__(
+        self,
+        game: PlayedGame,
+        make: MakeFunctions | None,
+        seeds: Sequence[int],
+        more_edges: ClosedEdges,
+        *,
+        differs: bool,
+    ) -> None:
+        self._game = game
+        self._make = make
+        self._seed = seeds[0]
+        self._own: dict[Owner, FunctionPerGame] = {}
+        self._rules: dict[str, FunctionPerGame] = {}
+        self._values: list[FirstValues | None] = [None] * len(seeds)
+        self.maps: list[FirstMap | None] = [None] * len(seeds)
+        self.more_edges = dict(more_edges)
+        agents = game.ctx.agent.agents.values()
+        deciders: dict[Owner, Any] = {("agent", agent.name): agent.strategy for agent in agents}
+        deciders |= {("team", team): plan.function for team, plan in game.plans.items()}
+        self._preparing = {who: one for who, one in deciders.items() if _prepares(one)}
+        self._differs = differs or len(self._preparing) > 0
+        self.first = self._values if self._differs else []
+        self._shared = {who: one for who, one in deciders.items() if one is not None}
+        self._first_rules = self._unprepared_rules = game.rules
+        self._first: Mapping[Owner, Any] = {}  # of the seed of the context
+
+    @property
+    def is_needed(self) -> bool:
+        """Whether games may differ from their start."""
+        return self._make is not None or len(self._preparing) > 0
+
+    def take(self, games: IntArray, seeds: Sequence[int]) -> None:
+        """Make the functions of games; afterwards, the context is reset with its first seed.
+
+        The context must not be pointed at a game of the batch.
+        """
+        self._decide_by(self._first)
+        self._first = self._begin(self._seed)
+        map = self._game.ctx.graph.storage.snapshot()
+        for number, seed in zip(games.tolist(), seeds, strict=True):
+            for owner, function in self._begin(seed).items():
+                self._of(self._own, owner).of_game[number] = self._called(owner, function)
+            for rule in self._game.rules if self._differs else ():
+                self._of(self._rules, rule.name).of_game[number] = rule.rule
+            self._values[number] = FirstValues.of(self._game) if self._differs else None
+            self.maps[number] = self._map_beside(map, seed)
+        self._first = self._begin(self._seed)
+        self._first_rules = self._game.rules
+
+    def _of(self, known: dict[Any, FunctionPerGame], key: Hashable) -> FunctionPerGame:
+        return known.setdefault(key, FunctionPerGame(len(self._values)))
+
+    def _map_beside(self, first: _Map, seed: int) -> FirstMap | None:
+        """Return the map of the context; None: it is the map of the first seed.
+
+        Raises:
+            BadValue: the maps differ in more than the open roads.
+        """
+        graph = self._game.ctx.graph
+        now = graph.storage.snapshot()
+        if now is first:
+            return None
+        edge_ids, closed = graph.storage.roads()
+        have_same_rows = len(edge_ids) == len(first.columns.edge_ids) and (edge_ids == first.columns.edge_ids).all()
+        if not _have_same_places(now, first):
+            raise BadValue(
+                "Code of the game changes more of the map by the seed than its open roads: nodes, obstacles or lengths "
+                f"differ between the games with the seeds {self._seed} and {seed}. Close roads there, or give maps=[…]."
+            )
+        if have_same_rows and [*closed] == [*first.closed]:
+            return None
+        known = {*first.columns.edge_ids.tolist(), *first.closed}
+        self.more_edges |= graph.storage.edges_as_given([id for id in edge_ids.tolist() if id not in known])
+        return FirstMap(edge_ids, closed, now)
+
+    def _called(self, owner: Owner, function: Callable[..., Any] | None) -> Any:
+        """Return the function that a game calls in place of its own."""
+        kind, name = owner
+        return self._game.ctx.sensor.get_sensor(name).called_with_both() if kind == "sensor" else function or _stay
+
+    def _begin(self, seed: int) -> dict[Owner, Any]:
+        """Reset the game with a seed; return its own functions, which are prepared and may add rules."""
+        self._game.internals.restore_rules(self._unprepared_rules)
+        if self._make is None:
+            self._game.reset(seed=seed)
+            found = {}
+        else:
+            found = dict(self._make(seed))
+        memo: dict[int, Any] = {}
+        found = {who: own(one, memo) for who, one in self._preparing.items()} | found
+        self._decide_by(found)
+        self._unprepared_rules = self._game.rules
+        for function in {id(one): one for one in found.values() if _prepares(one)}.values():
+            function.prepare(self._game.ctx)
+        return found
+
+    def install(self) -> None:
+        """Set the functions of the context that differ between games to those that call the function of each game."""
+        if not self.is_needed:
+            return
+        if self._differs:  # functions of arrays are called for each game, too, because they may read facts
+            for who, function in self._shared.items():
+                if strategy_spec_of(function).array_form is not None and who not in self._own:
+                    self._of(self._own, who).of_game[:] = [function] * len(self._values)
+        self._decide_by(self._own)
+        self._game.internals.restore_rules([self._of_games(rule) for rule in self._first_rules])
+
+    def _of_games(self, rule: NamedRule) -> NamedRule:
+        """Return a rule that calls that of each game, if these are others, or if it is a function of arrays."""
+        own = self._rules.get(rule.name)
+        if own is None or not (rule.spec.is_array_function or any(one not in (None, rule.rule) for one in own.of_game)):
+            return rule
+        return per_game(rule, own)
+
+    def remove(self) -> None:
+        """Set the functions of the context to those of its first seed, not prepared."""
+        if not self.is_needed:
+            return
+        self._decide_by({**self._first, **self._preparing})
+        self._game.internals.restore_rules(self._unprepared_rules)
+
+    def _decide_by(self, functions: Mapping[Owner, Any]) -> None:
+        plans = dict(self._game.plans)
+        for (kind, name), function in functions.items():
+            if kind == "team":
+                plans[name] = Plan(function, plans[name].arrays)
+            elif kind == "sensor":
+                self._game.ctx.sensor.get_sensor(name).function = function
+            else:
+                self._game.ctx.agent.agents[name].decide_by(function)
+        self._game.plans = plans
+
+
+def _have_same_places(one: _Map, other: _Map) -> bool:
+    """Return whether two maps have the same nodes, obstacles and edges, apart from edges that only one of them has."""
+    columns, others = one.columns, other.columns
+    have_same_nodes = np.array_equal(columns.node_ids, others.node_ids) and np.array_equal(columns.xy, others.xy)
+    if not (have_same_nodes and np.array_equal(one.obstacles.corners, other.obstacles.corners)):
+        return False
+    _, rows, other_rows = np.intersect1d(columns.edge_ids, others.edge_ids, return_indices=True)
+    each = ("sources", "targets", "lengths")
+    return all(np.array_equal(getattr(columns, name)[rows], getattr(others, name)[other_rows]) for name in each)
+
+
+def _prepares(function: object) -> bool:
+    return hasattr(function, "prepare") and not isinstance(function, type)

@@ -1,0 +1,477 @@
+"""Points the context of one game at each game of a batch in turn."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from itertools import groupby
+from typing import Any, NoReturn
+from weakref import WeakValueDictionary
+
+import numpy as np
+
+from gamms.core.agents import PointedColumns
+from gamms.core.copies import copied
+from gamms.errors import BadValue
+from gamms.game.block.columns import PlayedGame
+from gamms.game.block.state import GameArrays, Heading
+from gamms.game.movement.roads import RoadMap
+from gamms.game.snapshots import Snapshot
+from gamms.ir.agents import AgentBlock, show_flights, show_game, show_lives, show_progress
+from gamms.ir.game_state import GameState
+from gamms.ir.graph import IntArray
+from gamms.ir.journal import PLAIN, Journal
+from gamms.ir.obstacles import BoolArray
+from gamms.typing.agent_engine import IAgent
+
+_READ = ("began", "counts", "data", "deeds", "errors", "events", "memories", "messages", "moves", "scores")
+"""Fields of the state of a game that are made when they are read."""
+_OF_ONE = ("__contains__", "__delitem__", "__getitem__", "__setitem__", "get", "pop", "setdefault")
+_OF_ALL = (
+    *("__bool__", "__deepcopy__", "__eq__", "__format__", "__ior__", "__iter__", "__len__", "__ne__", "__or__"),
+    *("__repr__", "__ror__", "clear", "copy", "items", "keys", "popitem", "update", "values"),
+)
+
+
+class GuardedDict(dict[Any, Any]):
+    """A dict of a game with keys whose values only the core has; if a function reads one, its game leaves.
+
+    Args:
+        values: of the other keys.
+        keys: whose values the core has; None: all.
+        leave: lets the game leave the shared context, and says why.
+        what: the dict, in words.
+    """
+
+    def __init__(
+        self, values: dict[Any, Any], keys: frozenset[str] | None, leave: Callable[[str], NoReturn], what: str
+    ) -> None:
+        super().__init__(values)
+        self.of_core = keys
+        self.leave = leave
+        self.what = what
+
+
+def _refusing(name: str, *, is_of_one: bool) -> Callable[..., Any]:
+    """Return a method of `GuardedDict` that reads the value of one key, or all values."""
+    method = getattr(dict, name, None)
+
+    def read(self: GuardedDict, *args: object, **named: object) -> Any:
+        if method is None or self.of_core is None or not is_of_one or args[0] in self.of_core:
+            self.leave(f"reads {self.what}")
+        return method(self, *args, **named)
+
+    return read
+
+
+for _name in (*_OF_ONE, *_OF_ALL):
+    setattr(GuardedDict, _name, _refusing(_name, is_of_one=_name in _OF_ONE))
+
+
+class StartOfGame:
+    """The start of the game that a context is pointed at; the game cannot be reset to it.
+
+    Args:
+        read: returns the value of a field of the game.
+        replace_data: sets `ctx.game.data`.
+        began: returns where agents began.
+        leave: lets the game leave the shared context, and says why.
+    """
+
+    def __init__(
+        self,
+        read: Callable[[str], Any],
+        replace_data: Callable[[dict[Any, Any]], None],
+        began: Callable[[], dict[str, Any]],
+        leave: Callable[[str], NoReturn],
+    ) -> None:
+        self.read = read
+        self.replace_data = replace_data
+        self._began = began
+        self._leave = leave
+
+    @property
+    def snapshot(self) -> "StartOfGame":
+        """The object that says where agents began."""
+        return self
+
+    def places_of(self, _: object) -> dict[str, Any]:
+        """Return where agents began."""
+        return self._began()
+
+    def place_of(self, agent: IAgent) -> Any:
+        """Return where an agent is that has come later."""
+        return getattr(agent, "position", agent.current_node_id)
+
+    def __getattr__(self, name: str) -> NoReturn:
+        """Refuse everything else."""
+        if name.startswith("__"):
+            raise AttributeError(name)
+        self._leave("resets the game")
+
+
+class PointedState(GameState):
+    """The state of the game that a context is pointed at; some fields are made when they are read."""
+
+    __slots__ = ()
+
+    def memory_of(self, name: str) -> dict[Any, Any]:  # noqa: ARG002 - as that of a game
+        """Return an empty memory; the cursor replaces it by the memory of the agent in each game."""
+        return {}
+
+
+def _read_field(name: str, state: GameState) -> Any:
+    return state.start.read(name)
+
+
+def _play_turn_in_it(state: GameState, _: object) -> None:
+    state.start._leave("plays a turn of the game")
+
+
+for _name in _READ:
+    _set_field: Any = _play_turn_in_it if _name != "data" else lambda state, data: state.start.replace_data(data)
+    setattr(PointedState, _name, property(partial(_read_field, _name), _set_field))
+
+
+class Population:
+    """A set of agents, with their sensors, that the context has in some games.
+
+    Args:
+        game: in whose context they are now.
+        state: of all games of the batch.
+        before: the set before; None: this is that of the start.
+
+    Attributes:
+        agents, sensors: the agents and the sensors.
+        block: of the agents.
+        numbers: the number in the roster of each agent, by row.
+        flying: the places, among the flying agents of the batch, of those that fly.
+        rows_in_air: their rows.
+        first_headings: the headings that agents have if none is known of them, by row.
+        journal: what functions change.
+    """
+
+    def __init__(self, game: PlayedGame, state: GameArrays, before: "Population | None" = None) -> None:
+        storage = game.ctx.agent.storage
+        self.agents = storage.share()
+        self.sensors = game.ctx.sensor.storage.share()
+        self.block: AgentBlock = self.agents.block
+        number_of = {name: number for number, name in enumerate(state.roster.names)}
+        self.numbers: IntArray = np.array([number_of[name] for name in self.block.names], np.int64)
+        row_of = {number: row for row, number in enumerate(self.numbers.tolist())}
+        fly = [] if state.flights is None else state.flights.agents.tolist()
+        self.flying = [place for place, number in enumerate(fly) if number in row_of]
+        self.rows_in_air = [row_of[fly[place]] for place in self.flying]
+        known = {} if before is None else dict(zip(before.agents.members, before.first_headings, strict=True))
+        now = zip(self.agents.members, self.block.heading, strict=True)
+        self.first_headings: list[Heading] = [known.get(agent, heading) for agent, heading in now]
+        self.journal = self.renew_journal()
+
+    def renew_journal(self) -> Journal:
+        """Return a new journal, which the block has from now on."""
+        self.journal = self.block.journal = Journal(self.block.names)
+        return self.journal
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """The key of a set, equal for equal names, kinds, teams, speeds, strategies and sensors."""
+        each = zip(self.agents.members, self.agents.equipment, strict=True)
+        agents = [
+            (one.name, one.type, one.team, one.speed, id(strategy), *own, *map(id, own.values()))
+            for one, (strategy, own) in each
+        ]
+        return (*agents, *map(id, self.sensors.sensors), *self.sensors.owners)
+
+
+class PointedContext:
+    """A context that is pointed at each game of a batch in turn: it then has the agents, turn and seed of that game.
+
+    Args:
+        game: at its start, in a context in which nothing else is played.
+        state: of all games.
+
+    Attributes:
+        population: the agents of the context.
+        population_of: those of each game; None: those of the start.
+        headings: those that agents have, by their numbers, where they are not those of the start; None: unknown.
+        alive: which agents of the context live, by row, as bytes; empty: unknown.
+        delayed_looks: what sensors are still to report in each game.
+        departed: the agents that were deleted in each game; see `GameState`.
+        moved: game -> a moment, and the agents whose moves functions see then; others were created or deleted since.
+    """
+
+    population: Population
+    headings: Mapping[int, Heading] | None
+
+    def __init__(self, game: PlayedGame, state: GameArrays) -> None:
+        self._game = game
+        self._state = state
+        self._before: Snapshot | None = None
+        self._looks_at_start = copied(game.internals.state.delayed_looks)
+        self.delayed_looks = [copied(self._looks_at_start) for _ in range(len(state))]
+        self._departed_at_start = {**game.internals.state.departed}
+        self.departed = [{**self._departed_at_start} for _ in range(len(state))]
+        self.population_of: list[Population | None] = [None] * len(state)
+        self.moved: dict[int, tuple[tuple[int, int | None], Population]] = {}
+        self._known: WeakValueDictionary[tuple[Any, ...], Population] = WeakValueDictionary()
+        self._own = vars(game.ctx)
+        self.alive = b""
+
+    def forget(self, games: IntArray) -> None:
+        """Let some games begin again, with the agents of the start, and what sensors were to report at first."""
+        for number in games.tolist():
+            self.delayed_looks[number] = copied(self._looks_at_start)
+            self.departed[number] = {**self._departed_at_start}
+            self.population_of[number] = None
+            self.moved.pop(number, None)
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that takes back all that happens from now on."""
+        delayed_looks = [{**looks} for looks in self.delayed_looks]
+        departed = [{**one} for one in self.departed]
+        populations = [*self.population_of]
+        moved = {**self.moved}
+
+        def take_back() -> None:
+            self.delayed_looks[:] = delayed_looks
+            self.departed[:] = departed
+            self.population_of[:] = populations
+            self.moved = moved
+
+        return take_back
+
+    def hold(self) -> None:
+        """Remember the context as it is, for `release`."""
+        self._before = self._game.snapshot()
+        self._first_looks = self._game.internals.state.delayed_looks
+        self._first = Population(self._game, self._state)
+        self._note_shown(self._first)
+        self._graph = self._game.ctx.graph.graph
+        self._first_map = self._game.ctx.graph.storage.snapshot()
+        self._note_map(None)
+
+    def release(self) -> None:
+        """Restore the context as it was before it was pointed at games."""
+        assert self._before is not None  # noqa: S101 - it is held
+        self.show(self._first)
+        self._first.block.placed.clear()
+        self._first.block.journal = PLAIN
+        self._game.internals.state.delayed_looks = self._first_looks
+        self._game.restore(self._before)
+        self._before = None
+
+    # -- agents -------------------------------------------------------------------------------------------------
+
+    def show(self, population: Population) -> None:
+        """Set the agents of the context."""
+        self._game.ctx.agent.storage.show(population.agents)
+        self._game.ctx.sensor.storage.show(population.sensors)
+        self._note_shown(population)
+
+    def show_first(self) -> None:
+        """Set the agents of the context to those of the start."""
+        self.show(self._first)
+
+    @contextmanager
+    def showing(self, population: Population) -> Iterator[None]:
+        """Let the context have another set of agents, and then again what it has now, which may be changed."""
+        agent, sensor = self._game.ctx.agent.storage, self._game.ctx.sensor.storage
+        agents, sensors = agent.share(), sensor.share()
+        shown, lives, headings = self.population, bytes(agents.block.alive), self.headings
+        self.show(population)
+        try:
+            yield
+        finally:
+            agent.show(agents)
+            sensor.show(sensors)
+            show_lives(agents.block, lives)
+            self._note_shown(shown)
+            self.alive = lives
+            self.headings = headings
+
+    def _note_shown(self, population: Population) -> None:
+        self.population = population
+        self.alive = b""
+        self.headings = None
+
+    @property
+    def first(self) -> Population:
+        """The agents of the start."""
+        return self._first
+
+    def part_from_others(self) -> None:
+        """Let the context have a set of agents of its own, if their strategies or sensors were changed."""
+        sensors, known = self._game.ctx.sensor.storage.share(), self.population.sensors
+        are_same = sensors is known or (sensors.sensors, sensors.keywords) == (known.sensors, known.keywords)
+        each = zip(self.population.agents.members, self.population.agents.equipment, strict=True)
+        if not are_same or any((agent.strategy, agent.sensors) != own for agent, own in each):
+            self._game.ctx.agent.storage.part()
+
+    def has_other_agents(self) -> bool:
+        """Return whether agents were created or deleted since a set of agents was shown."""
+        changed: bool = self._game.ctx.agent.block is not self.population.block
+        return changed
+
+    def take_population(self, number: int) -> Population:
+        """Store the present agents of the context as those of a game, and return them."""
+        before = self.population
+        found = Population(self._game, self._state, before)
+        before.renew_journal()
+        known = self._known.setdefault(found.key, found)
+        if known is not found:
+            self.show(known)
+        self._note_shown(known)
+        self.population_of[number] = known
+        return found
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """Point the context at games in the block, and restore it afterwards unless it was held before."""
+        if self._before is not None:
+            yield
+            return
+        self.hold()
+        try:
+            yield
+        finally:
+            self.release()
+
+    def by_population(self, games: IntArray) -> IntArray:
+        """Return the places of some games such that games with the same agents follow each other."""
+        numbers = dict[Population | None, int]()
+        each = [numbers.setdefault(self.population_of[game], len(numbers)) for game in games.tolist()]
+        return np.argsort(each, kind="stable")
+
+    def each(self, games: IntArray) -> Iterator[int]:
+        """Point the context at each of some games in turn, and yield the number of the game."""
+        for population, some in groupby(games.tolist(), lambda number: self.population_of[number] or self._first):
+            yield from self._each_with(population, np.array([*some], np.int64))
+
+    def _each_with(self, population: Population, games: IntArray) -> Iterator[int]:
+        """Do the same for games with the same agents."""
+        state = self._state
+        block = population.block
+        numbers = population.numbers
+        values = self._game.internals.state
+        turns = self._game.internals.parts.turns
+        columns = self._nodes_of(population, games)
+        size = len(numbers)
+        row_of = {number: row for row, number in enumerate(numbers.tolist())}
+        lives = np.ascontiguousarray(state.alive[games][:, numbers]).tobytes()
+        placed = self._placed(games)
+        are_placed = np.any(placed, axis=1).tolist()
+        roads = state.roads
+        if self.has_changed_map():  # by a function that has raised
+            self._show_roads(None)
+        if self.has_other_agents():
+            self.show(population)
+        played = state.turn[games].tolist()
+        for at, number in enumerate(games.tolist()):
+            if self.population is not population:
+                self.show(population)
+            values.turn = played[at]
+            values.delayed_looks = self.delayed_looks[number]
+            values.departed = self.departed[number]
+            self._own["_seed"] = state.seeds[number]
+            turns.seed_changes += 1
+            show_game(block, columns, at)
+            if population.rows_in_air or state.headings[number] != self.headings:
+                self._show_poses(number)
+            alive = lives[at * size : (at + 1) * size]
+            if alive != self.alive:
+                self.show_lives(alive)
+            self._show_numbers(number)
+            if block.placed or are_placed[at]:
+                block.placed = set(np.flatnonzero(placed[at][numbers]).tolist())
+            if state.movement.remembers:
+                on_edges = state.movement.on_edges(number, state.node[number])
+                show_progress(block, {row_of[agent]: one for agent, one in on_edges.items() if agent in row_of})
+            if roads.are_closed or self._roads is not None:
+                self._show_roads(roads.of(number))
+            yield number
+
+    def _show_numbers(self, number: int) -> None:
+        """Let agents have the additional numbers that they have in a game."""
+        shown = self.population
+        for name, column in self._state.numbers.items():
+            np.asarray(getattr(shown.block, name))[:] = column[number, shown.numbers]
+
+    def _nodes_of(self, population: Population, games: IntArray) -> PointedColumns:
+        """Return where agents are and were before in some games, in the order of their rows."""
+        state = self._state
+        node, previous = (
+            np.ascontiguousarray(state.streets.ids_of(column[games][:, population.numbers]), np.int64).reshape(-1).data
+            for column in (state.node, state.previous)
+        )
+        return PointedColumns(population.block, node, previous)
+
+    def _show_poses(self, number: int) -> None:
+        """Let agents fly where they do in a game, and be turned as they are there."""
+        flights, headings = self._state.flights, self._state.headings[number]
+        shown = self.population
+        if flights is not None:
+            poses = flights.poses(number)
+            show_flights(shown.block, shown.rows_in_air, [poses[place] for place in shown.flying])
+        self.headings = headings
+        each = zip(shown.numbers.tolist(), shown.first_headings, strict=True)
+        shown.block.heading[:] = [headings.get(agent, first) for agent, first in each]
+
+    def _placed(self, games: IntArray) -> BoolArray:
+        """Return which agents rules have put where they are, (games, agents), without those that have flown there."""
+        placed: BoolArray = self._state.placed[games]
+        flights = self._state.flights
+        if flights is not None:
+            placed[:, flights.agents] &= ~flights.has_flown[games]
+        return placed
+
+    def show_lives(self, alive: bytes) -> None:
+        """Let the agents of the context live that lived in some game, by row."""
+        show_lives(self.population.block, alive)
+        self.alive = alive
+
+    def _show_roads(self, roads: RoadMap | None) -> None:
+        """Let those roads be open in the context that are in a game; None: those of the start."""
+        if roads is not self._roads or self.has_changed_map():
+            self._game.ctx.graph.storage.restore(self._first_map if roads is None else roads.snapshot)
+            self._note_map(roads)
+
+    def _note_map(self, roads: RoadMap | None) -> None:
+        self._roads = roads
+        self._revision, self._road_changes = self._graph.revision, self._game.ctx.graph.storage.road_changes
+
+    def has_changed_map(self) -> bool:
+        """Return whether the graph of the context was changed since the game was shown."""
+        changed: bool = self._graph.revision != self._revision
+        return changed
+
+    def change_roads(self, games: IntArray, verb: str, edges: Sequence[int]) -> None:
+        """Close or open roads in some games.
+
+        Args:
+            games: their numbers.
+            verb: the name of the method of `ctx.graph`.
+            edges: ids.
+
+        Raises:
+            UnknownName (KeyError): an edge does not exist in a game.
+        """
+        change = getattr(self._game.ctx.graph, verb)
+        with self.held():
+            for number in self.each(games):
+                change(edges)
+                self.take_roads(number)
+
+    def take_roads(self, number: int) -> bool:
+        """Store the map of the context for a game; return False, and do nothing, if more than roads was changed."""
+        state, storage = self._state, self._game.ctx.graph.storage
+        others = self._graph.revision - self._revision - storage.road_changes + self._road_changes
+        if others:
+            return False
+        try:
+            roads = state.roads.map_with(*storage.roads())
+        except BadValue:
+            return False
+        if roads is not None and roads.snapshot is None:
+            roads.snapshot = storage.snapshot()
+        state.put_roads(np.array([number]), roads)
+        self._note_map(roads)
+        return True

@@ -1,0 +1,309 @@
+"""The games of a batch that are played in contexts of their own.
+
+They do what games that share a context cannot do, for example change a setting: only the turn engine plays them.
+"""
+
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
+from typing import Any
+
+import numpy as np
+
+from gamms.errors import BadValue, UnknownName
+from gamms.game.array_functions.given import OutsideActions, OutsideActor
+from gamms.game.array_functions.view import ArrayView
+from gamms.game.batch_engine import BatchEngine
+from gamms.game.block.columns import AgentTable, PlayedGame
+from gamms.game.block.sensing import note_sensors, note_sights
+from gamms.game.block.state import GameArrays
+from gamms.game.movement.noted_moves import NotedMoves
+from gamms.game.movement.roads import RoadMap
+from gamms.game.result import Result
+from gamms.ir.game_state import in_conflict
+from gamms.text import shown
+from gamms.typing import AgentType
+from gamms.typing.on_edges import located
+
+
+class SeparateGames:
+    """The games of a batch that are played in contexts of their own, which are made when they are needed.
+
+    Args:
+        engine: plays the other games.
+        roster: the agents of all games.
+        begin: returns a game, by its number, after a number of turns, in a context of its own.
+        playing: returns a context manager in which a game is played, by its number.
+
+    Attributes:
+        reasons: why each of these games is played in a context of its own.
+        ran_from: for games that `run` has played to their ends, the number of turns that each had before.
+    """
+
+    def __init__(
+        self,
+        engine: BatchEngine,
+        roster: AgentTable,
+        begin: Callable[[int, int], PlayedGame],
+        playing: Callable[[int, PlayedGame], AbstractContextManager[None]],
+    ) -> None:
+        self.reasons: dict[int, str] = {}
+        self.ran_from: dict[int, int] = {}
+        self._begin = begin
+        self._playing = playing
+        self._turns: dict[int, int] = {}  # that each game has played when its context is made
+        self._games: dict[int, PlayedGame] = {}
+        self._results: dict[int, Result] = {}  # of games whose contexts have ended
+        self._unobserved: set[int] = set()  # whose places are not in the columns
+        self._beyond_arrays: dict[int, UnknownName] = {}  # with agents at or next to nodes that rules have added
+        self.move_to(engine, roster)
+
+    def move_to(self, engine: BatchEngine, roster: AgentTable) -> None:
+        """Let another engine play the other games, with other agents."""
+        self._engine = engine
+        self._roster = roster
+        for number in self.reasons:
+            engine.set_apart(number, self._turns[number])
+            self._unobserved.add(number)
+            if number in self._games:
+                self._note(number)
+
+    def __len__(self) -> int:
+        return len(self.reasons)
+
+    def __contains__(self, number: object) -> bool:
+        return number in self.reasons
+
+    def add(self, number: int, why: str, turns: int) -> None:
+        """Play a game in a context of its own from now on, in which it has played a number of turns."""
+        self.reasons[number] = why
+        self._turns[number] = turns
+        self._unobserved.add(number)
+        self._engine.set_apart(number, turns)
+
+    def forget(self, numbers: Iterable[int]) -> None:
+        """End the contexts of games, which are not played in them any more."""
+        for number in numbers:
+            self._end(number)
+            for known in (self.reasons, self.ran_from, self._turns, self._results, self._beyond_arrays):
+                known.pop(number, None)
+            self._unobserved.discard(number)
+            self._engine.take_back(number)
+
+    def close(self) -> None:
+        """End all contexts; results remain available."""
+        for number in [*self._games]:
+            self._settle(number)
+
+    def _settle(self, number: int) -> None:
+        """End the context of a game, whose result remains available."""
+        with suppress(BadValue):  # an error of `observe`, which raises it again
+            self.observe([number])
+        self._results[number] = self.result(number)
+        self._end(number)
+
+    def _end(self, number: int) -> None:
+        game = self._games.pop(number, None)
+        if game is not None:
+            game.ctx.terminate()
+
+    @property
+    def going(self) -> list[int]:
+        """The games that are not over."""
+        is_over = self._engine.is_over
+        return [number for number in sorted(self.reasons) if not is_over[number]]
+
+    def has_context(self, number: int) -> bool:
+        """Return whether a game is shown by a context of its own."""
+        return number in self.reasons and number not in self._results
+
+    def game(self, number: int) -> PlayedGame:
+        """Return a game in its context."""
+        if number not in self._games:
+            self._games[number] = self._begin(number, self._turns[number])
+            self._note(number)
+        return self._games[number]
+
+    # -- playing ------------------------------------------------------------------------------------------------
+
+    def check(self, given: Mapping[Hashable, OutsideActions]) -> None:
+        """Refuse actions that are not legal before any game is played.
+
+        Raises:
+            BadType, BadValue: an action is not legal in a game.
+        """
+        if not given or not self.going:
+            return
+        self.observe(self.going)
+        for state, games in self._engine.by_map(np.array(self.going)):
+            for team, one in given.items():
+                self._check(ArrayView(state, games, self._roster.members(team)), one, f"team {shown(team)}")
+
+    def _check(self, view: ArrayView, given: OutsideActions, by: str) -> None:
+        view._deeds = []
+        view._outboxes = []
+        given.act(view)
+        if given.may_stay:
+            return
+        view.mask = view.mask & ~self._roster.flies[view.agents] & (view["edge"][..., 0] < 0)
+        view._checked(given.moves[view.games], by)
+
+    def step(self, numbers: Sequence[int], given: Mapping[Hashable, OutsideActions]) -> None:
+        """Play one turn of some games."""
+        for number in numbers:
+            game = self.game(number)
+            actor = OutsideActor(game, self._roster)
+            try:
+                with self._played(number, game):
+                    actor.take(given, number)
+                    game.step()
+            finally:
+                actor.end()
+
+    @contextmanager
+    def undoing_after_error(self) -> Iterator[None]:
+        """Let all games be as they were before, and where they were, if the block raises."""
+        known = {*self.reasons}
+        had_contexts = {*self._games}
+        snapshots = {number: self._games[number].snapshot() for number in self.going if number in self._games}
+        try:
+            yield
+        except BaseException:
+            for number in [*self._games]:
+                if number in snapshots:
+                    self._games[number].restore(snapshots[number])
+                    self._note(number)
+                elif number not in had_contexts:
+                    self._end(number)
+            self.forget(self.reasons.keys() - known)
+            raise
+
+    def run(self, max_turns: int | None) -> Iterator[int]:
+        """Play all games to their ends, and yield the number of each; after an interrupt a game is as it was before."""
+        for number in self.going:
+            had_context = number in self._games
+            game = self.game(number)
+            self.ran_from[number] = game.turn
+            before = game.snapshot()
+            try:
+                with self._played(number, game):
+                    game.run(None if max_turns is None else max(0, max_turns - game.turn))
+            except Exception:
+                raise
+            except BaseException:
+                del self.ran_from[number]
+                game.restore(before)
+                self._note(number)
+                raise
+            if not had_context:
+                self._settle(number)
+            yield number
+
+    @contextmanager
+    def _played(self, number: int, game: PlayedGame) -> Iterator[None]:
+        """Note what becomes of a game in the block, and say in errors which game raised them."""
+        try:
+            with self._playing(number, game):
+                yield
+        except Exception as error:
+            error.add_note(f"In game {number} of a batch, with the seed {game.ctx.seed}.")
+            raise
+        finally:
+            self._note(number)
+
+    def result(self, number: int) -> Result:
+        """Return the result of a game so far."""
+        if number in self._results:
+            return self._results[number]
+        found = self.game(number).result()
+        over = self._engine.over(number)
+        if found.reason == "unfinished" and over is not None:
+            found.reason = over["reason"]
+        return found
+
+    # -- columns ------------------------------------------------------------------------------------------------
+
+    def _note(self, number: int) -> None:
+        """Write the turn, the scores and the end of a game into the columns."""
+        game = self._games[number]
+        state = self._engine.state_in(number)
+        state.turn[number] = game.turn
+        state.over[number] = None if game.over is None else dict(game.over)
+        state.is_going[number] = game.over is None
+        state.scores.put(np.array([number]), game.scores)
+        self._unobserved.add(number)
+
+    def observe(self, numbers: Iterable[int]) -> None:
+        """Write into the columns what agents of some games observe.
+
+        Raises:
+            BadValue: an agent is at or next to a node that is not in the columns.
+        """
+        for number in self._unobserved.intersection(numbers):
+            self._beyond_arrays.pop(number, None)
+            try:
+                note_game(self._engine.state_in(number), self.game(number), number)
+            except UnknownName as error:
+                self._beyond_arrays[number] = error
+            self._unobserved.discard(number)
+        for number in self._beyond_arrays.keys() & {*numbers}:
+            raise BadValue(
+                f"Game {number} cannot be observed, nor be given actions: {self._beyond_arrays[number]} A rule has "
+                "added it to the map of this game, and arrays have the nodes that are there at the start. Have it "
+                "there."
+            )
+
+
+def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
+    """Write into the columns of a batch what agents of a game in a context of its own observe.
+
+    Args:
+        state: of all games.
+        game: the game.
+        number: of the game.
+
+    Raises:
+        UnknownName (KeyError): an agent is at or next to a node that is not in the columns.
+    """
+    if state.noted_moves is None:
+        state.noted_moves = NotedMoves(state.node.shape)
+        note_sensors(state, range(len(state.roster.names)), with_nodes=True)
+        state.shared.clear()
+    ctx = game.ctx
+    known = ctx.agent.agents
+    names = state.roster.names
+    gone = game.internals.state.departed
+    at = {name: node for name, (_, node) in gone.items()} | {name: one.current_node_id for name, one in known.items()}
+    those = [i for i, name in enumerate(names) if name in at]
+    state.node[number, those] = state.streets.rows([at[names[i]] for i in those])
+    state.is_there[number] = [name in known for name in names] | state.roster.is_first
+    state.alive[number] = [name in known and known[name].alive for name in names]
+    blocked = game.internals.state.blocked
+    state.blocked[number] = [in_conflict("") in blocked.get(name, "") for name in names]
+    state.movement.clear(np.array([number]))
+    state.put_roads(np.array([number]), _roads_of(state, game))
+    state.now.clear()
+    legal = game.internals.parts.turns.legal([name for name in names if name in known])
+    moves = state.noted_moves
+    columns = state.streets.columns
+    for i, name in enumerate(names):
+        node = state.node[number, i]
+        moves.note(number, i, state.streets.rows(legal[name]) if legal.get(name) else np.array([node]))
+        moves.place(number, i, (-1, -1, -1), 0.0, columns.xy[node])
+        progress = ctx.agent.block.on_edge(ctx.agent.block.row_of(name)) if name in known else None
+        place = None if progress is None else located(ctx.graph.graph, progress)
+        if place is not None:
+            moves.place(number, i, *place[:3])
+    if state.flights is not None:
+        for row, i in enumerate(state.flights.agents.tolist()):
+            agent: Any = known.get(names[i])
+            if agent is not None and agent.type is AgentType.AERIAL:
+                state.flights.position[number, row] = agent.position
+    note_sights(state, ctx, game.internals.parts.turns.looks, number)
+
+
+def _roads_of(state: GameArrays, game: PlayedGame) -> RoadMap | None:
+    """Return the map of a game, if it differs from the start in nothing but open roads; None: it has other nodes."""
+    try:
+        return state.roads.map_with(*game.ctx.graph.storage.roads())
+    except (BadValue, UnknownName):
+        return None

@@ -1,0 +1,352 @@
+"""How agents go, and have gone, that do not go along one edge a turn, as functions that the core calls know it."""
+
+from collections.abc import Iterable, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from gamms.core import moves, rules
+from gamms.game.movement.by_edges import EdgeMovement
+from gamms.game.movement.by_metres import MetricMovement
+from gamms.game.movement.one_edge import Legs, Paths
+from gamms.game.movement.travel import EdgeIds, ResolvedAction, TurnPaths
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.progress import Motion, Progress
+from gamms.typing.game import Leg
+
+_MORE_LEGS = 2  # that a way may have besides those to its nodes
+_STAYS = -1  # how many nodes there are on the way of an agent that stays
+
+
+class Routes:
+    """The ways that plain functions choose for agents in a turn.
+
+    Args:
+        by: how agents go.
+        shape: how many games and agents there are.
+        room: for how many nodes of a way there is memory.
+        longest: how many nodes a way has at most.
+
+    Attributes:
+        core: as the core reads them.
+    """
+
+    def __init__(self, by: EdgeMovement | MetricMovement, shape: tuple[int, int], room: int, longest: int) -> None:
+        self._by = by
+        self._longest = longest
+        self._agents = shape[1]
+        self._room = room
+        rows = shape[0] * shape[1]
+        self._nodes = np.zeros(rows * room, np.int64)
+        self._counts, self._motions = np.zeros((2, rows), np.int64)
+        self.core = moves.ChosenRoutes(room, self._nodes.data, self._counts.data, self._motions.data)
+        self._chosen: list[tuple[int, int, int]] = []  # row, how many nodes, motion
+        self._ids: list[int] = []  # of the nodes, one way after the other
+
+    def choose(self, game: int, agent: int, action: ResolvedAction | None, end: int | None) -> bool:
+        """Set the action of an agent in this turn; return whether there is room for its path.
+
+        Args:
+            game: its number.
+            agent: its number.
+            action: what it does; None: it goes to a node that is next to it, or stays.
+            end: this node; None: it stays.
+        """
+        count = _STAYS
+        motion = int(Motion.FORWARD)
+        nodes: Iterable[int] = ()
+        if action is None:
+            nodes = () if end is None else (end,)
+        elif isinstance(self._by, MetricMovement):
+            count, motion, nodes = _along_legs(action)
+        else:
+            nodes = action.path[1:] if action.progress is None else (*action.path[1:], action.progress.target)
+        before = len(self._ids)
+        self._ids += nodes
+        count = (len(self._ids) - before) or count
+        if count > self._longest:
+            del self._ids[before:]
+            return False
+        self._chosen.append((game * self._agents + agent, count, motion))
+        return True
+
+    def write(self) -> None:
+        """Write the chosen actions into the columns of the core."""
+        rows, counts, motions = np.array(self._chosen, np.int64).reshape(-1, 3).T
+        self._counts[rows] = counts
+        self._motions[rows] = motions
+        lengths = np.maximum(counts, 0)
+        first = np.cumsum(lengths) - lengths
+        places = np.repeat(rows * self._room - first, lengths) + np.arange(len(self._ids))
+        self._nodes[places] = self._by.streets.rows(self._ids)
+        self.forget()
+
+    def forget(self) -> None:
+        """Drop the chosen actions."""
+        self._chosen.clear()
+        self._ids.clear()
+
+
+def _along_legs(action: ResolvedAction) -> tuple[int, int, Iterable[int]]:
+    """Return the number of nodes of a way without nodes, the motion of an agent on an edge, and its next nodes."""
+    legs = action.legs
+    if not legs:
+        return _STAYS, Motion.FORWARD, ()
+    if action.begun is None:
+        return _STAYS, Motion.FORWARD, [leg.target for leg in legs]
+    first = legs[0]
+    progress = action.progress
+    if first.begin == first.end and progress is not None:  # it stands, or is on its way and too slow to get on
+        return (_STAYS if progress.motion == Motion.STOPPED else 0), progress.motion, ()
+    motion = Motion.BACK if first.end < first.begin else Motion.FORWARD
+    return 0, motion, [leg.target for leg in legs[1:]]
+
+
+class EdgeCourses:
+    """How agents that count edges go in all games, and have gone in their last turns.
+
+    Args:
+        by: how agents go.
+        ahead, covered: (games, agents) the nodes to which they cover part of an edge in their turn, and how much of it.
+        most: how many nodes an agent passes in a turn at most.
+        part_of: (agents,) the part of the turn in which each goes.
+
+    Attributes:
+        core: how they have gone, as the core writes it.
+        routes: how they go.
+    """
+
+    def __init__(self, by: EdgeMovement, ahead: IntArray, covered: FloatArray, most: int, part_of: IntArray) -> None:
+        shape = len(ahead), ahead.shape[1]
+        self._by = by
+        self._ahead = ahead
+        self._covered = covered
+        self._are_at_once = not part_of.any()
+        self._nodes = np.zeros((*shape, most), np.int64)
+        self._times = np.zeros((*shape, most))
+        self._lengths = np.ones(shape, np.int64)
+        self._ahead[:] = -1
+        views: list[Any] = [one.reshape(-1).data for one in (self._nodes, self._times, self._lengths)]
+        self.core = rules.AgentPaths(*views)
+        self.routes = Routes(by, shape, most, most)
+
+    def columns(self) -> list[np.ndarray[Any, Any]]:
+        """Return the columns that it keeps of the last turns."""
+        most = int(self._lengths.max(initial=1))
+        return [self._lengths, self._nodes[..., :most], self._times[..., :most]]
+
+    def note_places(self, *, are_open: bool) -> None:
+        """Do nothing: agents stand on nodes; see `MetreCourses`."""
+
+    def standing(self, game: int, agents: IntArray, nodes: Sequence[int]) -> dict[int, ResolvedAction]:  # noqa: ARG002 - as by metres
+        """Return nothing: agents stand on nodes."""
+        return {}
+
+    def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
+        """Return what agents did that did more than to go along one edge, by their places among these; -1: no agent."""
+        nodes = self._nodes[game, agents]
+        lengths = self._lengths[game, agents]
+        ahead = self._ahead[game, agents]
+        covered = self._covered[game, agents]
+        ids = self._by.streets.ids
+        has_gone_far = (lengths > 2) | ((lengths == 2) & (nodes[:, 0] == nodes[:, 1]))  # or along a loop
+        if not self._are_at_once:
+            has_gone_far = lengths > 1
+        is_acting = agents >= 0
+        found = {}
+        for place in np.flatnonzero(is_acting & (has_gone_far | (ahead >= 0))).tolist():
+            path = ids(nodes[place, : lengths[place]]).tolist()
+            times = () if self._are_at_once else tuple(self._times[game, agents[place], : lengths[place]].tolist())
+            progress = None
+            if ahead[place] >= 0:
+                progress = Progress(path[-1], int(ids(ahead[place])), float(covered[place]))
+            found[place] = ResolvedAction(path[-1], tuple(path), times=times, progress=progress)
+        return found
+
+    def paths(
+        self,
+        games: IntArray,
+        starts: IntArray,
+        took_part: BoolArray,
+        standing: BoolArray | None = None,  # noqa: ARG002 - as by metres
+    ) -> Paths:
+        """Return the paths of agents; those that did not take part are where they start."""
+        lengths = np.where(took_part, self._lengths[games], 1)
+        most = int(lengths.max(initial=1))
+        return _paths(self._nodes[games, :, :most], self._times[games, :, :most], lengths, starts)
+
+
+class MetreCourses:
+    """How agents go by metres in all games, and have gone in their last turns.
+
+    Args:
+        by: how agents go.
+        shape: how many games and agents there are.
+        most: how many legs an agent has in a turn at most.
+        part_of: (agents,) the part of the turn in which each goes.
+
+    Attributes:
+        core: how they have gone, as the core writes it.
+        routes: how they go.
+    """
+
+    def __init__(self, by: MetricMovement, shape: tuple[int, int], most: int, part_of: IntArray) -> None:
+        self._by = by
+        self._part_of = part_of
+        self._shape = shape
+        self._here: tuple[IntArray, FloatArray, IntArray, IntArray] = by.edge, by.share, by.motion, by.edge
+        self.note_places(are_open=False)
+        self._trips = TurnPaths(shape[0] * shape[1], most, 0)
+        self._trips.passed[:] = 1
+        self._trips.edge[:] = -1
+        self.core = self._trips.core
+        self.routes = Routes(by, shape, most, most - _MORE_LEGS - 2 * int(part_of.any()))
+
+    @cached_property
+    def _ids(self) -> list[int]:
+        ids: list[int] = self._by.columns.node_ids.tolist()
+        return ids
+
+    @cached_property
+    def _edge_ids(self) -> EdgeIds:
+        return EdgeIds(self._by.columns)
+
+    def columns(self) -> list[np.ndarray[Any, Any]]:
+        """Return the columns that it keeps of the last turns."""
+        trips = self._trips
+        legs = int(trips.legs.max(initial=0))
+        passed = int(trips.passed.max(initial=1))
+        of_legs = [
+            one[:, :legs] for one in (trips.edges, trips.backs, trips.begins, trips.ends, trips.since, trips.until)
+        ]
+        each = [trips.node, trips.edge, trips.share, trips.motion, trips.legs, trips.passed]
+        return [*each, *of_legs, trips.nodes[:, :passed], trips.times[:, :passed]]
+
+    def note_places(self, *, are_open: bool) -> None:
+        """Note the positions of agents that are about to move; those on closed edges are on nodes.
+
+        `are_open` says that the edges noted last are open, even if functions have closed them since.
+        """
+        by = self._by
+        if are_open:
+            edge = np.where(by.edge == self._here[0], by.edge, -1)
+            back = self._here[3]
+        else:
+            games, agents = self._shape
+            edge = by.on_edge((np.arange(games)[:, None], np.arange(agents)))
+            on = np.nonzero(edge >= 0)
+            back = np.full(self._shape, -1)
+            back[on] = by.backs(edge[on], on[0])
+        self._here = edge, by.share.copy(), by.motion.copy(), back
+
+    def standing(self, game: int, agents: IntArray, nodes: Sequence[int]) -> dict[int, ResolvedAction]:
+        """Return what agents of a game do that stand on edges at their noted positions; see `actions`."""
+        edge, share, motion, back = (column[game, agents] for column in self._here)
+        found = {}
+        for place, begun in self._by.progress(np.where(agents < 0, -1, edge), share, motion).items():
+            back_id = None if back[place] < 0 else self._edge_ids[int(back[place])][2]
+            leg = Leg(*begun[:2], begun.edge, begun.share, begun.share, 0.0, 1.0, back_id)
+            node = nodes[place]
+            stopped = begun._replace(motion=Motion.STOPPED)
+            found[place] = ResolvedAction(node, (node,), (), (0.0,), stopped, (leg,), begun)
+        return found
+
+    def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
+        """Return what agents did that went along edges, or stood there, by their places among these; -1: no agent."""
+        trips = self._trips
+        rows = game * self._shape[1] + agents
+        found = {}
+        for place in np.flatnonzero((agents >= 0) & (trips.legs[rows] > 0)).tolist():
+            row = int(rows[place])
+            begun = None
+            share = float(trips.begins[row, 0])
+            if 0.0 < share < 1.0:
+                source, target, edge = self._edge_ids[int(trips.edges[row, 0])]
+                begun = Progress(source, target, share, edge, Motion.STOPPED)
+            found[place] = trips.ended(row, self._ids, self._edge_ids, begun)
+        return found
+
+    def paths(
+        self, games: IntArray, starts: IntArray, took_part: BoolArray, standing: BoolArray | None = None
+    ) -> Paths:
+        """Return the paths of agents, with nodes to which they came back; those that did not take part stay.
+
+        Args:
+            games: the numbers of the games.
+            starts: (games, agents) where agents were before.
+            took_part: (games, agents) whose paths were kept.
+            standing: (games, agents) where agents are about to move, those that stand in this part of the turn; None:
+                agents have moved.
+        """
+        trips = self._trips
+        rows = games[:, None] * self._shape[1] + np.arange(self._shape[1])
+        stands = np.zeros_like(took_part) if standing is None else standing & (self._here[0][games] >= 0)
+        place, share, _, noted_back = (column[games][stands] for column in self._here)
+        counts = np.where(stands, 1, np.where(took_part, trips.legs[rows], 0))
+        most = int(counts.max(initial=0))
+        is_leg = np.arange(most) < counts[..., None]
+        edge = np.where(is_leg, trips.edges[rows, :most], -1)
+        edge[stands, :1] = place[:, None]
+        back = np.where(is_leg, trips.backs[rows, :most], -1)
+        back[stands, :1] = noted_back[:, None]
+        parts = [
+            np.where(is_leg, one[rows, :most], 0.0) for one in (trips.begins, trips.ends, trips.since, trips.until)
+        ]
+        for part, values in zip(parts, (share, share, 0.0, 1.0), strict=True):
+            part[stands, 0:1] = np.reshape(values, (-1, 1))
+        legs = Legs(edge, back, *parts)
+        arrives = is_leg & ((legs.end == 0.0) | (legs.end == 1.0))
+        stays = np.asarray((edge < 0).all(axis=-1))
+        waits = (self._part_of > 0) & ~stays & (standing is None)
+        if most:
+            waits &= (legs.begin[..., 0] == 0.0) | (legs.begin[..., 0] == 1.0)
+        lengths = 1 + waits + arrives.sum(axis=-1)
+        width = int(lengths.max(initial=1))
+        nodes = np.repeat(starts[..., None], width, axis=-1)
+        times = np.zeros((*starts.shape, width))
+        at = np.nonzero(arrives)
+        number = (np.cumsum(arrives, axis=-1) + waits[..., None])[at]
+        columns = self._by.columns
+        edges = legs.edge[at]
+        nodes[(*at[:2], number)] = np.where(legs.end[at] > 0.0, columns.targets[edges], columns.sources[edges])
+        times[(*at[:2], number)] = legs.until[at]
+        if waits.any():
+            times[..., 1] = np.where(waits, legs.since[..., 0], times[..., 1])
+        end = np.where(took_part, trips.edge[rows], -1)
+        end[stands] = place
+        motion = np.where(took_part & (end >= 0), trips.motion[rows], int(Motion.STOPPED))
+        found = _paths(nodes, times, lengths, starts)
+        return found._replace(legs=legs, edge=end, motion=motion, stays=stays, waits=waits, rests=end < 0)
+
+
+def paths_in_parts(starts: IntArray, ends: IntArray, part_of: IntArray, parts: int) -> Paths:
+    """Return the paths of agents along one edge, each in its part of the turn, (games, agents).
+
+    Args:
+        starts: of their moves.
+        ends: likewise.
+        part_of: (agents,) the parts in which they move.
+        parts: how many there are.
+    """
+    goes = starts != ends
+    waits = part_of > 0
+    lengths = np.where(goes, 2 + waits, 1)
+    nodes = np.stack((starts, np.where(waits, starts, ends), ends), axis=-1)
+    begin = part_of / parts
+    end = (part_of + 1) / parts
+    times = np.broadcast_to(np.stack((begin, np.where(waits, begin, end), end), axis=-1), nodes.shape).copy()
+    return _paths(nodes, times, lengths, starts)
+
+
+def _paths(nodes: IntArray, times: FloatArray, lengths: IntArray, starts: IntArray) -> Paths:
+    """Return paths of which so many nodes count."""
+    counts = np.arange(nodes.shape[-1]) < lengths[..., None]
+    last = np.take_along_axis(nodes, lengths[..., None] - 1, -1)
+    nodes = np.where(counts, nodes, last)
+    nodes = np.where((lengths == 1)[..., None], starts[..., None], nodes)
+    times = np.where(counts, times, np.inf)
+    times[..., 0] = 0.0
+    waits = (lengths > 1) & (nodes[..., 0] == nodes[..., min(1, nodes.shape[-1] - 1)])
+    return Paths(nodes, times, lengths, lengths == 1, waits, np.ones_like(waits))

@@ -1,0 +1,263 @@
+"""Check the actions of agents, and find the moves that they lead to."""
+
+from collections.abc import Sequence
+from itertools import chain, pairwise
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from gamms.core import by_edges as core
+from gamms.core.travel import GoalPaths
+from gamms.errors import BadValue, GammsError, NoPath, UnknownName
+from gamms.game.deeds import wanted_deeds
+from gamms.game.movement.streets import StreetGraph
+from gamms.game.movement.travel import PathFinder, ResolvedAction, Travel
+from gamms.game.settings import Settings
+from gamms.game.slots import AgentSlot
+from gamms.ir.graph import IntArray
+from gamms.ir.progress import Progress
+from gamms.typing.actions import as_node, flight, heading_in
+from gamms.typing.context import HostContext
+from gamms.typing.game import Track
+
+_MORE_NODES = 3  # room in addition to the nodes of a path
+
+
+class MultiEdgeMoves(PathFinder):
+    """Finds moves along several edges per turn, on one revision of a graph.
+
+    Args:
+        streets: the legal moves along one edge.
+
+    Attributes:
+        streets: see the argument.
+    """
+
+    def __init__(self, streets: StreetGraph) -> None:
+        super().__init__(streets.columns, np.ones(len(streets.columns.edge_ids)))
+        self.streets = streets
+        self._most = streets.num_nodes + _MORE_NODES
+        self._take_ways(self.ways(0))
+
+    def _take_ways(self, hops: GoalPaths) -> None:
+        """Use these shortest paths in the core, with new buffers."""
+        nodes: list[Any] = [one.data for one in np.zeros((2, self._most), np.int64)]
+        times: Any = np.zeros(self._most).data
+        ints: list[Any] = [one.data for one in np.zeros((2, 1), np.int64)]
+        floats: list[Any] = [one.data for one in np.zeros((2, 1))]
+        self._hops = hops
+        self._nodes, self._route = nodes
+        self._lengths, self._ahead = ints
+        self._speed, self._covered = floats
+        self._walks = core.EdgePaths(
+            *(self._nodes, times, self._lengths, self.streets.core, hops, self._most),
+            speeds=self._speed,
+            ahead=self._ahead,
+            covered=self._covered,
+            route=self._route,
+        )
+
+    def _begin(self, here: int, speed: float | None, place: Progress | None) -> None:
+        """Place an agent at its start."""
+        ahead = -1
+        covered = 0.0
+        if place is not None and place.source == here:
+            ahead = self._row_of.get(place.target, -1)
+            covered = place.share
+        self._speed[0] = nan if speed is None else min(speed, self._most)
+        core.begin(self._walks, 0, self.row(here), ahead, covered)
+
+    def reachable(self, here: int, speed: float | None, place: Progress | None) -> tuple[int, ...]:
+        """Return the legal nodes of an agent in this turn, its own first."""
+        self._begin(here, speed, place)
+        return self.found(core.list_legal(self._walks, 0))
+
+    def towards(self, agent: int, here: int, speed: float, place: Progress | None, target: int) -> ResolvedAction:
+        """Return the move of an agent toward a node, along a path with the fewest edges.
+
+        Raises:
+            BadValue: there is no path.
+        """
+        hops = self.ways(agent)
+        if hops is not self._hops:
+            self._take_ways(hops)
+        self._begin(here, speed, place)
+        if not core.go_towards(self._walks, 0, hops, agent, self.row(target)):
+            raise BadValue(str(NoPath(here, target)))
+        return self._ended()
+
+    def along(self, here: int, speed: float, place: Progress | None, route: Sequence[int]) -> ResolvedAction:
+        """Return the move of an agent along a route of nodes."""
+        if len(route) + _MORE_NODES > self._most:
+            self._most = len(route) + _MORE_NODES
+            self._take_ways(self._hops)
+        self._begin(here, speed, place)
+        for number, node in enumerate(route):
+            self._route[number] = self.row(node)
+        core.walk(self._walks, 0, len(route))
+        return self._ended()
+
+    def _ended(self) -> ResolvedAction:
+        """Return the path that the core has written."""
+        ids = self.ids
+        ahead = self._ahead[0]
+        path = tuple([ids[row] for row in self._nodes[: self._lengths[0]].tolist()])
+        progress = None if ahead < 0 else Progress(path[-1], ids[ahead], self._covered[0])
+        return ResolvedAction(path[-1], path, progress=progress)
+
+
+class IllegalAction(GammsError, ValueError):
+    """An action is malformed or not legal."""
+
+    @classmethod
+    def missing(cls, legal: Sequence[int]) -> "IllegalAction":
+        """Return the error for an agent that has set no action; `legal` are the ids of its legal nodes."""
+        return cls(f"state['action'] was not set (what is returned does not count); legal are {[*legal]}")
+
+
+class Legality:
+    """Checks the actions of agents, and finds the moves that they lead to.
+
+    Args:
+        ctx: the context, for its graph and agents.
+        settings: the settings of the game.
+    """
+
+    def __init__(self, ctx: HostContext, settings: Settings) -> None:
+        self._ctx = ctx
+        self._settings = settings
+        self.travel = Travel(ctx, settings)
+        self._streets: StreetGraph | None = None  # of the last revision of the graph
+        self._walking: MultiEdgeMoves | None = None
+        self._ids: tuple[StreetGraph | None, tuple[int, ...]] = None, ()  # a map, and the ids of its nodes
+
+    def resolve(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
+        """Return the move that an action leads to.
+
+        Raises:
+            GammsError: the action is malformed or not legal; the message says why.
+        """
+        deeds = None
+        if isinstance(action, dict) and "do" in action:
+            deeds = wanted_deeds(action["do"], self._settings.deeds, self._ctx) or None
+            action = {key: value for key, value in action.items() if key != "do"}
+            if not mover.flies:
+                action.setdefault("node_id", None if mover.travels else here)
+        if mover.flies:
+            position, quat = flight(self._ctx.agent.block, mover.row, action)
+            return ResolvedAction(here, (here,), position=position, quat=quat, deeds=deeds)
+        heading: Any = ()
+        if isinstance(action, dict):
+            heading = heading_in(action)
+            action = action["node_id"]
+        if mover.travels and action is None:
+            resolved = self.travelled(mover, here, None)
+        elif isinstance(action, list) or (isinstance(action, np.ndarray) and action.ndim == 1):
+            nodes = list(map(self._node, action))
+            resolved = self.travelled(mover, here, nodes) if mover.travels else self.walked(mover, here, nodes, True)
+        else:
+            node = self._node(action)
+            resolved = self.travelled(mover, here, node) if mover.travels else self.walked(mover, here, [node], False)
+        if heading == () and deeds is None:
+            return resolved
+        return resolved._replace(heading=heading, deeds=deeds)
+
+    def travelled(self, mover: AgentSlot, here: int, wanted: int | list[int] | None) -> ResolvedAction:
+        """Return the move of an agent by metres: toward a node, along a list of nodes, or None to stop."""
+        travel = self.travel
+        place = travel.place(mover.row)
+        if wanted is None:
+            return travel.stay(place, here)
+        if isinstance(wanted, list):
+            return travel.along(place, here, mover.speed, wanted)
+        return travel.towards(mover.row, place, here, mover.speed, wanted)
+
+    def is_open(self, track: Track) -> bool:
+        """Return whether all edges of a legal move still exist."""
+        path, _, legs = track
+        if legs:
+            return all(self.travel.roads.on(leg.edge) is not None for leg in legs)
+        near = self._ctx.graph.graph.neighborhoods
+        has_node = self._ctx.graph.graph.has_node
+        if self._settings.legal == "any" or not all(map(has_node, path)):
+            return all(map(has_node, path))
+        return all(end in near[start] for start, end in pairwise(path))
+
+    def reachable(self, mover: AgentSlot, here: int) -> tuple[int, ...]:
+        """Return the ids of the legal nodes of an agent in this turn, its own first; () for an agent that flies."""
+        if mover.flies:
+            return ()
+        graph = self._ctx.graph.graph
+        if mover.is_plain:
+            return tuple(graph.neighborhoods[here])
+        if mover.travels:
+            return self.travel.reachable(self.travel.place(mover.row), here, mover.speed)
+        if self._settings.legal == "any":
+            return self._anywhere(here)
+        return self.walking.reachable(here, mover.speed, self._ctx.agent.block.progress[mover.row])
+
+    def _anywhere(self, here: int) -> tuple[int, ...]:
+        """Return all nodes, the agent's own first."""
+        streets = self.streets
+        if self._ids[0] is not streets:
+            self._ids = streets, tuple(streets.columns.node_ids.tolist())
+        ids = self._ids[1]
+        row = int(streets.rows([here])[0])
+        return (here, *ids[:row], *ids[row + 1 :])
+
+    @property
+    def streets(self) -> StreetGraph:
+        """The legal moves along one edge, as arrays."""
+        columns = self._ctx.graph.graph.columns()
+        if self._streets is None or self._streets.columns is not columns:
+            self._streets = StreetGraph(columns, self._ctx.graph.routes)
+        return self._streets
+
+    @property
+    def walking(self) -> MultiEdgeMoves:
+        """The legal moves along several edges per turn."""
+        streets = self.streets
+        if self._walking is None or self._walking.streets is not streets:
+            self._walking = MultiEdgeMoves(streets)
+        return self._walking
+
+    def reachable_each(self, movers: Sequence[AgentSlot], starts: Sequence[int]) -> tuple[IntArray, IntArray]:
+        """Return the legal nodes of several agents: offsets (agents + 1,) and ids."""
+        legal = [self.reachable(mover, here) for mover, here in zip(movers, starts, strict=True)]
+        offsets = np.zeros(len(legal) + 1, np.int64)
+        np.cumsum(list(map(len, legal)), out=offsets[1:])
+        return offsets, np.fromiter(chain.from_iterable(legal), np.int64, int(offsets[-1]))
+
+    def _node(self, action: object) -> int:
+        node = as_node(action)
+        if not self._ctx.graph.graph.has_node(node):
+            raise UnknownName("node", node)
+        return node
+
+    def _checked_path(self, here: int, path: list[int]) -> list[int]:
+        """Return an action's list of nodes without the agent's own node (BadValue: an edge is missing)."""
+        path = path[1:] if path and path[0] == here else path
+        near = self._ctx.graph.graph.neighborhoods
+        if self._settings.legal == "edges":
+            for start, end in zip([here, *path], path, strict=False):
+                if end not in near[start]:
+                    raise BadValue(f"No edge leads from node {start} to node {end}.")
+        return path
+
+    def walked(self, mover: AgentSlot, here: int, nodes: list[int], is_route: bool) -> ResolvedAction:
+        """Return the move along a path, or along the shortest path to its only node, as far as it goes in this turn."""
+        path = self._checked_path(here, nodes) if is_route else nodes
+        if not path or (path == [here] and not is_route):
+            return ResolvedAction(here, (here,))
+        if self._settings.legal == "any":
+            return ResolvedAction(path[-1], (here, *path))
+        if mover.speed is None:
+            near = self._ctx.graph.graph.neighborhoods[here]
+            if len(path) > 1 or path[0] not in near:
+                raise BadValue(f"Node {path[-1]} is not next to node {here}; legal are {list(near)}.")
+            return ResolvedAction(path[0], (here, path[0]))
+        place = self._ctx.agent.block.progress[mover.row]
+        if is_route:
+            return self.walking.along(here, mover.speed, place, path)
+        return self.walking.towards(mover.row, here, mover.speed, place, path[0])

@@ -1,0 +1,418 @@
+"""The moves of one turn: as arrays for the turn engine, and by name for rules and resolvers."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from copy import copy
+from functools import lru_cache
+from itertools import chain, compress, count, repeat
+from operator import ne
+from typing import Any, TypeVar
+
+import numpy as np
+
+from gamms.core.agents import MoveColumns
+from gamms.core.arrivals import short_of
+from gamms.core.block import stop_moves
+from gamms.game.movement.travel import ResolvedAction, Travel
+from gamms.game.order import TurnOrder
+from gamms.ir.agents import AgentBlock, moves_of
+from gamms.ir.columns import copied_column
+from gamms.ir.progress import Motion, Progress
+from gamms.typing.agent_engine import IAgent
+from gamms.typing.game import Deed, EdgePlace, Leg, Move, Track
+
+T = TypeVar("T")
+
+
+class Refusals:
+    """The moves and deeds that rules refuse in a turn, with reasons.
+
+    Args:
+        turn: the moves and deeds of the turn.
+
+    Attributes:
+        moves: agent -> the reasons why its move is refused.
+        deeds: agent -> deed -> the reasons why it is refused.
+    """
+
+    def __init__(self, turn: "TurnMoves") -> None:
+        self._turn = turn
+        self.moves: dict[str, set[str]] = {}
+        self.deeds: dict[str, dict[str, set[str]]] = {}
+
+    def add(self, agent: str, why: str, deed: str | None) -> None:
+        """Refuse the move of an agent, or one of its deeds."""
+        if deed is None:
+            self.moves.setdefault(agent, set()).add(why)
+        elif any(one.agent == agent and one.kind == deed for one in self._turn.deeds):
+            self.deeds.setdefault(agent, {}).setdefault(deed, set()).add(why)
+
+    def take_back(self, members: Iterable[int]) -> Iterator[tuple[int, str | None, str]]:
+        """Withdraw the refused moves and deeds of the agents of some slots.
+
+        Yield the slot of each, the kind of the deed, None for its move, and why.
+        """
+        turn = self._turn
+        for i in members:
+            name = turn.slots[i].name
+            why = self.moves.get(name)
+            if why and turn.stop(i):
+                yield i, None, "; ".join(sorted(why))
+            for kind, reasons in sorted(self.deeds.get(name, {}).items()):
+                turn.refuse_deed(i, kind)
+                yield i, kind, f"{kind}: {'; '.join(sorted(reasons))}"
+
+
+class TurnMoves:
+    """The moves of one turn by slot, and by name for rules and resolvers."""
+
+    __slots__ = ("_by_name", "_moves", "actions", "ends", "order", "slots", "starts")
+
+    def __init__(
+        self,
+        order: TurnOrder,
+        starts: memoryview,
+        ends: memoryview,
+        actions: dict[int, ResolvedAction],
+        moves: MoveColumns | None = None,
+    ) -> None:
+        self.order = order
+        self.starts = starts
+        self.ends = ends
+        self.actions = actions
+        self._moves = moves
+        self.slots = order.slots
+        self._by_name: dict[str, Move] | None = None
+
+    def in_core(self) -> MoveColumns:
+        """Return the starts and ends of all moves as arrays of the core."""
+        return moves_of(self.starts, self.ends) if self._moves is None else self._moves
+
+    @property
+    def deeds(self) -> list[Deed]:
+        """The deeds of the turn, in the order of the agents' names."""
+        slots = self.slots
+        starts = self.starts
+        return [
+            Deed(slots[i].name, slots[i].team, kind, starts[i], values)
+            for i, action in sorted(self.actions.items())
+            if action.deeds is not None
+            for kind, values in action.deeds.items()
+        ]
+
+    def do(self, i: int, deeds: Mapping[str, dict[str, Any]]) -> None:
+        """Set the deeds of the agent of a slot."""
+        action = self.actions.get(i) or ResolvedAction(self.ends[i], self.track(i).path)
+        self.actions[i] = action._replace(deeds=deeds)
+
+    def of_agents(
+        self, agents: Mapping[str, IAgent], block: AgentBlock, twin_of: Callable[[IAgent], IAgent]
+    ) -> "TurnMoves":
+        """Return the same moves for the agents of a copied game, matched by name."""
+        order = copy(self.order)
+        order.block = block
+        order.structure_version = -1  # versions of the copy are numbered independently
+        order.slots = self.slots.of_agents(agents, twin_of)
+        return TurnMoves(order, self.starts, self.ends, self.actions)
+
+    def are_steps(self, block: AgentBlock) -> bool:
+        """Return whether all living agents took part on the ground, each along at most one edge."""
+        order = self.order
+        if block.travellers or order.whole.on_ground is not None:
+            return False
+        if order.structure_version != block.structure.version and not self._have_all_living(block):
+            return False
+        return not self.actions or all(map(_is_step, self.actions.values()))
+
+    def _have_all_living(self, block: AgentBlock) -> bool:
+        """Return whether all living agents took part, in the same teams; some may have been eliminated since."""
+        order = self.order
+        if order.structure_version < 0 or order.rows_version != block.rows.version or block.removed:
+            return False
+        rows = order.selection.rows
+        if sum(map(block.alive.__getitem__, rows)) != len(block) - len(block.inactive):
+            return False
+        return [block.teams[row] for row in rows] == order.all_teams()
+
+    def by_name(self) -> dict[str, Move]:
+        """Return agent -> its move, for agents on the ground, in the order of names."""
+        if self._by_name is None:
+            self._by_name = self.named(self.order.whole.of_ground(list(range(len(self.slots)))))
+        return self._by_name
+
+    def named(self, indices: list[int]) -> dict[str, Move]:
+        """Return agent -> its move, for the slots `indices`."""
+        moves = {}
+        for i in indices:
+            slot = self.slots[i]
+            path, _, legs = self.track(i)
+            if path[:1] == path[1:2]:  # the track says that it waits for its part of the turn
+                path = path[1:]
+            moves[slot.name] = Move(slot.name, slot.team, self.starts[i], self.ends[i], path, legs)
+        return moves
+
+    def places(self) -> tuple[list[Any], list[Any]]:
+        """Return the start and end place of each agent, by slot: a node id, or an edge."""
+        starts: Any = self.starts
+        ends: Any = self.ends
+        if not self.actions:
+            return starts, ends
+        on_edges = [i for i, action in self.actions.items() if action.legs]
+        if on_edges:
+            starts = list(starts)
+            ends = list(ends)
+            for i in on_edges:
+                begun = self.actions[i].begun
+                progress = self.actions[i].progress
+                if begun is not None:
+                    starts[i] = EdgePlace(begun.edge)
+                if progress is not None:
+                    ends[i] = EdgePlace(progress.edge)
+        return starts, ends
+
+    def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
+        """Return the tracks of agents; an agent that was placed or flew is on its node only at time 1."""
+        index_of = self.order.index_of
+        slots = self.slots
+        ends = self.ends
+        track = self.track
+        tracks: list[Track] = []
+        for agent in agents:
+            node = agent.current_node_id
+            i = index_of.get(agent.name)
+            if i is None or ends[i] != node or slots[i].agent is not agent or self.was_put(i):
+                tracks.append(Track((node,), (1.0,)))
+            else:
+                tracks.append(track(i))
+        return tracks
+
+    def track(self, i: int) -> Track:
+        """Return the nodes, times and legs of the move of a slot."""
+        action = self.actions.get(i)
+        if action is not None:
+            return Track(action.path, action.times or _evenly(len(action.path)), action.legs)
+        start = self.starts[i]
+        end = self.ends[i]
+        return Track((start,), (0.0,)) if start == end else Track((start, end), (0.0, 1.0))
+
+    # -- turns in which agents decide at each arrival ---------------------------------------------------------------
+
+    def go(self, i: int, action: ResolvedAction) -> None:
+        """Set the action of the agent of a slot."""
+        self.actions[i] = action
+        self.ends[i] = action.end
+
+    def go_on(self, i: int, later: ResolvedAction) -> None:
+        """Append an action to the move of an agent that has arrived."""
+        first = self.actions[i]
+        self.go(
+            i,
+            later._replace(
+                path=first.path + later.path[1:],
+                times=first.times + later.times[1:],
+                legs=first.legs + later.legs,
+                heading=first.heading if later.heading == () else later.heading,
+                begun=first.begun,
+                deeds=first.deeds,
+            ),
+        )
+
+    def stop_short(self, i: int) -> None:
+        """Stop an agent just before the node at the end of its last leg, for the rest of the turn."""
+        action = self.actions[i]
+        leg = action.legs[-1]
+        short = leg._replace(end=short_of(leg.end))
+        stands = short._replace(begin=short.end, since=leg.until, until=1.0)
+        passed = len(action.path) - (leg.end == 1.0)  # on the edge again, its node is the one passed before
+        progress = Progress(leg.source, leg.target, short.end, leg.edge, Motion.STOPPED)
+        legs = (*action.legs[:-1], short, *([stands] if leg.until < 1.0 else []))
+        path = action.path[:passed]
+        times = action.times[:passed]
+        self.order.blocked[i] += 1
+        self.go(i, action._replace(end=path[-1], path=path, times=times, legs=legs, progress=progress))
+
+    def was_put(self, i: int) -> bool:
+        """Return whether an agent on the end node of its move got there otherwise: it flew, or a rule placed it."""
+        slot = self.slots[i]
+        action = self.actions.get(i)
+        block = self.order.block
+        if block.placed and slot.name in block.rows and block.row_of(slot.name) in block.placed:
+            return True
+        if slot.flies:
+            return action is not None and action.position not in (None, slot.agent.prev_position)
+        if not slot.travels:
+            return False
+        ended = None if action is None else action.progress
+        now = block.progress[block.row_of(slot.name)] if slot.name in block.rows else ended
+        return (now and now[:-1]) != (ended and ended[:-1])  # the last field, its motion, does not count
+
+    def stop(self, i: int) -> bool:
+        """Keep the agent of a slot at its start; return whether it would have moved."""
+        here = self.starts[i]
+        action = self.actions.get(i)
+        goes = self.ends[i] != here
+        if action is not None:
+            goes = goes or len(action.path) > 1 or action.position is not None
+            goes = goes or (action.progress is not None if action.begun is None else any(map(_moves, action.legs)))
+        if goes:
+            self.order.blocked[i] += 1
+            self._stay(i, here)
+        return goes
+
+    def stop_each(self, indices: list[int]) -> list[tuple[int, Any]]:
+        """Keep the agents of slots at their starts; return (slot, place) for each that would have moved to a place."""
+        if self.actions:
+            _, ends = self.places()
+            wanted = [(i, ends[i]) for i in indices]  # before `stop` changes the ends
+            return [(i, end) for i, end in wanted if self.stop(i)]
+        self._by_name = None
+        return stop_moves(self.starts, self.ends, self.order.blocked.data, indices)
+
+    def give_up(self, block: AgentBlock) -> None:
+        """Cancel the moves of agents that a rule has placed elsewhere since they decided."""
+        nodes = self.order.nodes()
+        self.starts = copied_column(self.starts)
+        self.ends = copied_column(self.ends)
+        self._moves = None
+        put = {
+            i
+            for i, action in self.actions.items()
+            if action.begun is not None and block.on_edge(self.slots[i].row) is None
+        }
+        for i in put:
+            self.actions[i] = self.actions[i]._replace(begun=None)
+        for i in put.union(compress(count(), map(ne, self.starts, nodes))):
+            self.starts[i] = nodes[i]
+            self._stay(i, nodes[i])
+
+    def refuse_deed(self, i: int, kind: str) -> None:
+        """Remove a deed of the agent of a slot."""
+        action = self.actions[i]
+        self.actions[i] = action._replace(deeds={one: of for one, of in (action.deeds or {}).items() if one != kind})
+
+    def _stay(self, i: int, node: int) -> None:
+        self.ends[i] = node
+        action = self.actions.get(i)
+        if action is not None:
+            begun = action.begun and action.begun._replace(motion=Motion.STOPPED)
+            legs = () if begun is None else (action.legs[0]._replace(end=begun.share, since=0.0, until=1.0),)
+            stays = action._replace(end=node, path=(node,), times=(), progress=begun, legs=legs, position=None)
+            self.actions[i] = stays
+        self._by_name = None
+
+    # -- turns with several parts ----------------------------------------------------------------------------------
+
+    def let_stand(self, paced: Iterable[int], travel: Travel) -> None:
+        """Set the action "stand" for agents of slots on an edge that do not act in this part of the turn."""
+        for i in paced:
+            slot = self.slots[i]
+            place = travel.place(slot.row) if slot.travels and i not in self.actions else None
+            if place is not None and travel.roads.on(place.edge) is not None:
+                self.go(i, travel.stay(place, self.starts[i]))
+
+    def on(self, order: TurnOrder) -> "TurnMoves":
+        """Return the moves for another order; agents that are new in it stay."""
+        if order is self.order:
+            return self
+        places = np.fromiter(map(self.order.index_of.get, order.names, repeat(-1)), np.int64, len(order.names))
+        if order.rows_version != self.order.rows_version:  # a new agent may have the name of a deleted one
+            for i in [i for name in self.slots.departed if (i := order.index_of.get(name)) is not None]:
+                j = places[i]
+                if j >= 0 and order.slots[i].agent is not self.slots[j].agent:
+                    places[i] = -1
+        order.block.locate()
+        nodes = order.nodes()
+        there = np.flatnonzero(places >= 0)
+        starts = np.array(nodes, np.int64)
+        ends = np.array(nodes, np.int64)
+        before = places[there]
+        starts[there] = np.asarray(self.starts)[before]
+        ends[there] = np.asarray(self.ends)[before]
+        number = dict(zip(before.tolist(), there.tolist(), strict=True)) if self.actions else {}
+        actions = {number[j]: self.actions[j] for j in sorted(self.actions) if j in number}
+        return TurnMoves(order, starts.data, ends.data, actions)
+
+    def in_parts(self, parts: Sequence[Sequence[Any]]) -> "TurnMoves":
+        """Return the same moves, each made in the part of the turn of the agent's team."""
+        turn = self
+        teams = self.order.all_teams()
+        for number, part in enumerate(parts):
+            members = [i for i, team in enumerate(teams) if team in part]
+            turn = turn.between(number, len(parts), members)
+        return turn
+
+    def between(self, number: int, parts: int, members: Sequence[int] | None = None) -> "TurnMoves":
+        """Return the same moves, but those of some slots within one of several equal parts of the turn.
+
+        Args:
+            number: the number of the part.
+            parts: the number of parts.
+            members: the slots; None: all.
+        """
+        actions = dict(self.actions)
+        for i in self.order.whole.members if members is None else members:
+            start = self.starts[i]
+            end = self.ends[i]
+            path, times, legs = self.track(i)
+            if len(path) > 1 or start != end or legs:
+                action = actions.get(i, ResolvedAction(end, path))
+                scaled = tuple([(number + time) / parts for time in times])
+                if number:  # it waits on its node, or on its edge
+                    path, scaled = (path, scaled[1:]) if action.begun else ((path[0], *path), scaled)
+                    scaled = 0.0, *scaled
+                legs = _between(legs, action.begun, action.progress, number, parts)
+                actions[i] = action._replace(path=path, times=scaled, legs=legs)
+        return TurnMoves(self.order, self.starts, self.ends, actions)
+
+    def then(self, later: "TurnMoves", part: int) -> "TurnMoves":
+        """Return these moves combined with those of a later part of the turn; both have the same order."""
+        parts = later.order.parts
+        starts = copied_column(self.starts)
+        ends = copied_column(self.ends)
+        actions = dict(self.actions)
+        for i in parts[part].members:
+            action = later.actions.get(i)
+            if later.starts[i] != ends[i]:  # a rule has put it there in its part of the turn, and it gave up its move
+                actions.pop(i, None)
+                action = action and action._replace(end=ends[i], path=(ends[i],), times=())
+            else:
+                ends[i] = later.ends[i]
+            if action is not None:
+                actions[i] = action
+        for i in chain.from_iterable(one.members for one in parts[part + 1 :]):
+            action = later.actions.get(i)
+            if action is None or not action.legs:  # it does not stand on an edge any more, if it did
+                actions.pop(i, None)
+            starts[i] = ends[i] = later.starts[i]
+        return TurnMoves(self.order, starts, ends, actions)
+
+
+def _moves(leg: Leg) -> bool:
+    return leg.begin != leg.end
+
+
+def _between(
+    legs: tuple[Leg, ...], begun: Progress | None, progress: Progress | None, number: int, parts: int
+) -> tuple[Leg, ...]:
+    """Return legs within one of several equal parts of the turn; before and after it, the agent stands."""
+    if not legs:  # it is on a node, or the game counts edges and has no legs
+        return ()
+    scaled = [leg._replace(since=(number + leg.since) / parts, until=(number + leg.until) / parts) for leg in legs]
+    if begun is not None and number:
+        scaled.insert(0, legs[0]._replace(end=begun.share, since=0.0, until=number / parts))
+    if progress is not None and number + 1 < parts:
+        scaled.append(legs[-1]._replace(begin=progress.share, since=(number + 1) / parts, until=1.0))
+    return tuple(scaled)
+
+
+@lru_cache(maxsize=256)
+def _evenly(nodes: int) -> tuple[float, ...]:
+    """Return the times at the nodes of a path, evenly spaced from 0 to 1."""
+    return tuple(k / max(1, nodes - 1) for k in range(nodes))
+
+
+def _is_step(action: ResolvedAction) -> bool:
+    """Return whether an action moves along one edge to another node during the whole turn, or stays."""
+    path = action.path
+    if action.times or action.legs or action.begun or action.progress:
+        return False
+    return len(path) == 1 or (len(path) == 2 and path[0] != path[1])  # otherwise it moves along a loop

@@ -1,0 +1,404 @@
+"""The open roads of the games of a batch: the legal nodes in each game, and the maps that result from closed roads.
+
+A rule closes or opens roads in its own game only. Legal nodes are looked up for all games at once. Data that depend on
+a whole map, such as routes, are computed on demand for each map, and shared by the games on it.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from functools import cached_property
+from typing import Any, NamedTuple, NoReturn
+from weakref import WeakValueDictionary
+
+import numpy as np
+
+from gamms import kernels
+from gamms.core.contacts import NearNodes
+from gamms.errors import BadValue
+from gamms.game.conflicts import flat
+from gamms.game.movement.streets import StreetGraph
+from gamms.game.movement.travel import EdgesAt
+from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, IntArray, locked_columns, with_edges
+from gamms.ir.obstacles import BoolArray
+
+_MOST_BYTES = 1 << 28  # of data computed for maps, except route tables, which batches share
+_EDGE_BYTES = 200  # of these data for an edge of one map; 74 measured on a grid, 200 on streets with names
+_OF_NODES = ("node_ids", "xy", "node_attributes", "crs")  # columns that do not depend on closed roads
+
+
+class DifferingRoads(BadValue):
+    """A query has no single answer, because the games differ in their closed roads."""
+
+
+class RoadTables(NamedTuple):
+    """The legal nodes on all maps of the games, concatenated.
+
+    Attributes:
+        maps: the map of the start, which is None, then the other maps of the games.
+        first: (games,) the index of the first node of each game's map.
+        offsets: (maps * nodes + 1,) the legal nodes at index `i` are `targets[offsets[i]:offsets[i + 1]]`.
+        targets: rows of nodes.
+    """
+
+    maps: list["RoadMap | None"]
+    first: IntArray
+    offsets: IntArray
+    targets: IntArray
+
+    def moved(self, before: Sequence["RoadMap | None"]) -> IntArray:
+        """Return the index of the first node of each of some other maps, (maps,); -1: it is not among the maps."""
+        nodes = (len(self.offsets) - 1) // len(self.maps)
+        first = {id(one): nodes * slot for slot, one in enumerate(self.maps)}
+        return np.array([first.get(id(one), -1) for one in before], np.int64)
+
+
+class RoadMap:
+    """A map whose open roads differ from the start.
+
+    Args:
+        roads: the roads of all games.
+        number: the number of the map in its batch; 0 is the map of the start.
+        gone: the rows of edges of the start that are missing, or have moved to `opened`, ascending.
+        opened: the rows of edges that were opened, including reopened edges of the start; they follow all others.
+        closed: id -> edge, for all closed edges.
+
+    Attributes:
+        shared: data computed for this map; see `GameArrays`.
+        snapshot: the map of a context, as `ctx.graph.storage.snapshot` returns it; None: no rule has made it.
+    """
+
+    def __init__(self, roads: "OpenRoads", number: int, gone: IntArray, opened: IntArray, closed: ClosedEdges) -> None:
+        self._whole = roads.whole
+        self._at_start = len(roads.streets.columns.edge_ids)
+        self.number = number
+        self.gone = gone
+        self.opened = opened
+        self.closed = closed
+        self._arcs: dict[tuple[str | None, bool], kernels.Arcs] = {}
+        self.shared: dict[Hashable, Any] = {}
+        self.world: Any = None  # of the games on this map; see `GameArrays.world`
+        self.snapshot: Any = None
+
+    def forget(self) -> None:
+        """Drop the computed data; they are computed again on demand."""
+        self.shared.clear()
+        self.world = None
+        vars(self).pop("streets", None)
+
+    @property
+    def key(self) -> Hashable:
+        """A key that is equal for equal maps."""
+        return self.gone.tobytes(), self.opened.tobytes(), tuple(self.closed)
+
+    @property
+    def rows(self) -> IntArray:
+        """The rows of the open edges, in order."""
+        return np.append(_others(self.gone, self._at_start), self.opened)
+
+    @cached_property
+    def edges_at(self) -> EdgesAt:
+        """The open edges out of each node and into each node, as offsets (nodes + 1,) and rows."""
+        columns = self._whole.columns
+        rows = self.rows
+        nodes = len(columns.node_ids)
+        leaving, entering = (kernels.group_rows(ends[rows], nodes) for ends in (columns.sources, columns.targets))
+        return (leaving[0], rows[leaving[1]]), (entering[0], rows[entering[1]])
+
+    @cached_property
+    def is_open(self) -> BoolArray:
+        """Whether each edge is open, (edges,)."""
+        found = np.zeros(len(self._whole.columns.edge_ids), np.bool_)
+        found[self.rows] = True
+        return found
+
+    @cached_property
+    def is_removed(self) -> BoolArray:
+        """Whether each edge is neither open nor closed, (edges,)."""
+        return ~self.is_open & ~np.isin(self._whole.columns.edge_ids, [*self.closed])
+
+    @cached_property
+    def legal(self) -> tuple[IntArray, IntArray]:
+        """The legal nodes of each node, as offsets (nodes + 1,) and rows."""
+        return _OpenRoutes(self._whole, self).neighborhoods()
+
+    def arcs(self, weight: str | None, *, reverse: bool) -> kernels.Arcs:
+        """Return the weighted outgoing edges of each node, or the incoming ones if `reverse`; computed once."""
+        key = weight, reverse
+        if key not in self._arcs:
+            self._arcs[key] = _OpenRoutes(self._whole, self).arcs(weight, reverse=reverse)
+        return self._arcs[key]
+
+    @cached_property
+    def streets(self) -> StreetGraph:
+        """The graph of this map."""
+        return StreetGraph(locked_columns(self.columns()), _OpenRoutes(self._whole, self))
+
+    def columns(self) -> GraphColumns:
+        """Return the columns of this map's graph."""
+        columns = self._whole.columns
+        rows = self.rows
+        offsets, out_edges = kernels.group_rows(columns.sources[rows], len(columns.node_ids))
+        return with_edges(columns, rows, offsets, out_edges)
+
+
+def _others(rows: IntArray, size: int) -> IntArray:
+    """Return the numbers below `size` that are not in `rows`, ascending."""
+    is_other = np.ones(size, np.bool_)
+    is_other[rows] = False
+    return np.flatnonzero(is_other)
+
+
+def _joined(each: Sequence[tuple[IntArray, IntArray]]) -> tuple[IntArray, IntArray]:
+    """Return lists of rows, given by their offsets and rows, one after the other."""
+    counts = np.concatenate([np.diff(offsets) for offsets, _ in each])
+    return np.concatenate(([0], np.cumsum(counts))), np.concatenate([rows for _, rows in each])
+
+
+class _OpenRoutes:
+    """The weighted edges of a map whose open roads differ from the start."""
+
+    def __init__(self, whole: StreetGraph, roads: RoadMap) -> None:
+        self._whole = whole
+        self._roads = roads
+
+    def weights(self, weight: str | None) -> FloatArray:
+        """Return the weight of each edge, (edges,)."""
+        return self._whole.weights(weight)[self._roads.rows]
+
+    def arcs(self, weight: str | None = "length", *, reverse: bool = False) -> kernels.Arcs:
+        """Return the weighted outgoing edges of each node, or the incoming ones if `reverse`."""
+        columns = self._whole.columns
+        rows = self._roads.rows
+        ends = (columns.targets, columns.sources) if reverse else (columns.sources, columns.targets)
+        return kernels.make_arcs(ends[0][rows], ends[1][rows], self.weights(weight), len(columns.node_ids))
+
+    def neighborhoods(self) -> tuple[IntArray, IntArray]:
+        """Return each node and its neighbors by open edges, itself first, as offsets (nodes + 1,) and rows."""
+        columns = self._whole.columns
+        rows = self._roads.rows
+        return kernels.neighborhoods(columns.sources[rows], columns.targets[rows], len(columns.node_ids))
+
+
+class OpenRoads:
+    """The open roads of all games of a batch.
+
+    Edges are rows of `whole`; edges that were open at the start have the same rows there.
+
+    Args:
+        streets: the graph at the start.
+        whole: the graph with all roads open; edges that were closed at the start follow all others.
+        closed: the edges that were closed at the start.
+        games: the number of games.
+
+    Attributes:
+        streets, whole: as given.
+        number: (games,) the number of each game's map; 0: the map of the start.
+        are_closed: whether the map of any game differs from the start.
+        shared: data computed for all maps together.
+        searches: the searches by which rules in the core find distances along roads, each with its weight.
+    """
+
+    def __init__(self, streets: StreetGraph, whole: StreetGraph, closed: ClosedEdges, games: int) -> None:
+        self.streets = streets
+        self.whole = whole
+        self._closed = closed
+        self.are_closed = False
+        self.number = np.zeros(games, np.int64)
+        self._maps: list[RoadMap | None] = [None] * games
+        self._known: WeakValueDictionary[Hashable, RoadMap] = WeakValueDictionary()
+        self._used: OrderedDict[int, RoadMap] = OrderedDict()
+        self._last = 0  # the number of the last map that was made
+        self._at_start = len(streets.columns.edge_ids)
+        self._order: IntArray | None = None
+        self._tables: RoadTables | None = None
+        self.shared: dict[Hashable, Any] = {}
+        self.searches: list[tuple[str | None, NearNodes]] = []
+
+    def use(self, roads: RoadMap) -> None:
+        """Mark a map as recently used; drop the data of the least recently used maps above the memory limit."""
+        self._used[roads.number] = roads
+        self._used.move_to_end(roads.number)
+        while len(self._used) > max(1, _MOST_BYTES // (_EDGE_BYTES * (1 + len(self.streets.columns.edge_ids)))):
+            self._used.popitem(last=False)[1].forget()
+
+    def of(self, game: int) -> RoadMap | None:
+        """Return the map of a game; None: the map of the start."""
+        return self._maps[game]
+
+    def put(self, games: IntArray, roads: RoadMap | None) -> None:
+        """Set the map of games; None: the map of the start."""
+        if roads is None and not self.are_closed:
+            return
+        for game in games.tolist():
+            self._maps[game] = roads
+        self.number[games] = 0 if roads is None else roads.number
+        self.are_closed = bool(self.number.any())
+        self._tables = None
+
+    def checkpoint(self) -> Callable[[], None]:
+        """Return a function that undoes all later changes of roads."""
+        known = self.number.copy(), [*self._maps], self.are_closed
+
+        def undo() -> None:
+            if self.are_closed or known[2]:
+                self.number[:], self._maps[:], self.are_closed = known
+                self._tables = None
+
+        return undo
+
+    @cached_property
+    def edges_at_start(self) -> EdgesAt:
+        """The edges out of each node and into each node on the map of the start; see `RoadMap.edges_at`."""
+        columns = self.streets.columns
+        return (columns.offsets, columns.out_edges), kernels.group_rows(columns.targets, len(columns.node_ids))
+
+    def edges_at(self, maps: Sequence[RoadMap | None]) -> EdgesAt:
+        """Return the open edges out of each node and into each node, of one map after the other."""
+        each = [self.edges_at_start if one is None else one.edges_at for one in maps]
+        leaving, entering = (_joined([one[way] for one in each]) for way in (0, 1))
+        return leaving, entering
+
+    def removed(self, maps: Sequence[RoadMap | None]) -> np.ndarray[Any, np.dtype[np.uint8]]:
+        """Return whether each edge was removed from each map, (maps * edges,); empty: none was."""
+        edges = len(self.whole.columns.edge_ids)
+        each = [np.zeros(edges, np.bool_) if one is None else one.is_removed for one in maps]
+        found = np.concatenate(each).view(np.uint8)
+        return found if found.any() else found[:0]
+
+    def are_open_rows(self, rows: IntArray, games: IntArray) -> BoolArray:
+        """Return whether each edge, given by its row in `whole`, is open in the game at the same index; not -1."""
+        found = (rows >= 0) & (rows < self._at_start)
+        for roads, places in self.by_map(games) if self.are_closed else ():
+            if roads is not None:
+                found[places] = (rows[places] >= 0) & roads.is_open[rows[places]]
+        return found
+
+    def arcs_of(self, maps: Sequence[RoadMap | None], weight: str | None, *, reverse: bool) -> tuple[Any, Any, Any]:
+        """Return the edges of maps, concatenated: offsets, rows of nodes, and weights.
+
+        Args:
+            maps: the maps; None: the map of the start.
+            weight: the edge weight.
+            reverse: whether to return the incoming edges of each node instead of the outgoing ones.
+        """
+        at_start = self.streets.ways_to if reverse else self.streets.ways
+        each = [at_start(weight) if one is None else one.arcs(weight, reverse=reverse) for one in maps]
+        counts = np.concatenate([np.diff(arcs.offsets) for arcs in each])
+        offsets: Any = np.concatenate(([0], np.cumsum(counts)))
+        tails, weights = (
+            np.concatenate(columns) for columns in zip(*((one.ends, one.weights) for one in each), strict=True)
+        )
+        return flat(offsets, np.int64), flat(tails, np.int64), flat(weights, np.float64)
+
+    @property
+    def tables(self) -> RoadTables:
+        """The legal nodes in all games."""
+        if self._tables is None:
+            numbers, slots = np.unique(np.append(0, self.number), return_inverse=True)
+            maps = dict(zip(self.number.tolist(), self._maps, strict=True)) | {0: None}
+            several = [maps[number] for number in numbers.tolist()]
+            legal = [(self.streets.offsets, self.streets.targets) if one is None else one.legal for one in several]
+            self._tables = RoadTables(several, slots[1:] * self.streets.num_nodes, *_joined(legal))
+        return self._tables
+
+    def by_map(self, games: IntArray) -> Iterator[tuple[RoadMap | None, IntArray]]:
+        """Yield each map of the games, and the indices of its games in `games`."""
+        number = self.number[games]
+        for one in np.unique(number).tolist():
+            places = np.flatnonzero(number == one)
+            yield self._maps[int(games[places[0]])], places
+
+    # -- maps -------------------------------------------------------------------------------------------------------
+
+    def are_open(self, edges: IntArray, games: IntArray) -> BoolArray:
+        """Return whether each edge, given by its id, is open in the game at the same index, (edges,)."""
+        found = np.zeros(edges.shape, np.bool_)
+        for roads, places in self.by_map(games):
+            columns = self.streets.columns if roads is None else roads.columns()
+            found[places] = np.isin(edges[places], columns.edge_ids)
+        return found
+
+    def map_with(self, edge_ids: IntArray, closed: ClosedEdges) -> RoadMap | None:
+        """Return the map with these open edges, in this order; None: the map of the start.
+
+        Raises:
+            BadValue: an edge is opened that was closed at the start, while another edge had its id; or an edge is new.
+        """
+        rows = self._rows_of(edge_ids)
+        if (rows < 0).any():
+            raise BadValue(f"edge {edge_ids[rows < 0][0]} was on no map of the games that the batch began with")
+        return self._map_of(rows, closed)
+
+    def _map_of(self, rows: IntArray, closed: ClosedEdges) -> RoadMap | None:
+        opened = np.array([id for id in self._closed if id not in closed], np.int64)
+        if (self._rows_of(opened) < self._at_start).any():
+            raise BadValue("it opens roads that were closed at the start, and whose ids other edges had")
+        is_later = (np.diff(rows, prepend=-1) < 0) | (rows >= self._at_start)
+        in_place = int(is_later.argmax()) if is_later.any() else len(rows)
+        return self._map(_others(rows[:in_place], self._at_start), rows[in_place:], closed)
+
+    def _map(self, gone: IntArray, opened: IntArray, closed: ClosedEdges) -> RoadMap | None:
+        if not len(gone) and not len(opened) and [*closed] == [*self._closed]:
+            return None
+        roads = RoadMap(self, self._last + 1, gone, opened, closed)
+        known = self._known.get(roads.key)
+        if known is None:
+            self._last += 1
+            known = self._known[roads.key] = roads
+        return known
+
+    def _rows_of(self, edge_ids: IntArray) -> IntArray:
+        known = self.whole.columns.edge_ids
+        if self._order is None:
+            self._order = np.argsort(known, kind="stable")
+        return kernels.rows_of(known, edge_ids, self._order)
+
+
+# -- where maps differ ------------------------------------------------------------------------------------------------
+
+
+def refuse_several_maps(what: str) -> NoReturn:
+    """Raise an error for a query whose answer differs between maps."""
+    raise DifferingRoads(
+        f"{what} differs between these games, in which other roads are closed: ask for games with the same roads, by "
+        "view.in_games(which)."
+    )
+
+
+class _NodeColumns:
+    """The columns of nodes of maps that differ in their edges."""
+
+    def __init__(self, columns: GraphColumns) -> None:
+        self._columns = columns
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _OF_NODES:
+            refuse_several_maps(f"streets.columns.{name}")
+        return getattr(self._columns, name)
+
+
+class MultiMapStreets(StreetGraph):
+    """The nodes of maps that differ in their open roads; queries of edges raise `DifferingRoads`.
+
+    Attributes:
+        whole: the graph at the start.
+    """
+
+    def __init__(self, whole: StreetGraph) -> None:
+        self.whole = whole
+        vars(self).update({name: value for name, value in vars(whole).items() if name not in _OF_ROADS})
+        self.columns: Any = _NodeColumns(whole.columns)
+
+
+_OF_ROADS = {
+    *("counts", "offsets", "targets", "legal", "counts_of", "legal_of", "step", "ends_of", "action_to", "_narrow"),
+    *("ways", "ways_to", "weights", "apart"),
+}
+
+
+def _refusing(name: str) -> property:
+    return property(lambda _: refuse_several_maps(f"streets.{name}"))
+
+
+for _name in _OF_ROADS:
+    setattr(MultiMapStreets, _name, _refusing(_name))
