@@ -508,7 +508,7 @@ READERS = {
         scenery_columns shortest_path to_latlon to_networkx track visibility visibility_table visible weights""",
     "Graph": """among columns distance distance_matrix distances edge_attributes from_latlon get_edge get_edges
         get_neighbors get_node get_nodes ground has_node nearest_node node_attributes nodes_near place positions
-        shortest_path to_latlon to_networkx weights within within_many""",
+        shortest_path to_latlon to_networkx weights within""",
     "NoEngine": """artist as_html clear_layer create_layer draw_commands fill_layer frame get_viewport
         human_input picture position_of save stay_open update""",
     "Artist": "get_artist_type get_drawer get_layer get_render_mode get_visible",

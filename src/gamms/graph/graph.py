@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from copy import deepcopy
 from dataclasses import fields
-from itertools import chain
 from math import inf, pi
 from typing import TYPE_CHECKING, Any, Self
 
@@ -15,12 +14,10 @@ from gamms.compat import Surface
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadValue, DuplicateId, MissingKey, UnknownName
 from gamms.graph import positions, records
-from gamms.graph.indexes import DiscContents
 from gamms.graph.routes import CachedRoutes, edge_weights
-from gamms.graph.store import Cache, GraphStore, Neighborhoods
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray, RowArray
+from gamms.graph.store import GraphStore, Neighborhoods
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.scenery import Scenery
-from gamms.limits import GarbagePause
 from gamms.readonly import ReadOnlyMapping, frozen
 from gamms.text import shown
 from gamms.typing.graph_engine import (
@@ -42,9 +39,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 
-_DISC_BYTES = 1 << 27  # most memory of the surroundings that one call computes at once
-
-
 class Graph(Surface, Guarded, IGraph):
     """A graph over columns; `IGraph` documents each call.
 
@@ -59,7 +53,6 @@ class Graph(Surface, Guarded, IGraph):
         self._phase = phase
         self._store = GraphStore() if store is None else store
         self._routes = CachedRoutes(self._store)
-        self._discs = Cache(_DISC_BYTES)
         self._queries = RouteQueries(self._routes, self.columns)
         self._shown: GraphColumns | None = None  # read-only including all attributes, for strategies
 
@@ -283,31 +276,13 @@ class Graph(Surface, Guarded, IGraph):
         row = nodes.find(records.as_id(node_id, "a node"))
         x = nodes.xy[2 * row]
         y = nodes.xy[2 * row + 1]
-        if (fov := as_range(fov, "fov")) != 2.0 * pi:
+        rows = self._rows_near(x, y, radius)
+        if as_range(fov, "fov") != 2.0 * pi:
             cos, sin = as_numbers(heading, "heading", "(cos, sin)")
             if (cos, sin) != (0.0, 0.0):
-                rows = self._rows_near(x, y, radius)
                 dx, dy = (nodes.array("xy")[rows] - (x, y)).T
-                return self._among(rows[kernels.in_cone(dx, dy, (cos, sin), fov)])
-        if radius == inf:
-            return self._among(self._rows_near(x, y, radius))
-        # NOTE: rows take a seventh of the memory of nodes and edges, and a third of the time of a search
-        # (benchmarks: looks of many agents).
-        return self._of_rows(*self._discs.get(self._store.revision, (row, radius), lambda: self._disc(x, y, radius)))
-
-    def within_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any], radius: float) -> list[Surroundings]:
-        """Return the nodes and edges within `radius` of each of several nodes, in all directions."""
-        rows = self._rows(node_ids)
-        # NOTE: neighboring nodes in sequence use the CPU cache (benchmarks: looks of many agents).
-        order = np.argsort(rows)
-        parts = self._store.indexes.discs(rows[order], as_range(radius, "The radius"))
-        if parts is None:
-            return super().within_many(node_ids, radius)
-        # NOTE: the garbage collector, which finds nothing here, would double the time (benchmarks: looks of
-        # many agents).
-        with GarbagePause():
-            seen = list(chain.from_iterable(self._surroundings(part) for part in parts))
-        return [seen[i] for i in np.argsort(order).tolist()]
+                rows = rows[kernels.in_cone(dx, dy, (cos, sin), fov)]
+        return self._among(rows)
 
     def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:
         """Return the nodes within `radius` of (x, y), as arrays."""
@@ -502,25 +477,9 @@ class Graph(Surface, Guarded, IGraph):
         return store.nodes.living() if radius == inf else store.indexes.nodes_within(x, y, radius)
 
     def _among(self, rows: IntArray) -> Surroundings:
-        return self._of_rows(rows, self._store.indexes.edges_among(rows))
-
-    def _of_rows(self, rows: RowArray, edges: RowArray) -> Surroundings:
         indexes = self._store.indexes
-        return Surroundings({node[0]: node for node in indexes.node_values(rows)}, indexes.edge_values(edges))
-
-    def _surroundings(self, discs: DiscContents) -> Iterator[Surroundings]:
-        indexes = self._store.indexes
-        nodes = indexes.node_values(discs.nodes)
-        edges = indexes.edge_values(discs.edges)
-        starts = discs.node_offsets.tolist()
-        ends = discs.edge_offsets.tolist()
-        for first, last, begin, end in zip(starts, starts[1:], ends, ends[1:], strict=False):
-            yield Surroundings({node[0]: node for node in nodes[first:last]}, edges[begin:end])
-
-    def _disc(self, x: float, y: float, radius: float) -> tuple[RowArray, RowArray]:
-        """Return the rows of the nodes in a disc, and of the edges among them."""
-        rows = self._rows_near(x, y, radius)
-        return rows.astype(np.int32), self._store.indexes.edges_among(rows).astype(np.int32)
+        nodes = {node[0]: node for node in indexes.node_values(rows)}
+        return Surroundings(nodes, indexes.edge_values(indexes.edges_among(rows)))
 
     def _end_rows(self, edge: dict[str, Any], id: int) -> tuple[int, int]:
         row_of = self._store.nodes.index.row

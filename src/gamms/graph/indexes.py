@@ -3,10 +3,10 @@
 Each index is built on first use; a change is noted in it, or discards the affected part.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from math import inf, isqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -64,33 +64,6 @@ class NodeGrid:
         if self._nodes.dead:
             rows = rows[self._nodes.array("alive")[rows] != 0]
         return np.sort(rows)
-
-    def within_each(self, rows: IntArray, d: float) -> Iterator[tuple[int, int, IntArray, IntArray]] | None:
-        """Find the living node rows at most `d` from each of several nodes, in chunks that bound the memory.
-
-        Returns:
-            For each chunk: its first index in `rows`, one past its last index, and pairs of an index, counted from the
-            first of the chunk, and a row, in no order; a pair may occur twice. None: query the nodes one by one.
-        """
-        xy = self._nodes.array("xy")
-        x, y = xy[rows].T
-        parts = kernels.candidates_of_each(self._cells, x, y, d) if _LEAST < d < _MOST else None
-        return None if parts is None else self._parts_within(parts, rows, d)
-
-    def _parts_within(
-        self, parts: Iterator[tuple[int, int, IntArray, IntArray]], rows: IntArray, d: float
-    ) -> Iterator[tuple[int, int, IntArray, IntArray]]:
-        xy = self._nodes.array("xy")
-        late = np.fromiter(self._late, np.int64)
-        for begin, end, at, found in parts:
-            if len(late):
-                count = end - begin
-                at = np.concatenate((at, np.repeat(np.arange(count), len(late))))  # noqa: PLW2901
-                found = np.concatenate((found, np.tile(late, count)))  # noqa: PLW2901
-            is_near = are_within(xy.take(found, axis=0), xy[rows[begin:end]].take(at, axis=0), d)
-            if self._nodes.dead:
-                is_near &= self._nodes.array("alive")[found] != 0
-            yield begin, end, at[is_near], found[is_near]
 
     def around(self, x: float, y: float, reach: int) -> list[int]:
         """Return the node rows, including dead ones, in the cells around (x, y), and the rows changed since."""
@@ -235,28 +208,19 @@ class Adjacency:
             rows = [row for row in rows if alive[row] and ends[row] == node]
         return rows
 
-    def at_each(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
-        """Return living edge rows whose end is one of `nodes`, and the index of this node; unordered, may repeat."""
+    def at(self, nodes: IntArray) -> IntArray:
+        """Return the living edge rows whose end is one of `nodes` (unique rows), ascending."""
         known = np.minimum(nodes, self._nodes)
         at, places = kernels.expand_ranges(self._offsets[known], self._offsets[np.minimum(nodes + 1, self._nodes)])
         rows = self._rows[places]
-        if self._late:
-            late: list[tuple[int, int]] = []
-            for i, node in enumerate(nodes.tolist()):
-                late += [(i, edge) for edge in self._late.get(node, ())]
-            more = np.array(late, np.int64).reshape(-1, 2)
-            at = np.concatenate((at, more[:, 0]))
-            rows = np.concatenate((rows, more[:, 1]))
-        if self._late or not self._is_exact:
-            is_so = (self._edges.array("alive")[rows] != 0) & (self._edges.array(self._end)[rows] == nodes[at])
-            at = at[is_so]
-            rows = rows[is_so]
-        return at, rows
-
-    def at(self, nodes: IntArray) -> IntArray:
-        """Return the living edge rows whose end is one of `nodes` (unique rows), ascending."""
-        _, rows = self.at_each(nodes)
-        return np.sort(rows) if self._is_exact and not self._late else np.unique(rows)
+        if self._is_exact and not self._late:
+            return np.sort(rows)
+        late = [(node, edge) for node in nodes.tolist() for edge in self._late.get(node, ())]
+        ends, more = np.array(late, np.int64).reshape(-1, 2).T
+        rows = np.concatenate((rows, more))
+        ends = np.concatenate((nodes[at], ends))
+        is_so = (self._edges.array("alive")[rows] != 0) & (self._edges.array(self._end)[rows] == ends)
+        return np.unique(rows[is_so])
 
 
 def is_within(x: FloatArray, y: FloatArray, at_x: FloatArray | float, at_y: FloatArray | float, d: float) -> BoolArray:
@@ -265,15 +229,6 @@ def is_within(x: FloatArray, y: FloatArray, at_x: FloatArray | float, at_y: Floa
         dx = x - at_x
         dy = y - at_y
         is_near: BoolArray = dx * dx + dy * dy <= d * d if _LEAST < d < _MOST else np.hypot(dx, dy) <= d
-    return is_near
-
-
-def are_within(xy: FloatArray, places: FloatArray, d: float) -> BoolArray:
-    """Return whether points (points, 2) are at most `d` from places (points, 2); squares must not overflow."""
-    with np.errstate(over="ignore"):  # an infinite distance is a valid result
-        off = xy - places
-        off *= off
-        is_near: BoolArray = off[:, 0] + off[:, 1] <= d * d
     return is_near
 
 
@@ -349,33 +304,6 @@ def edge_values(
     return list(map(_edge, zip(*fields, edges.array("lengths")[rows].tolist(), first, last, strict=True)))
 
 
-class DiscContents(NamedTuple):
-    """The rows around several places: those of place i are at `offsets[i]:offsets[i + 1]`, in insertion order.
-
-    Attributes:
-        node_offsets: (places + 1,)
-        nodes: rows of the nodes.
-        edge_offsets: (places + 1,)
-        edges: rows of the edges with both ends among them.
-    """
-
-    node_offsets: IntArray
-    nodes: IntArray
-    edge_offsets: IntArray
-    edges: IntArray
-
-
-def _by_place(at: IntArray, rows: IntArray, count: int) -> tuple[IntArray, IntArray]:
-    """Return unique pairs of a place and one of `count` rows, sorted by place, then by row."""
-    keys = at * count + rows
-    # NOTE: a sixth of the time of the default sort, because rows come in runs (benchmarks: looks).
-    keys.sort(kind="stable")
-    if len(keys):
-        keys = keys[np.concatenate(([True], keys[1:] != keys[:-1]))]
-    at = keys // max(count, 1)
-    return at, keys - at * count
-
-
 class Indexes:
     """The indexes of one graph's tables."""
 
@@ -423,25 +351,6 @@ class Indexes:
         is_seen[nodes] = False
         self._unused[:] = [is_seen]
         return among
-
-    def discs(self, rows: IntArray, d: float) -> Iterator[DiscContents] | None:
-        """Find the rows around each of several node rows, in chunks that bound the memory.
-
-        None: query the nodes one by one.
-        """
-        parts = self._node_grid().within_each(rows, d)
-        return None if parts is None else (self._discs_of(*part, rows, d) for part in parts)
-
-    def _discs_of(self, begin: int, end: int, at: IntArray, nodes: IntArray, rows: IntArray, d: float) -> DiscContents:
-        xy = self._nodes.array("xy")
-        places = np.arange(end - begin + 1)
-        at, nodes = _by_place(at, nodes, self._nodes.count)
-        where, edges = self._adjacency("sources").at_each(nodes)
-        where = at[where]
-        targets = self._edges.array("targets")[edges]
-        is_inside = are_within(xy.take(targets, axis=0), xy[rows[begin:end]].take(where, axis=0), d)
-        where, edges = _by_place(where[is_inside], edges[is_inside], self._edges.count)
-        return DiscContents(np.searchsorted(at, places), nodes, np.searchsorted(where, places), edges)
 
     def edge_values(self, rows: RowArray) -> list[OSMEdge]:
         """Return the edges of these rows."""

@@ -1,8 +1,7 @@
 """Views of nodes and edges from a place, cached until the graph changes."""
 
-from collections.abc import Container, Hashable, Mapping
+from collections.abc import Hashable, Mapping
 from functools import cached_property
-from itertools import count
 from math import inf, pi
 from typing import Any
 
@@ -11,10 +10,8 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_int
 from gamms.deciding import phase_of
-from gamms.errors import UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.positions import Positions
 from gamms.sensor import fov_geometry
 from gamms.typing import IContext
 from gamms.typing.graph_engine import IGraph, NodeColumns, NodeGround, Surroundings
@@ -31,16 +28,6 @@ _PART = 8  # one in this many views is dropped when the cache is full
 _WORDS_PER_NODE = 7  # per dict entry, at most
 _SURFACE = NodeGround(np.zeros(1), np.zeros(1, np.int64))  # of a flat map
 _WORDS_PER_VIEW = 100  # per view, for its key and its empty containers
-_FEW_MISSES = 4  # misses at one moment that are computed one by one, and
-_AGENTS_PER_MISS = 512  # one more for each so many agents
-# views that are computed together
-_FEWEST = 16
-_MOST_AHEAD = 4096
-_GROWTH = 4
-_MOST_BEHIND = 64  # looks from nodes already passed before the search returns to one, and
-_NODES_PER_LOOK_BEHIND = 16  # one more for each so many nodes
-_SHARE_AHEAD = 4  # share of the words for views that are computed together
-_MOST_RADII = 64  # radii for which looks are counted
 
 
 class View(Surroundings):
@@ -57,111 +44,6 @@ class View(Surroundings):
         return np.array([edge.id for edge in self.edges], np.int64)
 
 
-class ViewPrefetcher:
-    """A prefetcher of views: computes the views that other agents will need at this moment, for one radius.
-
-    While agents decide, all see the same world, and look in the order of their names. After several looks from unknown
-    nodes, the views of the next agents are computed together, in growing numbers as long as most of them are used.
-
-    Attributes:
-        views: view by node; a look removes its view.
-        words: memory of these views.
-        largest: largest size of a view computed alone.
-    """
-
-    __slots__ = (
-        *("_begin", "_behind", "_end", "_made", "_misses", "_nodes", "_places", "_size", "_wait", "_waited"),
-        *("largest", "views", "words"),
-    )
-
-    def __init__(self) -> None:
-        self._size = _FEWEST
-        self._wait = 0
-        self._waited = 0
-        self._made = 0
-        self.largest = 1
-        self.views: dict[int, Surroundings] = {}
-        self.begin()
-
-    def begin(self) -> None:
-        """Restart, because agents may have moved."""
-        self.judge()
-        self._misses = self._begin = self._end = self._behind = 0
-        self._nodes: list[int] | None = None  # nodes of agents, in the order of their looks
-        self._places: dict[int, int] = {}  # of these in it
-
-    def judge(self) -> None:
-        """Drop unused views; compute more the next time if most were used, else fewer and later."""
-        unused = len(self.views)
-        self.views = {}
-        self.words = 0
-        if not self._made:
-            return
-        if 2 * unused <= self._made:
-            self._size = min(_GROWTH * self._size, _MOST_AHEAD)
-            self._waited = 0
-        else:
-            self._size = max(self._size // _GROWTH, _FEWEST)
-            self._wait = self._waited = min(2 * self._waited + _FEWEST, _MOST_AHEAD)
-        self._made = 0
-
-    def is_due(self, node: int, positions: Positions) -> bool:
-        """Count a look from an unknown node; return whether to compute the next views together."""
-        self._misses += 1
-        # NOTE: sorting 10,000 agents takes as long as 20 looks (benchmarks: looks of many agents).
-        if self._wait or self._misses <= _FEW_MISSES + len(positions.names) // _AGENTS_PER_MISS:
-            self._wait = max(self._wait - 1, 0)
-            return False
-        if self._nodes is None:
-            names = positions.names
-            nodes = positions.nodes
-            rows = sorted(positions.living_rows, key=names.__getitem__)
-            self._nodes = list(dict.fromkeys([nodes[row] for row in rows]))
-            self._places = dict(zip(self._nodes, count(), strict=False))
-        place = self._places.get(node)
-        if place is None:
-            return False
-        most_behind = _MOST_BEHIND + len(self._nodes) // _NODES_PER_LOOK_BEHIND
-        if place < self._end and self._behind < most_behind:  # the view was cached, and dropped since
-            self._behind += 1
-            return False
-        self._behind = 0
-        self._begin = self._end = place
-        return True
-
-    def most(self) -> int:
-        """Return how many views to compute together."""
-        return min(self._size, _MOST_WORDS // _SHARE_AHEAD // self.largest)
-
-    def next_nodes(self, known: Container[int]) -> list[int]:
-        """Return unknown nodes from which agents look next; empty if there are few."""
-        found = list[int]()
-        nodes = self._nodes or ()
-        most = self.most()
-        place = self._begin
-        while place < len(nodes) and len(found) < most:
-            if nodes[place] not in known:
-                found.append(nodes[place])
-            place += 1
-        self._end = place
-        return found if len(found) >= _FEWEST // 2 else []
-
-    def take(self, nodes: list[int], seen: list[Surroundings], most_words: int) -> None:
-        """Store views of nodes, up to a number of words."""
-        for node, view in zip(nodes, seen, strict=True):
-            words = _words(view)
-            if self.words + words > most_words:
-                break
-            self.views[node] = view
-            self.words += words
-        self._made = len(self.views)
-
-    def stop(self) -> None:
-        """Stop prefetching until agents have moved."""
-        self._nodes = []
-        self._places = {}
-
-
 class ViewCache:
     """A cache of surroundings by radius and field of view, and by place."""
 
@@ -173,8 +55,6 @@ class ViewCache:
         self._revision: Any = None
         self._seen: dict[Any, dict[Any, View]] = {}
         self._words = 0
-        self._to_come: dict[float, ViewPrefetcher] = {}  # by radius
-        self._has_missed = False  # whether it has prefetched views of this moment
 
     def look(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> View:
         """Return the view of a map sensor."""
@@ -183,8 +63,6 @@ class ViewCache:
         moment = self._phase.moment
         if moment is None or moment is not self._moment:
             self._moment = moment
-            if self._has_missed:
-                self._begin_looks()
             graph = self._graph = self._ctx.graph.graph if self._graph is None else self._graph
             revision = graph.revision
             if revision != self._revision or revision is None:
@@ -210,60 +88,7 @@ class ViewCache:
         graph = self._ctx.graph.graph
         if isinstance(place, tuple):
             return graph.among(nodes_ahead(self._ctx, place, radius, fov, heading).ids)
-        is_around = (fov == FULL_CIRCLE or heading == (0.0, 0.0)) and radius != inf
-        if is_around and self._phase.moment is not None and type(place) is int and self._revision is not None:
-            return self._around(graph, place, radius)
         return graph.within(place, radius, fov, heading)
-
-    def _around(self, graph: IGraph, node: int, radius: float) -> Surroundings:
-        """Return the surroundings of a node, while agents decide."""
-        looks = self._to_come.get(radius)
-        if looks is None:
-            if len(self._to_come) >= _MOST_RADII:
-                self._begin_looks()
-                self._to_come.clear()
-            looks = self._to_come[radius] = ViewPrefetcher()
-        seen = looks.views.pop(node, None)
-        if seen is not None:
-            words = _words(seen)
-            looks.words -= words
-            self._words -= words
-            return seen
-        self._has_missed = True
-        nodes = self._next_nodes(looks, node, radius)
-        if nodes:
-            try:
-                seen, *others = graph.within_many(nodes, radius)
-            except UnknownName:  # the node of an agent was removed
-                looks.stop()
-            else:
-                looks.take(nodes[1:], others, _MOST_WORDS - self._words)
-                self._words += looks.words
-                return seen
-        seen = graph.within(node, radius)
-        looks.largest = max(looks.largest, _words(seen))
-        return seen
-
-    def _next_nodes(self, looks: ViewPrefetcher, node: int, radius: float) -> list[int]:
-        """Return the nodes whose views to compute together, this one first; empty if it does not pay off."""
-        if not looks.is_due(node, self._ctx.agent.positions):
-            return []
-        self._words -= looks.words
-        looks.judge()
-        nodes = looks.next_nodes(self._seen.get(radius, {}))
-        words = looks.most() * looks.largest
-        if nodes and self._words + words > _MOST_WORDS:  # only now, after the looks whose views were cached
-            self._drop(words)
-            has_room = self._words + words <= _MOST_WORDS
-            nodes = looks.next_nodes(self._seen.get(radius, {})) if has_room else []
-        return nodes
-
-    def _begin_looks(self) -> None:
-        """Drop unused prefetched views, because agents may have moved."""
-        for looks in self._to_come.values():
-            self._words -= looks.words
-            looks.begin()
-        self._has_missed = False
 
     def _forget(self, revision: object) -> None:
         self._revision = revision
@@ -278,8 +103,6 @@ class ViewCache:
             return view
         if self._words + words > _MOST_WORDS:
             self._drop(words)
-            if self._words + words > _MOST_WORDS:  # the space is used by prefetched views
-                return view
         self._words += words
         self._seen.setdefault(kind, {})[place if isinstance(place, tuple) else int(place)] = view
         return view

@@ -123,8 +123,6 @@ def _offers_derived_methods(graph: IGraph) -> None:
     _same("within sees edges with both ends inside", [edge.id for edge in seen.edges], [10, 11, 13, 14])
     ahead = graph.within(1, 10.0, fov=1.0, heading=(1.0, 0.0))
     _same("within sees the cone and its own node", list(ahead.nodes), [1, 7])
-    many = [list(one.nodes) for one in graph.within_many([1, 7], 5.0)]
-    _same("within_many sees what within sees", many, [list(graph.within(id, 5.0).nodes) for id in (1, 7)])
     ids, xy = graph.nodes_near(10.0, 4.0, 4.0)
     _same("nodes_near needs no node at its centre", [ids.tolist(), xy.tolist()], [[7], [[10.0, 0.0]]])
     few = graph.among([5, 2, 1])

@@ -169,15 +169,6 @@ class IGraph(ABC):
             ids = ids[kernels.in_cone(xy[:, 0] - here.x, xy[:, 1] - here.y, heading, fov)]
         return self.among(ids)
 
-    def within_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any], radius: float) -> list[Surroundings]:
-        """Return the result of `within` in all directions for each of several nodes; faster than single calls.
-
-        Raises:
-            UnknownName (KeyError): a node does not exist.
-            BadValue (ValueError): the radius is negative or NaN.
-        """
-        return [self.within(int(id), radius) for id in node_ids]
-
     def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:
         """Return the nodes within `radius` (may be infinite) of (x, y), border included, as arrays in insertion order.
 

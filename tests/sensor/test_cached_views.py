@@ -1,4 +1,4 @@
-"""What agents see that look in one moment is worked out together, and equals what each would see by itself."""
+"""Cached views equal what each agent would see by itself, whatever the size of the cache."""
 
 import pytest
 from hypothesis import given, settings
@@ -11,17 +11,6 @@ from gamms.sensor import views
 from gamms.typing import SensorType
 
 SIDE = 12
-
-
-@pytest.fixture
-def eager(monkeypatch):
-    """Work out together what few agents see."""
-    make_eager(monkeypatch)
-
-
-def make_eager(monkeypatch):
-    monkeypatch.setattr(views, "_FEW_MISSES", 1)
-    monkeypatch.setattr(views, "_FEWEST", 2)
 
 
 def game(agents, radius, with_sensor=lambda i: True, seed=3):
@@ -49,23 +38,10 @@ def game(agents, radius, with_sensor=lambda i: True, seed=3):
     return ctx, checked
 
 
-def counted(monkeypatch, name):
-    """Return a list that grows with each call of a method of the graph."""
-    calls, method = [], getattr(Graph, name)
-
-    def counting(self, *args):
-        calls.append(args)
-        return method(self, *args)
-
-    monkeypatch.setattr(Graph, name, counting)
-    return calls
-
-
 @given(data=st.data())
 @settings(max_examples=12)
 def test_agents_see_what_each_would_see_by_itself(data):
     with pytest.MonkeyPatch.context() as patch:
-        make_eager(patch)
         patch.setattr(views, "_MOST_WORDS", data.draw(st.sampled_from([1, 900, 4000, 1 << 24])))
         agents = data.draw(st.lists(st.integers(0, SIDE * SIDE - 1), min_size=1, max_size=24))
         every = data.draw(st.sampled_from([1, 1, 3]))
@@ -86,25 +62,7 @@ def test_agents_see_what_each_would_see_by_itself(data):
         ctx.terminate()
 
 
-def test_nothing_is_worked_out_for_agents_that_do_not_look(monkeypatch):
-    together = counted(monkeypatch, "within_many")
-    ctx, checked = game(range(144), 20.0, lambda i: i % 18 == 0)
-    for _ in range(12):
-        ctx.game.step()
-    assert len(checked) == 12 * 8
-    assert sum(len(nodes) for nodes, _ in together) <= 3 * 16
-
-
-def test_in_a_loop_of_the_program_each_look_is_answered_by_itself(eager, monkeypatch):
-    together = counted(monkeypatch, "within_many")
-    ctx, _ = game(range(40), 20.0)
-    for agent in ctx.agent.create_iter():
-        state = agent.get_state()
-        assert len(state["sensor"]["s"][1]["nodes"]) >= 6
-    assert together == []
-
-
-def test_an_agent_on_a_removed_node_spoils_no_view_of_others(eager):
+def test_an_agent_on_a_removed_node_spoils_no_view_of_others():
     ctx, checked = game([0, 5, 20, 40, 77, 100], 20.0)
     ctx.graph.graph.remove_node(77)
     with pytest.raises(UnknownName, match="77"):
