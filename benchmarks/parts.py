@@ -54,7 +54,7 @@ def batch_of(rules, settings, strategies=None, plain=None, games=1024, turns=50,
     """Games of 5 against 5 on a grid of 20 x 20 in a batch, and the same one by one, perhaps by plain strategies."""
     from gamms.scenario import Scenario
 
-    given = {"map": {"grid": {"width": 20, "height": 20}}, "teams": {"red": WALK, "blue": WALK}, **more}
+    given = {"map": {"grid": {"rows": 20, "columns": 20}}, "teams": {"red": WALK, "blue": WALK}, **more}
     agents = sum(team["count"] for team in given["teams"].values())
     scenario = Scenario(rules=rules, settings=settings, max_turns=turns, **given)
     batch, alone = scenario.batch(games, strategies=strategies), scenario.build(seed=0, strategies=plain or strategies)

@@ -127,7 +127,7 @@ def ours_in_batch(games=64):
     from gamms.scenario import Scenario
 
     scenario = Scenario(
-        map={"grid": {"width": 64, "height": 64, "spacing": 10.0}},
+        map={"grid": {"rows": 64, "columns": 64, "spacing": 10.0}},
         teams={"red": {"count": 64, "sensors": ["near"], "strategy": "gamms.strategies:random_walk"}},
         sensors={"near": {"type": "AGENT_RANGE", "sensor_range": 50.0}},
         conflicts={"capacity": 1},
@@ -150,7 +150,7 @@ def ours_as_vectors(games=1024):
     from gamms.scenario import Scenario
 
     scenario = Scenario(
-        map={"grid": {"width": 32, "height": 32, "spacing": 10.0}},
+        map={"grid": {"rows": 32, "columns": 32, "spacing": 10.0}},
         teams={team: {"count": count, "sensors": ["all"]} for team, count in (("red", 3), ("blue", 1))},
         sensors={"all": {"type": "AGENT"}},
         rules=[{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "mutual": False}}],

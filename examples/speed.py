@@ -47,7 +47,7 @@ rules = [
     {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}},
     {"rule": "time_limit", "with": {"turns": TURNS}},
 ]
-scenario = gamms.scenario.Scenario(map={"grid": {"width": 10, "height": 10}}, teams=walkers, rules=rules)
+scenario = gamms.scenario.Scenario(map={"grid": {"rows": 10, "columns": 10}}, teams=walkers, rules=rules)
 with scenario.batch(200, seed=1) as games:
     began = process_time()
     games.run()

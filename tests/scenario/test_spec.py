@@ -14,6 +14,8 @@ from gamms.scenario import ScenarioError
 from gamms.sensor import SensorType
 from gamms.typing.game import OWNERS, TEAMS, Team
 
+EYES = {"type": "AGENT_RANGE", "sensor_range": 15}
+FAR = {"type": "AGENT_RANGE", "range_m": 15}
 WRONG = [
     ({"teams.red.cuont": 8}, "teams.red.cuont", "8. Did you mean 'count'?"),
     ({"teams.red.count": "many"}, "teams.red.count", "'many': it must be a whole number, not a text."),
@@ -23,14 +25,22 @@ WRONG = [
     ({"mpa": {}}, "mpa", "Did you mean 'map'?"),
     ({"map": {}}, "map", "nothing is given"),
     ({"map": {"gird": {}}}, "map.gird", "Did you mean 'grid'?"),
-    ({"map": {"grid": {"width": 3}}}, "map.grid.height", "missing"),
-    ({"map": {"grid": {"width": 3, "height": 3, "spacing": 0}}}, "map.grid.spacing", "> 0"),
+    ({"map": {"grid": {"columns": 3}}}, "map.grid.rows", "missing"),
+    ({"map": {"grid": {"width": 3}}}, "map.grid.rows", "missing"),
+    ({"map": {"grid": {"rows": 0, "columns": 3}}}, "map.grid.rows", "cannot be 0: it must be a whole number >= 1"),
+    ({"map": {"grid": {"rows": 3, "columns": 3, "spacing": 0}}}, "map.grid.spacing", "> 0"),
+    ({"map": {"grid": {"columns": 3, "width": 3}}}, "map.grid.width", "the old name of columns, which is given, too"),
+    (
+        {"teams.red.sensors": {"a": {"type": "range", "range_m": 1, "sensor_range": 1}}},
+        "teams.red.sensors.a.sensor_range",
+        "the old name of range_m",
+    ),
     ({"map.helsinki": {}}, "map", "grid and helsinki are given"),
     ({"map": {"place": {"location": "Turku", "osm_type": "wlak"}}}, "map.place.osm_type", "Did you mean 'walk'?"),
     ({"sensors.near.type": "NEIGHBOUR"}, "sensors.near.type", "Did you mean 'NEIGHBOR'?"),
     ({"sensors.near": {}}, "sensors.near", "exactly one of type and function"),
     ({"sensors.near.fov": 1.0}, "sensors.near.fov", "a NEIGHBOR sensor has none"),
-    ({"sensors.eyes.sensor_rnge": 1.0}, "sensors.eyes.sensor_rnge", "Did you mean 'sensor_range'?"),
+    ({"sensors.eyes.rnge_m": 1.0}, "sensors.eyes.rnge_m", "Did you mean 'range_m'?"),
     ({"sensors.eyes.team": "bleu"}, "sensors.eyes.team", "Did you mean 'blue'?"),
     ({"sensors.eyes.position_noise_m": -1.0}, "sensors.eyes.position_noise_m", ">= 0"),
     ({"sensors.eyes.false_alarm_rate": 101}, "sensors.eyes.false_alarm_rate", "<= 100"),
@@ -265,6 +275,18 @@ def test_the_schema_is_one_that_editors_take():
     assert json.loads(json.dumps(schema)) == schema
     assert schema["$defs"]["Team"]["additionalProperties"] is False
     assert "from" in schema["$defs"]["Team"]["properties"]
+
+
+def test_old_names_of_keys_mean_the_current_ones(made):
+    old = made({"map": {"grid": {"width": 8, "height": 6}}, "teams.blue.agents.0.sensors": {"far": EYES}})
+    new = made({"map": {"grid": {"rows": 6, "columns": 8}}, "teams.blue.agents.0.sensors": {"far": FAR}})
+    assert old.spec == new.spec
+    assert old.replace(**{"map.grid.width": 9, "sensors.eyes.sensor_range": 20}) == old.replace(
+        **{"map.grid.columns": 9, "sensors.eyes.range_m": 20}
+    )
+    properties = scenario.schema()["$defs"]
+    assert properties["Grid"]["required"] == ["rows", "columns"]
+    assert "sensor_range" not in properties["Sensor"]["properties"]
 
 
 def test_a_key_of_the_data_that_no_code_names_is_warned_about(made, folder):

@@ -144,7 +144,6 @@ def test_a_function_of_a_team_is_found_and_made_again_for_each_seed(tmp_path):
         ("eyes.rang_m", 3, "teams.red.sensors.eyes.rang_m: unknown key, with the value 3. Did you mean 'range_m'?"),
         ("eyes.type", "agnt_range", "unknown sensor type 'agnt_range'. Did you mean 'AGENT_RANGE'?"),
         ("eyes.range_m", -1, "teams.red.sensors.eyes.range_m: cannot be -1"),
-        ("eyes.sensor_range", 30, "is the old name of range_m, which is given, too."),
         ("eyes.fov", 3, "a AGENT_RANGE sensor has none"),
     ],
 )

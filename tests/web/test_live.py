@@ -258,7 +258,7 @@ def test_numbers_that_can_be_chosen_are_those_of_a_scenario_but_for_nodes_and_ke
     made = HUNT.replace(**{"teams.red.meta": meta, "teams.red.near": 24})
     found = {one["path"]: tuple(one.values())[1:] for one in numbers_of(made) if "blue" not in one["path"]}
     assert found == {
-        "sensors.eyes.sensor_range": (25, 0, 100, 1),
+        "sensors.eyes.range_m": (25, 0, 100, 1),
         "teams.red.count": (2, 0, 10, 1),
         "teams.red.within": (20, 0, 80, 1),
         "teams.red.meta.pay": (-1.5, -6.0, 1.0, 0.035),

@@ -596,8 +596,7 @@ def written_out(spec: Spec, library: CodeLibrary) -> Values:
     """
     plain: Values = copied(to_plain(spec))
     for sensor in _sensors_in(plain):
-        range_m = sensor.pop("range_m")
-        sensor["sensor_range"] = sensor["sensor_range"] if range_m is None else range_m
+        sensor["sensor_range"] = sensor.pop("range_m")
         kind = None if sensor["type"] is None else sensor_type(sensor["type"])
         defaults = {} if kind is None else copied(KINDS[kind].keywords)
         sensor |= {name: value for name, value in defaults.items() if sensor[name] is None}

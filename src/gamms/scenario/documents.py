@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
+from functools import reduce
 from pathlib import Path, PurePath
 from types import ModuleType
 from typing import TYPE_CHECKING, NoReturn
@@ -177,8 +178,40 @@ def checked_key(key: object, path: str = "") -> str | int:
     return key
 
 
+def with_current_keys(value: Plain, keys: tuple[Plain, ...] = ()) -> Plain:
+    """Return the values of a scenario with the current names of its keys; `keys` lead to the value.
+
+    Raises:
+        ScenarioError: an old name and its current name are both given.
+    """
+    if isinstance(value, list):
+        return [with_current_keys(one, (*keys, number)) for number, one in enumerate(value)]
+    if not isinstance(value, dict) or (keys and keys[0] not in ("map", "sensors", "teams")):
+        return value
+    current = {}
+    for key, one in value.items():
+        name = _current_key(keys, key)
+        if name != key and name in value:
+            path = reduce(joined, (*keys, key), "")
+            raise ScenarioError(path, f"is the old name of {name}, which is given, too.")
+        current[name] = with_current_keys(one, (*keys, key))
+    return current
+
+
+def _current_key(keys: tuple[Plain, ...], key: Plain) -> Plain:
+    """Return the current name of a key, below the keys that lead to its mapping."""
+    match keys:
+        case ("map", "grid"):
+            names = {"width": "columns", "height": "rows"}
+        case ("sensors", _) | ("teams", _, "sensors", _) | ("teams", _, "agents", _, "sensors", _):
+            names = {"sensor_range": "range_m"}
+        case _:
+            return key
+    return names.get(key, key)
+
+
 def changed(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Plain]:
-    """Copy a mapping, with another value at each dotted path.
+    """Copy a mapping, with current names of keys, and with another value at each dotted path.
 
     A part of a path is a key, or the index or the name of a list item. The last key may be new, and so may the first,
     such as settings.
@@ -186,10 +219,11 @@ def changed(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Pl
     Raises:
         ScenarioError: a path does not exist.
     """
-    new: dict[str, Plain] = copied(raw)
+    new: dict[str, Plain] = with_current_keys(copied(raw))
     for path, value in changes.items():
         here: Plain = new
-        parts = path.split(".")
+        *above, last = path.split(".")
+        parts = [*above, _current_key((*above,), last)]
         for number, part in enumerate(parts):
             is_last = number + 1 == len(parts)
             key = _found(here, part)

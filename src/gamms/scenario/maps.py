@@ -114,7 +114,7 @@ def load(map: Map, folder: Path | None, library: CodeLibrary) -> MapSnapshot:
     kind = kind_of(map)
     with create_context(logger_config=quiet()) as ctx, at(f"map.{kind}"):
         if map.grid is not None:
-            ctx.graph.attach_networkx_graph(Grid(map.grid.height, map.grid.width, map.grid.spacing))
+            ctx.graph.attach_networkx_graph(Grid(**given_values(map.grid)))
         elif map.helsinki is not None:
             osm.helsinki(ctx, **given_values(map.helsinki))
         elif map.place is not None:

@@ -82,7 +82,7 @@ class Scenario(Surface, Immutable):
         self._library = CodeLibrary(CodeSources(self.folder, self.allow, self.key_variable))
         with named(self.file, given):
             self._raw: dict[str, Any] = documents.copied(given)
-            self._put_public(spec=checked(self._raw, Spec))
+            self._put_public(spec=checked(documents.with_current_keys(self._raw), Spec))
             check_sense(self.spec)
         self._digests: dict[str, str] | None = None
         self._named_idle = set[Hashable]()

@@ -74,8 +74,8 @@ class Plan(Code, frozen=True, kw_only=True):
 class Grid(_Mapping, frozen=True, kw_only=True):
     """A grid of streets."""
 
-    width: Annotated[int, Meta(ge=1, description="Nodes in each row.")]
-    height: Annotated[int, Meta(ge=1, description="Rows.")]
+    rows: Annotated[int, Meta(ge=1)]
+    columns: Annotated[int, Meta(ge=1, description="Nodes in each row.")]
     spacing: Annotated[float, Meta(gt=0.0, description="Metres between neighbours.")] = 10.0
 
 
@@ -137,7 +137,6 @@ class Sensor(_Mapping, frozen=True, kw_only=True):
     function: Reference | None = None
     with_: Values | None = None
     range_m: Metres | None = None
-    sensor_range: Metres | None = None  # the old name of range_m
     fov: float | None = None
     orientation: tuple[float, float] | None = None
     observer_height: float | None = None

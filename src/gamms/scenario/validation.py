@@ -116,14 +116,12 @@ def _check_sensor(path: str, sensor: schema.Sensor, spec: Spec) -> None:
         kind = sensor_type(sensor.type or "")
         if kind is None:
             raise _unknown_type(path, "sensor", sensor.type or "", [one.name for one in KINDS])
-        known = ["type", *sorted(KINDS[kind].names())]
+        known = ["type", *sorted(KINDS[kind].names() - {"sensor_range"})]
     for key in (key.rstrip("_") for key in given):
         if key not in known:
             what = f"a {sensor.type} sensor" if sensor.type else "a function"
             hint = nearest(key, known) or f" It has: {', '.join(known)}."
             raise ScenarioError(joined(path, key), f"{what} has none.{hint}")
-    if sensor.range_m is not None and sensor.sensor_range is not None:
-        raise ScenarioError(joined(path, "sensor_range"), "is the old name of range_m, which is given, too.")
     if sensor.at is not None:
         _check_place(f"{path}.at", sensor.at, f"{sensor.type} sensors are", flies="quat" in known)
     for key in ("team", "exclude"):

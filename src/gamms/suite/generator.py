@@ -12,6 +12,7 @@ from gamms.scenario import Scenario
 
 Values = dict[str, Plain]
 
+# The old names of rows and columns: tasks of version 1 are named by the digests of these values.
 MAPS: dict[str, Values] = {"grid": {"grid": {"width": 16, "height": 12, "spacing": 10}}, "helsinki": {"helsinki": {}}}
 """The maps for generated scenarios, as `map` in a scenario file."""
 
