@@ -12,9 +12,10 @@ from gamms.strategies import goto
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.backends.pillow_backend import pixels_of
 from gamms.visual.camera import Camera, on_screen
+from gamms.visual.constants import Layer
 from gamms.visual.drawers.marks import drawn_marks
 
-MARKS = 25  # the layer
+MARKS = Layer.TAGS
 
 
 def staying(state):
@@ -68,6 +69,23 @@ def test_no_mark_touches_the_middle_of_a_disc(street, scale, then):
         [points[commands.offsets[row] : commands.offsets[row + 1]] for row in rows_on(commands, MARKS)]
     )
     assert np.hypot(*(corners - middles).T).min() > 6.0  # the least radius of an agent
+
+
+def test_an_agent_that_passes_a_mark_covers_it(street):
+    ctx = street(red_0=("red", 1, 2), blue_0=("blue", 2), red_1=("red", 14))
+    ctx.game.add(tag("red", "blue", then="eliminate"))
+    ctx.game.run(1)
+    ctx.visual.look_at(20.0, 0.0, 20.0)
+    (mark,) = marks(ctx)
+    x, y = mark.current_position
+    scale = 400 / 20.0  # where the mark is drawn: pixels right of the node and below it
+    right, down = np.multiply(mark.shift, mark.least_px)
+    place = round(200 + (x - 20.0) * scale + right), round(200 - y * scale + down)
+    ctx.visual.add_artist(
+        "passer", {"shape": gamms.visual.Shape.Circle, "x": 20.0, "y": 0.0, "radius": 5.0, "layer": 20}
+    )
+    pixels = ctx.visual.frame(400, 400, labels=False, legend=False)
+    assert pixels[place[::-1]].tolist() == [0, 0, 0]
 
 
 def test_who_is_out_has_one_mark_and_not_that_of_a_tag_besides(street):
@@ -130,7 +148,7 @@ def test_signs_of_rules_have_sizes_in_pixels(street, name):
     ctx.game.add(RULES[name](ctx))
     ctx.game.step()
     commands = ctx.visual.draw_commands()
-    of_rules = np.isin(commands.layer, (18, 22, 25))
+    of_rules = np.isin(commands.layer, (Layer.GOALS, Layer.FLAGS, Layer.TAGS))
     assert of_rules.any()
     assert set(commands.space[of_rules].tolist()) == {DrawSpace.SCREEN}
     assert DrawKind.LINE not in commands.kind[of_rules]

@@ -44,11 +44,11 @@ class Layer(IntEnum):
     VALUES = 13
     TRAILS = 14
     SEEN = 15  # sensor views in the default scene
+    MESSAGES = 17
     GOALS = 18
-    MESSAGES = 19
+    TAGS = 19  # below agents, so that no living agent is crossed out
     AGENTS = 20
     FLAGS = 22
-    TAGS = 25
     ARTISTS = 30  # artists without a given layer
     WINDOW_SENSORS = 30  # declared sensors in a window, as in 1.0.0
     SENSORS = 40

@@ -1,7 +1,8 @@
 """Drawers of marks on the nodes where agents were tagged, were eliminated, or arrived.
 
-A mark has the color of the agent that it is about. It stands beside the discs of agents, so that it crosses out none,
-and marks of one place stand in a row. `drawn_marks` returns them as labels need them, so that they get names.
+A mark has the color of the agent that it is about. It stands beside the discs of agents, and below those that come
+there later, so that it crosses out none. Marks of one place stand in a row. `drawn_marks` returns them as labels need
+them, so that they get names.
 """
 
 from collections import Counter
@@ -33,7 +34,7 @@ _ROW_PX = 40.0  # at most from the first mark of a row to the last one at each s
 _DOWN_PX = _DISC_PX + _GAP_PX + _RING_PX  # from the disc to the marks
 MARK_PX = _DOWN_PX + _RING_PX + _LINE_PX  # how far marks reach below the disc
 _MARKS = "_marks"  # the key of the marks in the data of their artist
-_PALE = 150  # alpha of marks of earlier turns
+_PALE = 190  # alpha of marks of earlier turns
 _CROSS = np.array([(-1.0, -1.0), (1.0, 1.0), (0.0, 0.0), (1.0, -1.0), (-1.0, 1.0), (0.0, 0.0)]) * _ARM_PX
 _TICK = np.array([(-1.0, 0.1), (-0.3, 0.8), (1.0, -0.8), (-0.3, 0.8)]) * _ARM_PX
 _AROUND = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
