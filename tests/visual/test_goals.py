@@ -5,6 +5,7 @@ import re
 import pytest
 
 import gamms
+from gamms.ir.draw import DrawKind
 from gamms.rules import reach
 from gamms.visual.appearance import PAPER, TEAM_COLORS
 
@@ -38,6 +39,14 @@ def test_each_teams_goals_are_drawn_in_its_color(race):
     race.game.add(reach({"red": [5, 9], "blue": 0}))
     assert goals(race) == ({(50.0, 0.0), (90.0, 0.0), (0.0, 0.0)}, {RED, BLUE})
     assert {"red", "blue", "goal"} <= set(words(race))
+
+
+def test_a_goal_where_an_agent_stands_differs_from_an_agent_in_view(race):
+    race.game.add(reach("red", 20))
+    commands = race.visual.draw_commands()
+    ticks = (commands.layer == 18) & (commands.kind == DrawKind.POLYGON)
+    ends = [commands.points[commands.offsets[row] + 2] for row in ticks.nonzero()[0]]
+    assert {tuple(end.tolist()) for end in ends} == {(16.0, 0.0), (0.0, 16.0), (-16.0, 0.0), (0.0, -16.0)}
 
 
 def test_two_rules_may_have_goals_of_one_team(race):

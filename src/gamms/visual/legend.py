@@ -346,8 +346,10 @@ def _check(pen: Pen, x: float, y: float, color: Rgb) -> None:
 
 
 def _goal(pen: Pen, x: float, y: float, color: Rgb) -> None:
-    for radius in (_SWATCH_PX - 0.5, 3.0):
-        pen.circle(x, y, radius, color, 2.0)
+    for radius in (5.5, 2.0):
+        pen.circle(x, y, radius, color, 1.5)
+    for right, down in ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)):
+        pen.line([(x + 5.5 * right, y + 5.5 * down), (x + 9.0 * right, y + 9.0 * down)], color, 1.5)
 
 
 def _tag(pen: Pen, x: float, y: float, color: Rgb) -> None:

@@ -34,7 +34,9 @@ _BASE = np.array([(1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0)])  # a squa
 _BASE_PX = 7.5
 _AT_HOME_PX = 4.0
 _BASE_LINE_PX = 2.5
-_GOAL_PX = (11.0, 2.5), (5.5, 2.5)  # radii and widths of the rings around a goal
+_GOAL_PX = 11.0, 5.5  # radii of the rings around a goal
+_GOAL_LINE_PX = 2.5
+_GOAL_TICKS = np.array([[(1.0, 0.0)], [(0.0, 1.0)], [(-1.0, 0.0)], [(0.0, -1.0)]]) * ((11.0,), (16.0,))
 _FEW_GOALS = 12  # with more discs of a team, each is a dot
 _BAND = 0.75  # the breadth of a territory's streets, in lengths of a typical edge
 FLAG_PX = 26.0  # the height of a flag
@@ -263,9 +265,11 @@ def render_goals(ctx: IContext, data: dict[str, Any]) -> None:
         if len(places) > _FEW_GOALS:
             visual.render_circles(places, _DOT_PX, (*rgba(color)[:3], 2 * _TINT), in_pixels=True)
             continue
-        for radius, width in _GOAL_PX:
-            visual.render_circles(places, radius, visual.theme.background, width + 2.0, in_pixels=True)
-            visual.render_circles(places, radius, color, width, in_pixels=True)
+        for ink, width in ((visual.theme.background, _GOAL_LINE_PX + 2.0), (color, _GOAL_LINE_PX)):
+            for radius in _GOAL_PX:
+                visual.render_circles(places, radius, ink, width, in_pixels=True)
+            for tick in _GOAL_TICKS:  # which tell a goal where an agent stands from an agent in view
+                visual.render_symbols(places, tick, ink, width)
 
 
 render_flags.__dict__["legend"] = _FLAGS
