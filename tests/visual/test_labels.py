@@ -91,6 +91,12 @@ def test_of_many_agents_in_a_knot_five_are_named_and_the_others_counted(square):
     found = [(200.0 + 4.0 * number, 150.0, 20.0) for number in range(9)]
     [label] = put(square, found)
     assert [line.words for line in label.lines] == ["a0", "a1", "a2", "a3", "a4", "+4"]
+    assert [line.color is None for line in label.lines] == [False] * 5 + [True]  # a number has no bullet
+
+
+def test_six_agents_in_a_knot_all_have_a_name_and_a_bullet(square):
+    [label] = put(square, [(200.0 + 4.0 * number, 150.0, 20.0) for number in range(6)])
+    assert [(line.words, line.color) for line in label.lines] == [(f"a{number}", (200, 0, 0)) for number in range(6)]
 
 
 def test_a_label_without_room_beside_its_disc_is_at_the_end_of_a_line(square):

@@ -34,7 +34,7 @@ Rectangle = tuple[float, float, float, float]  # left, top, right, bottom; pixel
 SIDES = np.array([(1, -1), (1, 1), (1, 0), (-1, -1), (-1, 1), (-1, 0), (0, -1), (0, 1)], np.float64)
 LABEL_PX = 18.0
 _LINE_PX = 14.0
-_MOST_LINES = 5
+_MOST_LINES = 6
 _BULLET_PX = 3.5  # radius
 _INDENT_PX = 11.0
 # from the discs to the label; a line leads to the last of these places
@@ -66,10 +66,10 @@ def as_choice(ctx: IContext, labels: object) -> Choice:
 
 
 class LabelLine(NamedTuple):
-    """A line of a label, and the color of its agent."""
+    """A line of a label."""
 
     words: str
-    color: AnyColor
+    color: AnyColor | None  # of its bullet; None: it counts agents without a line
 
 
 class Label(NamedTuple):
@@ -87,7 +87,7 @@ class Label(NamedTuple):
         indent = _indent(self.lines)
         for number, (words, color) in enumerate(self.lines):
             middle = top + EM * LABEL_PX / 2 + number * _LINE_PX
-            if indent and number < _MOST_LINES:
+            if indent and color is not None:
                 pen.circle(left + _BULLET_PX, middle, _BULLET_PX, color)
             pen.text(words, left + indent, middle, LABEL_PX)
 
@@ -258,9 +258,10 @@ def _knots(dots: AgentDots, rows: list[int]) -> list[list[int]]:
 
 def _shortened(lines: list[LabelLine]) -> list[LabelLine]:
     """Return the first lines, and the number of the others."""
-    if len(lines) <= _MOST_LINES + 1:
+    if len(lines) <= _MOST_LINES:
         return lines
-    return [*lines[:_MOST_LINES], LabelLine(f"+{len(lines) - _MOST_LINES}", lines[0].color)]
+    named = lines[: _MOST_LINES - 1]
+    return [*named, LabelLine(f"+{len(lines) - len(named)}", None)]
 
 
 def _indent(lines: list[LabelLine]) -> float:
