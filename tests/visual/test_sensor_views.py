@@ -16,6 +16,7 @@ from gamms.sensor import SensorType
 from gamms.typing import ISensor
 from gamms.visual import default_scene, drawers
 from gamms.visual.appearance import TEAM_COLORS
+from gamms.visual.camera import framed
 from gamms.visual.drawers.sensors import cut
 
 GOLDEN = Path(__file__).parent / "golden" / "sensors.svg"
@@ -153,6 +154,16 @@ def test_a_field_of_view_far_beyond_the_map_leaves_the_map_its_size(ctx):
     corners = commands.points[commands.offsets[0] : commands.offsets[1]]
     assert corners.min(axis=0).tolist() == pytest.approx([0.0, -40.0])
     assert corners.max(axis=0).tolist() == pytest.approx([50.0, 50.0])
+
+
+def test_a_picture_shows_a_whole_field_of_view_that_reaches_as_far_as_the_map(ctx):
+    columns = ctx.graph.columns()
+    far = 0.9 * float((columns.xy.max(axis=0) - columns.xy.min(axis=0)).max())
+    ctx.sensor.create_sensor("eye", SensorType.RANGE, sensor_range=far).sense(0)
+    ctx.visual.set_sensor_visual("eye")
+    low, high = framed(ctx.visual.draw_commands())
+    assert low.tolist() == pytest.approx((columns.xy[0] - far).tolist())
+    assert (high >= columns.xy[0] + 0.99 * far).all()
 
 
 def test_no_side_of_a_frame_is_seen_in_a_field_of_view(ctx):

@@ -76,7 +76,7 @@ Margins = tuple[float, float, float, float]  # left, top, right, bottom; pixels
 FAINTEST_PX = 0.4  # minimum width of lines in world units: thinner lines would vanish
 CSS_DPI = 96.0  # resolution at which pixels have their usual size
 _VIEWS = (Layer.SEEN, Layer.WINDOW_SENSORS, Layer.SENSORS)
-_BEYOND = 0.5  # of the map's longer side: how far views of sensors may widen a picture, which would shrink the map
+_BEYOND = 1.0  # of the map's longer side: how far views of sensors may widen a picture, which would shrink the map
 _SMALLEST = 1e-9  # world units; smaller extents count as points
 _AT_SIDE = 0.05  # share of the longer side of a box within which drawings count as at the border
 
