@@ -3,7 +3,9 @@
 from itertools import product
 
 from gamms.strategies import goto
+from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
+PARCEL = (255, 165, 0)
 MOST = 2  # parcels that a robot carries
 
 
@@ -59,13 +61,14 @@ def deliveries(depots, center, radius, chance):
         ctx.game.publish(parcels=parcels, loads=loads)
 
     def draw(ctx, _):
-        for color, node in depots.items():
+        for team, node in depots.items():
             at = ctx.graph.get_node(node)
-            ctx.visual.render_circle(at.x, at.y, 16, color, width=5)
+            ctx.visual.render_circle(at.x, at.y, 16, ctx.visual.drawing.color_of(team), width=5)
         for node in ctx.game.data["parcels"]:
             at = ctx.graph.get_node(node)
-            ctx.visual.render_circle(at.x, at.y, 8, "orange")
+            ctx.visual.render_circle(at.x, at.y, 8, PARCEL)
 
+    draw.legend = LegendRows("", (LegendRow(PARCEL, "parcel"), LegendRow(SIGN, "depot", sign="ring")))
     deliveries.prepare = prepare
     deliveries.drawer = draw
     return deliveries

@@ -1,5 +1,10 @@
 """The rules of the competition: real and decoy flags are discovered and captured."""
 
+from gamms.visual.legend import LegendRow, LegendRows
+
+REAL = (255, 165, 0)
+UNKNOWN = (128, 128, 128)
+
 
 def flags(attackers, defenders, real, radius):
     """Make the rule for flags on the nodes of the fact `candidates`.
@@ -56,11 +61,19 @@ def flags(attackers, defenders, real, radius):
         state = ctx.game.data["flags"]
         for node in ctx.game.facts["candidates"]:
             at = ctx.graph.get_node(node)
-            color = "gray"
-            if node in state["known"]:
-                color = "orange" if node in state["real"] else "black"
-            ctx.visual.render_circle(at.x, at.y, 5 if node in state["captured"] else 12, color)
+            is_decoy = node in state["known"] and node not in state["real"]
+            color = REAL if node in state["known"] and not is_decoy else UNKNOWN
+            radius = 5 if node in state["captured"] else 12
+            ctx.visual.render_circle(at.x, at.y, radius, color, 3 if is_decoy else 0)
 
+    draw.legend = LegendRows(
+        "",
+        (
+            LegendRow(UNKNOWN, "unknown flag"),
+            LegendRow(REAL, "real flag"),
+            LegendRow(UNKNOWN, "decoy", sign="ring"),
+        ),
+    )
     flags.prepare = prepare
     flags.drawer = draw
     return flags

@@ -4,6 +4,8 @@ from itertools import product
 
 import networkx as nx
 
+from gamms.visual.legend import LegendRow, LegendRows
+
 
 def honeycomb(rows, columns, spacing):
     """Return a honeycomb whose sides are `spacing` metres long."""
@@ -71,4 +73,5 @@ def draw(ctx, _):
         ctx.visual.drawing.render_circles(ctx.graph.columns().xy[free], 3.0, (230, 140, 0))
 
 
+draw.legend = LegendRows("", (LegendRow((230, 140, 0), "robber is first"),))
 marks.drawer = draw

@@ -3,6 +3,11 @@
 import networkx as nx
 import numpy as np
 
+from gamms.visual.legend import LegendRow, LegendRows
+
+BURNING = (255, 165, 0)
+PROTECTED = (0, 150, 80)
+
 
 def forest(rows, columns, seed):
     """Return a triangular lattice of trees with clearings."""
@@ -64,12 +69,15 @@ def fire(pace, most):
             ctx.game.end("the fire is enclosed", winner="firefighters")
 
     def draw(ctx, _):
-        for kind, color, width in (("burning", "orange", 0), ("protected", (0, 150, 80), 3)):
+        for kind, color, width in (("burning", BURNING, 0), ("protected", PROTECTED, 3)):
             for node in ctx.game.data["forest"][kind]:
                 at = ctx.graph.get_node(node)
                 ctx.visual.render_circle(at.x, at.y, 0.4, color, width)
 
     draw.layer = 21
+    draw.legend = LegendRows(
+        "", (LegendRow(BURNING, "burning tree"), LegendRow(PROTECTED, "protected tree", sign="ring"))
+    )
     fire.prepare = prepare
     fire.drawer = draw
     return fire

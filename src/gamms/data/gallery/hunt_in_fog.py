@@ -4,6 +4,7 @@ import networkx as nx
 import numpy as np
 
 from gamms import belief
+from gamms.visual.legend import LegendRow, LegendRows
 
 
 def maze(width, height, gaps, seed):
@@ -35,4 +36,5 @@ def draw(ctx, _):
             ctx.visual.render_circle(*place, 16 * chance**0.5, (230, 140, 0))
 
 
+draw.legend = LegendRows("", (LegendRow((230, 140, 0), "chance of a deer"),))
 fog.drawer = draw

@@ -3,8 +3,7 @@
 import networkx as nx
 
 from gamms.strategies import goto
-
-COLORS = {"gossips": (220, 50, 47), "checkers": (40, 100, 210)}
+from gamms.visual.legend import SIGN, LegendRow, LegendRows
 
 
 def friends(count, reach, seed):
@@ -72,12 +71,13 @@ def prepare(ctx):
 
 
 def draw(ctx, _):
-    """Draw people in the color of what they believe."""
+    """Draw a band around people, in the color of the team that they believe."""
     for node, team in ctx.game.data["beliefs"].items():
         at = ctx.graph.get_node(node)
-        ctx.visual.drawing.render_circles([(at.x, at.y)], 8, COLORS[team], in_pixels=True)
+        ctx.visual.render_circle(at.x, at.y, 3.2, ctx.visual.drawing.color_of(team))
 
 
-draw.layer = 21
+draw.layer = 19
+draw.legend = LegendRows("", (LegendRow(SIGN, "belief", sign="ring"),))
 beliefs.prepare = prepare
 beliefs.drawer = draw

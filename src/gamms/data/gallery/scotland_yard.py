@@ -3,6 +3,8 @@
 import networkx as nx
 import numpy as np
 
+from gamms.visual.legend import LegendRow, LegendRows
+
 
 def city(stations, seed):
     """Return stations at random places, linked if no other station lies in the circle between the two."""
@@ -70,4 +72,5 @@ def draw(ctx, _):
         ctx.visual.drawing.render_circles(ctx.graph.positions(nodes), 9.0, (230, 140, 0), 2, in_pixels=True)
 
 
+draw.legend = LegendRows("", (LegendRow((230, 140, 0), "Mr X may be here", sign="ring"),))
 show.drawer = draw

@@ -4,6 +4,7 @@ import networkx as nx
 import numpy as np
 
 from gamms import belief
+from gamms.visual.legend import LegendRow, LegendRows
 
 
 def trails(rows, columns, spacing, missing, seed):
@@ -53,4 +54,5 @@ def draw(ctx, _):
             ctx.visual.render_circle(place.x, place.y, 100 * chance**0.5, (230, 140, 0))
 
 
+draw.legend = LegendRows("", (LegendRow((230, 140, 0), "chance of the hiker"),))
 discs.drawer = draw

@@ -3,6 +3,7 @@
 import networkx as nx
 
 from gamms.strategies import goto
+from gamms.visual.legend import LegendRow, LegendRows
 
 
 def field(rows, columns, spacing):
@@ -62,4 +63,5 @@ def draw(ctx, _):
         ctx.visual.drawing.render_circles(ctx.graph.positions(nodes), 3.0, (230, 140, 0))
 
 
+draw.legend = LegendRows("", (LegendRow((230, 140, 0), "intruder is first"),))
 marks.drawer = draw

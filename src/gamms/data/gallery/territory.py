@@ -1,7 +1,5 @@
 """Robots that go to squares of others, and the rule that paints the squares."""
 
-PAINTS = {"red": (220, 50, 47, 110), "blue": (40, 100, 210, 110)}
-
 
 def paint(ctx, steal):
     """Make a robot's strategy: go to the nearest foreign square, where enemy squares are `steal` metres nearer."""
@@ -36,7 +34,7 @@ def draw(ctx, _):
     for node, team in ctx.game.data.get("owners", {}).items():
         at = ctx.graph.get_node(node)
         corners = [(at.x + 5 * x, at.y + 5 * y) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-        ctx.visual.render_polygon(corners, PAINTS[team])
+        ctx.visual.render_polygon(corners, (*ctx.visual.drawing.color_of(team)[:3], 110))
 
 
 area.drawer = draw

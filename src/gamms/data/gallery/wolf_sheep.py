@@ -1,5 +1,9 @@
 """Sheep that graze, wolves that hunt, and the rule by which animals eat, are born and die."""
 
+from gamms.visual.legend import LegendRow, LegendRows
+
+GRASS = (80, 170, 60)
+
 
 def graze(state):
     """Go to grass beside the sheep, or anywhere if there is none."""
@@ -65,8 +69,9 @@ def life(regrow, food, birth):
     def draw(ctx, _):
         for node in set(ctx.graph.get_nodes()) - set(ctx.game.data["life"]["bare"]):
             at = ctx.graph.get_node(node)
-            ctx.visual.render_circle(at.x, at.y, 4, (80, 170, 60, 110))
+            ctx.visual.render_circle(at.x, at.y, 4, (*GRASS, 110))
 
+    draw.legend = LegendRows("", (LegendRow(GRASS, "grass"),))
     life.prepare = prepare
     life.drawer = draw
     return life
