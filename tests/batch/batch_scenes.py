@@ -1,8 +1,5 @@
 """Scenarios to play in batches, and results to compare."""
 
-import numpy as np
-
-import gamms
 from gamms.game.cursor.separate_games import SeparateGames
 from gamms.rules import resource
 from gamms.scenario import Scenario
@@ -72,11 +69,23 @@ def plain(result):
     return values
 
 
-@gamms.array_strategy
-def shadow(view):
-    """Fly to the last agent of another team that is seen."""
-    seen, ways = view.enemies(), np.ones((*view.node.shape, 3))
-    x, y = view.streets.axes
-    ways[seen.at, seen.viewers, 0] = x[seen.nodes] - view["xy"][seen.at, seen.viewers, 0]
-    ways[seen.at, seen.viewers, 1] = y[seen.nodes] - view["xy"][seen.at, seen.viewers, 1]
-    return ways
+def assert_as_alone(games, alone):
+    """Check that each game of a batch is that of its seed, played alone in a context."""
+    for number, seed in enumerate(games.seeds):
+        alone.game.reset(seed=seed)
+        assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def assert_as_played(games, scenario, strategies=None, maps=None):
+    """Check that each game of a batch is the one that a scenario plays with its seed, on its map."""
+    for number, seed in enumerate(games.seeds):
+        alone = scenario if maps is None else scenario.replace(map=maps[games.maps[number]])
+        assert plain(games.result(number)) == plain(alone.play(seed=seed, strategies=strategies))
+
+
+def check_games(ctx, *args, play=lambda games: games.run(), **options):
+    """Check that the games of a batch of a game are those played alone; return their results."""
+    with ctx.game.batch(*args, **options) as games, ctx.game.fork(0).ctx as alone:
+        play(games)
+        assert_as_alone(games, alone)
+        return [games.result(number) for number in range(len(games))]

@@ -34,12 +34,11 @@ def some_games_are_beyond_the_core():
 @pytest.fixture
 def same_as_one_by_one():
     """Check that all games of a batch equal those that `play` plays."""
-    from batch_scenes import plain
+    from batch_scenes import assert_as_played
 
     def check(scenario, seeds, strategies=None):
         with scenario.batch(seeds=seeds, strategies=strategies) as played:
             played.run()
-            for number, seed in enumerate(seeds):
-                assert plain(played.result(number)) == plain(scenario.play(seed=seed, strategies=strategies))
+            assert_as_played(played, scenario, strategies)
 
     return check

@@ -211,7 +211,7 @@ flights = st.fixed_dictionaries(
 def paced(**more):
     """Return how agents go that have speeds, and some strategies."""
     left_out = {"guard", "intercept", "cut off"} if more else set()
-    speeds = [None, 0.3, 0.5, 1.0, 1.9, 3, inf] if more else [None, 0.4, 1.0, 1.5, 2, 2.7, 3, inf]
+    speeds = [None, 1e-9, 0.3, 0.5, 1.0, 1.9, 3, 40.0, inf] if more else [None, 0.4, 1.0, 1.5, 2, 2.7, 3, inf]
     return st.fixed_dictionaries(
         {
             "speeds": st.lists(st.sampled_from(speeds), min_size=1, max_size=3),
@@ -264,7 +264,11 @@ channels = st.fixed_dictionaries(
         "teams": st.sampled_from([["red"], ["red", "blue"]]),
         "eavesdroppers": st.sampled_from([["a0"], ["green", "b1"]]),
         "jammers": st.sampled_from(
-            [[{"at": 5, "radius_m": 1.5}], [{"agent": "a0", "radius_m": 1.0}], [{"team": "blue", "radius_m": 0.5}]]
+            [
+                [{"at": [4.5, 0.5], "radius_m": 1.5}, {"at": 5, "radius_m": 0.5}],
+                [{"agent": "a0", "radius_m": 1.0}],
+                [{"team": "blue", "radius_m": 0.5}],
+            ]
         ),
     },
 )

@@ -6,6 +6,7 @@ from itertools import accumulate
 import numpy as np
 
 import gamms
+from gamms.rules import contacts
 from gamms.strategies import (
     assign,
     chase,
@@ -82,7 +83,7 @@ def attentive(state, *more):
         state["team"],
         state["turn"],
     ]
-    known += [state.get(key) for key in ("inbox", "edge", "offset_m", "xy")]
+    known += [state.get(key) for key in ("inbox", "edge", "offset_m", "xy", "time")]
     lot = zlib.crc32(repr([*known, legal, state["curr_pos"], *more, state["draw"].below(3)]).encode())
     memory[state["turn"]] = lot % 97
     if lot % 3 == 0:
@@ -262,9 +263,25 @@ def purge(ctx):
                 ctx.game.eliminate(agent)
 
 
+def meet(ctx):
+    """Put agents elsewhere that others meet, and count it in an attribute; note distances, and end the game."""
+    game = ctx.game
+    for contact in contacts(ctx, "red", "blue"):
+        one = ctx.agent.get_agent(contact.a)
+        one.met = getattr(one, "met", 0) + 1
+        game.emit("met", agent=one.name, times=one.met, at=contact.a_node)
+        if one.met % 2 and hasattr(ctx.agent.get_agent(contact.b), "current_node_id"):
+            ctx.agent.get_agent(contact.b).current_node_id = game.start_node(contact.b)
+    near = sum(ctx.graph.distance(one.current_node_id, 20) < 3 for one in game.agents)
+    game.emit("near", number=near, turn_before=game.last_turn, errors=len(game.errors), is_over=game.is_over)
+    if near > 4:
+        game.end("near", winner=max(sorted(map(str, game.scores)), default=None))
+
+
 def collect_toll(ctx):
-    """Have teams pay at some nodes, and remember how often."""
+    """Have teams pay at some nodes, remember how often, and draw from the stream of the game."""
     paid = ctx.game.data.setdefault("toll", {})
+    ctx.game.scores["luck"] += int(ctx.rng.integers(9))
     for agent in ctx.game.agents:
         if agent.current_node_id % 3 == 0:
             paid[agent.name] = paid.get(agent.name, 0) + 1
@@ -287,6 +304,7 @@ CALLED = {
     "desert": desert,
     "dig": dig,
     "look": look,
+    "meet": meet,
     "push": push,
     "recruit": recruit,
     "refuses": refuses,

@@ -1,7 +1,7 @@
 """Agents that rules create in batches: where they are observed, they take rows that were reserved for them."""
 
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import assert_as_alone, check_games, scene
 
 from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.game import batch as batch_games
@@ -81,9 +81,7 @@ def test_rows_for_agents_that_come_later_are_made_at_once(monkeypatch):
         with ctx.game.batch(seeds=[5, 6, 7]) as games, ctx.game.fork(0).ctx as alone:
             games.run()
             assert len(made_engines) == 2
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+            assert_as_alone(games, alone)
 
 
 def test_agents_that_are_changed_after_they_have_come_have_rows_as_they_came():
@@ -94,8 +92,4 @@ def test_agents_that_are_changed_after_they_have_come_have_rows_as_they_came():
     with made().build(seed=1) as ctx:
         ctx.game.add(visit)
         ctx.game.add(hurry)
-        with ctx.game.batch(seeds=[5, 6]) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+        check_games(ctx, seeds=[5, 6])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import assert_as_alone, check_games, plain, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -58,14 +58,13 @@ def same_in_both(scenario, rule, phase="after", turns_before=0, **settings):
         ctx.game.add(rule, phase=phase)
         for _ in range(turns_before):
             ctx.game.step()
-        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
+
+        def play(games):
             games.run()
             games.reset()
             games.run()
-            for number, seed in enumerate(SEEDS):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
-            return [games.result(number) for number in range(len(SEEDS))]
+
+        return check_games(ctx, seeds=SEEDS, play=play)
 
 
 @LAWS
@@ -89,7 +88,10 @@ def mark(view):
     """Walk at random, and mark others."""
     those = view.only(view.draw.random() < 0.6)
     near = view.draw.below(np.full(view.counts.shape, 7))
-    view.do("mark", those.mask, whom=near - 1, size=those.draw.random(), how="far", node=view.node)
+    sizes = those.draw.random()
+    notes = np.where(sizes < 0.5, {"seen": [1]}, None)
+    kinds = {"how": "far", "note": notes, "lit": sizes < 0.3, "to": near}
+    view.do("mark", those.mask, whom=near - 1, size=sizes, node=view.node, **kinds)
     view.do("rest", view.draw.random() < 0.3)
     return view.draw.below(view.counts)
 
@@ -104,7 +106,7 @@ def strike(turn):
         done.at,
         agents={"agent": done.agents, "other": done.values["whom"]},
         nodes={"at": done.nodes, "there": done.values["node"]},
-        values={"how": done.values["how"].tolist()},
+        values={name: done.values[name].tolist() for name in ("how", "note", "lit", "to")},
     )
     turn.eliminate(done.at, done.values["whom"])
     at = np.flatnonzero((np.bincount(resting.at, minlength=len(turn.games)) > 3) & (turn.turn > 3))
@@ -122,6 +124,7 @@ def count(turn):
 @pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
 def test_it_sees_deeds_in_every_phase(phase, order):
     fields = {"whom": "agent?", "size": "number", "how": ["near", "far"], "node": "node"}
+    fields |= {"note": "value?", "lit": "boolean", "to": "integer"}
     scenario = scene([], side=4, max_turns=8, settings={"deeds": {"mark": fields, "rest": {}}, "order": order})
     with scenario.build(seed=1, strategies={"red": mark, "blue": mark}) as ctx:
         ctx.game.add(strike, phase=phase)
@@ -129,9 +132,7 @@ def test_it_sees_deeds_in_every_phase(phase, order):
         with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
             games.run()
             assert games.is_in_arrays, games.slow
-            for number, seed in enumerate(SEEDS):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+            assert_as_alone(games, alone)
         assert {event["kind"] for event in games.result(0).events} >= {"strike", "eliminated"}
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import BEYOND, WALK, beyond_core, plain, scene
+from batch_scenes import BEYOND, WALK, assert_as_alone, beyond_core, plain, scene
 
 import gamms
 from gamms.errors import BadType, BadValue
@@ -163,9 +163,7 @@ def test_with_a_time_budget_it_shares_what_it_keeps_with_an_array_rule():
         ctx.game.add(double)
         with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
             games.run()
-            for seed in range(2):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(seed)) == plain(alone.game.run())
+            assert_as_alone(games, alone)
 
 
 @gamms.array_strategy
@@ -192,6 +190,4 @@ def test_strategies_of_agents_with_speeds_go_towards_nodes_in_each_game(speed, s
         games.step()
         games.run()
         assert games.is_in_arrays, games.slow
-        for number, seed in enumerate(games.seeds):
-            alone.game.reset(seed=seed)
-            assert plain(games.result(number)) == plain(alone.game.run())
+        assert_as_alone(games, alone)

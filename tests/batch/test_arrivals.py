@@ -2,54 +2,15 @@
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain, scene
+from batch_scenes import WALK, assert_as_played, check_games, plain, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_in_core import random_scenario, scenario_of_steps
 
 import gamms
 from gamms.core.arrivals import Queue
 from gamms.rules import Conflicts
 
 SEEDS = [3, 4, 5, 6]
-
-
-def at_arrivals(number, *, by_steps):
-    """Return a random scenario by metres whose agents decide where they arrive, and their strategies."""
-    units = "metres", "metres_per_second"
-    scenario, made = scenario_of_steps(number, units) if by_steps else (random_scenario(number, units), None)
-    known = scenario.to_dict()
-    changes = {"settings": known["settings"] | {"decide": "arrival", "legal": "edges"}}
-    if "conflicts" in known:
-        edge_capacity = [None, 1, 2][number % 3]
-        changes["conflicts"] = known["conflicts"] | {"allow_swaps": True, "edge_capacity": edge_capacity}
-    return scenario.replace(**changes), made
-
-
-def check(scenario, made):
-    with scenario.batch(seeds=SEEDS, strategies=made) as games:
-        assert games.is_in_arrays, games.slow
-        games.step()
-        games.run(threads=2)
-        for number, seed in enumerate(SEEDS):
-            assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies=made))
-
-
-def assert_equal_to_games_alone(ctx):
-    """Play the game of a context with all seeds, in a batch in the core and alone."""
-    with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
-        games.run()
-        assert games.is_in_arrays, games.slow
-        for number, seed in enumerate(SEEDS):
-            alone.game.reset(seed=seed)
-            assert plain(games.result(number)) == plain(alone.game.run())
-
-
-@pytest.mark.parametrize("by_steps", [False, True])
-@pytest.mark.parametrize("part", range(3))
-def test_agents_that_decide_at_arrivals_do_in_the_core_what_they_do_alone(part, by_steps):
-    for number in range(part, 24, 3):
-        check(*at_arrivals(number, by_steps=by_steps))
 
 
 def test_actions_from_outside_are_taken_at_each_arrival_as_alone():
@@ -68,58 +29,6 @@ def test_actions_from_outside_are_taken_at_each_arrival_as_alone():
         games.run()
         for number in range(len(SEEDS)):
             assert plain(games.result(number)) == plain(games.context(number).game.result())
-
-
-def seek(state):
-    """Go somewhere by lot, and say where and when it was asked, what it saw and what it knew."""
-    number = state["memory"]["asked"] = state["memory"].get("asked", 0) + 1
-    known = [state[name] for name in ("time", "curr_pos", "edge", "xy", "blocked", "sensor", "team_memory", "inbox")]
-    state["team_memory"][state["name"]] = number
-    state["outbox"].append({"channel": "radio", "to": None, "body": repr([number, *known])[:900]})
-    node = state["draw"].choice(state["legal"])
-    does = state["draw"].random() < 0.3 or state["rng"].random() < 0.1
-    state["action"] = {"node_id": node, "do": {"scan": None}} if does else node
-
-
-class FirstCome(Conflicts):
-    """Let the agents stay that are not the first by name to enter a place."""
-
-    def resolve(self, moves, ctx):
-        ctx.game.emit("asked", when=ctx.game.turn, at=[agent.xy for agent in ctx.game.agents])
-        first = {}
-        for name, move in moves.items():
-            if move.start != move.end:
-                first.setdefault(move.end, name)
-        return {name for name, move in moves.items() if move.start != move.end and first[move.end] != name}
-
-
-IN_PARTS = [["blue"], ["red", "green"]]
-
-
-@pytest.mark.parametrize(
-    ("conflicts", "order"),
-    [
-        (None, None),
-        (Conflicts(1, edge_capacity=1), None),
-        (FirstCome(), None),
-        (None, IN_PARTS),
-        (Conflicts(1), IN_PARTS),
-    ],
-    ids=["free", "ranks", "own conflicts", "in parts", "in parts with conflicts"],
-)
-def test_plain_strategies_are_asked_where_agents_arrive_as_alone(conflicts, order):
-    eyes = {"type": "AGENT_RANGE", "sensor_range": 25.0, "detection": 0.6, "position_noise_m": 2.0}
-    sensors = {"eyes": eyes, "late": {"type": "AGENT", "delay_turns": 1, "false_alarm_rate": 0.4}}
-    team = {"count": 3, "strategy": WALK, "speed": 17.0, "sensors": ["eyes", "late"]}
-    walkers = {"count": 2, "strategy": WALK, "speed": 9.0}
-    settings = {"speed_unit": "metres", "decide": "arrival", "deeds": {"scan": {}}}
-    settings |= {} if order is None else {"order": order}
-    teams = {"red": team, "blue": team | {"speed": 23.0}, "green": walkers}
-    radio = {"range_m": 30.0, "loss": 0.2}
-    made = scene(teams=teams, max_turns=6, settings=settings, sensors=sensors, channels={"radio": radio})
-    with made.build(seed=1, strategies={"red": seek, "blue": seek}) as ctx:
-        ctx.game.conflicts = conflicts
-        assert_equal_to_games_alone(ctx)
 
 
 def test_a_strategy_that_raises_at_an_arrival_leaves_all_games_where_the_turn_began():
@@ -172,13 +81,17 @@ def test_headings_chosen_where_agents_lose_conflicts_are_those_of_the_game_alone
     made = scene(teams={"red": team}, side=3, settings=settings, conflicts={"capacity": 1, "edge_capacity": 1})
     with made.build(seed=1, strategies={"red": turn}) as ctx:
         ctx.game.add(tell)
-        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            assert games.is_in_arrays, games.slow
-            assert games.result(0).agents["red_0"]["blocked"] > 0
-            for number, seed in enumerate(SEEDS):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+        assert check_in_core(ctx)[0].agents["red_0"]["blocked"] > 0
+
+
+def check_in_core(ctx):
+    """Check that a batch plays its games in the core as they are played alone."""
+
+    def play(games):
+        games.run()
+        assert games.is_in_arrays, games.slow
+
+    return check_games(ctx, seeds=SEEDS, play=play)
 
 
 @gamms.array_strategy
@@ -210,7 +123,7 @@ def test_array_strategies_decide_for_all_agents_that_arrive_as_alone(conflicts, 
     made = scene(teams=teams, max_turns=6, settings=settings, channels={"radio": {"range_m": 30.0, "loss": 0.2}})
     with made.build(seed=1, strategies={"red": roam, "blue": roam}) as ctx:
         ctx.game.conflicts = conflicts
-        assert_equal_to_games_alone(ctx)
+        check_in_core(ctx)
 
 
 def test_array_strategies_with_sensors_that_err_are_called_game_by_game_at_arrivals():
@@ -221,5 +134,4 @@ def test_array_strategies_with_sensors_that_err_are_called_game_by_game_at_arriv
     with made.batch(seeds=SEEDS, strategies={"red": roam}) as games:
         games.run()
         assert games.is_in_arrays
-        for number, seed in enumerate(SEEDS):
-            assert plain(games.result(number)) == plain(made.play(seed=seed, strategies={"red": roam}))
+        assert_as_played(games, made, {"red": roam})

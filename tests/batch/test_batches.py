@@ -10,7 +10,18 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from batch_scenes import BEYOND, UNUSED, WAYS, as_it_is, assert_as_shown, beyond_core, plain, scene
+from batch_scenes import (
+    BEYOND,
+    UNUSED,
+    WAYS,
+    as_it_is,
+    assert_as_alone,
+    assert_as_played,
+    assert_as_shown,
+    beyond_core,
+    plain,
+    scene,
+)
 
 import gamms
 from gamms import recorder
@@ -20,11 +31,6 @@ from gamms.rules import time_limit
 from gamms.scenario import Scenario
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
-
-
-@pytest.mark.parametrize("rules", [[TAG], [TAG, {"rule": "last_team"}], []])
-def test_a_game_of_a_batch_is_the_game_that_is_played_alone(rules, same_as_one_by_one):
-    same_as_one_by_one(scene(rules), [3, 4, 5, 6, 3])
 
 
 def test_batches_that_threads_play_at_once_are_those_that_are_played_one_after_the_other():
@@ -165,8 +171,8 @@ def test_only_what_differs_with_the_seed_is_made_for_each_game(given, is_called,
         assert games.is_in_arrays, games.slow
         games.reset([1], seeds=[9])
         games.run()
-        for number, seed in enumerate(games.seeds if "lucky" not in str(given) else ()):
-            assert plain(games.result(number)) == plain(scenario.play(seed=seed))
+        if "lucky" not in str(given):
+            assert_as_played(games, scenario)
 
 
 @pytest.mark.parametrize(
@@ -205,8 +211,7 @@ def test_sensors_and_descriptions_of_agents_that_differ_with_the_seed_are_those_
             games.reset(seeds=seeds)
             games.run()
             assert games.is_in_arrays, games.slow
-            for number, seed in enumerate(seeds):
-                assert plain(games.result(number)) == plain(scenario.play(seed=seed))
+            assert_as_played(games, scenario)
 
 
 def test_a_window_shows_the_game_that_is_asked_for_and_games_are_played_without_one():
@@ -257,12 +262,9 @@ def test_strategies_prepare_in_each_game(turns):
             for _ in range(2):
                 games.run()
                 assert games.is_in_arrays, games.slow
-                for number, seed in enumerate(games.seeds):
-                    with ctx.game.fork(0).ctx as alone:
-                        alone.game.reset(seed=seed)
-                        result = plain(alone.game.run())
-                    assert plain(games.result(number)) == result
-                    assert plain(games.context(number).game.result()) == result
+                with ctx.game.fork(0).ctx as alone:
+                    assert_as_alone(games, alone)
+                assert_as_shown(games)
                 games.reset([1], seeds=[8])
                 games.reset([0])
 
@@ -275,9 +277,7 @@ def test_strategies_of_scenarios_prepare_in_each_game(maps, tmp_path):
     with scenario.batch(4, seed=1, maps=maps) as games:
         games.run()
         assert games.is_in_arrays, games.slow
-        for number, seed in enumerate(games.seeds):
-            alone = scenario if maps is None else scenario.replace(map=maps[games.maps[number]])
-            assert plain(games.result(number)) == plain(alone.play(seed=seed))
+        assert_as_played(games, scenario, maps=maps)
 
 
 def test_plans_that_differ_with_the_seed_are_called_in_the_core_on_several_maps(tmp_path):
@@ -290,9 +290,7 @@ def test_plans_that_differ_with_the_seed_are_called_in_the_core_on_several_maps(
         games.reset([2, 3], seeds=[40, 41])
         games.run()
         assert games.is_in_arrays, games.slow
-        for number, seed in enumerate(games.seeds):
-            alone = scenario.replace(map=maps[games.maps[number]])
-            assert plain(games.result(number)) == plain(alone.play(seed=seed))
+        assert_as_played(games, scenario, maps=maps)
 
 
 def test_run_logs_once_what_is_called_game_by_game(caplog):
@@ -321,20 +319,6 @@ def test_games_that_leave_the_core_are_played_in_contexts_of_their_own_with_the_
             slow.run()
             assert [slow.result(number).reason for number in (0, 1)] == ["time limit", "time limit"]
             assert slow.turn.tolist() == [3, 3]
-
-
-def test_steps_can_be_given_actions_and_teams_without_play_their_own():
-    scenario = scene([TAG])
-    with scenario.batch(5, seed=1) as games, scenario.build(seed=1) as ctx:
-        ctx.game.add(UNUSED)
-        with ctx.game.batch(seeds=[1]) as slow:
-            for turn in range(10):
-                view = games.observe("red")
-                actions = (turn + np.arange(15).reshape(5, 3)) % view.counts
-                games.step({"red": actions})
-                slow.step({"red": actions[:1]})
-            assert plain(games.result(0)) == plain(slow.result(0))
-            assert slow.observe("blue")["curr_pos"].tolist() == games.observe("blue")["curr_pos"][:1].tolist()
 
 
 def test_impossible_actions_are_refused_and_name_game_and_agent():
@@ -402,8 +386,7 @@ def test_games_can_begin_again_with_other_seeds(way):
         assert games.seeds == (12, 6, 11)
         assert games.observe("red").turn.tolist() == [0, 1, 0]
         games.run()
-        for number, seed in enumerate([12, 6, 11]):
-            assert plain(games.result(number)) == plain(scene([TAG]).play(seed=seed))
+        assert_as_played(games, scene([TAG]))
         for wrong in ([1], [1, "a"]):
             with pytest.raises((BadType, BadValue), match="seeds"):
                 games.reset([0, 1], seeds=wrong)

@@ -2,10 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from test_laws import LAWS
+from batch_scenes import assert_as_alone, assert_as_played, scene
 
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
@@ -57,49 +54,6 @@ def channels(**radio):
     }
 
 
-losses = st.sampled_from([None, 0.4, [[0, 0.1], [30, 0.9]]])
-jammers = [{"agent": "blue_1", "radius_m": 12}, {"team": "blue", "radius_m": 9}, {"at": 12, "radius_m": 11}]
-jammers.append({"at": [5.0, 5.0], "radius_m": 12})
-
-
-@settings(LAWS, max_examples=6)
-@given(
-    loss=losses,
-    relay=st.sampled_from([None, True, ["red", "blue_2"]]),
-    hops=st.sampled_from([None, 1, 3]),
-    delay=st.sampled_from([None, 2]),
-    jammers=st.lists(st.sampled_from(jammers), max_size=2),
-    listening=st.sampled_from([None, ["blue_0"], ["red", "blue_2"]]),
-    how=st.sampled_from([None, "order", "metres"]),
-    sight=st.booleans(),
-    seed=st.integers(0, 2**62),
-)
-def test_messages_are_those_of_games_that_are_played_alone(
-    loss, relay, hops, delay, jammers, listening, how, sight, seed
-):
-    radio = {"loss": loss, "relay": relay, "hops": hops, "delay_turns": delay, "jammers": jammers}
-    if listening is not None:
-        radio["eavesdroppers"] = listening
-    scenario = scene([OUT], max_turns=6)
-    with scenario.build(seed=1, strategies={"red": talk, "blue": talk}) as ctx:
-        known = {key: value for key, value in radio.items() if value is not None} | {"line_of_sight": sight}
-        ctx.game.channels = channels(**known)
-        if sight:
-            ctx.graph.add_obstacles([[(12, 3, 0), (13, 28, 0), (13, 28, 9), (12, 3, 9)]])
-        if how == "metres":
-            ctx.game.speed_unit = "metres"
-            for number, agent in enumerate(ctx.game.agents):
-                agent.speed = (6.5, 12.0, 23.0)[number % 3]
-        ctx.game.order = [["blue"], ["red"]] if how == "order" else None
-        with ctx.game.batch(seeds=[seed, 5]) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            games.reset([0])
-            games.run()
-            for number, one in enumerate((seed, 5)):
-                alone.game.reset(seed=one)
-                assert plain(games.result(number)) == plain(alone.game.run())
-
-
 TOLD = gamms.array_strategy(talk_in_arrays)
 
 
@@ -116,9 +70,7 @@ def test_games_with_channels_on_several_maps_are_those_of_their_maps(team):
         games.run()
         assert games.is_in_arrays
         assert len(set(games.maps)) == 2
-        for number, seed in enumerate(games.seeds):
-            alone = scenario.replace(map=MAPS[games.maps[number]]).play(seed=seed, strategies=both)
-            assert plain(games.result(number)) == plain(alone)
+        assert_as_played(games, scenario, both, MAPS)
 
 
 @pytest.mark.parametrize(
@@ -182,8 +134,7 @@ def test_messages_that_cannot_be_sent_are_noted_as_in_games_that_are_played_alon
         same_as_one_by_one(scenario, [3, 4], both)
     with scenario.batch(2, strategies=both) as games:
         games.run()
-        for number in (0, 1):
-            assert plain(games.result(number)) == plain(scenario.play(seed=number, strategies=both))
+        assert_as_played(games, scenario, both)
         flaws = " ".join(error["message"] for error in games.result(0).errors)
     assert "state['outbox'][3]: Its body has 2 bytes; channel 'radio' takes 4 of each" in flaws
     assert "state['outbox'][1]: A message to 'red_0' would come to no agent but its sender." in flaws
@@ -220,9 +171,7 @@ def test_messages_to_agents_that_have_not_come_yet_are_errors(red):
         with ctx.game.batch(seeds=[4, 5], most_agents={"red": ["red_3"]}) as games, ctx.game.fork(0).ctx as alone:
             games.run()
             assert not games.detached
-            for number, seed in enumerate((4, 5)):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+            assert_as_alone(games, alone)
         assert any("Unknown agent or team 'red_3'" in error["message"] for error in games.result(0).errors)
 
 
@@ -250,6 +199,4 @@ def test_agents_whose_actions_are_not_legal_neither_send_nor_do_anything(decide)
             games.run()
             flaws = {error["agent"] for error in games.result(0).errors if "outbox" not in error["message"]}
             assert flaws == {"a"}
-            for number, seed in enumerate((1, 2)):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+            assert_as_alone(games, alone)

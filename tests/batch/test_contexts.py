@@ -5,7 +5,7 @@ from queue import SimpleQueue
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, beyond_core, plain, scene
+from batch_scenes import WALK, assert_as_alone, beyond_core, plain, scene
 
 from gamms import rl
 from gamms.errors import BadValue
@@ -176,17 +176,16 @@ def test_two_batches_of_one_context_play_in_two_threads_as_alone():
             for thread in threads:
                 thread.join()
             for games in (first, second):
-                for number, seed in enumerate(games.seeds):
-                    alone.game.reset(seed=seed)
-                    assert plain(games.result(number)) == plain(alone.game.run())
+                assert_as_alone(games, alone)
 
 
-def test_a_context_is_not_made_while_another_thread_plays():
+@pytest.mark.parametrize("verb", [lambda games: games.context(0), lambda games: games.step()])
+def test_a_batch_is_played_and_shown_by_one_thread_at_a_time(verb):
     batches, answers = SimpleQueue(), SimpleQueue()
 
     def ask(games):
         try:
-            games.context(0)
+            verb(games)
         except BadValue as error:
             answers.put(str(error))
 
@@ -202,6 +201,7 @@ def test_a_context_is_not_made_while_another_thread_plays():
             batches.put(games)
             games.step()
             assert "Another thread plays this batch" in answers.get()
+            assert games.turn.tolist() == [1, 1]
 
 
 @pytest.mark.parametrize("make", [rl.parallel_env, rl.single_agent_env])

@@ -7,7 +7,7 @@ from copy import deepcopy
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import assert_as_alone, assert_as_played, scene
 from random_games import KINDS
 from random_players import look
 
@@ -29,9 +29,7 @@ def check(ctx, seeds=(1, 2, 3), *, stays=True):
     with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
         assert games.is_in_arrays, games.slow
         games.run()
-        for number, seed in enumerate(seeds):
-            alone.game.reset(seed=seed)
-            assert plain(games.result(number)) == plain(alone.game.run())
+        assert_as_alone(games, alone)
         assert (games.detached == {}) == stays, games.detached
         assert games.is_in_arrays == stays
 
@@ -129,9 +127,7 @@ def test_strategies_look_ahead_in_copies_of_their_games():
     with build([TAG], {"red": look_ahead}, max_turns=4) as ctx, ctx.game.batch(2) as games:
         games.run()
         with ctx.game.fork(0).ctx as alone:
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+            assert_as_alone(games, alone)
 
 
 switch = {"is_on": False}
@@ -173,9 +169,7 @@ def test_no_game_has_played_a_turn_in_which_one_raises(phase, strategy):
             assert games.is_in_arrays
             games.run()
             assert games.detached == {}
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+            assert_as_alone(games, alone)
 
 
 def test_functions_that_draw_globally_draw_what_they_draw_in_games_alone():
@@ -189,8 +183,7 @@ def test_functions_that_draw_globally_draw_what_they_draw_in_games_alone():
     scenario = scene([TAG])
     with scenario.batch(3, strategies={"red": gamble}) as games:
         games.run()
-        for number, seed in enumerate(games.seeds):
-            assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies={"red": gamble}))
+        assert_as_played(games, scenario, {"red": gamble})
     with build([TAG]) as ctx:
         ctx.game.add(cast)
         check(ctx, stays=False)
@@ -200,33 +193,6 @@ def test_what_plain_functions_remember_is_in_no_columns():
     said = r"columns needs games that the core plays completely; .* strategy decide"
     with build([TAG], {"red": decide}) as ctx, ctx.game.batch(2) as games, pytest.raises(BadValue, match=said):
         games.columns()
-
-
-@pytest.mark.parametrize(
-    "act",
-    [
-        lambda ctx: ctx.graph.graph.update_edge({"id": 1, "length": 7.0}),
-        lambda ctx: ctx.graph.graph.remove_node(24),
-        lambda ctx: setattr(ctx.agent.get_agent("red_0"), "speed", 2),
-        lambda ctx: setattr(ctx.game, "conflicts", Conflicts(1)),
-        lambda ctx: ctx.game.add(count, name="later"),
-        lambda ctx: ctx.game.observation("red_0")["draw"].random(),
-        lambda ctx: setattr(ctx.agent.get_agent("red_0"), "team", "blue"),
-        lambda ctx: ctx.game.scores.update(red=True),
-        lambda ctx: vars(ctx.agent.get_agent("red_0")).update(tired=True),
-        lambda ctx: ctx.game.memories,
-    ],
-)
-def test_games_in_which_a_rule_does_something_else_go_on_as_games_alone(act):
-    def rule(ctx):
-        if ctx.game.turn == 4 and ctx.seed % 2:
-            act(ctx)
-
-    with build([TAG], {"blue": decide}) as ctx:
-        ctx.game.on_illegal = "stay"
-        ctx.game.publish(alarm=0)
-        ctx.game.add(rule)
-        check(ctx, stays=False)
 
 
 class Load:
@@ -314,9 +280,7 @@ def test_a_turn_in_which_an_agent_with_a_speed_raises_is_taken_back(way):
                 switch["is_on"] = False
             games.run()
             assert games.detached == {}
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+            assert_as_alone(games, alone)
 
 
 def tire(ctx):

@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import assert_as_alone, plain, scene
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -51,9 +51,7 @@ def check(ctx, seeds=(3, 4), rounds=2):
     with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
         for _ in range(rounds):
             games.run()
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+            assert_as_alone(games, alone)
             why = games.slow or next(iter(games.detached.values()), None)
             games.reset()
         return why
@@ -188,9 +186,7 @@ def test_games_that_are_reset_have_the_last_moves_of_their_beginning_beside_othe
             games.step()
             games.reset([1], seeds=[7])
             games.run()
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+            assert_as_alone(games, alone)
 
 
 @gamms.array_rule

@@ -1,13 +1,11 @@
-"""Batches of which every part is in the core: the same games as one by one and alone, with any number of threads."""
+"""Batches of which every part is in the core: with any number of threads, loaded, stopped and refused."""
 
 import json
 import re
 from pathlib import Path
-from random import Random
 
-import numpy as np
 import pytest
-from batch_scenes import WALK, beyond_core, plain, scene
+from batch_scenes import WALK, assert_as_alone, assert_as_played, beyond_core, plain, scene
 
 import gamms
 from gamms import strategies
@@ -15,12 +13,6 @@ from gamms.errors import BadType, BadValue, TooLarge, UnknownName
 from gamms.game import batch as batch_games
 from gamms.game.strategy_specs import strategy_spec_of
 from gamms.rules.in_core import FORMS
-from gamms.scenario import Scenario
-
-MAPS = Path(__file__).parents[1] / "reference"
-TEAMS = ("red", "blue", "green")
-STAY = "gamms.strategies:stay"
-GAMES = 6
 
 
 def remember_blocked(state):
@@ -28,121 +20,6 @@ def remember_blocked(state):
     known = state["memory"].setdefault("blocked", [])
     known.append(state["blocked"])
     state["action"] = state["legal"][len("".join(filter(None, known))) % len(state["legal"])]
-
-
-def is_in_core(games):
-    return games.is_in_arrays
-
-
-def random_scenario(number, units=("edges", "edges", "metres", "metres_per_second"), *, has_speeds=True):
-    """Return a random scenario that the core can play."""
-    rng = Random(number)
-    given = {"generator": {"function": "maps:streets", "with": {"number": number % 12}}}
-    base = Scenario(folder=MAPS, map=given, teams={"red": {"count": 1}})
-    nodes = base.columns().node_ids.tolist()
-    names = list(TEAMS[: rng.randint(2, 3)])
-    teams = {}
-    for team in names:
-        agents = [
-            {"name": f"{rng.choice('abcxyz')}{i}{team}", "node": rng.choice(nodes)} for i in range(rng.randint(1, 4))
-        ]
-        teams[team] = {"agents": agents, "strategy": rng.choice([WALK, WALK, WALK, WALK, STAY])}
-    unit = rng.choice(units)
-    if has_speeds and (unit != "edges" or rng.random() < 0.5):
-        for team in teams:
-            teams[team] |= random_travel(rng, nodes, SPEEDS["edges" if unit == "edges" else "metres"])
-    rules = random_rules(rng, names, nodes, by_metres=unit != "edges")
-    changes = {"teams": teams, "rules": rules, "max_turns": rng.choice([9, 30])}
-    if rng.random() < 0.6:
-        changes["conflicts"] = random_conflicts(rng, names, nodes)
-    settings = {"team_memory": False} if rng.random() < 0.3 else {}
-    if unit == "edges" and not any("speed" in team for team in teams.values()) and rng.random() < 0.5:
-        order = rng.sample(names, len(names))
-        settings["order"] = [order[:1], order[1:]] if rng.random() < 0.5 else [[team] for team in order]
-    if has_speeds and rng.random() < 0.15 and all(team["strategy"] in (WALK, STAY) for team in teams.values()):
-        settings["legal"] = "any"
-    if unit != "edges":
-        settings |= {"speed_unit": unit} | ({"turn_seconds": 2.5} if unit != "metres" else {})
-    return base.replace(**changes, settings=settings) if settings else base.replace(**changes)
-
-
-SPEEDS = {
-    "edges": [0.3, 1, 2, 2.7, 5, float("inf")],
-    "metres": [1e-9, 0.5, 3.0, 12.5, 40.0, 1000.0, float("inf")],
-}
-
-
-def random_travel(rng, nodes, speeds):
-    """Return one of some speeds of a team, and perhaps a strategy that goes far."""
-    if rng.random() < 0.15:
-        return {}
-    travel = {"speed": rng.choice(speeds)}
-    if rng.random() < 0.5:
-        given = {"nodes": rng.choice([None, rng.sample(nodes, 3)]), "pause": rng.choice([0, 0, 2])}
-        travel["strategy"] = {"function": "gamms.strategies:random_waypoints", "with": given}
-    return travel
-
-
-def random_rules(rng, teams, nodes, *, by_metres):
-    """Return random rules that the core knows."""
-    rules = []
-    land = {node: rng.choice(teams) for node in nodes if rng.random() < 0.8}
-    territory = rng.choice([None, land, "territory"])
-    if territory == "territory":
-        rules.append({"rule": "gamms.rules.territory:published", "with": {"nodes": land}})
-    for _ in range(rng.choice([0, 1, 1, 2])):
-        taggers, tagged = rng.sample(teams, 2)
-        tag = {"taggers": taggers, "tagged": tagged, "mutual": rng.random() < 0.3, "passing": rng.random() < 0.8}
-        tag |= {"then": rng.choice(["respawn", "eliminate"]), "score": rng.choice([0, 1, 2, 2.5])}
-        tag["crossing"] = rng.choice([None, True, False])
-        tag |= rng.choice([{}, {}, {"hops": rng.choice([0, 1, 2.5])}, {"metres": rng.choice([0.5, 3.0])}])
-        if not by_metres and not {"hops", "metres"} & {*tag}:
-            tag |= rng.choice([{}, {"euclid": rng.choice([1, 2.5])}])
-        if territory is not None and rng.random() < 0.5:
-            tag["territory"] = territory
-        rules.append({"rule": "tag", "with": tag})
-    for key in rng.choice([[], ["flags"], ["flags"], ["flags", "others"]]):
-        flags = {team: rng.choice(nodes) for team in rng.sample(teams, rng.randint(1, len(teams)))}
-        with_ = {"flags": flags, "goal": rng.choice([None, 1, 3]), "key": key, "passing": rng.random() < 0.8}
-        with_ |= {"announce": rng.random() < 0.5, "score": rng.choice([1, 1.5, 0])}
-        if territory is not None and rng.random() < 0.6:
-            with_["territory"] = territory
-        rules.append({"rule": "capture_flag", "with": with_})
-    if rng.random() < 0.3:
-        goals = {team: rng.sample(nodes, rng.randint(1, 3)) for team in rng.sample(teams, rng.randint(1, len(teams)))}
-        reach = {"team": goals, "score": rng.choice([0, 1, 2.5]), "passing": rng.random() < 0.6}
-        if len(goals) == 1:
-            ((team, goal),) = goals.items()
-            reach |= {"team": team, "nodes": goal} | winner_of(rng, teams)
-        rules.append({"rule": "reach", "with": reach})
-    if rng.random() < 0.3:
-        arrive = {"team": rng.choice(teams), "nodes": rng.sample(nodes, 2), "passing": rng.random() < 0.6}
-        rules.append({"rule": "arrive", "with": arrive | {"score": rng.choice([0, 1, 0.5])}})
-    if rng.random() < 0.4:
-        given = {"after": rng.randint(1, 3), "times": rng.choice([None, 1, 2]), "teams": rng.choice([None, teams[0]])}
-        rules.append({"rule": "respawn", "with": given})
-    if rng.random() < 0.2:
-        rules.append("last_team")
-    if rng.random() < 0.3:
-        rules.append({"rule": "none_left", "with": {"team": rng.choice(teams)} | winner_of(rng, teams)})
-    if rng.random() < 0.6:
-        rules.append({"rule": "time_limit", "with": {"turns": rng.randint(2, 20)} | winner_of(rng, teams)})
-    rng.shuffle(rules)
-    return rules
-
-
-def winner_of(rng, teams):
-    return rng.choice([{}, {}, {"winner": None}, {"winner": teams[0]}])
-
-
-def random_conflicts(rng, teams, nodes):
-    by_node = {node: rng.choice([0, 1, 2]) for node in rng.sample(nodes, 4)}
-    return {
-        "capacity": rng.choice([1, 1, 2, None, by_node]),
-        "among": rng.choice(["all", "all", "team"]),
-        "allow_swaps": rng.random() < 0.6,
-        "resolve": rng.choice(["at_random", "at_random", "nobody", {"by_priority": rng.sample(teams, len(teams))}]),
-    }
 
 
 def text_of(games):
@@ -154,103 +31,6 @@ def text_of(games):
     scores = {str(key): [numbers.tolist(), str(numbers.dtype)] for key, numbers in games.scores.items() if any(numbers)}
     told = [results, table, dict(sorted(scores.items())), games.turn.tolist(), games.is_over.tolist()]
     return json.dumps(told, default=str)
-
-
-def play_by_steps(games, others, rng, teams):
-    """Play some turns of both, of which actions for some teams are given."""
-    for _ in range(rng.randint(1, 12)):
-        acting = rng.sample(teams, rng.randint(0, len(teams)))
-        given = {}
-        for team in acting:
-            view = games.observe(team)
-            given[team] = np.array([[rng.randrange(n) for n in row] for row in view.counts.tolist()], np.int64)
-        games.step(given)
-        others.step(given)
-
-
-def random_strategy(rng, nodes, kinds, depth=2):
-    """Return what makes a random strategy, of some kinds, that the core plays by steps."""
-    kind = rng.choice(kinds)
-    otherwise = rng.choice([strategies.stay, strategies.random_walk])
-    goes_on = depth and rng.random() < 0.5
-    after = random_strategy(rng, nodes, kinds, depth - 1) if goes_on else lambda ctx: otherwise
-    is_first = rng.random() < 0.3
-    chance = rng.choice([None, None, 0.0, 0.4, 1.0])
-    some, pause, repeat = rng.choices(nodes, k=rng.randint(1, 4)), rng.choice([0, 2]), rng.random() < 0.5
-    waypoints = rng.choice([None, some])
-
-    def make(ctx):
-        then = after(ctx)
-        made = {
-            "goto": lambda rest: strategies.goto(ctx, some[0], rest),
-            "follow_path": lambda rest: strategies.follow_path(ctx, some, repeat, rest),
-            "patrol": lambda rest: strategies.patrol(ctx, some, rest),
-            "random_waypoints": lambda rest: strategies.random_waypoints(ctx, waypoints, pause, rest),
-            "chase": lambda rest: strategies.chase(ctx, rest),
-            "flee": lambda rest: strategies.flee(ctx, rest),
-        }[kind]
-        if chance is not None:
-            return strategies.first(strategies.mix(chance, made(None), then), then)
-        return strategies.first(made(None), then) if is_first else made(then)
-
-    return make
-
-
-def scenario_of_steps(number, *units):
-    """Return a random scenario whose agents decide by steps, and their strategies."""
-    rng = Random(number)
-    scenario = random_scenario(number, *units)
-    by_metres = scenario.to_dict().get("settings", {}).get("speed_unit", "edges") != "edges"
-    teams = scenario.to_dict()["teams"]
-    nodes = scenario.columns().node_ids.tolist()
-    sensors = {
-        "near": {"type": "AGENT_RANGE", "sensor_range": rng.choice([0.0, 5.0, 30.0]) or 1e-9},
-        "far": {"type": "AGENT", "exclude": [rng.choice([*teams])]},
-    }
-    carried = {f"teams.{team}.sensors": rng.choice([[], ["near"], ["near", "far"]]) for team in teams}
-    made = {}
-    for team, known in teams.items():
-        kinds = ["goto", "random_waypoints"]
-        kinds += [] if "speed" in known else ["follow_path", "patrol"]
-        kinds += [] if by_metres else ["chase", "flee"]
-        made[team] = random_strategy(rng, nodes, kinds)
-    return scenario.replace(sensors=sensors, **carried), made
-
-
-def check(number, *, by_steps=False):
-    """Compare the games of a random scenario, however they are played."""
-    scenario, made = scenario_of_steps(number) if by_steps else (random_scenario(number), None)
-    seeds, how = range(number, number + GAMES), {"strategies": made}
-    teams = list(scenario.to_dict()["teams"])
-    with scenario.batch(seeds=seeds, **how) as games, beyond_core(scenario).batch(seeds=seeds, **how) as others:
-        assert is_in_core(games)
-        assert not is_in_core(others)
-        play_by_steps(games, others, Random(number), teams)
-        assert text_of(games) == text_of(others)
-        some, seed = [number % GAMES], [number + 99]
-        for one in (games, others):
-            one.reset(some, seeds=seed)
-            one.run()
-        assert text_of(games) == text_of(others)
-        for one, threads in ((games, 3), (others, 1)):
-            one.reset()
-            one.run(threads=threads)
-        assert text_of(games) == text_of(others)
-        assert plain(games.result(0)) == plain(scenario.play(seed=games.seeds[0], **how))
-
-
-@pytest.mark.parametrize("part", range(4))
-def test_games_in_the_core_are_those_one_by_one(part):
-    number_of_games = 40 if Path(gamms.core.turn.__file__).suffix != ".py" else 16
-    for number in range(part, number_of_games, 4):
-        check(number)
-
-
-@pytest.mark.parametrize("part", range(4))
-def test_agents_that_decide_by_steps_in_the_core_do_what_they_do_one_by_one(part):
-    number_of_games = 40 if Path(gamms.core.turn.__file__).suffix != ".py" else 16
-    for number in range(part, number_of_games, 4):
-        check(number, by_steps=True)
 
 
 def names_in_docs(parts):
@@ -306,7 +86,7 @@ EVERY_RULE = [
 @pytest.mark.parametrize("scenario", [GRID, BY_SPEED, BY_METRES], ids=["edges", "speed", "metres"])
 def test_games_of_all_rules_in_the_docs_are_in_the_core(scenario):
     with scenario.replace(rules=EVERY_RULE, conflicts={"capacity": 2}).batch(2) as games:
-        assert is_in_core(games)
+        assert games.is_in_arrays
         games.run()
         assert games.detached == {}
 
@@ -347,10 +127,8 @@ def test_agents_on_an_edge_that_was_closed_go_on_from_its_first_node(by):
         on.strategy = by or on.strategy
         with ctx.game.batch(2, seed=2) as games, ctx.game.fork(0).ctx as alone:
             games.run()
-            assert is_in_core(games)
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+            assert games.is_in_arrays
+            assert_as_alone(games, alone)
 
 
 def test_a_game_from_whose_map_the_node_of_an_agent_was_removed_cannot_go_on_in_a_batch():
@@ -384,7 +162,7 @@ def test_an_error_in_a_later_part_of_a_turn_takes_back_the_moves_before_it():
         raises[0] = True
         with pytest.raises(ValueError, match="too late"):
             games.step()
-        assert is_in_core(games)
+        assert games.is_in_arrays
         assert games.turn.tolist() == [1, 1, 1]
         assert (games.observe("red").node == before).all()
         raises[0] = False
@@ -444,7 +222,7 @@ def test_strategies_by_metres_of_which_illegal_actions_are_raised_are_asked_game
     scenario = BY_METRES.replace(**{"settings.on_illegal": "raise"})
     with BY_METRES.batch(2) as games, scenario.batch(2) as others:
         assert games.slow is None
-        assert is_in_core(others)
+        assert others.is_in_arrays
         assert "random_waypoints" in others.slow
         others.run()
         assert plain(others.result(1)) == plain(scenario.play(seed=1))
@@ -469,11 +247,10 @@ def test_agents_by_metres_stay_on_a_map_without_edges():
             ctx.agent.create_agent(f"a{number}", start_node_id=number, team="red", strategy=strategies.random_walk)
         ctx.game.speed_unit = "metres"
         with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
-            assert is_in_core(games)
+            assert games.is_in_arrays
             games.run()
             assert [one["moves"] for one in games.result(1).agents.values()] == [0, 0, 0]
-            alone.game.reset(seed=1)
-            assert plain(games.result(1)) == plain(alone.game.run())
+            assert_as_alone(games, alone)
 
 
 @pytest.mark.parametrize("unit", ["edges", "metres"])
@@ -493,9 +270,7 @@ def test_an_agent_may_go_to_and_fro_on_a_short_edge_in_a_turn():
     scenario = scene(teams=teams, settings={"speed_unit": "metres"}, max_turns=4)
     with scenario.batch(3, strategies={"red": shuttle}) as games:
         games.run()
-        assert [plain(games.result(number)) for number in range(3)] == [
-            plain(scenario.play(seed=number, strategies={"red": shuttle})) for number in range(3)
-        ]
+        assert_as_played(games, scenario, {"red": shuttle})
 
 
 @pytest.mark.parametrize("length", [1.0, 50.0])
@@ -512,8 +287,7 @@ def test_an_agent_may_repeat_edges_that_are_shorter_than_others(length):
         ctx.agent.create_agent("ann", start_node_id=0, team="red", speed=40.0, strategy=shuttle)
         with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
             games.run()
-            alone.game.reset(seed=1)
-            assert plain(games.result(1)) == plain(alone.game.run())
+            assert_as_alone(games, alone)
             assert (len(games.detached) > 0) == (length < 10.0)
 
 

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, WAYS, beyond_core, plain, scene
+from batch_scenes import WALK, WAYS, assert_as_played, beyond_core, scene
 
 import gamms
 import gamms.recorder
@@ -56,13 +56,6 @@ def with_code(tmp_path):
     return lambda *rules, **more: scene([TAG, *rules], folder=tmp_path, **more)
 
 
-def assert_as_alone(scenario, games, strategies=None):
-    """Check that games that were run are those that `play` plays on their maps."""
-    for number, (seed, of_map) in enumerate(zip(games.seeds, games.maps.tolist(), strict=True)):
-        alone = scenario.replace(map=MAPS[of_map]).play(seed=seed, strategies=strategies)
-        assert plain(games.result(number)) == plain(alone)
-
-
 def test_the_map_of_a_game_follows_from_its_seed_alone():
     scenario = scene([TAG])
     with scenario.batch(40, maps=MAPS) as many, scenario.batch(seeds=[17, 3, 39], maps=MAPS) as few:
@@ -84,10 +77,10 @@ def test_games_that_begin_again_draw_their_maps_anew(way):
         assert games.maps.tolist() != before
         assert games.turn.tolist() == [4, 0, 0, 0, 4, 4, 4, 0, 4, 4]
         games.run()
-        assert_as_alone(scenario, games)
+        assert_as_played(games, scenario, maps=MAPS)
         games.reset()
         games.run()
-        assert_as_alone(scenario, games)
+        assert_as_played(games, scenario, maps=MAPS)
         with scenario.batch(seeds=games.seeds, maps=MAPS) as fresh:
             assert fresh.maps.tolist() == games.maps.tolist()
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain, scene
+from batch_scenes import WALK, assert_as_alone, scene
 
 import gamms
 from gamms.errors import BadValue
@@ -19,9 +19,7 @@ def check(ctx, seeds):
     with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
         games.run()
         assert games.is_in_arrays, games.slow
-        for number, seed in enumerate(games.seeds):
-            alone.game.reset(seed=seed)
-            assert plain(games.result(number)) == plain(alone.game.run())
+        assert_as_alone(games, alone)
         return [games.result(number) for number in range(len(seeds))]
 
 

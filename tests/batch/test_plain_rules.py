@@ -1,76 +1,19 @@
 """Plain rules and collectors in batches: the context is pointed at each game in turn, with the same results."""
 
 import functools
-from queue import SimpleQueue
-from threading import Thread
 
 import numpy as np
 import pytest
-from batch_scenes import plain, scene
-from hypothesis import Phase, given, settings
-from hypothesis import strategies as st
-from test_laws import LAWS
+from batch_scenes import assert_as_alone, check_games, plain, scene
 
-import gamms
 from gamms.errors import BadValue
-from gamms.rules import Conflicts, capture_flag, contacts, payoff, respawn, tag
+from gamms.rules import tag
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 OUT = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
 BACK = {"rule": "respawn", "with": {"after": 2}}
 PAID = {"rule": "payoff", "with": {"table": {"bonus": {"agent": 0.5}, "tag": {"agent": 1}}}}
 FLAGS = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}}}
-
-
-def bonus(ctx):
-    """Count visits in `data`, pay for them, and end the game when there were many."""
-    game = ctx.game
-    for agent in game.agents:
-        if agent.current_node_id % 4 == 0:
-            game.data.setdefault("visits", []).append(agent.name)
-            game.emit("bonus", agent=agent.name, node=agent.current_node_id, before=agent.prev_node_id)
-            game.scores[agent.team] += 0.25
-    if len(game.data.get("visits", ())) > 14:
-        game.end("bonus", winner=max(sorted(game.scores), key=game.scores.get))
-
-
-def meet(ctx):
-    """Put those elsewhere that meet others, and count it at the agents."""
-    for contact in contacts(ctx, "red", "blue"):
-        one = ctx.agent.get_agent(contact.a)
-        one.met = getattr(one, "met", 0) + 1
-        ctx.game.emit("met", agent=one.name, times=one.met, at=contact.a_node)
-        if one.met % 2:
-            ctx.agent.get_agent(contact.b).current_node_id = ctx.game.start_node(contact.b)
-
-
-def strike(ctx):
-    """Put agents out and back by lots of the game."""
-    draw = ctx.stream("strike", ctx.game.turn)
-    for name, move in ctx.game.moves.items():
-        lot = draw.random()
-        if lot < 0.05 and move.start != move.end:
-            ctx.game.eliminate(name)
-        elif lot > 0.9:
-            ctx.game.respawn(name, 3 if lot > 0.95 else None)
-
-
-def lucky(ctx):
-    """Draw from the stream of the game, in some turns."""
-    if ctx.game.turn % 3 == 1:
-        ctx.game.scores["luck"] += int(ctx.rng.integers(9))
-        ctx.agent.get_agent("red_0").luck = ctx.game.scores["luck"]
-    ctx.game.events.sort(key=lambda event: event["turn"])
-
-
-def near(ctx):
-    """Look where agents are, and at what has happened so far."""
-    number = len(ctx.game.tracks(ctx.game.agents)) + sum(event["kind"] == "tag" for event in ctx.game.events)
-    close = sum(
-        ctx.graph.distance(a.current_node_id, b.current_node_id) < 20 for a in ctx.game.agents for b in ctx.game.agents
-    )
-    ctx.game.data["near"] = [number, close, ctx.game.last_turn, len(ctx.game.errors), ctx.game.is_over]
-    ctx.game.scores["near"] = number * close
 
 
 def storm(ctx):
@@ -84,97 +27,11 @@ def storm(ctx):
         ctx.graph.graph.remove_edge(next(ctx.graph.graph.get_edges()))
 
 
-RULES = [bonus, meet, strike, lucky, near]
-ruled = st.lists(st.tuples(st.sampled_from(RULES), st.sampled_from(["before", "after"])), min_size=1, max_size=4)
-
-
-def check(ctx, seeds, *, restart=None):
-    """Check that all games of a batch equal those that are played alone."""
-    with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
-        if restart is not None:
-            for _ in range(restart):
-                games.step()
-            games.reset([0])
-        games.run()
-        for seed in set(seeds):
-            alone.game.reset(seed=seed)
-            result = plain(alone.game.run())
-            assert all(plain(games.result(number)) == result for number, one in enumerate(seeds) if one == seed)
-
-
-@settings(LAWS, max_examples=8)
-@given(
-    rules=ruled,
-    first=st.lists(st.sampled_from([TAG, OUT, BACK, PAID, FLAGS]), max_size=2, unique_by=str),
-    capacity=st.sampled_from([None, 1]),
-    seeds=st.lists(st.integers(0, 2**62), min_size=1, max_size=3),
-    restart=st.integers(0, 6),
-    legal=st.sampled_from(["edges", "any"]),
-)
-def test_plain_rules_do_in_batches_what_they_do_in_games_alone(rules, first, capacity, seeds, restart, legal):
-    with scene(first, max_turns=12, settings={"legal": legal}).build(seed=1) as ctx:
-        for number, (rule, phase) in enumerate(rules):
-            ctx.game.add(rule, phase=phase, name=f"{rule.__name__} {number}")
-        ctx.game.add(gamms.rules.last_team())
-        ctx.game.conflicts = None if capacity is None else Conflicts(capacity)
-        check(ctx, seeds, restart=restart)
-
-
 SEEING = {
     "near": {"type": "AGENT_RANGE", "sensor_range": 25.0},
     "map": {"type": "RANGE", "sensor_range": 12.0},
     "next": {"type": "NEIGHBOR"},
 }
-IN_ARRAYS = [
-    lambda: [tag("red", "blue"), payoff({"bonus": {"agent": 0.5}, "tag": {"agent": 1}})],
-    lambda: [tag("red", "blue", metres=11, then="eliminate"), respawn(2)],
-    lambda: [capture_flag({"red": 0, "blue": 24})],
-]
-
-
-@gamms.array_strategy
-def look(view):
-    """Go to the node that is last among those in sight."""
-    seen, actions = view.seen_nodes("next"), view.draw.below(view.counts)
-    last = np.zeros(view.node.shape, np.int64)
-    last[seen.at, seen.viewers] = seen.nodes
-    return np.where(view.draw.random() < 0.5, np.maximum(view.action_to(view.streets.ids(last)), 0), actions)
-
-
-MADE = {
-    "chase": gamms.strategies.chase,
-    "flee": gamms.strategies.flee,
-    "look": look,
-    "patrol": lambda ctx: gamms.strategies.patrol(ctx, [0, 24, 20]),
-    "walk": gamms.strategies.random_walk,
-}
-
-
-@settings(LAWS, max_examples=6, phases=[Phase.generate])
-@given(
-    rules=st.lists(
-        st.tuples(st.sampled_from([bonus, strike, lucky]), st.sampled_from(["before", "after"])), max_size=2
-    ),
-    phase=st.sampled_from(["before", "after"]),
-    others=st.sampled_from(IN_ARRAYS),
-    are_first=st.booleans(),
-    strategy=st.sampled_from([*MADE]),
-    capacity=st.sampled_from([None, 1]),
-    seeds=st.lists(st.integers(0, 2**62), min_size=1, max_size=2),
-    restart=st.integers(0, 9),
-)
-def test_roads_that_rules_close_are_closed_in_their_games_alone(
-    rules, phase, others, are_first, strategy, capacity, seeds, restart
-):
-    red = {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": [*SEEING]}
-    blue = {"count": 2, "strategy": "gamms.strategies:flee", "sensors": ["near"]}
-    scenario = scene(max_turns=12, teams={"red": red, "blue": blue}, sensors=SEEING)
-    with scenario.build(seed=1, strategies={"red": MADE[strategy]}) as ctx:
-        made = [(rule, "after") for rule in others()]
-        for number, (rule, when) in enumerate([*made * are_first, (storm, phase), *rules, *made * (not are_first)]):
-            ctx.game.add(rule, phase=when, name=f"{rule.__name__} {number}")
-        ctx.game.conflicts = None if capacity is None else Conflicts(capacity)
-        check(ctx, seeds, restart=restart)
 
 
 def test_what_is_observed_where_roads_are_closed_is_what_is_there():
@@ -231,87 +88,30 @@ def test_an_action_that_a_closed_road_makes_illegal_is_refused_before_any_game_i
                 assert plain(games.result(number)) == plain(others.result(number))
 
 
-def looks_into_memories(ctx):
-    ctx.game.scores["memories"] += len(ctx.game.memories)
-
-
-def looks_through_eyes(ctx):
-    ctx.game.scores["seen"] += len(ctx.agent.get_agent("red_0").state)
-
-
-def observes(ctx):
-    ctx.game.scores["legal"] += len(ctx.game.observation("red_0")["legal"])
-
-
-def counts(ctx):
-    ctx.game.scores["counted"] = len(ctx.game.counts)
-
-
-def publishes(ctx):
-    if ctx.game.turn == 3:
-        ctx.game.publish(storm=ctx.seed)
-
-
-def uses_flags(ctx):
-    ctx.game.scores["captures"] = sum(ctx.game.data["flags"]["captures"].values())
-
-
-def looks_at_what_an_agent_was_told(ctx):
-    ctx.game.scores["told"] = len(ctx.game.facts_of("red_0"))
-
-
-USING = [looks_into_memories, looks_through_eyes, observes, counts, publishes, uses_flags]
+USES = {
+    "memories": lambda ctx: len(ctx.game.memories),
+    "states": lambda ctx: len(ctx.agent.get_agent("red_0").state),
+    "observations": lambda ctx: len(ctx.game.observation("red_0")["legal"]),
+    "counts": lambda ctx: len(ctx.game.counts),
+    "flags": lambda ctx: sum(ctx.game.data["flags"]["captures"].values()),
+    "facts": lambda ctx: len(ctx.game.facts_of("red_0")),
+    "data": lambda ctx: ctx.game.data["plan"]["depth"],
+}
 
 
 @pytest.mark.parametrize("shares_memory", [True, False])
-@pytest.mark.parametrize("rule", [*USING, looks_at_what_an_agent_was_told])
-def test_rules_use_all_that_a_game_has(rule, shares_memory):
+@pytest.mark.parametrize("use", USES)
+def test_rules_use_all_that_a_game_has(use, shares_memory):
+    def rule(ctx):
+        ctx.game.scores[use] += USES[use](ctx)
+        if ctx.game.turn == 3:
+            ctx.game.publish(storm=ctx.seed)
+
     with scene([FLAGS], max_turns=8, settings={"team_memory": shares_memory}).build(seed=1) as ctx:
         ctx.game.publish(to="red_0", storm=3)
-        ctx.game.add(bonus)
-        ctx.game.add(rule)
-        check(ctx, [1, 2])
-
-
-def plans(ctx):
-    ctx.game.scores["depth"] += ctx.game.data["plan"]["depth"]
-
-
-def test_what_a_program_has_put_beside_the_data_of_rules_can_be_read():
-    with scene([FLAGS]).build(seed=1) as ctx:
         ctx.game.data["plan"] = {"depth": 2}
-        ctx.game.add(plans)
-        check(ctx, [1, 2])
-
-
-def estimate(ctx):
-    agent = ctx.agent.get_agent("red_0")
-    agent.estimate = agent.estimate * 0.5 + agent.current_node_id
-    ctx.game.scores["estimate"] = float(agent.estimate.sum())
-
-
-def test_rules_change_attributes_that_are_arrays():
-    with scene([TAG]).build(seed=1) as ctx:
-        ctx.agent.get_agent("red_0").estimate = np.zeros(2)
-        ctx.game.add(estimate)
-        check(ctx, [1, 2])
-
-
-def lead(ctx):
-    if ctx.game.scores:
-        ctx.game.emit("leads", team=max(ctx.game.scores, key=ctx.game.scores.get), of=[*ctx.game.scores])
-
-
-def deserts(ctx):
-    if ctx.game.turn == 3 and ctx.seed % 3 == 0:
-        ctx.agent.delete_agent("red_0")
-        ctx.agent.get_agent("red_1").speed = 2
-
-
-def test_a_game_that_becomes_another_kind_of_game_leaves_others_as_they_are():
-    with scene([TAG], max_turns=9).build(seed=1) as ctx:
-        ctx.game.add(deserts)
-        check(ctx, range(1, 7), restart=5)
+        ctx.game.add(rule)
+        check_games(ctx, seeds=[1, 2])
 
 
 def build_walls(ctx):
@@ -389,29 +189,6 @@ def test_rules_that_remember_outside_of_the_game_are_refused():
             games.run()
 
 
-def test_a_batch_is_played_by_one_thread_at_a_time():
-    batches, refused = SimpleQueue(), SimpleQueue()
-
-    def play(games):
-        with pytest.raises(BadValue, match="Another thread plays this batch"):
-            games.step()
-        refused.put(len(games))
-
-    def play_elsewhere(ctx):
-        if not batches.empty():
-            thread = Thread(target=play, args=[batches.get()])
-            thread.start()
-            thread.join()
-
-    with scene([TAG]).build(seed=1) as ctx:
-        ctx.game.add(play_elsewhere)
-        with ctx.game.batch(2) as games:
-            batches.put(games)
-            games.step()
-            assert refused.get() == 2
-            assert games.turn.tolist() == [1, 1]
-
-
 class Counting:
     """A conflict resolver that remembers how often it was asked."""
 
@@ -450,9 +227,7 @@ def test_a_collector_that_moves_an_agent_moves_it_in_batches_too():
             games.step()
             games.reset([0])
             games.run()
-            for number in range(2):
-                alone.game.reset(seed=games.seeds[number])
-                assert plain(games.result(number)) == plain(alone.game.run())
+            assert_as_alone(games, alone)
 
 
 def test_a_function_that_wraps_a_rule_is_called_alone_beside_other_such_rules_and_in_batches():

@@ -4,7 +4,7 @@ import inspect
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, plain, scene
+from batch_scenes import WALK, assert_as_alone, assert_as_played, plain, scene
 
 from gamms import rl
 from gamms.errors import BadValue
@@ -117,8 +117,7 @@ def test_games_that_go_on_know_agents_that_were_deleted_before():
         with ctx.game.batch(2) as games, ctx.game.fork(0).ctx as alone:
             games.run()
             assert games.teams == ("blue",)
-            alone.game.reset(seed=1)
-            assert plain(games.result(1)) == plain(alone.game.run())
+            assert_as_alone(games, alone)
 
 
 def test_agents_of_one_name_that_one_row_cannot_hold_are_refused():
@@ -230,9 +229,7 @@ def test_agents_change_in_games_on_several_maps(scouted):
     with scouted.batch(6, maps=maps) as games:
         games.run()
         assert not games.detached
-        for number, seed in enumerate(games.seeds):
-            alone = scouted.replace(map=maps[games.maps[number]])
-            assert plain(games.result(number)) == plain(alone.play(seed=seed))
+        assert_as_played(games, scouted, maps=maps)
 
 
 def test_environments_go_on_where_agents_change(scouted):
@@ -258,9 +255,6 @@ def test_a_flag_whose_carrier_was_deleted_is_dropped_at_its_base():
         ctx.game.add(scatter)
         with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
             games.run()
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                found = games.result(number)
-                assert plain(found) == plain(alone.game.run())
-                drops = [event["node"] for event in found.events if event["kind"] == "drop"]
-                assert drops == [24]
+            assert_as_alone(games, alone)
+            for number in range(2):
+                assert [one["node"] for one in games.result(number).events if one["kind"] == "drop"] == [24]

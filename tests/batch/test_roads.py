@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import assert_as_shown, plain, scene
+from batch_scenes import assert_as_alone, assert_as_shown, scene
 
 import gamms
 from gamms.errors import UnknownName
@@ -36,9 +36,7 @@ def check(scenario, strategies=None, rules=(dig,), phase="after", closed=(), tur
         with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
             while not games.is_over.all():
                 games.step()
-            for number, seed in enumerate(seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
+            assert_as_alone(games, alone)
             assert games.is_in_arrays or not stays, games.slow
             return [games.result(number) for number in range(len(seeds))]
 
@@ -184,15 +182,6 @@ def test_games_with_speeds_in_which_a_rule_closes_roads_stay_in_the_core(red, se
     check(scenario, {"red": red} if is_called else None, rules, phase, closed=[3, 9, 40], turns=2, stays=True)
 
 
-def test_closed_roads_under_speeds_are_the_same_alone_and_in_small_and_large_batches():
-    teams = {name: {"count": 2, "strategy": "gamms.strategies:random_walk", "speed": 14.0} for name in ("red", "blue")}
-    scenario = scene(teams=teams, settings={"speed_unit": "metres"})
-    few = check(scenario, rules=(undermine,), seeds=range(2), stays=True)
-    assert list(map(plain, few)) == list(
-        map(plain, check(scenario, rules=(undermine,), seeds=range(40), stays=True)[:2])
-    )
-
-
 @pytest.mark.parametrize(("phase", "settings"), UNDER_SPEEDS[:4:3] + UNDER_SPEEDS[4:5])
 def test_actions_are_given_on_the_roads_that_are_open_in_each_game(phase, settings):
     speed = {"speed": 7.0 if settings.get("speed_unit") else 2.5}
@@ -227,19 +216,6 @@ def test_an_observer_asks_for_routes_of_games_with_the_same_roads():
             for places in ([0], [1], [2, 3]):
                 part = view.in_games(np.array(places))
                 assert part.routes().distances(part.node, part.node[:, ::-1]).shape == part.node.shape
-
-
-def hole(ctx):
-    """Close some roads, others in each game, and open two of them later."""
-    turn = ctx.game.turn
-    if turn in (2, 4):
-        ctx.graph.close_roads([(ctx.seed * 7 + turn + k) % 80 for k in (3, 0, 40)])
-    if turn == 6:
-        ctx.graph.open_roads(ctx.graph.closed_roads[2:4])
-
-
-def test_forms_of_rules_close_other_roads_in_each_game():
-    check(scene(), rules=(hole,))
 
 
 @pytest.mark.parametrize(("edges", "is_open"), [([999], False), ([5], True)])

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import networkx as nx
 import pytest
-from batch_scenes import plain, scene
+from batch_scenes import check_games, plain, scene
 
 import gamms
 from gamms.errors import BadValue, MissingKey, UnknownName
@@ -16,14 +16,6 @@ SEEDS = [1, 2**40]
 
 def rule(name, /, **arguments):
     return {"rule": name, "with": arguments}
-
-
-@pytest.mark.parametrize("empty", ["stay", "eliminate"])
-def test_moves_that_cost_too_much_are_refused(empty, same_as_one_by_one):
-    fuel = rule("resource", name="fuel", start=40, per_metre=1, recharge={5: 20, 6: 20}, empty=empty)
-    water = rule("resource", name="water", start=4, per_turn=1, recharge={0: 2, 15: 2}, teams="red")
-    conflicts = {"capacity": 1}
-    same_as_one_by_one(scene([fuel, water, rule("respawn", after=2)], side=4, conflicts=conflicts), SEEDS)
 
 
 def winding():
@@ -39,11 +31,6 @@ def test_a_way_costs_as_much_as_the_shortest_edge_along_it(same_as_one_by_one):
     fuel = rule("resource", name="fuel", start=100, per_metre=1)
     map = {"generator": {"function": "test_rules_in_arrays:winding"}}
     same_as_one_by_one(scene([fuel], map=map, folder=Path(__file__).parent, max_turns=6), SEEDS)
-
-
-def test_members_of_one_team_may_tag_each_other(same_as_one_by_one):
-    tag = rule("tag", taggers="red", tagged="red", hops=1)
-    same_as_one_by_one(scene([tag], red=12, side=9, max_turns=6), SEEDS[:2])
 
 
 def test_teams_without_agents_discover_nothing():
@@ -88,11 +75,8 @@ def crowded(capacity, resolve=None):
 
 
 def test_capacities_may_be_attributes_of_nodes():
-    with crowded("room") as ctx, ctx.game.batch(seeds=[3]) as games:
-        games.run()
-        with ctx.game.fork(0).ctx as alone:
-            alone.game.reset(seed=3)
-            assert plain(games.result(0)) == plain(alone.game.run())
+    with crowded("room") as ctx:
+        check_games(ctx, seeds=[3])
     with crowded("rooms") as ctx, pytest.raises(UnknownName, match="rooms"):
         ctx.game.batch(1)
 

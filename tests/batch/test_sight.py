@@ -4,13 +4,11 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
-from batch_scenes import UNUSED, plain, scene
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from batch_scenes import UNUSED, scene
 
 from gamms.errors import TooLarge, UnknownName
 from gamms.game.block.sensing import VisibleAgentPairs
-from gamms.strategies import chase, flee, goto, mix
+from gamms.strategies import goto, mix
 
 FIELD = {"fov": 2.0, "orientation": (0.6, 0.8)}
 
@@ -103,44 +101,6 @@ def test_a_mask_that_takes_too_much_memory_is_refused():
     none = np.zeros(0, np.int64)
     with pytest.raises(TooLarge, match="Use the pairs"):
         _ = VisibleAgentPairs((3000, 300, 302), none, none, none, none).mask
-
-
-kinds = st.sampled_from(["AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT"])
-sensors = st.fixed_dictionaries(
-    {"sensor_range": st.sampled_from([0.0, 14.2, 25.0])},
-    optional={
-        "at": st.sampled_from([7, (13.0, 22.0)]),
-        "team": st.sampled_from(["red", ["blue", "red"]]),
-        "exclude": st.just("blue"),
-        "detection": st.sampled_from([0.5, halved]),
-        "position_noise_m": st.sampled_from([4.0, 12.0]),
-        "false_alarm_rate": st.sampled_from([0.4, 2.0]),
-        "delay_turns": st.sampled_from([1, 3]),
-    },
-)
-
-
-@settings(max_examples=8, deadline=None, derandomize=True)
-@given(
-    carried=st.lists(st.tuples(kinds, sensors), min_size=2, max_size=4),
-    strategies=st.lists(st.sampled_from([chase, flee]), min_size=2, max_size=2),
-    seeds=st.lists(st.integers(0, 2**40), min_size=1, max_size=2),
-)
-def test_agents_that_act_on_what_they_see_play_as_alone(carried, strategies, seeds):
-    with scene(max_turns=5).build(seed=1) as ctx:
-        ctx.graph.add_obstacle_face(0, tr=(33, 14, 8), tl=(5, 12, 8), br=(33, 14, 0), bl=(5, 12, 0), type=14)
-        for i, (name, agent) in enumerate(ctx.agent.agents.items()):
-            for number in {i % len(carried), i * i % len(carried)}:
-                kind, keywords = carried[number]
-                field = FIELD if "ARC" in kind else {}
-                eye = ctx.sensor.create_sensor(f"{name}/{number}", kind, **keywords, **field)
-                agent.register_sensor(f"eye {number}", eye)
-            agent.register_strategy(strategies[agent.team == "red"](ctx))
-        with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
-            games.run()
-            for number, seed in enumerate(seeds):
-                alone.game.reset(seed=seed)
-                assert plain(games.result(number)) == plain(alone.game.run())
 
 
 @contextmanager

@@ -73,17 +73,6 @@ def test_strategies_play_the_same_in_arrays(hunter, hunted_one, same_as_one_by_o
     same_as_one_by_one(hunted(), [1, 2], {"red": MADE[hunter], "blue": MADE[hunted_one]})
 
 
-@pytest.mark.parametrize("speeds", [(2, 3), (1.4, None)])
-def test_agents_with_speeds_in_edges_go_as_far_in_arrays_as_alone(speeds, same_as_one_by_one):
-    fast, slow = speeds
-    scenario = hunted(conflicts={"capacity": 2}).replace(**{"teams.red.speed": fast})
-    scenario = scenario if slow is None else scenario.replace(**{"teams.blue.speed": slow})
-    same_as_one_by_one(scenario, [1, 2], {"red": MADE["mix"], "blue": MADE["random_waypoints"]})
-    same_as_one_by_one(scenario, [1, 2], {"red": MADE["guard"], "blue": MADE["flee"]})
-    same_as_one_by_one(scenario, [1, 2], {"red": MADE["intercept"], "blue": MADE["intercept goals"]})
-    same_as_one_by_one(scenario, [1, 2], {"red": MADE["unblock"], "blue": MADE["safest_exit"]})
-
-
 def test_agents_that_set_no_action_stay_in_arrays_as_alone(same_as_one_by_one):
     strategies = {"red": lambda ctx: chase(ctx, None), "blue": lambda ctx: mix(0.5, unblock(flee(ctx, None)), stay)}
     same_as_one_by_one(hunted(), [1], strategies)
