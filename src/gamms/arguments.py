@@ -142,8 +142,8 @@ def as_numbers_of(given: object, name: str, count: int, kind: str) -> "Array":
     """Convert a value to an array of indices from 0 to `count` - 1, such as node rows.
 
     Args:
-        given: what was passed.
-        name: of the argument.
+        given: the value that the caller passed.
+        name: the name of the argument.
         count: the number of objects.
         kind: the kind of the objects, such as "nodes".
 

@@ -105,8 +105,8 @@ class MemoryBudget:
             and `max_memory` that of each, where `begin` says that it begins.
 
     Attributes:
-        total: how many bytes all values may take.
-        left: how many may still come.
+        total: the number of bytes that all values may take.
+        left: the number of bytes still available.
     """
 
     __slots__ = ("_left_at_once", "_what", "left", "total")

@@ -599,7 +599,7 @@ def _guarded_kind(kind: type, kinds: dict[type, type]) -> type:
 
     Args:
         kind: class of the agent.
-        kinds: of the context: class -> its subclass; a new subclass is added.
+        kinds: the subclasses of the context, by their classes; a new subclass is added.
     """
     # NOTE: `__getattr__` would need no class, but halve the speed of all other reads (benchmarks: the loop).
     found = kinds.get(kind)

@@ -22,12 +22,12 @@ class Roster:
         stored: name -> the agent, or the `UncreatedMembers` that it belonged to, in the order of the rows.
 
     Attributes:
-        stored: as given.
+        stored: the argument `stored`.
         version: structure version of the block for which this roster is valid.
         columns: columns of the block that define the roster.
         teams: members whose objects did not exist.
         agents: agents whose objects existed.
-        strategies, sensors: of `agents`.
+        strategies, sensors: the strategies and sensors of `agents`.
     """
 
     def __init__(self, block: AgentBlock, stored: dict[str, Any]) -> None:
@@ -50,10 +50,10 @@ class AgentSet:
     Args:
         block: their block.
         by_name: name -> the agent, in the order of the rows.
-        positions: of the block.
+        positions: the positions of the agents in the block.
 
     Attributes:
-        block, by_name, positions: as given.
+        block, by_name, positions: the arguments of these names.
         members: the agents, in the order of the rows.
         equipment: the strategy and the sensors of each.
     """

@@ -496,11 +496,11 @@ def _read_only(values: Column) -> Column:
 
 
 def starts_in(given: object, *, are_made: bool) -> list[int]:
-    """Return where the members of a team begin, which was given as anything that holds ids.
+    """Return the start nodes of a team's members, from any collection of ids.
 
     Raises:
-        BadType, BadValue: it is no list of integers.
-        TooLarge (ValueError): so many members would not fit into memory; they are counted before they are read.
+        BadType, BadValue: the starts are not a list of integers.
+        TooLarge (ValueError): the members would not fit into memory; they are counted before they are read.
     """
     each = _BYTES_PER_AGENT if are_made else _BYTES_PER_MEMBER
     most = max_memory() // each
@@ -528,10 +528,10 @@ def note_created(block: AgentBlock, names: Sequence[str], given: Iterable[dict[s
 
 
 def values_in(columns: object, count: int, others: Iterable[str]) -> dict[str, list[Any]]:
-    """Return name -> one plain value for each of several agents, of the columns of a team.
+    """Return the columns of a team as name -> one plain value for each agent.
 
     Raises:
-        BadType, BadValue: they are no attributes of agents, or have more or fewer values; there are other keywords.
+        BadType, BadValue: a column is not an attribute of agents, or has a wrong number of values.
     """
     lost = next((f" Members get it by columns={{{name!r}: …}}." for name in others if name not in _NO_COLUMNS), "")
     refuse_keywords(others, ("sensors", "strategy", "columns"), "create_team", lost)
@@ -549,7 +549,7 @@ def each_of(values: object, count: int, name: str) -> list[Any]:
     """Return one plain value for each of several agents.
 
     Raises:
-        BadValue: there are more or fewer.
+        BadValue: the number of values differs from the number of agents.
     """
     are_many = isinstance(values, Sequence | Iterator) or np.ndim(values) > 0  # type: ignore[arg-type] # anything
     if isinstance(values, Mapping | str | bytes) or not are_many:

@@ -59,7 +59,7 @@ _worked_out: WeakKeyDictionary[BeliefMap, OrderedDict[bytes, FloatArray]] = Weak
 
 
 def observe(ctx: Context, state: State | AerialState, *, share: bool = True, horizon: int = HORIZON) -> "Belief":
-    """Record what the sensors show of other teams' agents, and return the belief that follows.
+    """Record the agents of other teams that the sensors show, and return the resulting belief.
 
     Call it in every turn. Observations are stored in `state["memory"]`, one short text per turn.
 
@@ -78,7 +78,7 @@ def observe(ctx: Context, state: State | AerialState, *, share: bool = True, hor
 
 
 def believed(ctx: Context, state: State | AerialState) -> "Belief":
-    """Return the belief that follows from the memories of an agent and its team, without new observations."""
+    """Return the belief from the memories of an agent and its team, without new observations."""
     memories = required(state, "memory"), state.get("team_memory", {})
     return Belief(as_context(ctx, "believed"), turns_in(*memories), state["turn"], state.get("time", 0.0))
 
@@ -95,7 +95,7 @@ def belief_of(ctx: Context, observer: str) -> "Belief":
 
 
 class Belief:
-    """A belief that follows from observations; made by `observe`, `believed` and `belief_of`.
+    """A belief about other agents, computed from observations; made by `observe`, `believed` and `belief_of`.
 
     Args:
         ctx: the context.

@@ -111,7 +111,7 @@ class TurnObservations:
         texts: observer -> entry.
 
     Attributes:
-        texts: as given, sorted by observer.
+        texts: the entries, sorted by observer.
         digest: a hash of the texts.
     """
 
@@ -238,7 +238,7 @@ def last_sightings(turns: Mapping[int, TurnObservations]) -> dict[str, Sighting]
 
 
 def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizon: int) -> None:
-    """Write to memory what the sensors of an agent show of other teams' agents in this turn."""
+    """Write to memory the agents of other teams that an agent's sensors show in this turn."""
     agent = as_context(ctx, "observe").agent.get_agent(required(state, "name"))
     is_between = state.get("edge") is not None
     found: dict[str, Any] = dict(_respawned(ctx, state, share=share))

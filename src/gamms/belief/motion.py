@@ -139,7 +139,7 @@ def evidence_of(
         covered: rows of the nodes, and the probability that a target there is missed, (nodes,) each.
         shown: (looks, targets) whether a look has information about a target.
         found: (findings, targets) rows of nodes, or `core.IS_UNSEEN`, `core.IS_UNKNOWN`.
-        kinds: (looks,) what else a look covers, see `core.Evidence`; None: nothing.
+        kinds: (looks,) the further coverage of each look, see `core.Evidence`; None: no look covers more.
         places: the edge ends and metres of the findings, see `core.Evidence`; None: any position at the nodes.
     """
     ends, offsets_m = (

@@ -56,9 +56,9 @@ def drive(
         feed: the fixes of the robot: a `Feed`, a function that returns new fixes, or an iterable, which is read in a
             thread; a fix is a mapping with `x` and `y`, or `lat` and `lon`, and `t`.
         send: called with each message for the robot; None: the `send` of the feed, if it has one.
-        limit_s: how many seconds a turn waits.
-        arrive_m: within how many meters of the end of its route a robot has arrived.
-        checks: which fixes count.
+        limit_s: the longest wait of a turn in seconds.
+        arrive_m: the distance from the end of its route in meters at which a robot has arrived.
+        checks: the conditions for fixes to count.
         clock: the clock for the age of fixes and the wait of turns; None: that of the feed, or of the machine.
 
     Raises:
@@ -83,7 +83,7 @@ class Drive:
     Attributes:
         agent: the name of the agent.
         feed: the fixes of its robot.
-        limit_s: how many seconds a turn waits for it.
+        limit_s: the longest wait of a turn for the robot in seconds.
         rank: runs before the other rules after a turn.
     """
 

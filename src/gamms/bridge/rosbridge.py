@@ -214,7 +214,7 @@ def rosbridge(
         origin: (x, y) in map units of the origin of the robot's frame: UTM coordinates are too large for the floats of
             many robots. Not needed for degrees.
         frame_id: the frame of published paths.
-        timeout_s: how many seconds it waits for the connection.
+        timeout_s: the longest wait for the connection in seconds.
         clock: the clock for the age of fixes; None: that of the machine.
 
     Raises:

@@ -88,7 +88,7 @@ def traffic(link: Link, wait_s: float = 5.0) -> Rule:
 
     Args:
         link: the link to the program.
-        wait_s: how many seconds a turn waits for the line.
+        wait_s: the longest wait of a turn for the line in seconds.
 
     Raises:
         BadType, BadValue: an argument has a wrong type or value.

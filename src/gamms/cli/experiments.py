@@ -50,7 +50,7 @@ def run(
     allow: Allow = None,
     key_variable: KeyVariable = None,
 ) -> None:
-    """Play each variant with each seed, or go on with it."""
+    """Play each variant with each seed, or continue an interrupted run."""
     from gamms import experiment
     from gamms.experiment.files import read_experiment, seeds_of
     from gamms.experiment.folders import JOURNAL, rows_in, shard_folder, shard_of

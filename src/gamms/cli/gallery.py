@@ -53,7 +53,7 @@ class GalleryStatistics(NamedTuple):
         games: the number of games, with the seeds from 0 on.
         wins: team ("" for none) -> its number of wins, and the ends of the 95 % interval of their share.
         turns: the median length of a game.
-        scores: of a game without winners: score -> its mean, and the ends of the 95 % interval of the mean.
+        scores: for a game without winners, score -> its mean, and the ends of the 95 % interval of the mean.
     """
 
     games: int

@@ -62,7 +62,7 @@ def diff(
         Path | None, typer.Option(help="Write a page that replays both side by side.", metavar="FILE")
     ] = None,
 ) -> None:
-    """Say where two games part; exit code 1 if they do."""
+    """Print the first difference of two games; exit code 1 if there is one."""
     from gamms import recorder, recordings
 
     with recorder.open(first) as one, recorder.open(second) as other:

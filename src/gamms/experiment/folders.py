@@ -156,7 +156,7 @@ def refuse_incomplete(folder: Path, rows: Mapping[str, Row], ids: Iterable[str],
     """Check that the rows with these ids have all varied keys.
 
     Raises:
-        BadFile: one of them lacks a key.
+        BadFile: a row lacks a key.
     """
     for row in (rows[id] for id in ids if id in rows):
         missing = [key for key in keys if key not in row]
@@ -464,7 +464,7 @@ def _checked_end(stream: BinaryIO, file: Path) -> int:
     """Return the number of files from the end of a ZIP file, after checking the size of its file table.
 
     Raises:
-        BadFile: it is not the end of a ZIP file, or of a kind that `pack` does not write.
+        BadFile: the bytes are not the end of a ZIP file that `pack` writes.
         TooLarge: the table would take more memory than is allowed.
     """
     size = stream.seek(0, os.SEEK_END)
@@ -483,7 +483,7 @@ def _check(entries: list[zipfile.ZipInfo], file: Path) -> None:
     """Check all names, kinds and sizes.
 
     Raises:
-        BadFile: one of them is not what `pack` writes.
+        BadFile: `pack` does not write such an entry.
         TooLarge: the files would take more than is allowed.
     """
     places = [PurePosixPath(one.filename) for one in entries]

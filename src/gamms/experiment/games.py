@@ -35,7 +35,7 @@ class Task(NamedTuple):
     Attributes:
         settings: pickled `ExperimentSettings`.
         variant: a pickled `Variant`.
-        seeds: of the games.
+        seeds: the seeds of the games.
     """
 
     settings: bytes

@@ -127,7 +127,7 @@ class Rows(Sequence[Row]):
         Args:
             by: the keys by which rows are grouped; None: all that were varied.
             metrics: columns of numbers, or `wins.<team>`; None: those of `metrics()`.
-            confidence: of the intervals.
+            confidence: the confidence level of the intervals.
 
         Raises:
             UnknownName (KeyError): the rows lack the column.
@@ -160,7 +160,7 @@ class Rows(Sequence[Row]):
         Args:
             metric: a column of numbers, or `wins.<team>`.
             by: the key.
-            confidence: of the intervals.
+            confidence: the confidence level of the intervals.
 
         Raises:
             UnknownName (KeyError): the rows lack the column or key.
@@ -206,7 +206,7 @@ class Rows(Sequence[Row]):
 
         Args:
             metric: a column of numbers, or `wins.<team>`, of which the mean over seeds counts.
-            confidence: of the intervals.
+            confidence: the confidence level of the intervals.
 
         Raises:
             BadValue: the rows are not of `sample(…, method="sobol")`, or games of it are missing or have raised.
@@ -239,7 +239,7 @@ class Rows(Sequence[Row]):
             x: a varied key; None: the first one.
             y: a column of numbers, or `wins.<team>`.
             hue: a varied key; None: one series.
-            ax: where; None: a figure of its own.
+            ax: the axes to draw on; None: a new figure.
 
         Raises:
             UnknownName (KeyError): the rows lack the column or key.
@@ -387,8 +387,8 @@ def power(
         spread: the standard deviation of the paired differences of seeds; or rows of a first experiment, from which
             it is estimated (of more than two values of the key, the largest one).
         difference: the mean difference to be found, in units of the metric.
-        metric: of rows: a column of numbers, or `wins.<team>`.
-        by: of rows: the key whose values are compared.
+        metric: for rows, a column of numbers, or `wins.<team>`.
+        by: for rows, the key whose values are compared.
         power: the probability of finding the difference.
         alpha: the level of the test; for m comparisons, as Holm corrects them, divide it by m.
 

@@ -21,7 +21,7 @@ class Sample(Sequence[dict[str, Plain]]):
     """Points of a space, for `vary`; each is a dict of key -> value.
 
     Attributes:
-        keys: of the space.
+        keys: the keys of the space.
         n: see `sample`.
         method: see `sample`.
     """

@@ -38,8 +38,8 @@ class PairedComparison(NamedTuple):
 
     Attributes:
         difference: the mean of the differences.
-        low: of its interval.
-        high: of its interval.
+        low: the lower end of its interval.
+        high: the upper end of its interval.
         effect: Cohen's d_z, the mean of the differences divided by their standard deviation.
         p: the probability of a mean at least as far from 0 if the signs of the differences were random.
     """
@@ -105,9 +105,9 @@ def rate_interval_of_seeds(rates: Sequence[float], games: int, confidence: float
     Dean and Pagano, Journal of Survey Statistics and Methodology 3, 2015, section 2.
 
     Args:
-        rates: of each seed, from 0 to 1.
-        games: of all seeds.
-        confidence: of the interval.
+        rates: the rate of each seed, from 0 to 1.
+        games: the number of games of all seeds.
+        confidence: the confidence level of the interval.
     """
     if not rates:
         return Interval(np.nan, np.nan, np.nan)
@@ -205,9 +205,9 @@ def sobol_indices(values: FloatArray, keys: int, confidence: float = 0.95) -> li
     Computer Physics Communications 117, 1999, equation (f) there.
 
     Args:
-        values: what came of A, B, and of A with each key of B, ((keys + 2) * n,).
-        keys: how many.
-        confidence: of the intervals.
+        values: the results of A, of B, and of A with each key of B, ((keys + 2) * n,).
+        keys: the number of keys.
+        confidence: the confidence level of the intervals.
 
     Raises:
         BadValue: a value is missing, or all are equal.

@@ -148,8 +148,8 @@ def plot(
         x: the label of the horizontal axis.
         y: the label of the vertical axis.
         hue: the title of the legend; None: there is only one series.
-        series: of each, its values of x and intervals.
-        ax: where; None: a figure of its own.
+        series: the values of x and the intervals of each series.
+        ax: the axes to draw on; None: a new figure.
         notes: sentences above the axes.
 
     Raises:

@@ -29,7 +29,7 @@ class Variant(NamedTuple):
     Attributes:
         settings: varied key -> the name of its value in rows.
         changes: the arguments of `Scenario.replace`.
-        strategies: by team or agent, the argument of `Scenario.play`.
+        strategies: the argument of `Scenario.play`, by team or agent.
     """
 
     settings: dict[str, Plain]

@@ -69,7 +69,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
         path: path of the database; an existing database is opened. None: an in-memory database.
 
     Raises:
-        UnknownType (ValueError): `engine` is no member of `Engine`.
+        UnknownType (ValueError): `engine` is not a member of `Engine`.
         BadFile (ValueError): the file at `path` is not a GAMMS database.
     """
 
@@ -346,9 +346,8 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
     def save(self, path: str | os.PathLike[str] | None = None) -> None:
         """Write graph, obstacles, CRS and attributes into one file.
 
-        path: path of the file; None writes to the database file of `Engine.SQLITE`, which is also written
-        automatically.
-            path: of the file; None writes into the database file of `Engine.SQLITE`, which is written anyway.
+        Args:
+            path: path of the file; None: the database file of `Engine.SQLITE`, which is also written automatically.
 
         Raises:
             BadValue: no path and no database, or an attribute that is not plain data.

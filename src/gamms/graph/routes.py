@@ -32,7 +32,7 @@ class GoalDistances:
     Attributes:
         steps: row -> next row; -1 if there is no path.
         distances: row -> distance.
-        visited: how many nodes the searches have visited.
+        visited: the number of nodes that the searches have visited.
     """
 
     __slots__ = ("distances", "steps", "visited")

@@ -107,7 +107,7 @@ def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable
     """Return the visible nodes of every node; the number of workers changes only the time.
 
     Args:
-        task: what to compute.
+        task: the nodes, faces and limits of the table.
         workers: number of processes; None: one per available core if worthwhile.
         show: called with lines of progress.
     """

@@ -42,9 +42,9 @@ class Reply(NamedTuple):
 
     Attributes:
         text: the answer of the model; None: no answer.
-        problem: why there is no answer.
+        problem: the reason why there is no answer.
         is_passing: whether another attempt may succeed.
-        wait_s: how many seconds the server asks to wait before another attempt.
+        wait_s: the seconds that the server asks to wait before another attempt.
         tokens: the tokens of the question and of the answer, as counted by the server; None: not reported, so the
             reserved tokens count.
     """

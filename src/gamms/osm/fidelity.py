@@ -216,7 +216,7 @@ def report(
     Raises:
         BadValue: the resolution is unknown, or the CRS differ.
         BadType: graph or source has a wrong type.
-        FileNotFoundError, BadFile, MissingExtra: as for `graph_from_file`.
+        FileNotFoundError, BadFile, MissingExtra: see `graph_from_file`.
     """
     edges, about = _edges_of(graph)
     edges = connected(edges)

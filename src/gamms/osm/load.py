@@ -301,12 +301,12 @@ def graph_from_geojson(
 
     Args:
         filepath: the map file.
-        resolution: as for `graph_from_file`.
-        bidirectional: as for `graph_from_file`.
+        resolution: see `graph_from_file`.
+        bidirectional: see `graph_from_file`.
         retain_all: keep every part of the map; otherwise log the parts left out, with their share of the length.
-        tolerance: as for `graph_from_file`.
-        simplify: as for `graph_from_file`.
-        elevation: as in `FileOptions`.
+        tolerance: see `graph_from_file`.
+        simplify: see `graph_from_file`.
+        elevation: see `FileOptions`.
         snap: meters; the end of a line joins the nearest other line within this distance. Crossing lines stay apart.
 
     Returns: as `graph_from_file`.
@@ -367,7 +367,7 @@ def consolidate(osmg: "nx.Graph[Any]", tolerance: float) -> "nx.MultiDiGraph[int
     the node would not be wider than three tolerances. Near junctions without such a road stay apart.
 
     Args:
-        osmg: as for `process_osm_graph`.
+        osmg: see `process_osm_graph`.
         tolerance: meters.
 
     Raises: as `process_osm_graph`.

@@ -383,7 +383,7 @@ def offsets_of(counts: IntArray) -> IntArray:
 
 
 class MergedJunctions(NamedTuple):
-    """What merging junctions has removed so far."""
+    """The roads and lengths that merging junctions has removed so far."""
 
     nodes: int = 0
     length_m: float = 0.0  # of the roads inside junctions

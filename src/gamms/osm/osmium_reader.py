@@ -216,7 +216,7 @@ class _ClippedNodes:
 
     Args:
         source: the file.
-        region: in degrees of longitude and latitude.
+        region: the polygon, in degrees of longitude and latitude.
 
     Attributes:
         place_of: id of a node -> longitude and latitude in osmium's units.
@@ -446,7 +446,7 @@ def read_lines(file: Path, keys: Sequence[str], about_of: _AboutOf) -> Outlines:
         about_of: returns the object for a line with these tags; None: ignore the line.
 
     Raises:
-        BadFile, MissingExtra: as for `read_footprints`.
+        BadFile, MissingExtra: see `read_footprints`.
     """
     lines, about = _read_lines(file, keys, about_of)
     return known_parts(np.array(lines.offsets, np.int64), lines.lonlat(), about)

@@ -337,7 +337,7 @@ class _PairedTrials:
         """Return the action with the highest lower bound of its mean, or the first if no other is clearly better.
 
         Args:
-            confidence: by how many standard errors another action has to be better than the first.
+            confidence: the number of standard errors by which another action has to be better than the first.
         """
         tries = sum(self.counts)
         spread = sqrt(self._squares / max(tries, 1))
@@ -460,7 +460,7 @@ class _Search:
         states: the argument of the strategy or plan.
 
     Attributes:
-        settings: as given.
+        settings: the argument `settings`.
         known: the range of gains so far.
         turn: the turn of the current iteration, from 0.
     """

@@ -150,7 +150,7 @@ def verify(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = No
     The new recording must have exactly the same events, and with the same versions of GAMMS and zlib the same bytes.
 
     Args:
-        path: of the recording.
+        path: the file of the recording.
         map: a file written by `ctx.graph.save`, for recordings without their map.
 
     Raises:

@@ -59,7 +59,7 @@ def context_for(
     """Create a context to replay a recording of any version in.
 
     Args:
-        path: of the recording.
+        path: the file of the recording.
         map: a file written by `ctx.graph.save`; None: the recorded map, or for version 2, which stores no map, one node
             at (0, 0) for each node id.
         vis_engine: see `create_context`.
@@ -89,7 +89,7 @@ def watch(
     """Replay a recording in a window, until the window is closed.
 
     Args:
-        path: of the recording.
+        path: the file of the recording.
         map: see `context_for`.
         start: the number of turns to skip.
         seconds: the display time of a turn.
@@ -168,8 +168,8 @@ def to_version_3(
     """Convert a recording of version 2 to version 3.
 
     Args:
-        path: of the recording.
-        out: of the new one.
+        path: the file of the recording.
+        out: the file of the new recording.
         map: see `context_for`.
 
     Returns:
@@ -297,7 +297,7 @@ def to_csv(
     `game_tracks.csv`, with the positions of agents after each turn, needs a recording with its map.
 
     Args:
-        path: of the recording.
+        path: the file of the recording.
         out: the path from which the names of the files are derived.
         turn_seconds: the duration of a turn, for the times in tracks.
 

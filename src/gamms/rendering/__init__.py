@@ -44,7 +44,7 @@ class RenderOptions:
         first: the first turn of a film; None: from the beginning.
         last: the last turn of a film, or the turn after which a picture shows the game (0: the start); None: the end.
         follow: the name of an agent to keep in the middle.
-        view: with `follow`, the width of the view, map units; None: some hundred metres.
+        view: the width of the view with `follow`, map units; None: 400 metres.
         fog: a team, as text: only the views of its sensors are shown.
         width, height: pixels; None: depends on the map.
         fps: frames per second.

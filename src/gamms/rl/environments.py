@@ -215,7 +215,7 @@ def sb3_env(scenario: Scenario, *, num_games: int, **options: Any) -> "SlotsEnv"
 
     Args:
         scenario: see `parallel_env`.
-        num_games: how many.
+        num_games: the number of games.
         options: see `vector_env`; all but `autoreset_mode`, which Stable-Baselines3 decides.
 
     Raises:

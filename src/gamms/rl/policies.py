@@ -85,7 +85,7 @@ class PolicyDescription(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
         spaces_digest: the digest of the spaces.
         teams: the teams that it was trained for.
         agent: the only agent that it was trained for.
-        network: in safetensors, the architecture of the weights.
+        network: the architecture of the weights in a safetensors file.
     """
 
     scenario: _Text

@@ -222,7 +222,7 @@ class _CoreFlags:
         turn: the turn in which these agents play.
 
     Attributes:
-        flags, seed: as given.
+        flags, seed: the present arguments; see `take` and `draw_by`.
         told: the carriers when they were published last.
         fact: the fact that was published last.
     """

@@ -56,7 +56,7 @@ def ask(found: core.Contacts, nearness: ContactOptions, near: Near, *columns: An
 
     Args:
         found: the search.
-        nearness: which agents are in contact.
+        nearness: the distance and options that define a contact.
         near: distances between places; None: agents must be on the same node.
         columns: columns of agents and games, in the order of `core.Contacts.ask`.
         by_metres: whether positions in these games are in metres along edges.
@@ -131,12 +131,12 @@ class Roster:
         out: whether each agent is eliminated and takes no part; None: all are living.
 
     Attributes:
-        names: as given.
+        names: the argument `names`.
         team_of: the argument `teams`.
         number: name -> index of the agent.
         teams: team -> index of the team, in the order of their first agents.
-        fly, out: as given.
-        keys: (agents,) as given.
+        fly, out: the arguments `fly` and `out`.
+        keys: (agents,) the argument `keys`.
         team: (agents,) indices of teams.
         games: the columns of agents, for one game.
         turn: (1,) the number of turns played.
@@ -261,7 +261,7 @@ class TurnContacts:
         seed: seed of the context.
 
     Attributes:
-        game, roster: as given.
+        game, roster: the arguments of these names.
         numbers: numbers of the nodes of the map.
         are_steps: whether every agent moved along at most one edge.
         by_metres: whether positions are in metres along edges.
@@ -269,7 +269,7 @@ class TurnContacts:
         most_legs, legs: capacity and columns of legs, for `core.Tracks`.
         tracks: tracks of the agents; empty if all are steps.
         edges: edges that the agents move along.
-        seed: as given.
+        seed: the present seed; see `draw_by`.
         purpose: purpose key of the draws.
     """
 
@@ -441,7 +441,7 @@ class GameContacts:
         edges: edges that agents have moved along.
         graph, revision: the map and its revision.
         state: state of the game.
-        numbers: as given.
+        numbers: the argument `numbers`.
         place: node id -> position of the node on the ground.
         near: unit and limit of a `ContactOptions` -> nodes near each node.
         pieces: the present buffers.

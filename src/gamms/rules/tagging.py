@@ -177,7 +177,7 @@ def respawn(
 
     Args:
         after: number of turns that an agent misses.
-        times: how often each agent returns; None: always.
+        times: the maximum number of returns of each agent; None: no limit.
         teams: teams whose agents return, one or several; None: all.
 
     Raises:

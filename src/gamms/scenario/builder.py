@@ -80,7 +80,7 @@ class Builder:
         ctx: the context.
         spec: the scenario.
         library: the functions that it names.
-        strategies: by team or agent, replacing those of the scenario.
+        strategies: strategies by team or agent, which replace those of the scenario.
     """
 
     def __init__(self, ctx: Context, spec: Spec, library: CodeLibrary, strategies: Strategies) -> None:

@@ -57,7 +57,7 @@ def at(path: str) -> Iterator[None]:
     """Turn errors in the block into a `ScenarioError` at a path.
 
     Raises:
-        ScenarioError: instead of any error of GAMMS or of reading a file.
+        ScenarioError: replaces any error of GAMMS or of reading a file.
     """
     try:
         yield
@@ -72,7 +72,7 @@ def named(file: object, raw: Plain = None) -> Iterator[None]:
     """Add the file, or None, and the place in words to errors in the block.
 
     Raises:
-        ScenarioError: with both added.
+        ScenarioError: the error of the block, with the file and the place added.
     """
     try:
         yield
@@ -85,7 +85,7 @@ def on_map(number: int | None) -> Iterator[None]:
     """Add the number of the map to errors in the block; None: there is only one map.
 
     Raises:
-        ScenarioError: with `maps[number]` in its place or its message.
+        ScenarioError: the error of the block, with `maps[number]` in its path or its message.
     """
     try:
         yield

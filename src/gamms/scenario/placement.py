@@ -131,7 +131,7 @@ class NodePlaces:
     """Rows and positions of the nodes of a map, and sets of nodes as bits.
 
     Attributes:
-        columns: of the graph.
+        columns: the columns of the graph.
     """
 
     def __init__(self, ctx: Context) -> None:

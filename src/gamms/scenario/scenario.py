@@ -134,7 +134,7 @@ class Scenario(Surface, Immutable):
 
         Raises:
             BadType (TypeError): the seeds are not integers.
-            ScenarioError: for one of them, not all agents can be placed.
+            ScenarioError: with one of the seeds, not all agents can be placed.
         """
         chosen = [as_int(seed, "A seed") for seed in as_items(seeds, "seeds", "integers")]
         with named(self.file, self._raw), create_context(logger_config=maps.quiet()) as ctx:
@@ -231,12 +231,13 @@ class Scenario(Surface, Immutable):
 
         Args:
             seed: all random streams follow from it; None: that of the scenario, or a fresh one.
-            strategies: by team or agent, in place of those of the scenario: `state -> None`, or `ctx -> strategy`.
+            strategies: strategies by team or agent, which replace those of the scenario: `state -> None`, or
+                `ctx -> strategy`.
             vis_engine: see `create_context`; None: no window.
             graph_engine: see `create_context`.
 
         Raises:
-            ScenarioError: something cannot be done as it is written.
+            ScenarioError: a part of the scenario cannot be built as it is written.
             UnknownName (KeyError): a strategy is for an unknown team or agent.
         """
         return self._built(seed, strategies, vis_engine, graph_engine)[0]
@@ -307,7 +308,7 @@ class Scenario(Surface, Immutable):
         Args:
             seed: see `build`.
             strategies: see `build`.
-            record: the file of a recording of the game, which replaces one that is there; None: it is not recorded.
+            record: the file for a recording, which replaces an existing file; None: do not record.
         """
         with self.build(seed, strategies) as ctx:
             return ctx.game.run(record=record)
@@ -331,9 +332,9 @@ class Scenario(Surface, Immutable):
         if the seed changes them, for each. Close the batch, or use it in a `with` statement. See docs/batches.md.
 
         Args:
-            num_games: how many.
-            seed: of the first game; those of the others follow.
-            seeds: of each game, instead of both.
+            num_games: the number of games.
+            seed: the seed of the first game; the others have the next ones.
+            seeds: the seed of each game, instead of `num_games` and `seed`.
             strategies: see `build`.
             record: keep the actions that are given to `step`, so that games can be recorded.
             one_by_one: deprecated, and without an effect: `batch.context` needs it no more.
@@ -345,10 +346,10 @@ class Scenario(Surface, Immutable):
                 `replace(map=maps[batch.maps[i]]).play(seed=seeds[i])`.
 
         Raises:
-            ScenarioError: something cannot be done as it is written.
+            ScenarioError: a part of the scenario cannot be built as it is written.
             BadType, BadValue: there is no game or map, a seed is no integer, or the game has other agents on another
                 map.
-            TooLarge: the games would not fit into memory; the message says what they need.
+            TooLarge: the games would not fit into memory; the message says how much they need.
         """
         chosen = as_seeds(num_games, seed, seeds)
         if one_by_one is not None:
@@ -459,13 +460,13 @@ def from_recording(
     The recording names code: only GAMMS's own is used unless you allow more.
 
     Args:
-        recording: as `gamms.recorder.open` gives it.
+        recording: an open recording; see `gamms.recorder.open`.
         folder: the folder of its code and maps; None: none.
         allow: installed packages whose functions it may name, though they have no entry point that says so.
         key_variable: the name of the environment variable with the key of language models that it names.
 
     Raises:
-        ScenarioError: it was built by a program, or what is in it is not a scenario.
+        ScenarioError: the recorded game was built by a program, or its scenario is invalid.
     """
     if not hasattr(recording, "header"):
         raise BadType(f"from_recording takes a recording, as gamms.recorder.open gives it, not {shown(recording)}.")

@@ -1,4 +1,4 @@
-"""Which kinds of sensor there are, how each is made from the caller's keywords, and the factories that declare them.
+"""The kinds of sensors: a table that says how each is made from keywords, and the factories that declare them.
 
 Every agent that is given a declaration gets a sensor of its own.
 """
@@ -41,7 +41,7 @@ FORWARD = (1.0, 0.0)
 
 
 class SensorKind(NamedTuple):
-    """How to make a sensor of one type."""
+    """The description of one type of sensor: its class, and the keywords that it takes."""
 
     make: Callable[..., Sensor]
     keywords: dict[str, Any]  # of its constructor, with their defaults
@@ -87,7 +87,7 @@ class SensorKind(NamedTuple):
         return given
 
     def apply(self, sensor: ISensor, keywords: dict[str, Any]) -> None:
-        """Set a sensor by what `keywords_of` returned."""
+        """Set a sensor to keywords that `keywords_of` returned."""
         for name in self.keywords:
             setattr(sensor, ATTRIBUTES_OF.get(name, name), keywords[name])
         for setting in self.settings:
@@ -100,7 +100,7 @@ class SensorKind(NamedTuple):
                 setattr(owner, name, value)
 
     def change(self, sensor: ISensor, keywords: Mapping[str, Any]) -> None:
-        """Set a sensor by the plain part of what `keywords_of` returned; what is not plain in it stays."""
+        """Set a sensor to the plain values among keywords that `keywords_of` returned; other settings stay."""
         now = self.keywords_of(sensor)
         plain = plain_subset(now)
         if not is_same(plain, dict(keywords)):
@@ -125,7 +125,7 @@ _SPHERE = {"sensor_range": 100.0, "fov": 2.0 * pi, "quat": AHEAD}
 
 
 def derived(nearest: type[Sensor], read: Callable[[Any], Any]) -> type[Sensor]:
-    """Return a class of sensors whose `data` is a function of what a sensor of the nearest kind finds.
+    """Return a class of sensors whose `data` is a function of the data of a sensor of the nearest kind.
 
     The sensors have the settings of that kind and are drawn like it.
 
@@ -226,7 +226,7 @@ def range(range_m: float = 30.0, **options: Unpack[PlaceOptions]) -> SensorDecla
     """Declare a sensor for the graph within a distance, like `map`.
 
     Args:
-        range_m: how far it senses, in map units in a straight line.
+        range_m: the range in map units, in a straight line.
         options: see `PlaceOptions`.
     """
     return _declared("RANGE", {**options}, range_m=range_m)
@@ -239,7 +239,7 @@ def arc(
     """Declare a sensor for the graph within a distance and a field of view, like `map`.
 
     Args:
-        range_m: how far it senses, in map units in a straight line.
+        range_m: the range in map units, in a straight line.
         fov: the full opening angle in radians.
         orientation: the direction `(cos, sin)`, relative to the heading of the agent.
         options: see `PlaceOptions`.
@@ -266,7 +266,7 @@ def agent_range(range_m: float = 30.0, **options: Unpack[DetectionOptions]) -> S
     """Declare a sensor for other agents within a distance: `{name: node}`.
 
     Args:
-        range_m: how far it senses, in map units in a straight line.
+        range_m: the range in map units, in a straight line.
         options: see `DetectionOptions`.
     """
     return _declared("AGENT_RANGE", {**options}, range_m=range_m)
@@ -282,7 +282,7 @@ def agent_arc(
     """Declare a sensor for other agents within a distance and a field of view: `{name: node}`.
 
     Args:
-        range_m: how far it senses, in map units in a straight line.
+        range_m: the range in map units, in a straight line.
         fov: the full opening angle in radians.
         orientation: the direction `(cos, sin)`, relative to the heading of the agent.
         options: see `DetectionOptions`.
@@ -301,7 +301,7 @@ def occluded_map(
     """Declare a sensor for the graph that obstacles do not hide, like `map`.
 
     Args:
-        range_m: how far it senses, in map units in a straight line.
+        range_m: the range in map units, in a straight line.
         fov: the full opening angle in radians.
         orientation: the direction `(cos, sin)`, relative to the heading of the agent.
         observer_height: the height of the eye above the ground, in map units.
@@ -322,7 +322,7 @@ def occluded_agent(
     """Declare a sensor for other agents that obstacles do not hide: `{name: node}`.
 
     Args:
-        range_m: how far it senses, in map units in a straight line.
+        range_m: the range in map units, in a straight line.
         fov: the full opening angle in radians.
         orientation: the direction `(cos, sin)`, relative to the heading of the agent.
         observer_height: the height of the eye above the ground, in map units.
@@ -339,9 +339,9 @@ def aerial(
     """Declare a sensor of a flying agent for the ground, like `map`.
 
     Args:
-        range_m: how far it senses, in map units in a straight line.
+        range_m: the range in map units, in a straight line.
         fov: the full opening angle in radians.
-        quat: the direction `(w, x, y, z)`, relative to how the agent is turned; straight down by default.
+        quat: the direction `(w, x, y, z)`, relative to the rotation of the agent; straight down by default.
         options: see `PlaceOptions`.
     """
     return _declared("AERIAL", {**options}, range_m=range_m, fov=fov, quat=quat)
@@ -354,9 +354,9 @@ def aerial_agent(
     """Declare a sensor of a flying agent for other agents: `{name: (AgentType, (x, y, z))}`.
 
     Args:
-        range_m: how far it senses, in map units in a straight line.
+        range_m: the range in map units, in a straight line.
         fov: the full opening angle in radians.
-        quat: the direction `(w, x, y, z)`, relative to how the agent is turned; straight ahead by default.
+        quat: the direction `(w, x, y, z)`, relative to the rotation of the agent; straight ahead by default.
         options: see `DetectionOptions`.
     """
     return _declared("AERIAL_AGENT", {**options}, range_m=range_m, fov=fov, quat=quat)
@@ -369,9 +369,9 @@ def occluded_aerial(
     """Declare a sensor of a flying agent for the ground that obstacles do not hide, like `map`.
 
     Args:
-        range_m: how far it senses, in map units in a straight line.
+        range_m: the range in map units, in a straight line.
         fov: the full opening angle in radians.
-        quat: the direction `(w, x, y, z)`, relative to how the agent is turned; straight down by default.
+        quat: the direction `(w, x, y, z)`, relative to the rotation of the agent; straight down by default.
         options: see `PlaceOptions`.
     """
     return _declared("OCCLUDED_AERIAL", {**options}, range_m=range_m, fov=fov, quat=quat)
@@ -384,9 +384,9 @@ def occluded_aerial_agent(
     """Declare a sensor of a flying agent for other agents that obstacles do not hide: `{name: (AgentType, (x, y, z))}`.
 
     Args:
-        range_m: how far it senses, in map units in a straight line.
+        range_m: the range in map units, in a straight line.
         fov: the full opening angle in radians.
-        quat: the direction `(w, x, y, z)`, relative to how the agent is turned; straight ahead by default.
+        quat: the direction `(w, x, y, z)`, relative to the rotation of the agent; straight ahead by default.
         options: see `DetectionOptions`.
     """
     return _declared("OCCLUDED_AERIAL_AGENT", {**options}, range_m=range_m, fov=fov, quat=quat)

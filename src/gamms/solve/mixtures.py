@@ -83,7 +83,7 @@ class DoubleOracle:
         teams: both teams, this one first.
         value: the expected reward of `team`, if both teams draw a strategy from their mixtures before the game.
         bounds: lower and upper bound of the game's value, from the best responses of all iterations.
-        gaps: for each iteration, the gain of both teams together from best responses to the mixtures: their
+        gaps: the gain of both teams together from best responses to the mixtures of each iteration: their
             `nash_conv`.
         payoffs: (strategies of the team, strategies of the other one), the rewards of the team.
         mixtures: team -> the probability of each of its strategies.

@@ -54,7 +54,7 @@ class Response:
         method: the method that found its strategy.
         value: its reward; an estimate from games, unless the method is "exact".
         interval: the 95 % confidence interval of `value`.
-        strategy: for `scenario.play(strategies={team: …})`.
+        strategy: the strategy, for `scenario.play(strategies={team: …})`.
         solution: the solution of the game of this team alone; None unless the method is "exact".
     """
 
@@ -102,7 +102,7 @@ def best_response(
             others. "search" supports "score"; "learn" supports "score" and "turns".
         turns: the number of turns after which the game is cut; None: as in the scenario.
         seed: the seed of the start and of the training; None: that of the scenario, or 0.
-        budget: for "exact" the most states, for "search" the iterations of a decision, for "learn" the turns of
+        budget: the most states for "exact", the iterations of a decision for "search", the turns of
             training.
 
     Raises:

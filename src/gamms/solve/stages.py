@@ -57,8 +57,8 @@ class ValueIteration:
     Attributes:
         values: k -> (states,) the first team's value if at most k turns are left.
         error: the largest error of the start's value; inf: unknown.
-        side: how the values bound those of the game with full information: "exact", "lower" (at most), "upper" or
-            "none" (uncertain).
+        side: the kind of bound that the values are for the game with full information: "exact", "lower", "upper",
+            or "none" (uncertain).
     """
 
     def __init__(self, table: Table, rewards: Rewards, tolerance: float) -> None:
@@ -88,9 +88,9 @@ class ValueIteration:
         return most - turn if self.counts_down(team) and turn < most else most
 
     def counts_down(self, team: int) -> bool:
-        """Return whether a team counts down the computed turns in a game without a last one, so that it makes progress.
+        """Return whether a team plays as if the game ended after the computed turns, so that it makes progress.
 
-        A team that only defends plays in every turn as if all turns were left.
+        Only games without a last turn need this. A team that only defends plays in every turn as if all turns were left.
         """
         if self.table.last_turn is not None or self.rewards.discount < 1.0 or self.side == "exact":
             return False

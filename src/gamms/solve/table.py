@@ -85,7 +85,7 @@ class Table:
         setup: the setup of the game.
         roster: the agents.
         order: -1 if the first team moves before the second, 1 if it moves after it, 0 if they move simultaneously.
-        earlier: for each team, the names of the agents that move before it in a turn.
+        earlier: the names of the agents that move before each team in a turn.
         last_turn: the turn after which the game ends; None: unknown.
         by_winner: whether winners were compared.
         by_turn: whether the turn is part of the state.

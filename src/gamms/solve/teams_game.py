@@ -22,7 +22,7 @@ class _SharedModel:
     """The data shared by all states of a game.
 
     Attributes:
-        table, rewards: as given.
+        table, rewards: the states and the rewards of the game.
         first: the player that moves first in each turn; None: both move simultaneously.
         observed: (states, players) the number of a team's observation at the beginning of a turn.
     """

@@ -157,15 +157,15 @@ def _stop_after(way: TurnPath | None, state: State, before: int) -> int:
 
 
 class StopList:
-    """The nodes of a list, and which of them comes next.
+    """A list of nodes to visit, and the index of the next one.
 
     Args:
         nodes: ids of the stops.
         repeat: whether the first stop follows the last.
 
     Attributes:
-        nodes: as given.
-        following: for each stop, the index of the next stop on another node; the number of stops after the last.
+        nodes: the argument `nodes`.
+        following: the index of the next stop on another node, for each stop; the number of stops after the last.
     """
 
     def __init__(self, nodes: tuple[int, ...], *, repeat: bool) -> None:

@@ -139,7 +139,7 @@ def check_backend(backend: Backend) -> None:
     are checked.
 
     Args:
-        backend: as `gamms.visual.backends` describes it.
+        backend: a picture format, as described in `gamms.visual.backends`.
 
     Raises:
         AssertionError: a promise is broken; the message names it.

@@ -518,7 +518,7 @@ def made_in_moment(
         phase: phase of the context.
         slot: see `made_last`.
         make: makes it; it is not to be changed.
-        key: what else it is made from.
+        key: a key for its other inputs.
     """
     moment = phase.moment
     if moment is None:

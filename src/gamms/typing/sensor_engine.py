@@ -239,7 +239,7 @@ class DetectionOptions(PlaceOptions, total=False):
             units. The AGENT kinds. Default: None, no error.
         false_alarm_rate: the mean number of agents that a look reports without having noticed them. The AGENT kinds.
             Default: None, no false alarms.
-        delay_turns: how many turns of `ctx.game` old a report is. The AGENT kinds. Default: None, not old.
+        delay_turns: the age of a report in turns of `ctx.game`. The AGENT kinds. Default: None, no delay.
     """
 
     team: object
@@ -255,7 +255,7 @@ class SensorOptions(DetectionOptions, total=False):
 
     Attributes:
         type: a synonym of `sensor_type`.
-        range_m: how far it senses, in map units in a straight line; may be infinite. Default: 30.0 for RANGE, ARC,
+        range_m: the range in map units, in a straight line; may be infinite. Default: 30.0 for RANGE, ARC,
             AGENT_RANGE and AGENT_ARC, 100.0 for the AERIAL kinds, infinite for OCCLUDED_MAP and OCCLUDED_AGENT.
         sensor_range: the name of `range_m` in 1.0.0.
         fov: the full opening angle in radians; exactly 2 pi: all around. ARC, AGENT, AGENT_ARC, the OCCLUDED and AERIAL
@@ -264,7 +264,7 @@ class SensorOptions(DetectionOptions, total=False):
             AGENT, AGENT_ARC, OCCLUDED_MAP, OCCLUDED_AGENT. Default: (1.0, 0.0), straight ahead.
         observer_height: the height of the eye above the ground, in map units. OCCLUDED_MAP, OCCLUDED_AGENT. Default:
             1.6.
-        quat: the direction `(w, x, y, z)`, relative to how the agent is turned. The AERIAL kinds. Default: straight
+        quat: the direction `(w, x, y, z)`, relative to the rotation of the agent. The AERIAL kinds. Default: straight
             down, but straight ahead for the kinds that look for agents.
     """
 

@@ -14,7 +14,7 @@ def flags(attackers, defenders, real, radius):
 
     Args:
         attackers, defenders: the teams.
-        real: how many flags are real; the others are decoys.
+        real: the number of real flags; the others are decoys.
         radius: edges.
     """
 

@@ -1,4 +1,4 @@
-"""A honeycomb, cops that move together, and a robber that keeps its room."""
+"""A honeycomb, cops that move together, and a robber that stays where it has most nodes to itself."""
 
 from itertools import product
 

@@ -1,4 +1,4 @@
-"""A maze of hedges, and a rule that draws what the hunters believe."""
+"""A maze of hedges, and a rule that draws the hunters' belief."""
 
 import networkx as nx
 import numpy as np

@@ -1,4 +1,4 @@
-"""A network of friends, people who tell what they believe, teams that talk to people, and the rule of beliefs."""
+"""A network of friends who pass on rumors, teams that talk to people, and the rule of beliefs."""
 
 import networkx as nx
 
@@ -57,7 +57,7 @@ def campaign(ctx, reach):
 
 
 def beliefs(ctx):
-    """Note who believes what, tell it to all, and score the believers of each team."""
+    """Update the beliefs of people, publish them, and score the believers of each team."""
     for deed in ctx.game.performed("believe"):
         ctx.game.data["beliefs"][deed.at] = deed.values["what"]
         ctx.game.scores[deed.values["what"]] += 1

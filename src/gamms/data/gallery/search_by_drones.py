@@ -1,4 +1,4 @@
-"""Trails in the hills, the strategy of the drones, and a rule that draws what the searchers believe."""
+"""Trails in the hills, the strategy of the drones, and a rule that draws the searchers' belief."""
 
 import networkx as nx
 import numpy as np
