@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from gamms.scenario import Scenario
 
 _DEMO = "gamms.demo.strategies"  # the module of the demo's strategies in its scenario
-_WHAT = {"strategies.py": "its strategies, and what is its own", "rules.py": "its own rules"}
+_WHAT = {"strategies.py": "its strategies and other code", "rules.py": "its own rules"}
 
 
 def new(

@@ -90,7 +90,7 @@ class ValueIteration:
     def counts_down(self, team: int) -> bool:
         """Return whether a team plays as if the game ended after the computed turns, so that it makes progress.
 
-        Only games without a last turn need this. A team that only defends plays in every turn as if all turns were left.
+        This applies to games without a last turn, and not to a team that only defends.
         """
         if self.table.last_turn is not None or self.rewards.discount < 1.0 or self.side == "exact":
             return False

@@ -31,7 +31,7 @@ def steps(ctx, state):
 
 
 def enclose(ctx, pace):
-    """Make the plan: each firefighter goes to the first tree to burn among the trees that it reaches before the fire."""
+    """Make the plan: each firefighter goes to the next tree to burn that it reaches before the fire."""
 
     def plan(states):
         forest = next(iter(states.values()))["facts"]["forest"]
