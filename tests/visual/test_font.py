@@ -4,6 +4,7 @@ import logging
 
 import numpy as np
 import pytest
+from PIL import ImageFont
 
 import gamms
 from gamms.visual import font
@@ -48,3 +49,10 @@ def test_letters_that_the_font_lacks_are_warned_about_once_where_they_are_boxes(
     logged = [record.getMessage() for record in caplog.records]
     assert len(logged) == (suffix != ".svg")
     assert all("'東京' is written with boxes" in words and ".svg" in words for words in logged)
+
+
+def test_the_table_of_widths_is_that_of_the_font():
+    letters = ImageFont.truetype(str(font.FONT), 2048, layout_engine=ImageFont.Layout.BASIC)
+    for letter in map(chr, range(32, 0x2200)):
+        width = round(2048 * words_width(letter, 1 / EM))
+        assert letters.getlength(letter) == pytest.approx(width, abs=8), letter  # of which hints take some

@@ -23,7 +23,7 @@ class DrawKind(IntEnum):
     CIRCLE = 1  # the center, and maybe an offset in pixels to the right and down; size = radius
     RECTANGLE = 2  # two points: top-left corner, in world units; (width, height), in the unit of `space`
     LINE = 3  # two or more points, an open polyline; width
-    # Three or more points, closed; filled by winding number, so a seam to a ring can make a hole. In pixels: a
+    # Three or more points, closed; filled by the even-odd rule, so a seam to a ring makes a hole. In pixels: a
     # place on the map, then at least two corners, as offsets to the right and down.
     POLYGON = 4
     TEXT = 5  # one point, the upper left corner, which is the center of rotation by the angle; size = font height

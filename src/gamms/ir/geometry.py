@@ -44,9 +44,14 @@ def rings_of(polygon: "Polygon") -> list[FloatArray]:
 
 
 def seamed(rings: Sequence[FloatArray]) -> FloatArray:
-    """Return one line (points, 2) along the rings of a polygon, see `rings_of`, with a seam to each hole."""
+    """Return one line (points, 2) along closed rings, the outer one first, with a short seam to each other one."""
     outer, *holes = rings
-    return np.concatenate([outer[:-1], *(np.concatenate([outer[:1], hole]) for hole in holes)])
+    line = outer
+    for hole in holes:
+        apart = np.linalg.norm(line[:, None] - hole, axis=2)
+        here, there = np.unravel_index(apart.argmin(), apart.shape)
+        line = np.concatenate([line[: here + 1], hole[there:-1], hole[: there + 1], line[here:]])
+    return line[:-1]
 
 
 def joined_lines(points: FloatArray, offsets: IntArray, groups: IntArray) -> list[tuple[int, FloatArray]]:

@@ -519,8 +519,8 @@ class Drawing:
     ) -> None:
         """Draw many polygons at once: polygon `i` is `points[offsets[i]:offsets[i + 1]]`.
 
-        `width` is the outline in pixels, 0 = filled. A polygon is filled where it winds around; so one with a seam to
-        an inner ring, which runs the other way around, has a hole there.
+        `width` is the outline in pixels, 0 = filled. A polygon is filled by the even-odd rule; so one with a seam to an
+        inner ring has a hole there.
         """
         if self.commands is not None:
             self.commands.add_polygons(points, offsets, color, width)

@@ -3,21 +3,21 @@
 Its letters have the widths of Arial, Helvetica and Liberation Sans; every SVG viewer has one of these.
 """
 
+import json
 import logging
 from functools import lru_cache
 from pathlib import Path
-from struct import unpack_from
 
 from gamms.text import shown
 
 FONT = Path(__file__).parent.parent / "data" / "fonts" / "Arimo-Regular.ttf"
+_WIDTHS = FONT.with_name("widths.json")  # width in the unit of the font -> its letters of that width
 FAMILIES = "Arimo, Arial, 'Liberation Sans', Helvetica, sans-serif"
 EM = 0.6875  # font size in heights, as in 1.0.0 and pygame
 MIDDLE = 0.36  # from the top of a line of words to the middle of small letters, in heights
 ASCENT = 0.8  # from the top of a line of words to its baseline, in font sizes
 
 _SLIMMEST = 0.15  # of letters, in font sizes
-_UNICODE = 0  # the platform of a table of characters
 
 
 def words_width(words: str, font_px: float) -> float:
@@ -66,34 +66,9 @@ _warned: list[str] = []
 
 @lru_cache(maxsize=1)
 def _widths() -> tuple[dict[int, float], float]:
-    """Return how broad each character of the font is, and any other one, in font sizes."""
-    data = FONT.read_bytes()
-    tags = [unpack_from(">4s4xL", data, 12 + 16 * number) for number in range(*unpack_from(">H", data, 4))]
-    start = dict(tags)
-    (em,) = unpack_from(">H", data, start[b"head"] + 18)
-    (count,) = unpack_from(">H", data, start[b"hhea"] + 34)
-    advances = unpack_from(">" + "Hh" * count, data, start[b"hmtx"])[::2]
-    glyphs = _glyphs(data, start[b"cmap"])
-    return {code: advances[min(glyph, count - 1)] / em for code, glyph in glyphs.items()}, advances[0] / em
-
-
-def _glyphs(data: bytes, begin: int) -> dict[int, int]:
-    """Return the numbers of the glyphs of characters, from a table of format 4."""
-    (table,) = (begin + offset for platform, offset in _subtables(data, begin) if platform == _UNICODE)
-    segments = unpack_from(">H", data, table + 6)[0] // 2
-    ends, starts, deltas, offsets = (
-        unpack_from(f">{segments}H", data, table + 14 + 2 * (column * segments + (column > 0))) for column in range(4)
-    )
-    found = dict[int, int]()
-    for number, (first, last, delta, offset) in enumerate(zip(starts, ends, deltas, offsets, strict=True)):
-        place = table + 16 + 2 * (3 * segments + number) + offset  # from where glyphs are listed, if they are
-        for code in range(first, min(last, 0xFFFE) + 1):
-            glyph = unpack_from(">H", data, place + 2 * (code - first))[0] if offset else code
-            if glyph:
-                found[code] = (glyph + delta) % 0x10000
-    return found
-
-
-def _subtables(data: bytes, begin: int) -> list[tuple[int, int]]:
-    count = unpack_from(">H", data, begin + 2)[0]
-    return [unpack_from(">H2xL", data, begin + 4 + 8 * number) for number in range(count)]
+    """Return the width of each character of the font, and that of other characters, in font sizes."""
+    table = json.loads(_WIDTHS.read_text("ascii"))
+    widths = dict[int, float]()
+    for width, letters in table["letters"].items():
+        widths.update(dict.fromkeys(map(ord, letters), int(width) / table["em"]))
+    return widths, table["other"] / table["em"]

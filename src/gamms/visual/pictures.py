@@ -12,7 +12,7 @@ from gamms.visual.artists import Artists
 from gamms.visual.drawing import Drawing
 
 if TYPE_CHECKING:
-    from gamms.visual.backends.coverage import ByteArray
+    from gamms.visual.backends.pillow_backend import ByteArray
     from gamms.visual.files import Film
     from gamms.visual.scene import Scene
 
@@ -165,7 +165,7 @@ class Pictures(Guarded):
 
         Raises:
             BadValue: a size that is not positive, or too large.
-            MissingExtra (ImportError): pygame is not installed.
+            MissingExtra (ImportError): pygame or Pillow is not installed.
             ContextTerminated: the context has ended.
         """
         from gamms.visual.files import Frames, FrameSource, size

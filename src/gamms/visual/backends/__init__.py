@@ -14,7 +14,7 @@ from typing import Any, Protocol
 from gamms.ir.draw import DrawCommands
 from gamms.plugins import Registry
 from gamms.visual.backends import svg
-from gamms.visual.backends.coverage import PaintedFrame
+from gamms.visual.backends.pillow_backend import PaintedFrame
 from gamms.visual.camera import Camera
 
 Backend = Callable[..., bytes]

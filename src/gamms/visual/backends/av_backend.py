@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gamms.plugins import needing
-from gamms.visual.backends.coverage import PaintedFrame
+from gamms.visual.backends.pillow_backend import PaintedFrame
 
 _AHEAD = 8  # frames waiting for the encoder
 # A fixed number of threads, so that equal frames give equal bytes on every machine. One thread, because it runs

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from reportlab.pdfgen.canvas import Canvas
 
 _INCH = 72.0  # points
-# round line caps and joins; fill by nonzero winding number
+# round line caps and joins; fill by the even-odd rule
 _ROUND = 1
-_NON_ZERO = 1
+_EVEN_ODD = 0
 # how words are painted
 _FILL = 0
 _STROKE = 1
@@ -130,7 +130,7 @@ class _Painter:
                 path.lineTo(*point)
             path.close()
         is_outline = bool(self._sheet.width[row] > 0)
-        self._page.drawPath(path, stroke=int(is_outline), fill=int(not is_outline), fillMode=_NON_ZERO)
+        self._page.drawPath(path, stroke=int(is_outline), fill=int(not is_outline), fillMode=_EVEN_ODD)
 
     def _text(self, row: int) -> None:
         size = int(self._sheet.size[row]) / 10

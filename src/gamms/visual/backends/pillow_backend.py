@@ -1,28 +1,119 @@
-"""PNG and GIF files with Pillow, which no other file imports."""
+"""Pixels, PNG and GIF files with Pillow, which no other file imports."""
 
 import io
-from itertools import chain, product
+import zlib
+from collections.abc import Iterator
+from itertools import chain, pairwise, product
+from math import ceil
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.plugins import needing
-from gamms.visual.backends.coverage import ByteArray, PaintedFrame
+from gamms.visual.font import ASCENT, EM, FONT, words_width
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
+ByteArray = np.ndarray[Any, np.dtype[np.uint8]]
+PixelArray = np.ndarray[Any, np.dtype[np.uint32]]  # (rows, columns)  blue, green, red and an unused byte
 
 _OWN = 192  # colors taken from the first frame; the others are spread evenly, for later frames
 _SPREAD = (0, 85, 170, 255)
+_FINER = 4  # shapes and letters are drawn this many times larger, then reduced, for smooth edges
+EDGE_PX = 0.5 / _FINER  # by which Pillow fills more than a polygon at each side
+_FARTHEST = 1 << 28  # limit of coordinates, because Pillow counts in 32 bits
+_MOST_LETTER_PX = 1024  # larger letters need no smoothing of our own
+_HALO_PX = 1.25  # around letters
+
+
+class PaintedFrame(Protocol):
+    """A frame of a film."""
+
+    def pixels(self) -> ByteArray:
+        """Return red, green and blue as a new array (height, width, 3)."""
+
+    def bgrx(self) -> PixelArray:
+        """Return blue, green, red and an unused byte as an array (height, width): the fastest way to an encoder."""
+
+
+class Patch(NamedTuple):
+    """Coverage of a part of a picture from 0 to 255, and the position of its upper left pixel.
+
+    Pixel (column, row) is the square from (column, row) to (column + 1, row + 1); y is down.
+    """
+
+    coverage: ByteArray  # (rows, columns)
+    left: int
+    top: int
 
 
 def _image_module() -> Any:
-    with needing("Writing a PNG or GIF file", "viz"):
+    with needing("Painting a picture", "viz"):
         from PIL import Image
     return Image
+
+
+# -- coverage -----------------------------------------------------------------------------------------------------
+
+
+def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> Patch | None:
+    """Return the coverage of filled polygons, each by the even-odd rule, clipped to a picture; overlaps count once.
+
+    Args:
+        points: (points, 2), pixels.
+        offsets: (polygons + 1,)  polygon `i` is `points[offsets[i]:offsets[i + 1]]`.
+        width: width of the picture.
+        height: height of the picture.
+
+    Returns:
+        The coverage; None outside of the picture.
+    """
+    image_module = _image_module()
+    from PIL import ImageDraw
+
+    low = np.maximum(np.floor(points.min(axis=0)), 0.0)
+    high = np.minimum(np.ceil(points.max(axis=0)), (width, height))
+    if (low >= high).any():
+        return None
+    columns, rows = ((high - low) * _FINER).astype(np.int64).tolist()
+    image = image_module.new("L", (columns, rows))
+    pen = ImageDraw.Draw(image)
+    corners = np.clip(np.rint((points - low) * _FINER - 0.5), -_FARTHEST, _FARTHEST).ravel().tolist()
+    for begin, end in pairwise((2 * offsets).tolist()):
+        pen.polygon(corners[begin:end], fill=255)
+    left, top = low.astype(np.int64).tolist()
+    return Patch(np.asarray(image.reduce(_FINER)), left, top)
+
+
+def text_coverage(words: str, font_px: int, angle: float = 0.0, *, has_halo: bool = False) -> ByteArray:
+    """Return the coverage of text around its middle, turned counter-clockwise by degrees, maybe with its halo."""
+    image_module = _image_module()
+    from PIL import ImageDraw, ImageFont
+
+    finer = max(min(_FINER, _MOST_LETTER_PX // font_px), 1)
+    font = ImageFont.truetype(str(FONT), EM * font_px * finer)
+    room = 2 + font_px // 4  # for the halo, and for accents above the line
+    width = words_width(words, font_px)
+    columns = ceil(width) + 2 * room
+    rows = ceil(font_px * EM) + 2 * room
+    image = image_module.new("L", (columns * finer, rows * finer))
+    pen = ImageDraw.Draw(image)
+    x = (columns - width) / 2
+    baseline = (rows - font_px * EM) / 2 + ASCENT * font_px * EM
+    for letter in words:  # each exactly at its place, as in other formats
+        stroke = round(_HALO_PX * finer) if has_halo else 0
+        pen.text((x * finer, baseline * finer), letter, fill=255, font=font, anchor="ls", stroke_width=stroke)
+        x += words_width(letter, font_px)
+    if angle:
+        image = image.rotate(angle, image_module.Resampling.BICUBIC, expand=True)
+    return np.asarray(image.reduce(finer))
+
+
+# -- files --------------------------------------------------------------------------------------------------------
 
 
 def png_file(pixels: ByteArray, dpi: float) -> bytes:
@@ -59,7 +150,7 @@ def image_size(path: str) -> tuple[int, int]:
 
 
 class Gif:
-    """Writes an animation frame by frame, with one palette and only the changed part of each frame.
+    """Collects the frames of an animation with one palette, and writes them at the end.
 
     Raises:
         MissingExtra: Pillow is not installed.
@@ -71,66 +162,45 @@ class Gif:
         self._size = width, height
         self._file = path.open("wb")
         self._palette: Any = None
-        self._waiting: Any = None  # a part of the picture to be written: (image, corner)
-        self._before: Any = None
-        self._begun = self._frames = 0
+        self._frames: list[bytes] = []  # compressed color indices; equal frames are stored once
+        self._counts: list[int] = []  # of times that each is shown
 
     def add(self, picture: PaintedFrame) -> None:
-        """Add a frame.
-
-        Raises:
-            OSError: the file cannot be written.
-        """
+        """Add a frame."""
         image = self._image.fromarray(picture.pixels())
         if self._palette is None:
             self._palette = _palette(self._image, image)
         image = image.quantize(palette=self._palette, dither=self._image.Dither.NONE)
-        box = _changed(self._before, image)
-        if box is not None:
-            self._write()
-            self._waiting = image.crop(box), box[:2]
-            self._before = image
-            self._begun = self._frames
-        self._frames += 1
+        frame = zlib.compress(image.tobytes(), 1)
+        if self._frames[-1:] == [frame]:
+            self._counts[-1] += 1
+        else:
+            self._frames.append(frame)
+            self._counts.append(1)
 
     def finish(self) -> None:
-        """Write the remaining frames.
+        """Write all frames.
 
         Raises:
             OSError: the file cannot be written.
         """
+        # Rounded in total, because frames last whole hundredths of a second.
+        ends = np.rint(100.0 * np.cumsum([0, *self._counts]) / self._fps)
+        durations = (10 * np.maximum(np.diff(ends), 1.0)).astype(np.int64).tolist()
+        images = self._images()
+        options = {"loop": 0, "optimize": False, "duration": durations}
         with self._file:
-            self._write()
-            self._file.write(b";")
+            next(images).save(self._file, "GIF", save_all=True, append_images=images, **options)
+
+    def _images(self) -> Iterator["Image"]:
+        for frame in self._frames:
+            image = self._image.frombytes("P", self._size, zlib.decompress(frame))
+            image.putpalette(self._palette.getpalette())
+            yield image
 
     def discard(self) -> None:
         """Stop writing; the file is incomplete."""
         self._file.close()
-
-    def _write(self) -> None:
-        """Write the waiting frame, whose duration is now known."""
-        from PIL import GifImagePlugin
-
-        if self._waiting is None:
-            return
-        image, corner = self._waiting
-        if self._begun == 0:
-            for part in _header(self._image, image, self._palette):
-                self._file.write(part)
-        # Rounded in total, because frames last whole hundredths of a second.
-        hundredths = round(100 * self._frames / self._fps) - round(100 * self._begun / self._fps)
-        for part in GifImagePlugin.getdata(image, corner, duration=10 * max(hundredths, 1)):
-            self._file.write(part)
-
-
-def _header(module: ModuleType, image: "Image", palette: "Image") -> list[bytes]:
-    """Return the beginning of a file that repeats forever, up to its first frame."""
-    data = io.BytesIO()
-    first = module.new("P", image.size)
-    first.putpalette(palette.getpalette())
-    first.save(data, "GIF", loop=0, optimize=False, duration=10)
-    whole = data.getvalue()
-    return [whole[: whole.index(b"!\xf9\x04")]]
 
 
 def _palette(module: ModuleType, image: "Image") -> Any:
@@ -139,15 +209,3 @@ def _palette(module: ModuleType, image: "Image") -> Any:
     palette = module.new("P", (1, 1))
     palette.putpalette([*own, *[0] * (3 * _OWN - len(own)), *spread])
     return palette
-
-
-def _changed(before: "Image | None", image: "Image") -> tuple[int, int, int, int] | None:
-    """Return the bounding box of the changed pixels; for the first frame the whole picture."""
-    if before is None:
-        return (0, 0, *image.size)
-    differs = np.asarray(before) != np.asarray(image)
-    rows = np.flatnonzero(differs.any(axis=1))
-    columns = np.flatnonzero(differs.any(axis=0))
-    if len(rows) == 0:
-        return None
-    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1

@@ -21,30 +21,22 @@ from gamms.errors import BadValue, MissingExtra
 from gamms.ir.graph import FloatArray
 from gamms.limits import refuse_above
 from gamms.visual.appearance import PAPER, Rgb, Rgba, is_dark
-from gamms.visual.backends.coverage import ByteArray, Patch, PixelArray
-from gamms.visual.backends.pillow_backend import image_size
+from gamms.visual.backends.pillow_backend import ByteArray, Patch, PixelArray, image_size, text_coverage
 from gamms.visual.camera import extent
-from gamms.visual.font import ASCENT, EM, FONT, warn_of_boxes, words_width
+from gamms.visual.font import EM, warn_of_boxes, words_width
 
 if TYPE_CHECKING:
     from pygame import Surface
-    from pygame.font import Font
 
 _PROMPT = "PYGAME_HIDE_SUPPORT_PROMPT"
 _UNWRITABLE = re.compile("[\x00-\x1f\x7f\ud800-\udfff]")
 _BGRX = (0xFF0000, 0xFF00, 0xFF) if sys.byteorder == "little" else ()  # the bit masks of such a surface
-_HALO = [(0, 1), (1, 0), (1, 2), (2, 1), (0, 0), (0, 2), (2, 0), (2, 2)]  # around words
 _MOST_IMAGE_PX = 4096
 _IMAGE_BYTES = 12  # bytes per pixel: decoded, copied with transparency and scaled; 9 measured
 _SVG_PX = 1024
 _MOST_FONT_PX = 2048
 _MOST_LETTERS = 10_000
 _LETTERS = 8  # maximum width of a letter, as a multiple of its height
-# letters up to this height are painted this many times larger, then reduced
-_FINER = 8
-_FINE_PX = 200
-_STEPS = 4  # positions of a letter within a pixel
-_TURNED = 2  # rotated text is painted this many times larger, then reduced
 
 BLACK = (0, 0, 0, 255)
 WHITE = (255, 255, 255, 255)
@@ -54,7 +46,7 @@ Placed = tuple["Surface", tuple[int, int]]  # a surface, and the position of its
 
 @lru_cache(maxsize=1)
 def load() -> Any:
-    """Return pygame with fonts initialized, without display, sound and greeting.
+    """Return pygame without display, sound and greeting.
 
     Raises:
         MissingExtra: pygame is not installed.
@@ -63,7 +55,6 @@ def load() -> Any:
     os.environ.setdefault(_PROMPT, "1")
     try:
         import pygame
-        import pygame.font
         import pygame.surfarray
         import pygame.transform
     except ImportError as error:
@@ -168,35 +159,30 @@ class Canvas:
         y: float,
         font_px: float,
         color: Rgba,
+        *,
+        angle: float = 0.0,
         align_right: bool = False,
         edge: Rgb | None = None,
     ) -> None:
-        """Write text with the upper left, or upper right, corner at (x, y), with an outline if it is over a map."""
+        """Write text with the upper left, or upper right, corner at (x, y), with an outline if it is over a map.
+
+        Text is turned counter-clockwise around its upper left corner by `angle` degrees.
+        """
         edge = self._paper if edge is None and is_dark(color) != is_dark(self._paper) else edge
         font_px = min(max(round(font_px), 1), _MOST_FONT_PX)
         # Text beyond the edge is cut off: a malicious map may have an attribution of a million letters.
-        most = min(_LETTERS * (self.width + round(max(-x, 0.0))) // font_px + _LETTERS, _MOST_LETTERS)
-        words = words[-most:] if align_right else words[:most]
-        warn_of_boxes(words := _UNWRITABLE.sub(" ", words))
-        written = _text(words, font_px, color, edge)
-        left = x - 1 - (words_width(words, font_px) if align_right else 0)
-        if -written.get_width() < left < self.width and -written.get_height() < y - 1 < self.height:
-            self.surface.blit(written, (round(left), round(y - 1)))
-
-    def turned_text(self, words: str, corner: tuple[float, float], font_px: float, color: Rgba, angle: float) -> None:
-        """Write text with the upper left corner at a point, rotated counter-clockwise around it by degrees."""
-        font_px = min(max(round(font_px), 1), _MOST_FONT_PX // _TURNED)
-        words = _UNWRITABLE.sub(" ", words[: _LETTERS * (self.width + self.height) // font_px + _LETTERS])
+        longest = self.width + self.height + round(max(-x, 0.0))
+        most = min(_LETTERS * longest // font_px + _LETTERS, _MOST_LETTERS)
+        words = _UNWRITABLE.sub(" ", words[-most:] if align_right else words[:most])
         warn_of_boxes(words)
-        edge = self._paper if is_dark(color) != is_dark(self._paper) else None
-        turned = _turned_text(words, font_px, color, edge, round(angle % 360.0, 1))
-        x, y = corner
-        turn = radians(angle)
+        written = _text(words, font_px, color, edge, round(angle % 360.0, 1))
         across = words_width(words, font_px) / 2
-        down = _height(font_px) / 2
-        x += across * cos(turn) + down * sin(turn) - turned.get_width() / 2
-        y += down * cos(turn) - across * sin(turn) - turned.get_height() / 2
-        self.surface.blit(turned, (round(x), round(y)))
+        down = EM * font_px / 2
+        turn = radians(angle)
+        begin = x - 2 * across if align_right else x
+        left = begin + across * cos(turn) + down * sin(turn) - written.get_width() / 2
+        top = y + down * cos(turn) - across * sin(turn) - written.get_height() / 2
+        self.surface.blit(written, (round(left), round(top)))
 
     def image(self, path: str, x: float, y: float, side: float, angle: float) -> None:
         """Draw an image file in a square of `side` px around (x, y), rotated counter-clockwise by degrees."""
@@ -240,99 +226,16 @@ def _paint(width: int, height: int, color: Rgba) -> "Surface":
     return surface
 
 
-def _font(font_px: int) -> "Font":
-    """Return the opened font; another program may have closed all fonts."""
-    pygame = load()
-    if not pygame.font.get_init():
-        pygame.font.init()
-        _opened_font.cache_clear()
-    return _opened_font(font_px)
-
-
-@lru_cache(maxsize=64)
-def _opened_font(size: int) -> "Font":
-    font: Font = load().font.Font(str(FONT), size)
-    return font
-
-
 @lru_cache(maxsize=4096)
-def _text(words: str, font_px: int, color: Rgba, edge: Rgb | None) -> "Surface":
-    """Return text on a surface with an empty pixel on every side."""
-    ink = color[:3]
-    pygame = load()
-    written = _written(words, font_px, ink)
-    surface: Surface = pygame.Surface((written.get_width() + 2, written.get_height() + 2), pygame.SRCALPHA, 32)
-    surface.fill((*(edge or ink), 0))
+def _text(words: str, font_px: int, color: Rgba, edge: Rgb | None, angle: float) -> "Surface":
+    """Return text on a surface around its middle, turned counter-clockwise by degrees."""
+    surface = stamp(text_coverage(words, font_px, angle), (*color[:3], 255))
     if edge is not None:
-        around = _written(words, font_px, edge)
-        for place in _HALO:
-            surface.blit(around, place)
-    surface.blit(written, (1, 1))
+        halo = stamp(text_coverage(words, font_px, angle, has_halo=True), (*edge, 255))
+        halo.blit(surface, (0, 0))
+        surface = halo
     surface.set_alpha(color[3])
     return surface
-
-
-def _height(font_px: int) -> float:
-    """Return the height of text, including the first empty pixel below it."""
-    return float(_letter("x", font_px, BLACK[:3], 0).get_height())
-
-
-@lru_cache(maxsize=512)
-def _turned_text(words: str, font_px: int, color: Rgba, edge: Rgb | None, angle: float) -> "Surface":
-    """Return rotated text, painted larger and reduced in one step."""
-    ink = color[:3]
-    pygame = load()
-    wide = _TURNED
-    width = round(words_width(words, font_px)) + 4
-    height = round(_height(font_px)) + 4
-    surface: Surface = pygame.Surface((width * wide, height * wide), pygame.SRCALPHA, 32)
-    surface.fill((*(edge or ink), 0))
-    if edge is not None:
-        around = _written(words, font_px * wide, edge)
-        for x, y in _HALO:
-            surface.blit(around, (2 * x * wide, 2 * y * wide))
-            surface.blit(around, ((x + 1) * wide, (y + 1) * wide))
-    surface.blit(_written(words, font_px * wide, ink), (2 * wide, 2 * wide))
-    turned: Surface = pygame.transform.rotozoom(surface, angle, 1 / wide)
-    turned.set_alpha(color[3])
-    return turned
-
-
-def _written(words: str, font_px: int, ink: Rgb) -> "Surface":
-    """Return text with each letter exactly at its position.
-
-    pygame itself puts letters at whole pixels, which makes gaps between small letters uneven.
-    """
-    pygame = load()
-    places = list[Placed]()
-    x = 0.0
-    for letter in words:
-        whole = int(x)
-        places.append((_letter(letter, font_px, ink, int((x - whole) * _STEPS)), (whole, 0)))
-        x += words_width(letter, font_px)
-    height = max((surface.get_height() for surface, _ in places), default=1)
-    surface: Surface = pygame.Surface((int(x) + font_px, height), pygame.SRCALPHA, 32)
-    surface.fill((*ink, 0))
-    surface.blits(places, doreturn=False)
-    return surface
-
-
-@lru_cache(maxsize=8192)
-def _letter(letter: str, font_px: int, ink: Rgb, step: int) -> "Surface":
-    """Return a letter at a fraction of a pixel, with the same baseline as in other formats."""
-    pygame = load()
-    finer = _FINER if font_px <= _FINE_PX else 1
-    font = _font(max(round(EM * font_px * finer), 1))
-    if not font.size(letter)[0]:  # for example a direction mark, for which pygame makes no surface
-        empty: Surface = pygame.Surface((1, 1), pygame.SRCALPHA, 32)
-        return empty
-    large = font.render(letter, True, ink)
-    lead = font.get_ascent() - round(ASCENT * EM * font_px) * finer  # distance to the top of a line here
-    width, height = (-(-length // finer) + 1 for length in (large.get_width(), large.get_height() - min(lead, 0)))
-    surface: Surface = pygame.Surface((width * finer, height * finer), pygame.SRCALPHA, 32)
-    surface.fill((*ink, 0))
-    surface.blit(large, (step * finer // _STEPS, -lead))
-    return surface if finer == 1 else pygame.transform.smoothscale(surface, (width, height))
 
 
 _held: "WeakValueDictionary[str, Surface]" = WeakValueDictionary()

@@ -14,8 +14,7 @@ from gamms import kernels
 from gamms.ir.draw import DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.visual.appearance import Rgba
-from gamms.visual.backends import coverage
-from gamms.visual.backends.coverage import ByteArray
+from gamms.visual.backends.pillow_backend import EDGE_PX, ByteArray, Patch, polygons
 from gamms.visual.backends.pygame_backend import Canvas, stamp
 from gamms.visual.camera import CSS_DPI, FAINTEST_PX, Camera, clipped, extent, touching
 
@@ -26,6 +25,7 @@ _LARGEST_STAMP_PX = 96.0
 _OPAQUE = 255
 _STEPS = 4  # positions of a stamp within a pixel
 _BITS = (10, 10, 11, 2, 2, 8, 8, 8)  # bits of a stamp's radius, width, reach, two steps, red, green and blue
+_CORNER_PX = 4.0  # maximum distance between the corners of round ends
 _SAME = 1e-3  # share of the radius: largest difference between the two sizes of a disc
 
 
@@ -119,9 +119,38 @@ def draw_lines(canvas: Canvas, starts: FloatArray, ends: FloatArray, width_px: f
     if width_px == _THINNEST_PX:
         canvas.hairlines(starts, ends, color)
         return
-    patch = coverage.strokes(starts, ends, width_px, canvas.width, canvas.height)
+    patch = strokes(starts, ends, width_px, canvas.width, canvas.height)
     if patch is not None:
         canvas.cover(patch, color)
+
+
+def strokes(starts: FloatArray, ends: FloatArray, width_px: float, width: int, height: int) -> Patch | None:
+    """Return the coverage of lines with round ends, clipped to a picture; overlaps count once.
+
+    Args:
+        starts: (lines, 2), pixels.
+        ends: (lines, 2), pixels.
+        width_px: width of every line; lines thinner than a pixel become paler.
+        width: width of the picture.
+        height: height of the picture.
+    """
+    corners = _outlines(starts, ends, max(width_px, 1.0) / 2 - EDGE_PX)
+    offsets = np.arange(len(corners) + 1) * corners.shape[1]
+    patch = polygons(corners.reshape(-1, 2), offsets, width, height)
+    if patch is None or width_px >= 1.0:
+        return patch
+    return patch._replace(coverage=np.rint(patch.coverage * width_px).astype(np.uint8))
+
+
+def _outlines(starts: FloatArray, ends: FloatArray, half: float) -> FloatArray:
+    """Return the outlines (lines, corners, 2) of lines with round ends and half a width, all in one direction."""
+    ways = ends - starts
+    headings = np.arctan2(ways[:, 1], ways[:, 0])
+    corners = 2 + int(np.pi * half / _CORNER_PX) + 2 * (half > 1.0)
+    turns = np.linspace(np.pi / 2, 3 * np.pi / 2, corners)
+    angles = headings[:, None] + np.concatenate([turns, turns + np.pi])
+    middles = np.repeat(np.stack([starts, ends], axis=1), corners, axis=1)
+    return middles + half * np.stack([np.cos(angles), np.sin(angles)], axis=2)
 
 
 # -- circles ------------------------------------------------------------------------------------------------
@@ -228,12 +257,29 @@ def _stamp(look: int, alpha: int) -> Any:
     blue, green, red, down, right, reach, width, radius = parts
     side = 2 * reach // 10 + 1
     x, y = (reach / 10 + (step + 0.5) / _STEPS for step in (right, down))
-    patch = coverage.disc(x, y, *_ring(radius / 10, width / 10), side, side)
+    patch = disc(x, y, *_ring(radius / 10, width / 10), side, side)
     full = np.zeros((side, side), np.uint8)
     if patch is not None:
         rows, columns = patch.coverage.shape
         full[patch.top : patch.top + rows, patch.left : patch.left + columns] = patch.coverage
     return stamp(full, (red, green, blue, alpha))
+
+
+def disc(x: float, y: float, outer: float, inner: float, width: int, height: int) -> Patch | None:
+    """Return a disc of radius `outer` px with a hole of radius `inner`, clipped to a picture; None if it is empty."""
+    left = max(0, int(np.floor(x - outer - 1)))
+    top = max(0, int(np.floor(y - outer - 1)))
+    right = min(width, int(np.ceil(x + outer + 1)))
+    bottom = min(height, int(np.ceil(y + outer + 1)))
+    if left >= right or top >= bottom:
+        return None
+    across = np.arange(left, right) + 0.5 - x
+    down = np.arange(top, bottom) + 0.5 - y
+    distance = np.hypot(across, down[:, None])
+    covered = np.clip(outer + 0.5 - distance, 0.0, 1.0)
+    if inner > 0.0:
+        covered -= np.clip(inner + 0.5 - distance, 0.0, 1.0)
+    return Patch(np.rint(np.maximum(covered, 0.0) * 255.0).astype(np.uint8), left, top)
 
 
 def _ring(radius: float, width: float) -> tuple[float, float]:
@@ -244,7 +290,7 @@ def _ring(radius: float, width: float) -> tuple[float, float]:
 def _large(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray) -> None:
     columns = (centers.tolist(), radius.tolist(), width.tolist(), color.tolist())
     for (x, y), r, w, (red, green, blue, alpha) in zip(*columns, strict=True):
-        patch = coverage.disc(x, y, *_ring(r, w), canvas.width, canvas.height)
+        patch = disc(x, y, *_ring(r, w), canvas.width, canvas.height)
         if patch is not None:
             canvas.cover(patch, (red, green, blue, alpha))
 
@@ -294,7 +340,7 @@ class _Polygons:
             for begin, end in pairwise(offsets.tolist()):
                 _polygon(canvas, points[begin:end], self.width, self.color)
             return
-        patch = coverage.polygons(points, offsets, camera.width, camera.height)
+        patch = polygons(points, offsets, camera.width, camera.height)
         if patch is not None:
             canvas.cover(patch, self.color)
 
@@ -346,7 +392,7 @@ def _polygon(canvas: Canvas, points: FloatArray, width_px: float, color: Rgba) -
     if width_px > 0.0:
         draw_lines(canvas, points, np.roll(points, -1, axis=0), width_px, color)
         return
-    patch = coverage.polygons(points, np.array([0, len(points)]), canvas.width, canvas.height)
+    patch = polygons(points, np.array([0, len(points)]), canvas.width, canvas.height)
     if patch is not None:
         canvas.cover(patch, color)
 
@@ -354,10 +400,8 @@ def _polygon(canvas: Canvas, points: FloatArray, width_px: float, color: Rgba) -
 def _text(canvas: Canvas, camera: Camera, command: _Command) -> None:
     x, y = command.points[0].tolist()
     reach = _reach(command)
-    if command.angle and -reach < x < camera.width + reach and -reach < y < camera.height + reach:
-        canvas.turned_text(command.text, (x, y), command.size, command.color, command.angle)
-    elif -reach < x < camera.width and -2 * command.size < y < camera.height and command.text:
-        canvas.text(command.text, x, y, command.size, command.color)
+    if -reach < x < camera.width + reach and -reach < y < camera.height + reach:
+        canvas.text(command.text, x, y, command.size, command.color, angle=command.angle)
 
 
 def _reach(command: _Command) -> float:

@@ -1,11 +1,11 @@
 """Drawers of the map: values of nodes and edges, choices of a person, obstacles and the base map."""
 
-from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms import kernels
+from gamms.ir.geometry import seamed
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import COLOR_TYPES, OTHER_OBSTACLE, BoolArray, ObstacleColumns
 from gamms.ir.scenery import SceneryKind
@@ -153,14 +153,15 @@ def footprints(faces: ObstacleColumns) -> Footprints:
     first = rings[:, 0]
     looks = np.column_stack((faces.types, faces.corners[:, 0, 2], faces.corners[:, 2, 2]))[first].tolist()
     bundles = _bundles(outlines, looks)
-    polygons = [_with_holes([outlines[ring] for ring in bundle]) for bundle in bundles]
+    closed = [np.array([*outline, outline[0]]) for outline in outlines]
+    polygons = [seamed([closed[ring] for ring in bundle]) for bundle in bundles]
     row_of = np.full(len(faces.ids), -1)
     for row, bundle in enumerate(bundles):
         for ring in bundle:
             row_of[slice(*rings[ring])] = row
     outer = first[np.array([bundle[0] for bundle in bundles], np.int64)]
     return Footprints(
-        points=np.array(list(chain.from_iterable(polygons))).reshape(-1, 2),
+        points=np.concatenate([np.empty((0, 2)), *polygons]),
         offsets=np.cumsum([0, *map(len, polygons)]),
         heights=_above_ground(faces.corners[outer]),
         types=faces.types[outer],
@@ -210,23 +211,6 @@ def _is_within(outline: _Outline, other: _Outline) -> bool:
             return False
     corners = np.array(outline)
     return bool(inside((corners + np.roll(corners, -1, axis=0)) / 2, np.array(other)).all())
-
-
-def _with_holes(outlines: list[_Outline]) -> _Outline:
-    """Return one polygon, with seams from the first outline to the other, reversed outlines and back."""
-    outer, *holes = outlines
-    seam = outer[0]
-    polygon = list(outer)
-    for hole in holes:
-        back = hole[::-1] if (_area(hole) > 0.0) == (_area(outer) > 0.0) else hole
-        polygon += [seam, *back, back[0]]
-    return polygon
-
-
-def _area(outline: _Outline) -> float:
-    """Return twice the area; negative where it runs clockwise."""
-    x, y = (np.array(outline) - outline[0]).T
-    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
 _STEPS = 6  # distinct tones

@@ -90,7 +90,7 @@ function paintAlike(/** @type {CanvasRenderingContext2D} */ to, /** @type {Comma
     else addLine(to, camera, points, at, counts[row]);
     to.closePath();
     if (width[row]) to.stroke();
-    else to.fill("nonzero");
+    else to.fill("evenodd");
   } else if (Math.abs(x) > FARTHEST || Math.abs(y) > FARTHEST) {
     return;
   } else if (kind[row] === CIRCLE) {
