@@ -4,7 +4,6 @@ import io
 from math import sqrt
 from random import Random
 
-import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -91,25 +90,6 @@ def test_a_game_without_channels_has_neither_inbox_nor_outbox():
         ctx.game.remove_channel("radio")
         ctx.game.run(1)
     assert [{"inbox", "outbox"} & keys for keys in seen] == [set(), {"inbox", "outbox"}, set()]
-
-
-def test_a_message_goes_to_an_agent_a_team_or_all():
-    teams = {"ann": "red", "bob": "red", "cat": "blue", "dan": "blue", "eve": "red"}
-    plan = once([send("cat", 1), send("red", 2), send(None, 3), send("blue", 4)])
-    with world(dict.fromkeys(teams, 0), teams=teams, plan=plan) as ctx:
-        ctx.game.add_channel("radio", range_m=0)
-        ctx.game.run(2)
-        heard = {name: inboxes(ctx, name) for name in teams}
-    assert heard == {"ann": {}, "bob": {1: [2, 3]}, "eve": {1: [2, 3]}, "cat": {1: [1, 3, 4]}, "dan": {1: [3, 4]}}
-
-
-def test_each_channel_reaches_as_many_edges_as_it_says():
-    with world(ROAD, plan=once([send(None, "near"), send(None, "far", channel="loud")])) as ctx:
-        ctx.game.add_channel("radio", hops=1)
-        ctx.game.add_channel("loud", hops=3)
-        ctx.game.run(2)
-        assert inboxes(ctx, "bob") == {1: ["near", "far"]}
-        assert inboxes(ctx, "cat") == {1: ["far"]}
 
 
 def test_a_delay_counts_turns_and_moves_later_change_nothing():
@@ -375,27 +355,6 @@ def block(x, y, width, depth):
     )
 
 
-@settings(max_examples=8)
-@given(st.integers(0, 10**9))
-def test_an_eavesdropper_hears_what_it_would_hear_if_all_were_meant_for_it(seed):
-    draw = Random(seed)
-    places = {name: draw.randrange(40) for name in ("ann", "bob", "cat", "spy")}
-    teams = {"ann": "red", "bob": "red", "cat": "red", "spy": "blue"}
-    kind = {"range_m": draw.choice([10, 20, 40]), "loss": draw.choice([0, 0.5]), "relay": draw.random() < 0.5}
-    kind["jammers"] = [{"at": draw.randrange(40), "radius_m": 15}]
-    heard = []
-    for to, more in (("bob", {"teams": "red", "eavesdroppers": "spy"}), (None, {"teams": None})):
-        plan = lambda name, turn, to=to: [send(to, [name, turn])] * 2 if name in ("ann", "cat") else []
-        with world(places, teams=teams, seed=seed, plan=plan) as ctx:
-            # a blue agent on the channel would relay as well: of red alone in both
-            relay = ["red"] if kind["relay"] else False
-            ctx.game.add_channel("radio", **{**kind, **more, "relay": relay})
-            ctx.game.run(5)
-            heard.append(inboxes(ctx, "spy"))
-            assert all(one["overheard"] == (to == "bob") for _, who, got in ctx.heard if who == "spy" for one in got)
-    assert heard[0] == heard[1]
-
-
 # -- chance -------------------------------------------------------------------------------------------------------
 
 
@@ -445,48 +404,6 @@ def test_losses_differ_by_turn_number_sender_receiver_and_seed():
     assert lost != others
     pairs = {(a, b): frozenset(one[0] for one in lost if one[1:] == (a, b)) for _, a, b in lost}
     assert len(set(pairs.values())) == len(pairs) == 6
-
-
-# -- against a model ----------------------------------------------------------------------------------------------
-
-
-def model(kind, places, to, graph):
-    """Say by definition who hears a message of "a" without losses: name -> after how many transmissions."""
-
-    def linked(one, other):
-        (x, y), (u, v) = (divmod(places[name], 10)[::-1] for name in (one, other))
-        if kind.get("range_m") is not None and 10 * sqrt((x - u) ** 2 + (y - v) ** 2) > kind["range_m"]:
-            return False
-        if kind.get("hops") is None:
-            return True
-        return nx.has_path(graph, places[one], places[other]) and (
-            nx.shortest_path_length(graph, places[one], places[other]) <= kind["hops"]
-        )
-
-    names = sorted(places)
-    links = nx.DiGraph([(one, other) for one in names for other in names if one != other and linked(one, other)])
-    links.add_nodes_from(names)
-    far = nx.single_source_shortest_path_length(links, "a")
-    most = len(names) if kind.get("relay") else 1
-    return {
-        name: far[name] for name in names if name != "a" and 0 < far.get(name, 0) <= most and (to is None or name == to)
-    }
-
-
-@given(st.integers(0, 10**9))
-def test_range_hops_and_relays_agree_with_their_definitions(seed):
-    draw = Random(seed)
-    places = {name: draw.randrange(40) for name in "abcdefg"}
-    kind = {"range_m": draw.choice([None, 10, 20, 25.0]), "hops": draw.choice([None, 1, 2, 4])}
-    if kind["range_m"] is kind["hops"] is None:
-        kind["hops"] = 3
-    kind["relay"] = draw.random() < 0.5
-    delay, to = draw.randint(1, 3), draw.choice([None, "b"])
-    with world(places, plan=once([send(to)], "a")) as ctx:
-        ctx.game.add_channel("radio", **kind, delay_turns=delay)
-        heard = ctx.game.run(1).messages[0]["heard"]
-        expected = model(kind, places, to, gamms.graph.grid(4, 10))
-    assert heard == {name: 1 + delay * hops for name, hops in expected.items()}
 
 
 @settings(max_examples=15)

@@ -24,56 +24,6 @@ class Heard:
         return by_name(contest, ctx)
 
 
-def test_no_agent_has_to_stay_where_each_ends_alone(stay):
-    assert stay(Conflicts(resolve=nobody()), (0, 1), (2, 3), (4, 4)) == ""
-    assert stay(Conflicts(resolve=nobody())) == ""
-
-
-def test_one_of_two_that_want_the_same_node_stays(stay):
-    assert stay(Conflicts(resolve=by_name), (0, 1), (2, 1)) == "b"
-    assert stay(Conflicts(resolve=last), (0, 1), (2, 1)) == "a"
-
-
-def test_who_stays_put_keeps_its_node(stay):
-    assert stay(Conflicts(resolve=by_name), (0, 1), (1, 1)) == "a"
-    assert stay(Conflicts(resolve=by_name), (1, 1), (0, 1), (2, 1)) == "bc"
-
-
-def test_a_chain_moves_up(stay):
-    assert stay(Conflicts(resolve=nobody()), (0, 1), (1, 2), (2, 3)) == ""
-
-
-def test_a_chain_whose_head_stays_stays(stay):
-    assert stay(Conflicts(resolve=by_name), (0, 1), (1, 2), (2, 3), (3, 3)) == "abc"
-
-
-def test_a_full_circle_turns(stay):
-    assert stay(Conflicts(resolve=nobody()), (0, 1), (1, 2), (2, 0)) == ""
-    assert stay(Conflicts(resolve=nobody(), allow_swaps=False), (0, 1), (1, 2), (2, 0)) == ""
-
-
-def test_losing_stops_those_who_follow(stay):
-    """c loses node 3 to d, so that b finds node 2 taken, and a node 1."""
-    assert stay(Conflicts(resolve=last), (0, 1), (1, 2), (2, 3), (4, 3)) == "abc"
-
-
-def test_a_circle_in_which_one_loses_to_an_outsider_stands(stay):
-    """d wins node 0 over c; c keeps node 2 from b, b node 1 from a, and a node 0 from d."""
-    assert stay(Conflicts(resolve=last), (0, 1), (1, 2), (2, 0), (5, 0)) == "abcd"
-    assert stay(Conflicts(resolve=by_name), (0, 1), (1, 2), (2, 0), (5, 0)) == "d"
-
-
-def test_two_may_exchange_nodes_unless_that_is_forbidden(stay):
-    assert stay(Conflicts(resolve=nobody()), (0, 1), (1, 0)) == ""
-    assert stay(Conflicts(resolve=nobody(), allow_swaps=False), (0, 1), (1, 0)) == "ab"
-
-
-def test_who_wins_an_exchange_finds_the_loser_in_the_way(stay):
-    assert stay(Conflicts(resolve=by_name, allow_swaps=False), (0, 1), (1, 0)) == "ab"
-    assert stay(Conflicts(2, resolve=by_name, allow_swaps=False), (0, 1), (1, 0)) == "b"
-    assert stay(Conflicts(None, resolve=last, allow_swaps=False), (0, 1), (1, 0)) == "a"
-
-
 def test_those_who_go_the_way_of_the_winner_may(stay):
     heard = Heard()
     conflicts = Conflicts(None, resolve=heard, allow_swaps=False)
@@ -109,21 +59,6 @@ def test_a_node_that_loses_a_place_is_contested_again(stay):
     assert [(contest.node, contest.places) for contest in heard.contests] == [(1, 2), (1, 1)]
 
 
-def test_who_starts_above_capacity_may_stay_and_no_agent_comes(stay):
-    ways = [(0, 0), (0, 0), (0, 0), (1, 0)]
-    assert stay(Conflicts(2, resolve=by_name), *ways) == "d"
-
-
-def test_no_agent_comes_until_fewer_stay_than_a_node_takes(stay):
-    crowded = Conflicts(2, resolve=by_name)
-    assert stay(crowded, (0, 1), (0, 0), (0, 0), (1, 0)) == "d"
-    assert stay(crowded, (0, 1), (0, 2), (0, 0), (1, 0)) == ""
-
-
-def test_capacity_none_lets_everybody_everywhere(stay):
-    assert stay(Conflicts(None, resolve=nobody()), (0, 1), (2, 1), (1, 1)) == ""
-
-
 def test_nodes_that_a_mapping_leaves_out_take_any_number(stay):
     rooms = {1: 1, 3: None, 5: 0}
     conflicts = Conflicts(rooms, resolve=by_name)
@@ -149,27 +84,8 @@ def test_an_attribute_that_is_no_capacity_names_the_node(ctx, stay, value, error
         stay(Conflicts("beds"), (6, 7))
 
 
-def test_among_a_team_only_its_own_members_count(stay):
-    teams = {"a": "red", "b": "blue", "c": "red"}
-    conflicts = Conflicts(among="team", resolve=by_name)
-    assert stay(conflicts, (0, 1), (2, 1), (3, 1), teams=teams) == "c"
-    assert stay(conflicts, (0, 1), (1, 1), (3, 3), teams=teams) == ""
-    assert stay(conflicts, (0, 1), (2, 1), (1, 1), teams=teams) == "a"
-
-
 def test_no_team_is_a_team_too(stay):
     assert stay(Conflicts(among="team", resolve=by_name), (0, 1), (2, 1), (3, 1), teams={"b": "red"}) == "c"
-
-
-def test_among_a_team_only_its_own_members_may_not_exchange(stay):
-    conflicts = Conflicts(None, among="team", allow_swaps=False, resolve=by_name)
-    assert stay(conflicts, (0, 1), (1, 0), teams={"a": "red", "b": "blue"}) == ""
-    assert stay(conflicts, (0, 1), (1, 0), teams={"a": "red", "b": "red"}) == "b"
-
-
-def test_priority_decides_between_teams_too(stay):
-    conflicts = Conflicts(resolve=by_priority(["blue", "red"]))
-    assert stay(conflicts, (0, 1), (2, 1), teams={"a": "red", "b": "blue"}) == "a"
 
 
 @pytest.mark.parametrize(

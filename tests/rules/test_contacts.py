@@ -15,11 +15,6 @@ def pairs(ctx, **nearness):
     return {(contact.a, contact.b): contact.distance for contact in contacts(ctx, "red", "blue", **nearness)}
 
 
-def test_agents_on_one_node_meet(road):
-    ctx = road(r=("red", 3), b=("blue", 3), far=("blue", 4), own=("red", 4))
-    assert pairs(ctx) == {("r", "b"): 0.0, ("own", "far"): 0.0}
-
-
 def test_agents_that_pass_each_other_on_an_edge_meet(road):
     ctx = road(r=("red", 3, 4), b=("blue", 4, 3), behind=("blue", 5, 4), same_way=("blue", 3, 4))
     ctx.game.step()
@@ -38,14 +33,6 @@ def test_agents_that_fly_change_nothing_between_those_on_the_ground(road, team):
     assert pairs(ctx) == {}
     ctx.agent.get_agent("r").current_node_id = 6
     assert pairs(ctx) == {("r", "late"): 0.0}
-
-
-def test_agents_with_a_speed_meet_anywhere_on_their_way(road):
-    ctx = road(r=("red", 0, 5), b=("blue", 6, 1), other=("blue", 9))
-    for name in "rb":
-        ctx.agent.get_agent(name).speed = 5
-    ctx.game.step()
-    assert pairs(ctx) == {("r", "b"): 0.0}
 
 
 def test_who_was_put_back_has_met_no_agent_on_its_way(road):
@@ -74,13 +61,6 @@ def test_sides_are_teams_or_functions_of_an_agent(road):
     ctx = road(a=("red", 3), b=("blue", 3), c=(None, 3))
     (contact,) = contacts(ctx, lambda agent: agent.name == "a", None)
     assert contact[:3] == ("a", "c", 0.0)
-
-
-def test_the_nearest_comes_first_and_everybody_is_in_one_pair_at_most(road):
-    ctx = road(r0=("red", 0), r4=("red", 4), b3=("blue", 3), b6=("blue", 6))
-    found = contacts(ctx, "red", "blue", hops=9)
-    assert [contact.distance for contact in found] == [1.0, 2.0, 3.0, 6.0]
-    assert [contact[:3] for contact in one_to_one(found)] == [("r4", "b3", 1.0), ("r0", "b6", 6.0)]
 
 
 def test_draws_of_each_turn_decide_between_equals_and_favour_no_agent(road):

@@ -3,7 +3,7 @@
 import pytest
 
 from gamms.agent import AgentType
-from gamms.rules import last_team, reach, tag, time_limit
+from gamms.rules import reach, tag, time_limit
 
 
 def test_the_first_team_to_reach_a_node_wins(road):
@@ -87,22 +87,6 @@ def test_a_team_alone_does_not_win_by_time(road):
     ctx.game.scores["red"] = 5
     ctx.game.add(time_limit(1))
     assert ctx.game.run().winner is None
-
-
-def test_the_last_team_wins(road):
-    ctx = road(r=("red", 2, 3), r2=("red", 0), b=("blue", 4, 3), nobodys=(None, 5))
-    ctx.game.add(tag("red", "blue", then="eliminate"))
-    ctx.game.add(last_team())
-    result = ctx.game.run(9)
-    assert (result.turns, result.winner, result.reason, result.truncated) == (1, "red", "last team", False)
-
-
-def test_if_no_agent_is_left_no_team_wins(road):
-    ctx = road(r=("red", 2, 3), b=("blue", 4, 3))
-    ctx.game.add(tag("red", "blue", then="eliminate", mutual=True))
-    ctx.game.add(last_team())
-    result = ctx.game.run(9)
-    assert (result.turns, result.winner) == (1, None)
 
 
 def test_a_game_that_is_over_is_not_ended_again(road):

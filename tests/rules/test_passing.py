@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms.agent import AgentType
 from gamms.rules import capture_flag, contacts, tag
-from gamms.strategies import goto, patrol
+from gamms.strategies import goto
 
 
 def open_road(*agents, nodes=10, unit="edges"):
@@ -31,43 +31,6 @@ def met(ctx, a="red", b="blue", **more):
 # -- by hand ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("speed", [2, 3, 5])
-def test_a_road_block_stops_every_agent_that_passes_it(speed):
-    ctx = open_road(("runner", "red", 0, speed, 8), ("guard", "blue", 3, None, 3))
-    ctx.game.add(tag("blue", "red", then="eliminate"))
-    result = ctx.game.run(6)
-    assert not result.agents["runner"]["alive"]
-    assert result.events[0]["node"] == 3
-
-
-def test_without_passing_only_the_ends_count():
-    ctx = open_road(("runner", "red", 0, 2, 8), ("guard", "blue", 3, None, 3))
-    ctx.game.add(tag("blue", "red", then="eliminate", passing=False))
-    assert ctx.game.run(6).agents["runner"]["alive"]
-
-
-def test_two_that_go_two_edges_meet_on_the_node_between_them():
-    assert met(open_road(("r", "red", 0, 2, 2), ("b", "blue", 2, 2, 0))) == [("r", "b", 0.5, 1, 1)]
-
-
-def test_two_that_exchange_nodes_meet_on_the_edge_behind_the_node_that_each_has_passed():
-    assert met(open_road(("r", "red", 3, None, 4), ("b", "blue", 4, None, 3))) == [("r", "b", 0.0, 3, 4)]
-    ctx = open_road(("r", "red", 0, 3, 3), ("b", "blue", 3, 1, 2))
-    assert met(ctx) == [("r", "b", 2 / 3, 2, 3)]  # it enters the last edge when the other has been on it for long
-
-
-def test_an_agent_that_leaves_a_node_does_not_meet_there_who_comes_or_stays():
-    ctx = open_road(("r", "red", 3, None, 4), ("b", "blue", 3, None, 3), ("late", "blue", 2, None, 3))
-    assert met(ctx) == []
-    ctx = open_road(("r", "red", 3, 2, 5), ("b", "blue", 5, 2, 7))
-    assert met(ctx) == []  # it comes to 5 when the other is gone
-
-
-def test_those_who_stay_together_are_in_contact_throughout_and_come_first():
-    ctx = open_road(("r", "red", 3, None, 3), ("b", "blue", 3, None, 3), ("late", "blue", 2, None, 3))
-    assert met(ctx) == [("r", "b", 0.0, 3, 3), ("r", "late", 1.0, 3, 3)]
-
-
 def test_draws_decide_who_is_met_of_those_that_are_met_at_once():
     firsts = set()
     for seed in range(20):
@@ -75,28 +38,6 @@ def test_draws_decide_who_is_met_of_those_that_are_met_at_once():
         ctx.reseed(seed)
         firsts.add(met(ctx)[0][1])
     assert firsts == {"b", "c"}
-
-
-def test_guards_on_patrol_catch_those_they_pass():
-    ctx = open_road(("thief", "red", 4, None, 4))
-    ctx.agent.create_agent("guard", start_node_id=0, team="blue", speed=3, strategy=patrol(ctx, [9, 0]))
-    ctx.game.add(tag("blue", "red", then="eliminate"))
-    ctx.game.run(4)
-    assert ctx.game.events[0] == {"turn": 2, "kind": "tag", "agent": "guard", "other": "thief", "node": 4}
-
-
-def test_in_metres_the_time_is_the_distance_over_the_speed():
-    ctx = open_road(("r", "red", 0, 25.0, 9), ("b", "blue", 1, None, 1), ("c", "blue", 2, None, 2), unit="metres")
-    assert met(ctx) == [("r", "b", 0.4, 1, 1), ("r", "c", 0.8, 2, 2)]
-
-
-def test_a_part_of_an_edge_that_was_covered_before_makes_an_agent_earlier():
-    ctx = open_road(("r", "red", 0, 15.0, 9), ("b", "blue", 2, None, 2), unit="metres")
-    assert met(ctx) == []  # it is five metres behind 1
-    assert met(ctx) == [("r", "b", pytest.approx(5 / 15), 2, 2)]
-    ctx = open_road(("r", "red", 0, 0.5, 9), ("b", "blue", 1, None, 1))
-    assert met(ctx) == []
-    assert met(ctx) == [("r", "b", 1.0, 1, 1)]  # in edges it takes the whole turn
 
 
 def test_who_was_put_elsewhere_is_there_at_the_end_of_the_turn():

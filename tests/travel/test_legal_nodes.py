@@ -5,11 +5,9 @@ from itertools import product
 from math import inf
 from random import Random
 
-import numpy as np
 import pytest
 
 import gamms
-from gamms.rules import Conflicts, tag
 
 SPEEDS = [7.0, 17.0, 17.0, 40.0, 63.0, 110.0, inf, 0.0, None]
 
@@ -132,32 +130,3 @@ def test_legal_nodes_are_those_in_reach_and_agents_go_there_by_the_cheapest_way(
                 left = town.to(here, target, town.cost)
                 assert covered + left == pytest.approx(town.to(place, target, town.cost))
                 assert anna.speed is not None or anna.edge is None
-
-
-@pytest.mark.parametrize("decide", ["turn", "arrival"])
-@pytest.mark.parametrize("seed", range(5))
-def test_agents_in_arrays_may_go_where_those_of_games_one_by_one_may_and_meet_as_they_do(decide, seed):
-    rng = Random(seed)
-    with random_town(rng).open(seed, decide=decide) as ctx:
-        nodes = len(ctx.graph.columns().node_ids)
-        for i in range(6):
-            speed = rng.choice([7.0, 17.0, 17.0, 40.0, 63.0, 110.0, 0.0, None, None])
-            ctx.agent.create_agent(f"agent {i}", start_node_id=i % 3 % nodes, speed=speed, team=["red", "blue"][i // 3])
-        ctx.game.add(tag("red", "blue", then="respawn"))
-        ctx.game.conflicts = rng.choice([None, Conflicts(1), Conflicts(2, edge_capacity=1)])
-        ctx.game.order = rng.choice([None, [["red"], ["blue"]], [["blue"], ["red"]]])
-        fast = ctx.game.batch(1, seed=1)
-        ctx.game.deeds = {"rest": {}}  # which the core does not have
-        with fast, ctx.game.batch(1, seed=1) as slow:
-            for _ in range(14):
-                given = {}  # the others stop where they are
-                for team in ("red", "blue"):
-                    views = fast.observe(team), slow.observe(team)
-                    for name in ("mask", "curr_pos", "edge", "offset_m", "legal"):
-                        assert np.array_equal(*(view[name] for view in views)), name
-                    if rng.random() < 0.7:
-                        given[team] = [[rng.randrange(count) for count in views[0].counts[0].tolist()]]
-                fast.step(given, on_illegal="stay")
-                slow.step(given, on_illegal="stay")
-            assert fast.result(0).events == slow.result(0).events
-            assert fast.result(0).agents == slow.result(0).agents

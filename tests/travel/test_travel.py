@@ -3,7 +3,7 @@
 import pickle
 import re
 from copy import deepcopy
-from math import hypot, inf
+from math import inf
 
 import pytest
 
@@ -78,14 +78,6 @@ def test_it_follows_the_bends_of_its_edge():
     assert anna.xy == (pytest.approx(70.0), pytest.approx(30.0))
 
 
-def test_what_is_left_of_a_turn_leads_beyond_a_node():
-    ctx = road(0, 25, 100)
-    anna = agent(ctx, "anna", 0, 2, speed=10.0)
-    ctx.game.run(3)
-    assert (anna.current_node_id, anna.edge, anna.offset_m) == (1, (1, 2, 1), pytest.approx(5.0))
-    assert ctx.game.moves["anna"].path == (0, 1)
-
-
 def test_none_stops_where_it_is_and_the_last_node_passed_turns_round():
     ctx = road(0, 90)
     anna = agent(ctx, "anna", 0, 1, 1, None, 0, [1], speed=10.0)
@@ -139,26 +131,6 @@ def test_a_node_that_no_way_leads_to_from_a_one_way_road_is_said_to_have_none():
         ctx.game.run(1)
 
 
-def test_legal_are_both_ends_and_what_lies_beyond():
-    ctx = road(0, 10, 20, 50, 60)
-    anna = agent(ctx, "anna", 2, 3, speed=12.0)
-    ctx.game.run(1)
-    assert anna.seen[0]["legal"] == (2, 3, 1)
-    ctx.game.run(1)
-    assert anna.seen[1]["legal"] == (2, 3, 4, 1)
-
-
-def test_a_target_is_gone_to_by_the_shorter_way_round():
-    ctx = road(0, 90)
-    ctx.graph.graph.add_node({"id": 2, "x": -30.0, "y": 0.0})
-    ctx.graph.add_edges([10, 11, 12, 13], [0, 2, 1, 2], [2, 0, 2, 1], [30.0, 30.0, 80.0, 80.0])
-    anna = agent(ctx, "anna", 0, 1, 2, speed=30.0)
-    ctx.game.run(1)  # 30 m on: 60 + 80 m ahead, 30 + 30 m behind
-    ctx.game.run(1)
-    assert x_of(anna) == pytest.approx(0.0)
-    assert anna.current_node_id == 0
-
-
 def test_an_agent_goes_on_where_both_ways_to_its_target_are_as_long():
     ctx = road(0, 10)
     ctx.graph.add_nodes([2], [5.0], [8.0])
@@ -186,33 +158,6 @@ def test_an_endless_speed_arrives_in_one_turn_wherever_it_goes():
     assert ctx.game.tracks([anna])[0].times == (0.0, pytest.approx(0.9), pytest.approx(1.0))
 
 
-def test_a_speed_of_zero_stays():
-    ctx = road(0, 90)
-    anna = agent(ctx, "anna", 0, 1, speed=0)
-    ctx.game.run(2)
-    assert anna.xy == (0.0, 0.0)
-
-
-def test_metres_per_second_count_the_seconds_of_a_turn():
-    ctx = road(0, 90, speed_unit="metres_per_second", turn_seconds=5.0)
-    anna = agent(ctx, "anna", 0, 1, speed=4.0)
-    ctx.game.run(2)
-    assert x_of(anna) == pytest.approx(40.0)
-
-
-def test_an_edge_has_a_speed_of_its_own_by_its_travel_time():
-    ctx = road(0, 100, 200, speed_unit="metres_per_second", turn_seconds=10.0, weight="travel_time")
-    for edge, seconds in ((0, 20.0), (1, 10.0), (2, 20.0), (3, 10.0)):
-        there = ctx.graph.graph.get_edge(edge)
-        ends = {"source": there.source, "target": there.target, "length": 100.0}
-        ctx.graph.graph.update_edge({"id": edge, **ends, "travel_time": seconds})
-    fast, slow = (agent(ctx, name, 0, 2, speed=speed) for name, speed in (("fast", 50.0), ("slow", 2.0)))
-    ctx.game.run(1)
-    assert [x_of(fast), x_of(slow)] == pytest.approx([50.0, 20.0])
-    ctx.game.run(2)
-    assert [x_of(fast), x_of(slow)] == pytest.approx([200.0, 60.0])
-
-
 def test_the_weight_decides_which_way_is_gone():
     ctx = road(0, 90, weight="danger")
     ctx.graph.graph.add_node({"id": 2, "x": 45.0, "y": 60.0})
@@ -228,28 +173,6 @@ def test_the_weight_decides_which_way_is_gone():
 
 
 # -- who is where for rules -------------------------------------------------------------------------------------------
-
-
-def test_two_walkers_at_10_m_a_turn_on_a_road_of_90_m_meet_in_turn_5_in_the_middle():
-    ctx, met = road(0, 90), []
-    agent(ctx, "anna", 0, 1, speed=10.0, team="a")
-    agent(ctx, "bert", 1, 0, speed=10.0, team="b")
-    ctx.game.add(lambda ctx: met.extend((ctx.game.turn, *one) for one in contacts(ctx, "a", "b")))
-    ctx.game.run(8)
-    ((turn, a, b, distance, time, a_node, b_node, a_xy, b_xy),) = met
-    assert (turn, a, b, distance, a_node, b_node) == (5, "anna", "bert", 0.0, 0, 1)
-    assert time == pytest.approx(0.5)
-    assert a_xy == b_xy == (pytest.approx(45.0), 0.0)
-
-
-def test_one_that_is_faster_overtakes():
-    ctx, met = road(0, 900), []
-    agent(ctx, "anna", 0, 1, speed=10.0, team="a")
-    bert = agent(ctx, "bert", 0, None, None, 1, speed=25.0, team="b")
-    ctx.game.add(lambda ctx: met.extend((ctx.game.turn, one.time, one.a_xy) for one in contacts(ctx, "a", "b")))
-    ctx.game.run(6)
-    assert met == [(4, pytest.approx(1.0 / 3.0), (pytest.approx(10.0 * (3 + 1 / 3)), 0.0))]
-    assert x_of(bert) == pytest.approx(100.0)
 
 
 def test_in_an_order_of_play_agents_stand_on_their_edges_before_and_after_their_part():
@@ -283,20 +206,6 @@ def test_those_who_use_one_street_one_after_the_other_do_not_meet():
     ctx.game.add(lambda ctx: met.extend(contacts(ctx, "a", "b")))
     ctx.game.step()
     assert (x_of(anna), x_of(bert), met) == (60.0, 0.0, [])
-
-
-def test_contacts_within_metres_and_in_a_straight_line_are_exact():
-    ctx, met = road(0, 90), []
-    agent(ctx, "anna", 0, 1, speed=10.0, team="a")
-    agent(ctx, "bert", 1, 0, speed=10.0, team="b")
-    for unit in ("metres", "euclid"):
-        ctx.game.add(
-            lambda ctx, unit=unit: met.extend(
-                (ctx.game.turn, unit, one.time) for one in contacts(ctx, "a", "b", **{unit: 15.0})
-            )
-        )
-    ctx.game.run(4)
-    assert met == [(4, unit, pytest.approx(0.75)) for unit in ("metres", "euclid")]
 
 
 @pytest.mark.parametrize("is_bent", [False, True])
@@ -349,16 +258,6 @@ def test_a_goal_is_reached_by_who_stands_on_its_node_and_not_by_who_is_on_the_wa
     ctx.game.add(gamms.rules.reach({"a": [1]}))
     ctx.game.run(3)
     assert ctx.game.over is None
-
-
-def test_agents_on_edges_take_no_place_on_a_node():
-    ctx = road(0, 90, on_illegal="stay", conflicts=Conflicts(1))
-    anna = agent(ctx, "anna", 0, 1, speed=10.0)
-    bert = agent(ctx, "bert", 1, 0, speed=85.0)
-    ctx.game.run(2)
-    assert bert.current_node_id == 0  # which anna has left, and still has as the last node passed
-    assert anna.current_node_id == 0
-    assert anna.edge is not None
 
 
 def test_edges_have_a_capacity_of_their_own():
@@ -605,13 +504,6 @@ def test_a_snapshot_restores_where_on_edges_agents_are():
     assert anna.xy == place
 
 
-def test_a_distance_to_a_place_on_an_edge_is_the_one_on_the_map():
-    ctx = road(0, 90)
-    anna = agent(ctx, "anna", 0, 1, speed=33.0)
-    ctx.game.run(1)
-    assert hypot(anna.xy[0] - 33.0, anna.xy[1]) == pytest.approx(0.0)
-
-
 def test_attributes_of_programs_may_have_the_names_of_places():
     ctx = road(0, 90)
     anna = ctx.agent.create_agent("anna", start_node_id=0, xy="mine", edge=[7])
@@ -707,17 +599,3 @@ def test_a_pursuer_on_an_edge_goes_on_or_turns_by_which_way_is_shorter(way_back,
     agent(ctx, "mouse", 2, 3, team="mice", speed=1.0)
     ctx.game.run(2)
     assert cat.offset_m == pytest.approx(2.0 if ahead else 0.0)
-
-
-def test_pursuers_catch_on_edges():
-    ctx = road(0, 90, 180, 270, 360)
-    for name, team, node, speed in (("cat", "cats", 0, 30.0), ("mouse", "mice", 2, 10.0)):
-        ctx.sensor.create_sensor(f"eyes of {name}", SensorType.AGENT)
-        strategy = gamms.strategies.chase(ctx) if team == "cats" else gamms.strategies.goto(ctx, 4)
-        ctx.agent.create_agent(
-            name, start_node_id=node, team=team, speed=speed, sensors=[f"eyes of {name}"], strategy=strategy
-        )
-    ctx.game.add(gamms.rules.tag("cats", "mice", then="eliminate"))
-    result = ctx.game.run(20)
-    (caught,) = [event for event in result.events if event["kind"] == "tag"]
-    assert caught["turn"] == 9  # 180 m at 20 m a turn
