@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from copy import copy
 from itertools import chain
 from math import inf
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import numpy as np
 
@@ -47,11 +47,11 @@ class DetectionModel(Guarded):
 
     team: object = None
     exclude: object = None
-    _detection: Detection = None
+    detection: Detection = None
+    position_noise_m: float | None = None
+    false_alarm_rate: float | None = None
+    delay_turns: int | None = None
     _chance: Chance | None = None
-    _position_noise_m: float | None = None
-    _false_alarm_rate: float | None = None
-    _delay_turns: int | None = None
     _is_trial = False  # whether looks leave no trace
     _reports_all = True
 
@@ -65,8 +65,12 @@ class DetectionModel(Guarded):
         """Set an existing attribute; refused while a strategy is running."""
         if name[0] != "_" and not hasattr(type(self), name):
             raise UnknownAttribute(self._called, name, ATTRIBUTES_OF)
+        if name in _CHECKS and value is not None:
+            value = _CHECKS[name](value, f"{name} of {self._sensor_id!r}")
         super().__setattr__(name, value)
         if name[0] != "_":
+            if name == "detection":
+                self._chance = _chance_of(self.detection)
             self._phase.sensor_changes += 1
             self._reports_all = self.team is None and self.exclude is None and not self.needs_look
 
@@ -83,52 +87,7 @@ class DetectionModel(Guarded):
     @property
     def has_errors(self) -> bool:
         """Whether agents may be reported at wrong positions."""
-        return bool(self._position_noise_m or self._false_alarm_rate or self._delay_turns)
-
-    @property
-    def detection(self) -> Detection:
-        """See the class; settable."""
-        return self._detection
-
-    @detection.setter
-    def detection(self, detection: Detection) -> None:
-        self._chance = _chance_of(detection, f"detection of {self._sensor_id!r}")
-        self._detection = detection
-
-    @property
-    def position_noise_m(self) -> float | None:
-        """See the class; settable."""
-        return self._position_noise_m
-
-    @position_noise_m.setter
-    def position_noise_m(self, deviation: float | None) -> None:
-        name = f"position_noise_m of {self._sensor_id!r}"
-        if deviation == inf:
-            raise BadValue(f"{name} must be finite, not {deviation}.")
-        self._position_noise_m = None if deviation is None else as_range(deviation, name)
-
-    @property
-    def false_alarm_rate(self) -> float | None:
-        """See the class; settable."""
-        return self._false_alarm_rate
-
-    @false_alarm_rate.setter
-    def false_alarm_rate(self, rate: float | None) -> None:
-        name = f"false_alarm_rate of {self._sensor_id!r}"
-        rate = None if rate is None else as_range(rate, name)
-        if rate is not None and rate > MOST_FALSE_ALARMS:
-            raise BadValue(f"{name} is a number of false alarms per look, at most {MOST_FALSE_ALARMS:g}, not {rate}.")
-        self._false_alarm_rate = rate
-
-    @property
-    def delay_turns(self) -> int | None:
-        """See the class; settable."""
-        return self._delay_turns
-
-    @delay_turns.setter
-    def delay_turns(self, turns: int | None) -> None:
-        name = f"delay_turns of {self._sensor_id!r}"
-        self._delay_turns = None if turns is None else as_count(turns, name, least=0)
+        return bool(self.position_noise_m or self.false_alarm_rate or self.delay_turns)
 
     @refused_while_deciding
     def reset(self) -> None:
@@ -210,7 +169,7 @@ class DetectionModel(Guarded):
     @refused_while_deciding
     def delayed(self, ctx: IContext, look: Look, seen: dict[str, Any]) -> dict[str, Any]:
         """Return the report for the present look, by agent names, after the delay."""
-        return delayed(ctx, look, seen, self._delay_turns, is_noted=not self._is_trial) if self._delay_turns else seen
+        return delayed(ctx, look, seen, self.delay_turns, is_noted=not self._is_trial) if self.delay_turns else seen
 
     def chances(self, distances: FloatArray) -> FloatArray:
         """Return the detection probabilities at distances (agents,)."""
@@ -376,8 +335,36 @@ def teams_in(given: object) -> Collection[Any]:
     return given if isinstance(given, list | tuple | set | frozenset) else (given,)
 
 
-def _chance_of(detection: Detection, name: str) -> Chance | None:
+def _checked_detection(detection: Any, name: str) -> Any:
+    if not callable(detection):
+        as_chances(detection, name, or_function=True)
+    return detection
+
+
+def _chance_of(detection: Any) -> Chance | None:
+    """Return a checked detection probability as a function of distances."""
     if detection is None or callable(detection):
-        return detection
-    points = as_chances(detection, name, or_function=True)
+        return cast("Chance | None", detection)
+    points = as_chances(detection, "detection")
     return lambda distances: chances_at(distances, points)
+
+
+def _checked_noise(deviation: float, name: str) -> float:
+    if deviation == inf:
+        raise BadValue(f"{name} must be finite, not {deviation}.")
+    return as_range(deviation, name)
+
+
+def _checked_rate(rate: float, name: str) -> float:
+    checked = as_range(rate, name)
+    if checked > MOST_FALSE_ALARMS:
+        raise BadValue(f"{name} is a number of false alarms per look, at most {MOST_FALSE_ALARMS:g}, not {checked}.")
+    return checked
+
+
+_CHECKS: dict[str, Callable[[Any, str], Any]] = {
+    "detection": _checked_detection,
+    "position_noise_m": _checked_noise,
+    "false_alarm_rate": _checked_rate,
+    "delay_turns": lambda turns, name: as_count(turns, name, least=0),
+}

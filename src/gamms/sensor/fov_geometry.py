@@ -180,23 +180,8 @@ def _to_ground(z: float, rays: FloatArray) -> FloatArray:
 
 def _hull(points: FloatArray) -> FloatArray:
     """Return the corners (corners, 2) of the convex hull, counter-clockwise."""
-    ordered = sorted(set(map(tuple, points.tolist())))
-    if len(ordered) < 3:
-        return np.array(ordered, np.float64).reshape(-1, 2)
-    halves = [_lower(ordered), _lower(ordered[::-1])]
-    return np.array([corner for half in halves for corner in half[:-1]])
+    import shapely
 
-
-def _lower(points: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
-    """Return the lower half of the hull of sorted points (monotone chain)."""
-    chain: list[tuple[float, ...]] = []
-    for x, y in points:
-        while len(chain) > 1 and _turn(chain[-2], chain[-1], (x, y)) <= 0.0:
-            chain.pop()
-        chain.append((x, y))
-    return chain
-
-
-def _turn(a: tuple[float, ...], b: tuple[float, ...], c: tuple[float, ...]) -> float:
-    """Return a positive number if the path a, b, c turns left."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    ring = shapely.get_coordinates(shapely.normalize(shapely.convex_hull(shapely.MultiPoint(points))))
+    corners: FloatArray = ring[:0:-1]  # a ring ends at its first corner, and is clockwise
+    return corners

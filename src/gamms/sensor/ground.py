@@ -2,7 +2,7 @@
 
 from collections.abc import Hashable, Mapping, Sequence
 from functools import partial
-from math import inf, pi
+from math import pi
 from typing import Any, cast
 
 import numpy as np
@@ -14,7 +14,7 @@ from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.positions import Positions
-from gamms.ir.sensor_results import LookResults, SensorView, ragged, sensed_arrays
+from gamms.ir.sensor_results import LookResults, SensorView, sensed_arrays
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.nearby import caches_of
@@ -32,10 +32,6 @@ from gamms.sensor.views import (
 from gamms.typing import IContext
 from gamms.typing.graph_engine import NodeColumns
 from gamms.typing.sensor_engine import SensorType
-
-# distances whose squares neither vanish nor overflow
-_LEAST = 1e-150
-_MOST = 1e150
 
 
 class GroundSensor(Sensor):
@@ -222,9 +218,7 @@ class MapSensor(GroundSensor):
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
         """Sense from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` is unchanged."""
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
-        is_usual = self.fov == FULL_CIRCLE and self.range < inf and self._at is None and not self._is_occluded
-        known = self._memory.views.known(self.range) if is_usual else {}
-        views = [known.get(id) or self._look(self.place(id), heading) for id in as_ids(node_ids, "node_ids")]
+        views = [self._look(self.place(id), heading) for id in as_ids(node_ids, "node_ids")]
         return sensed_arrays([view.node_ids for view in views], partial(_edges_of, views))
 
     @of_data
@@ -368,11 +362,6 @@ class AgentSensor(DetectingSensor, GroundSensor):
         with self._phase.suspended() if self._notice is None else self._notice.rolled_back():
             ids = as_ids(node_ids, "node_ids")
             reports = list[dict[str, int]]()
-            reports_all = self._notice is None or self._notice.reports_all
-            if heading == ALL_AROUND and reports_all and not self._is_occluded and self._at is None:
-                nearby = self._memory.nearby
-                found = [nearby.within(id, self.range) for id in ids]
-                return _listed(self.ctx.agent.positions, [rows for _, rows in found], own)
             for id in ids:
                 positions, rows, look = self._found(self.place(id), heading)
                 seen = positions.found(rows)
@@ -467,14 +456,6 @@ class OccludedAgentSensor(OccludedSensor, AgentSensor):
 
 def _edges_of(views: list[View]) -> LookResults:
     return sensed_arrays([view.edge_ids for view in views])
-
-
-def _listed(positions: Positions, found: list[list[int]], own: str | None) -> LookResults:
-    """Return the agents found by each look, as rows, except for one agent."""
-    names = tuple(positions.names)
-    left_out = names.index(own) if own is not None and own in names else -1
-    offsets, rows = ragged([[row for row in some if row != left_out] for some in found])
-    return LookResults(offsets, rows, names=names, places=positions.node_ids[rows])
 
 
 def _selected(rows: list[int], is_kept: "np.ndarray[Any, np.dtype[np.bool_]]") -> list[int]:

@@ -95,18 +95,15 @@ class NearbyAgents:
         """
         positions = self._ctx.agent.positions
         graph = self._ctx.graph.graph
-        if self._places is None or not self._are_places_known(positions):
+        key = (positions, positions.version, graph.revision)
+        if self._places is None or graph.revision is None or key != self._key:
             xy = self._xy_of(positions)
             for row in positions.travellers:
                 xy[row] = self._travellers.place(positions, row) or xy[row]
             self._places = xy
-            self._key = (positions, positions.version, graph.revision)
+            self._key = key
             self._coordinates = None
         return self._places
-
-    def _are_places_known(self, positions: Positions) -> bool:
-        revision = self._ctx.graph.graph.revision
-        return revision is not None and self._key == (positions, positions.version, revision)
 
     def coordinates(self) -> Coordinates:
         """Return the 3D positions of all agents.
@@ -139,28 +136,11 @@ class NearbyAgents:
 
     def in_space(self, rows: IntArray) -> Coordinates:
         """Return the 3D positions of some agents, (rows,)."""
-        positions = self._ctx.agent.positions
-        # While agents decide, results are shared by many looks; otherwise one agent may move after each look.
-        if self._phase.moment is not None or self._are_places_known(positions):
-            return self.coordinates().of(rows)
-        listed: list[int] = rows.tolist()
-        xyz, is_on_surface = on_ground(self._ctx, positions.node_ids_of(listed), self.xy(listed))
-        flyers = positions.flyers
-        places = np.searchsorted(flyers, rows)
-        is_flying = np.append(flyers, -1)[places] == rows
-        xyz[is_flying] = positions.flyer_xyz[places[is_flying]]
-        return Coordinates(xyz, is_flying, is_on_surface | is_flying)
+        return self.coordinates().of(rows)
 
     def xy(self, rows: list[int]) -> FloatArray:
         """Return the map positions of some agents (rows, 2)."""
-        positions = self._ctx.agent.positions
-        # While agents decide, results are shared by many looks; otherwise one agent may move after each look.
-        if not positions.travellers and (self._phase.moment is not None or self._are_places_known(positions)):
-            return self.places()[rows]
-        xy = self._xy_of(positions, rows)
-        for i, row in enumerate(rows if positions.travellers else ()):
-            xy[i] = self._travellers.place(positions, row) or xy[i]
-        return xy
+        return self.places()[rows]
 
     def by_name(self, place: Place, radius: float, own: str | None) -> dict[str, int]:
         """Return a fresh dict of the living agents within a radius of a place: name -> reported value.
@@ -311,16 +291,15 @@ class NearbyAgents:
             for one in sights:
                 one.move(row)
 
-    def _xy_of(self, positions: Positions, rows: list[int] | None = None) -> FloatArray:
-        """Return the positions of the last nodes of some agents (rows, 2); None: of all agents."""
+    def _xy_of(self, positions: Positions) -> FloatArray:
+        """Return the positions of the last nodes of all agents (agents, 2)."""
         graph = self._ctx.graph.graph
-        nodes = positions.node_ids if rows is None else positions.node_ids_of(rows)
+        nodes = positions.node_ids
         try:
             return graph.positions(nodes)
         except UnknownName:
             lost = next(i for i, node in enumerate(nodes.tolist()) if not graph.has_node(node))
-            name = positions.names[lost if rows is None else rows[lost]]
-            raise UnknownName(f"node under agent {name!r}:", int(nodes[lost])) from None
+            raise UnknownName(f"node under agent {positions.names[lost]!r}:", int(nodes[lost])) from None
 
 
 def _is_on_node(positions: Positions, row: int) -> bool:
