@@ -5,8 +5,6 @@ import random
 
 import pytest
 
-from gamms.graph import indexes, store
-
 NODES, EDGES = 150, 600
 
 
@@ -124,25 +122,4 @@ def test_no_answer_depends_on_what_was_built_when(graph, model, name):
     programme = LongProgramme(graph, model(), seed=name)
     for _ in range(500):
         programme.step(PROGRAMMES[name])
-    programme.look_at_all()
-
-
-def test_making_room_for_new_values_loses_no_old_ones(graph, monkeypatch):
-    monkeypatch.setattr(indexes, "_MOST_KEPT", 20)
-    graph.add_nodes(range(12), range(12), [0.0] * 12)
-    graph.add_edges(range(11), range(11), range(1, 12))
-    for turn in range(12):
-        nodes, edges = graph.within(0, math.inf)
-        assert [node.id for node in nodes.values()] == list(range(12))
-        assert [edge.id for edge in edges] == list(range(11))
-        graph.update_node({"id": turn, "y": 1.0})
-
-
-@pytest.mark.parametrize("most", [1, 10])
-def test_neighbours_in_a_graph_too_large_to_keep_them_all_are_the_same(graph, model, monkeypatch, most):
-    monkeypatch.setattr(store, "_MOST_NEIGHBORHOODS", most)
-    programme = LongProgramme(graph, model(), seed=most)
-    for _ in range(300):
-        programme.step(PROGRAMMES["everything"] | {"look": 10})
-    assert len(graph.neighborhoods) <= most
     programme.look_at_all()

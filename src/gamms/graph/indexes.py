@@ -19,7 +19,6 @@ from gamms.typing.graph_values import Node, OSMEdge
 
 _LATE_EDGES = 1024
 _LATE_NODES = 256
-_WIDER = 8  # how often a search radius grows before all nodes are searched
 _REACHES = (1, 3)  # half widths in cells, of the squares searched for one place
 _REACHES_OF_EACH = (0.5, 1.0, 3.0, 9.0)  # half widths in cells, of the squares searched for several places at once
 _SURE = 1.0 - 1e-9  # share of a radius; nodes nearer than this are certainly found in spite of rounding
@@ -27,8 +26,6 @@ _SURE = 1.0 - 1e-9  # share of a radius; nodes nearer than this are certainly fo
 _LEAST = 1e-150
 _MOST = 1e150
 _TINY = 5e-324  # replaces a square that would be zero
-_MOST_EAGER = 1 << 19  # rows up to which all values of a table are made at once
-_MOST_KEPT = 1 << 21
 
 # NOTE: skips the checking constructors; the tables hold checked values (benchmarks: sense).
 _node: Callable[[Any], Node] = partial(tuple.__new__, Node)
@@ -79,14 +76,7 @@ class NodeGrid:
             found, square = self._nearest_around(x, y, reach)
             if square == 0.0 or _LEAST**2 < square < min((reach - 0.1) * self._cells.size, _MOST) ** 2:
                 return found
-        d = _REACHES[-1] * self._cells.size
-        for _ in range(_WIDER):
-            rows = self.within(x, y, d)
-            found, distance = self._nearest_of(rows, x, y)
-            if distance < d * _SURE:
-                return found
-            d *= 2.0
-        return self._nearest_of(self._nodes.living(), x, y)[0]
+        return self._nearest_of(self._nodes.living(), x, y)
 
     def nearest_each(self, x: FloatArray, y: FloatArray) -> IntArray:
         """Return the nearest row for each of several places, (places,); see `nearest`."""
@@ -149,17 +139,14 @@ class NodeGrid:
                 found = row
         return found, least
 
-    def _nearest_of(self, rows: IntArray, x: float, y: float) -> tuple[int, float]:
-        """Return the row nearest to (x, y), the first of equals, and its distance; infinite if there are no rows."""
-        if not len(rows):
-            return -1, inf
+    def _nearest_of(self, rows: IntArray, x: float, y: float) -> int:
+        """Return the row nearest to (x, y), the first of equals."""
         with np.errstate(over="ignore", under="ignore"):  # an infinite distance is a valid result
             dx, dy = (self._nodes.array("xy")[rows] - (x, y)).T
             squares = dx * dx + dy * dy
             if not _LEAST**2 < squares.min() < _MOST**2:
                 squares = np.hypot(dx, dy)
-            at = int(np.argmin(squares))
-            return int(rows[at]), float(np.hypot(dx[at], dy[at]))
+            return int(rows[np.argmin(squares)])
 
 
 class Adjacency:
@@ -237,48 +224,27 @@ class RowValueCache:
 
     def __init__(self, make: Callable[[RowArray], list[Any]]) -> None:
         self._make = make
-        self._values = np.empty(0, object)  # (rows,)  None if not computed yet
-        self._is_complete = True
-        self._made = 0
+        self._known: tuple[np.ndarray[Any, Any], BoolArray] = np.empty(0, object), np.zeros(0, np.bool_)
 
     def take(self, rows: RowArray, count: int) -> list[Any]:
         """Return the values of `rows` in a table of `count` rows."""
-        if count > len(self._values):
-            self._grow(count)
-        taken: list[Any] = self._values[rows].tolist()
-        if not self._is_complete and None in taken:
-            self._fill(rows[np.fromiter((value is None for value in taken), np.bool_, len(taken))])
-            taken = self._values[rows].tolist()
-            if None in taken:  # growing the cache dropped the other values
-                taken = self._make(rows)
+        values, is_made = self._known
+        if count > len(values):
+            more = count + count // 4 - len(values)  # spare room, so that a growing graph is not copied at each read
+            values = np.concatenate((values, np.empty(more, object)))
+            is_made = np.concatenate((is_made, np.zeros(more, np.bool_)))
+            self._known = values, is_made  # together, because other threads may read it
+        if not is_made[rows].all():
+            missing = rows[~is_made[rows]]
+            values[missing] = np.fromiter(self._make(missing), object, len(missing))
+            is_made[missing] = True
+        taken: list[Any] = values[rows].tolist()
         return taken
 
     def forget(self, rows: IntArray) -> None:
         """Drop the values of changed rows."""
-        self._values[rows[rows < len(self._values)]] = None
-        self._is_complete = False
-
-    def _grow(self, count: int) -> None:
-        before = len(self._values)
-        is_eager = count <= _MOST_EAGER
-        # Spare room, so that a graph that grows between two reads is not copied at each read.
-        values = np.empty(count if is_eager else count + count // 4, object)
-        values[:before] = self._values
-        if is_eager:
-            rows = np.arange(before, count)
-            values[rows] = np.fromiter(self._make(rows), object, len(rows))
-            self._made += len(rows)
-        else:
-            self._is_complete = False
-        self._values = values  # assigned first, because other threads may read it
-
-    def _fill(self, rows: RowArray) -> None:
-        if self._made + len(rows) > _MOST_KEPT:
-            self._values[:] = None
-            self._is_complete = False
-            self._made = 0
-        self._values[rows] = np.fromiter(self._make(rows), object, len(rows))
-        self._made += len(rows)
+        _, is_made = self._known
+        is_made[rows[rows < len(is_made)]] = False
 
 
 def node_values(nodes: NodeTable, rows: RowArray) -> list[Node]:
@@ -316,7 +282,6 @@ class Indexes:
         self._by_end: dict[str, Adjacency] = {}
         self._node_values = RowValueCache(lambda rows: node_values(nodes, rows))
         self._edge_values = RowValueCache(lambda rows: edge_values(edges, nodes, rows, self.node_values))
-        self._unused: list[BoolArray] = []  # arrays by node row, all False; empty while the array is in use
 
     # -- queries ------------------------------------------------------------------------------------------------
 
@@ -340,16 +305,9 @@ class Indexes:
     def edges_among(self, nodes: IntArray) -> IntArray:
         """Return the rows of the edges with both ends among the node rows, in insertion order."""
         rows = self._adjacency("sources").at(nodes)
-        try:
-            is_seen = self._unused.pop()  # taken from the list, because other threads may run the same query
-        except IndexError:
-            is_seen = np.zeros(0, np.bool_)
-        if len(is_seen) < self._nodes.count:
-            is_seen = np.zeros(self._nodes.capacity, np.bool_)
+        is_seen = np.zeros(self._nodes.count, np.bool_)
         is_seen[nodes] = True
         among: IntArray = rows[is_seen[self._edges.array("targets")[rows]]]
-        is_seen[nodes] = False
-        self._unused[:] = [is_seen]
         return among
 
     def edge_values(self, rows: RowArray) -> list[OSMEdge]:

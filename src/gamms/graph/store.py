@@ -7,7 +7,6 @@ import dataclasses
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterable
 from copy import deepcopy
-from itertools import islice
 from math import isfinite
 from typing import Any, TypeVar
 from weakref import WeakSet
@@ -22,7 +21,6 @@ from gamms.graph.tables import ClosedTable, EdgeTable, NodeTable, joined, kept
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, edge_as_given, read_only
 from gamms.ir.scenery import Scenery
 
-_MOST_NEIGHBORHOODS = 1 << 18
 _ENTRY_BYTES = 512  # bytes per cache entry in addition to the arrays, estimated
 _GROUND = ("z", "underground")  # node attributes: height of the ground, and number of a tunnel
 
@@ -30,16 +28,12 @@ Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any] | memoryview", ...]
 
 
 class Neighborhoods(dict[int, tuple[int, ...]]):
-    """A mapping from node id to the node itself, then its neighbors; computed on demand.
-
-    For a large graph only the latest are cached.
-    """
+    """A mapping from node id to the node itself, then its neighbors; computed on demand."""
 
     # NOTE: a dict with __missing__ looks up a known node without a Python call (benchmarks: the loop).
 
     def __init__(self, store: "GraphStore") -> None:
         self._store = store
-        self.source: Neighborhoods | None = None  # of a store with the same graph, used instead of its own
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Neighborhoods":
         return deepcopy(self._store, memo).neighborhoods
@@ -49,20 +43,9 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
         self.pop(id, None)
 
     def __missing__(self, id: int) -> tuple[int, ...]:
-        source = self.source
-        if source is not None:
-            made = source[id]
-        else:
-            id = records.as_id(id, "a node")
-            made = (id, *[other for other in self._store.indexes.neighbors(id) if other != id])
-        if len(self) >= _MOST_NEIGHBORHOODS:
-            self._drop_oldest()
-        self[id] = made
+        id = records.as_id(id, "a node")
+        made = self[id] = (id, *[other for other in self._store.indexes.neighbors(id) if other != id])
         return made
-
-    def _drop_oldest(self) -> None:
-        for first in list(islice(self, max(_MOST_NEIGHBORHOODS // 8, 1))):
-            del self[first]
 
 
 class GraphStore:
@@ -91,7 +74,6 @@ class GraphStore:
         self.revision = -1
         self.road_changes = 0
         self._sharers: WeakSet[GraphStore] | None = None  # this store and all stores that share its tables
-        self._askers: WeakSet[GraphStore] = WeakSet()  # the sharing stores that use the neighborhoods of this one
         self.neighborhoods = Neighborhoods(self)
         self.clear()
 
@@ -242,12 +224,10 @@ class GraphStore:
         is_same = self.revision == other.revision
         self._columns = columns if is_same else dataclasses.replace(columns, revision=self.revision)
         self.neighborhoods.clear()
-        self.neighborhoods.source = other.neighborhoods
         if other._sharers is None:
             other._sharers = WeakSet([other])
         self._sharers = other._sharers
         self._sharers.add(self)
-        other._askers.add(self)
 
     def own(self) -> None:
         """Stop sharing the tables; called before every change."""
@@ -265,15 +245,8 @@ class GraphStore:
         """Leave the shared tables to their other owners; return whether they were shared."""
         sharers = self._sharers
         self._sharers = None
-        self.neighborhoods.source = None
-        if sharers is None:
-            return False
-        sharers.discard(self)
-        askers = self._askers
-        self._askers = WeakSet()
-        for store in askers:
-            if store.neighborhoods.source is self.neighborhoods:
-                store.neighborhoods.source = None
+        if sharers is not None:
+            sharers.discard(self)
         return bool(sharers)
 
     def __reduce__(self) -> tuple[Any, ...]:

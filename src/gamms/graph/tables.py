@@ -1,13 +1,11 @@
 """Growable columns with one id per row: the storage of nodes and edges."""
 
-from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping
 from itertools import chain, compress
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from gamms import kernels
 from gamms.errors import BadValue, ContextTerminated, DuplicateId, UnknownName
 from gamms.ir.graph import FloatArray, IntArray, Polylines, RowArray, RowMapping, read_only
 
@@ -16,24 +14,20 @@ T = TypeVar("T")
 _START = 16
 _CHUNK = 4096  # ids converted to Python ints at a time, for callers that read only the first few
 MOST_DEPTH = 100  # far below the recursion limit, so that accepted values can be read everywhere
-_MANY = 4096  # number of ascending ids from which an array replaces the dict
 
 
 class RowIndex:
     """Finds the row of an id.
 
-    The usual ids `first, first + 1, …` in row order take no memory, many ascending ids take an array, and all other ids
-    take a dict.
+    The usual ids `first, first + 1, …` in row order take no memory, and all other ids take a dict.
     """
 
-    __slots__ = ("_ascending", "_ascending_row", "_first", "_gone", "_others", "_run")
+    __slots__ = ("_first", "_gone", "_others", "_run")
 
     def __init__(self) -> None:
         self._first = 0  # rows 0 … _run - 1 have the ids _first, _first + 1, …
         self._run = 0
-        self._ascending: memoryview | None = None  # ids of the rows from _ascending_row on
-        self._ascending_row = 0
-        self._gone: set[int] = set()  # removed rows among these two kinds
+        self._gone: set[int] = set()  # removed rows among these
         self._others: dict[int, int] = {}  # id -> row, for all other rows
 
     def row(self, id: int) -> int:
@@ -41,8 +35,7 @@ class RowIndex:
         row = id - self._first
         if 0 <= row < self._run and row not in self._gone:
             return row
-        row = self._others.get(id, -1)
-        return row if row >= 0 or self._ascending is None else self._row_of_ascending(id)
+        return self._others.get(id, -1)
 
     def rows(self, ids: IntArray, kind: str) -> IntArray:
         """Return the rows (ids,) of many ids.
@@ -50,7 +43,7 @@ class RowIndex:
         Raises:
             UnknownName (KeyError): an id is unknown.
         """
-        if self._ascending is None and not self._others and not self._gone:
+        if not self._others and not self._gone:
             rows = ids - self._first
             # NOTE: as unsigned numbers, ids before the first are large: one comparison (benchmarks:
             # peers).
@@ -84,9 +77,6 @@ class RowIndex:
         if _are_consecutive(ids) and row == self._run and int(ids[0]) == first + row:
             self._first = first
             self._run = row + len(ids)
-        elif self._ascending is None and len(ids) >= _MANY and bool((ids[1:] > ids[:-1]).all()):
-            self._ascending = ids.copy().data
-            self._ascending_row = row
         else:
             self._others.update(zip(ids.tolist(), range(row, row + len(ids)), strict=True))
 
@@ -105,25 +95,15 @@ class RowIndex:
             unique, counts = np.unique(ids, return_counts=True)
             if len(unique) < len(ids):
                 raise DuplicateId(kind, int(unique[counts > 1][0]))
-        if self._run or self._others or self._ascending is not None:
+        if self._run or self._others:
             taken = np.flatnonzero(self._look_up(ids) >= 0)
             if len(taken):
                 raise DuplicateId(kind, int(ids[taken[0]]))
-
-    def _row_of_ascending(self, id: int) -> int:
-        ids = self._ascending
-        place = bisect_left(ids, id)  # type: ignore[arg-type] # only called where there are some
-        row = self._ascending_row + place
-        is_there = place < len(ids) and ids[place] == id  # type: ignore[arg-type,index] # as above
-        return row if is_there and row not in self._gone else -1
 
     def _look_up(self, ids: IntArray) -> IntArray:
         """Return the rows (ids,) of many ids, -1 for unknown ids."""
         rows = ids - self._first
         rows[(rows < 0) | (rows >= self._run)] = -1
-        if self._ascending is not None:
-            found = kernels.rows_of(np.asarray(self._ascending), ids)
-            rows[found >= 0] = found[found >= 0] + self._ascending_row
         if self._others or self._gone:
             gone = np.fromiter(self._gone, np.int64, len(self._gone))
             unsure = np.flatnonzero((rows < 0) | np.isin(rows, gone))

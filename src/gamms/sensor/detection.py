@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from copy import copy
 from itertools import chain
 from math import inf
-from typing import Any, Self, cast
+from typing import Any, Self
 
 import numpy as np
 
@@ -335,16 +335,16 @@ def teams_in(given: object) -> Collection[Any]:
     return given if isinstance(given, list | tuple | set | frozenset) else (given,)
 
 
-def _checked_detection(detection: Any, name: str) -> Any:
+def _checked_detection(detection: Detection, name: str) -> Detection:
     if not callable(detection):
         as_chances(detection, name, or_function=True)
     return detection
 
 
-def _chance_of(detection: Any) -> Chance | None:
+def _chance_of(detection: Detection) -> Chance | None:
     """Return a checked detection probability as a function of distances."""
     if detection is None or callable(detection):
-        return cast("Chance | None", detection)
+        return detection
     points = as_chances(detection, "detection")
     return lambda distances: chances_at(distances, points)
 
