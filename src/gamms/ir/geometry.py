@@ -43,6 +43,15 @@ def rings_of(polygon: "Polygon") -> list[FloatArray]:
     return [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.normalize(polygon))]
 
 
+def hull_of(points: FloatArray) -> FloatArray:
+    """Return the corners (corners, 2) of the convex hull of points (points, 2), counter-clockwise."""
+    import shapely
+
+    ring = shapely.get_coordinates(shapely.normalize(shapely.convex_hull(shapely.MultiPoint(points))))
+    corners: FloatArray = ring[:0:-1]  # a ring ends at its first corner, and is clockwise
+    return corners
+
+
 def seamed(rings: Sequence[FloatArray]) -> FloatArray:
     """Return one line (points, 2) along closed rings, the outer one first, with a short seam to each other one."""
     outer, *holes = rings

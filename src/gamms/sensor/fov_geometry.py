@@ -6,6 +6,7 @@ from math import atan2, inf, pi
 
 import numpy as np
 
+from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.typing.graph_engine import OSMEdge
 
@@ -114,7 +115,7 @@ def footprint(position: Point, axis: Point, radius: float, fov: float) -> FloatA
         edge = disc(0.0, 0.0, np.sqrt(radius * radius - z * z))  # the radius on the ground
         is_seen = edge @ cone.axis[:2] - z * cone.axis[2] >= radius * np.cos(fov / 2.0)
         corners = np.vstack([corners, np.array([x, y]) + edge[is_seen]])
-    outline = _hull(corners)
+    outline = geometry.hull_of(corners)
     return outline if len(outline) >= 3 else shadow(position, axis, radius, fov)
 
 
@@ -129,7 +130,7 @@ def shadow(position: Point, axis: Point, radius: float, fov: float) -> FloatArra
     rays = np.vstack([_Cone(axis, share * fov / 2.0).rays(_TURNS) for share in _RINGS])
     reach = _to_ground(z, rays)
     reach = np.where((reach >= 0.0) & (reach <= radius), reach, radius)
-    return _hull(np.vstack([[(x, y)], np.array([x, y]) + rays[:, :2] * reach[:, None]]))
+    return geometry.hull_of(np.vstack([[(x, y)], np.array([x, y]) + rays[:, :2] * reach[:, None]]))
 
 
 def polylines(edges: Iterable[OSMEdge]) -> tuple[FloatArray, IntArray]:
@@ -176,12 +177,3 @@ def _to_ground(z: float, rays: FloatArray) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         reach: FloatArray = -z / rays[:, 2]
     return reach
-
-
-def _hull(points: FloatArray) -> FloatArray:
-    """Return the corners (corners, 2) of the convex hull, counter-clockwise."""
-    import shapely
-
-    ring = shapely.get_coordinates(shapely.normalize(shapely.convex_hull(shapely.MultiPoint(points))))
-    corners: FloatArray = ring[:0:-1]  # a ring ends at its first corner, and is clockwise
-    return corners
