@@ -214,6 +214,20 @@ def test_the_first_frame_shows_the_start(plain, tmp_path):
 # -- a context that films itself ----------------------------------------------------------------------------
 
 
+def test_a_film_shows_whole_fields_of_view_wherever_agents_go(ctx, tmp_path):
+    ctx.sensor.create_sensor("eye", gamms.sensor.SensorType.RANGE, sensor_range=4.0)
+    red = ctx.agent.get_agent("red_0")
+    red.register_sensor("eye", ctx.sensor.get_sensor("eye"))
+    with ctx.visual.film(tmp_path / "a.gif") as film:
+        red.get_state()
+        move(ctx, "red_0", 1)
+        camera = film._frames._view(1.0)[0]
+        xy = ctx.graph.columns().xy
+        corners = camera.to_screen(np.array([xy.min(axis=0) - 4.0, xy.max(axis=0) + 4.0]))
+        assert (corners >= 0.0).all()
+        assert (corners <= (camera.width, camera.height)).all()
+
+
 def test_the_papers_loop_is_filmed_without_a_change(tmp_path):
     path = tmp_path / "game.mp4"
     options = {"width": 160, "height": 90, "video": str(path), "fps": 10, "simulation_time_constant": 0.3}

@@ -76,7 +76,7 @@ Margins = tuple[float, float, float, float]  # left, top, right, bottom; pixels
 FAINTEST_PX = 0.4  # minimum width of lines in world units: thinner lines would vanish
 CSS_DPI = 96.0  # resolution at which pixels have their usual size
 _VIEWS = (Layer.SEEN, Layer.WINDOW_SENSORS, Layer.SENSORS)
-_BEYOND = 1.0  # of the map's longer side: how far views of sensors may widen a picture, which would shrink the map
+BEYOND = 1.0  # of the map's longer side: how far views of sensors may widen a picture, which would shrink the map
 _SMALLEST = 1e-9  # world units; smaller extents count as points
 _AT_SIDE = 0.05  # share of the longer side of a box within which drawings count as at the border
 
@@ -199,7 +199,7 @@ def framed(*drawings: DrawCommands) -> Box:
     low, high = _around([bounds(commands) for commands in drawings if len(commands)])
     others = [bounds(one, ~is_view) for one, is_view in zip(drawings, are_views, strict=True) if not is_view.all()]
     near_low, near_high = _around(others)
-    beyond = _BEYOND * float((near_high - near_low).max())
+    beyond = BEYOND * float((near_high - near_low).max())
     if beyond > 0.0:
         low = np.maximum(low, near_low - beyond)
         high = np.minimum(high, near_high + beyond)

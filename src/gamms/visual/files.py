@@ -2,12 +2,14 @@
 
 import os
 from base64 import b64encode
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 from weakref import WeakValueDictionary
+
+import numpy as np
 
 from gamms.arguments import as_float, as_int, as_path, as_target
 from gamms.errors import BadValue, Duplicate, UnknownName
@@ -15,13 +17,14 @@ from gamms.folders import naming
 from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
 from gamms.typing import IArtist, IContext, PictureOptions
-from gamms.visual.artist import ArtistGroup
+from gamms.visual.artist import ArtistGroup, data_of
 from gamms.visual.artists import Artists
 from gamms.visual.backends import FILMS, FORMATS, Backend, FilmWriter
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting
-from gamms.visual.camera import CSS_DPI, NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, framed, spill
+from gamms.visual.camera import BEYOND, CSS_DPI, NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, framed, spill
 from gamms.visual.captions import CAPTION_SECONDS, CaptionBar, Captions, ResultCard, end_card
+from gamms.visual.drawers.marks import MARK_PX
 from gamms.visual.drawing import Commands, Drawing, joined, magnified
 from gamms.visual.labels import Labels
 from gamms.visual.legend import Block, blocks_of, grown
@@ -229,7 +232,7 @@ class Frames:
         options: the options of the page.
         scene: cached drawings of earlier frames.
         is_even: whether sides are rounded up to even numbers.
-        later_px: space below the map for marks of later turns, pixels.
+        is_film: whether later turns follow, which need room for marks and for fields of view.
 
     Attributes:
         width, height: pixels.
@@ -245,11 +248,11 @@ class Frames:
         scene: Scene | None = None,
         *,
         is_even: bool = False,
-        later_px: float = 0.0,
+        is_film: bool = False,
     ) -> None:
         self.ctx = source.ctx
         self.scene = scene or Scene(source.ctx, self._world)
-        self._later_px = later_px
+        self._is_film = is_film
         self._source = source
         self._viewpoint = source.drawing.viewpoint
         self._options = options
@@ -263,6 +266,7 @@ class Frames:
                 blocks = blocks_of(self.ctx, artists)
             box = framed(commands)
             reach = self._reach(spill(commands, box))
+            box = self._roomy(box, artists)
             width, height = _sides(asked, box, blocks, self._viewpoint, self._style, reach=reach)
         self.width, self.height = (side + side % 2 * is_even for side in size(width, height, FILM_BYTES))
         self.canvas = Canvas(self.width, self.height, paper=self._style.background[:3])
@@ -325,7 +329,23 @@ class Frames:
     def _reach(self, now: Margins) -> Margins:
         """Return the room for the signs that are at the sides of the map now, and below for marks that come later."""
         left, top, right, bottom = now
-        return left, top, right, max(bottom, self._later_px)
+        later_px = MARK_PX if self._is_film and self.ctx.current_game is not None else 0.0
+        return left, top, right, max(bottom, later_px)
+
+    def _roomy(self, box: Box, artists: Mapping[str, IArtist]) -> Box:
+        """Return a box that holds this one, and in a film the fields of view of agents wherever they go on the map."""
+        xy = self.ctx.graph.columns().xy
+        if not self._is_film or len(xy) == 0:
+            return box
+        far = 0.0
+        for artist in artists.values():
+            for _, view in data_of(artist).get("sights", ()):
+                if view is not None and len(view.outline) and view.carrier in self.ctx.agent.agents:
+                    away = view.outline - self._source.drawing.position_of(view.carrier, 1.0)
+                    far = max(far, float(np.abs(away).max()))
+        far = min(far, BEYOND * float(np.ptp(xy, axis=0).max()))
+        low, high = box
+        return np.minimum(low, xy.min(axis=0) - far), np.maximum(high, xy.max(axis=0) + far)
 
     def _draw(self, share: float) -> None:
         with self._themed():
@@ -348,7 +368,7 @@ class Frames:
         if self._fitted is None:
             box = self.scene.box()
             self._page.spill = self._reach(self.scene.spill(box))
-            self._fitted = self._page.fit(*box)
+            self._fitted = self._page.fit(*self._roomy(box, self._artists or {}))
         return self._fitted
 
 

@@ -218,14 +218,12 @@ class Pictures(Guarded):
         **options: Unpack[PictureOptions],
     ) -> "Film":
         """Begin a film; see `film`."""
-        from gamms.visual.drawers.marks import MARK_PX
         from gamms.visual.files import Film, Frames, FrameSource, film_plan
 
         plan = film_plan(path, fps, width, height, frames_per_turn)
         source = FrameSource(self._ctx, self._drawing, self._artists)
         options.setdefault("captions", True)
-        later_px = 0.0 if self._ctx.current_game is None else MARK_PX
-        frames = Frames(source, plan.asked, options, is_even=plan.path.suffix.lower() == ".mp4", later_px=later_px)
+        frames = Frames(source, plan.asked, options, is_even=plan.path.suffix.lower() == ".mp4", is_film=True)
         film = Film(frames, plan, self.films)
         self.films.append(film)
         return film
