@@ -173,7 +173,10 @@ def replay(  # noqa: PLR0913, PLR0917 - one argument per option
     seconds: Annotated[float, typer.Option(help="How long a turn is shown.", min=0.0)] = 0.5,
     start: Annotated[int, typer.Option("--from", help="Begin after this turn.", metavar="TURN", min=0)] = 0,
     theme: Annotated[str, typer.Option(help="Of the window: light or dark.", metavar="THEME")] = "light",
-    labels: Annotated[bool, typer.Option("--labels", help="Write names beside agents in the window.")] = False,
+    labels: Annotated[
+        bool | None,
+        typer.Option("--labels/--no-labels", help="Names beside agents in the window; by default while they are few."),
+    ] = None,
     trails: Annotated[int, typer.Option(help="Show the ways of the last turns in the window.", min=0)] = 0,
     captions: Annotated[
         bool, typer.Option("--captions/--no-captions", help="Say in the window what happens, such as tags.")
@@ -184,11 +187,11 @@ def replay(  # noqa: PLR0913, PLR0917 - one argument per option
     from gamms.recorder import RecordingError
 
     warning = None
-    look = {"theme": theme, "labels": labels, "trails": trails, "captions": captions}
-    usual = {"theme": "light", "labels": False, "trails": 0, "captions": True}
+    look = {"theme": theme, "labels": "auto" if labels is None else labels, "trails": trails, "captions": captions}
+    usual = {"theme": "light", "labels": "auto", "trails": 0, "captions": True}
     if not window and look != usual:
         option = next(name for name, value in usual.items() if look[name] != value)
-        hint = f"--{'no-' if option == 'captions' else ''}{option}"
+        hint = f"--{'no-' if look[option] is False else ''}{option}"
         raise typer.BadParameter("this option needs --window.", param_hint=hint)
     ctx = recordings.context_for(
         file, map, visual.Engine.PYGAME if window else visual.Engine.NO_VIS, **(look if window else {})

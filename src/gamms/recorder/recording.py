@@ -48,6 +48,7 @@ _MOST_SHOWN = 20 << 20  # largest page shown in a notebook, bytes
 _FRAME = (  # sandboxed: scripts run, but cannot access the notebook
     '<iframe title="the game" sandbox="allow-scripts" style="width:100%;height:560px;border:0" srcdoc="{}"></iframe>'
 )
+_FEW_SIDES = 4  # sides that a title lists
 _BLOBS = ("world",)  # header entries that are not text
 _CALLERS = ("folder", "file", "allow")  # arguments of `Scenario(**header["scenario"])` that only a caller may give
 _LISTS = {"name": "names", "team": "teams", "speed": "speed", "strategy": "strategies"}  # columns that rarely change
@@ -152,6 +153,19 @@ class Recording(Surface, StreamOwner):
     def is_complete(self) -> bool:
         """Whether the recording was finished."""
         return self.warning is None
+
+    @property
+    def title(self) -> str:
+        """The name of the scenario, else the sides of the game."""
+        from gamms.recorder.cut import sides_of
+
+        scenario = self.header.get("scenario")
+        name = scenario.get("name") if isinstance(scenario, dict) else None
+        if isinstance(name, str) and name:
+            return name
+        sides = self.header.get("sides") or sides_of(self.header, self.detached(0).keyframe(0))
+        named = [side for side in sides if side is not None]
+        return " and ".join(named) if 0 < len(named) <= _FEW_SIDES else "A recorded game"
 
     @property
     def turns(self) -> int:

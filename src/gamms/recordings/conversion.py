@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from io import BytesIO
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from gamms.arguments import as_path
 from gamms.context import Context, create_context
@@ -69,7 +69,11 @@ def context_for(
         BadFile, RecordingError (ValueError): the beginning of a file is damaged.
         OSError: a file cannot be read.
     """
-    if version_of(path) > 2 or map is not None:
+    version = version_of(path)
+    if vis_engine is Engine.PYGAME and version > 2:
+        with opened(path) as recording:
+            vis_kwargs.setdefault("title", recording.title)
+    if version > 2 or map is not None:
         return with_map(map, vis_engine, **vis_kwargs)
     ids = sorted(set(_node_ids(path)))
     return _filled(vis_engine, vis_kwargs, lambda ctx: ctx.graph.add_nodes(ids, x=[0.0] * len(ids), y=[0.0] * len(ids)))
@@ -82,7 +86,7 @@ def watch(
     start: int = 0,
     seconds: float = 0.5,
     theme: str = "light",
-    labels: bool = False,
+    labels: bool | Literal["auto"] = "auto",
     trails: int = 0,
     captions: bool = True,
 ) -> None:
@@ -94,7 +98,7 @@ def watch(
         start: the number of turns to skip.
         seconds: the display time of a turn.
         theme: "light" or "dark".
-        labels: whether to show the names of agents.
+        labels: whether to show the names of agents; "auto": while they are few.
         trails: the number of turns for which paths of agents are shown.
         captions: whether to show captions of events.
 

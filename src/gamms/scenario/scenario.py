@@ -269,6 +269,7 @@ class Scenario(Surface, Immutable):
         ctx = create_context(
             graph_engine,
             Engine.NO_VIS if vis_engine is None else vis_engine,
+            vis_kwargs={"title": self.spec.name} if vis_engine is Engine.PYGAME and self.spec.name else None,
             logger_config=maps.quiet(),
             seed=self.spec.seed if seed is None else seed,
             game={

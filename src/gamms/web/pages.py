@@ -29,7 +29,6 @@ from gamms.web.painter import Painter, map_for_viewer
 __all__ = ["page", "page_of_two"]
 
 _OPTIONS = PageOptions.__annotations__.keys()
-_FEW_SIDES = 4  # sides that are listed in the default title
 _MOST_TRAILS = 200
 _LEVEL = 7  # of zlib; level 9 takes seven times as long and saves a tenth
 _PART_MOVES = 1 << 14  # moves in a part, which the viewer reads in some milliseconds
@@ -52,7 +51,7 @@ def page(recording: Recording, **options: Unpack[PageOptions]) -> bytes:
         UnknownName (KeyError): the team does not exist.
         RecordingError (ValueError): the recording is damaged, or lacks its map.
     """
-    look = _checked(options, recording.turns, _title_of(recording))
+    look = _checked(options, recording.turns, recording.title)
     return _assembled(look, options.get("still"), [_rewritten(recording, options.get("audience"))])
 
 
@@ -152,17 +151,6 @@ def as_text_of(data: bytes) -> str:
 def as_json(value: object) -> str:
     """Return JSON that is safe in a script element: `<` is escaped."""
     return json.dumps(value).replace("<", "\\u003c")
-
-
-def _title_of(recording: Recording) -> str:
-    """Return the name of the scenario of a recording, else its sides."""
-    scenario = recording.header.get("scenario")
-    name = scenario.get("name") if isinstance(scenario, dict) else None
-    if isinstance(name, str) and name:
-        return name
-    sides = recording.header.get("sides") or sides_of(recording.header, recording.detached(0).keyframe(0))
-    named = [side for side in sides if side is not None]
-    return " and ".join(named) if 0 < len(named) <= _FEW_SIDES else "A recorded game"
 
 
 # -- the recording ------------------------------------------------------------------------------------------------

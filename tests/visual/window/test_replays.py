@@ -132,6 +132,18 @@ def test_marks_are_of_the_teams_that_they_are_about(ctx, recording):
     assert ctx.visual.overlay.timeline.words_at((3, 3)) == []
 
 
+def test_the_score_is_written_once(ctx, recording):
+    play(ctx, recording, {})
+    assert ctx.visual.overlay.turn_lines(ctx) == ["turn 8", "left: red 1 · blue 0"]  # the legend has the scores
+
+
+def test_a_window_has_the_title_of_the_game(recording, open_window):
+    pygame = pytest.importorskip("pygame")
+    open_window()  # closes the window after the test
+    with gamms.recordings.context_for(recording, vis_engine=Engine.PYGAME):
+        assert pygame.display.get_caption()[0] == "red and blue"
+
+
 def test_the_end_is_announced_and_can_be_dismissed(ctx, recording, person):
     play(ctx, recording, {})
     title, color, lines = ctx.visual.overlay.card()

@@ -137,7 +137,6 @@ class FrameTiming:
 
     Attributes:
         clock: the clock of the library.
-        frames: the number of frames so far.
         is_capped: whether the frame rate is limited.
         is_paused: whether the game is paused.
         is_held: whether they do as long as a person chooses one.
@@ -153,7 +152,6 @@ class FrameTiming:
         self.is_capped = self.is_paused = self.is_held = self.is_stepping = False
         self.is_showing = False
         self.shown_seconds = 0.0
-        self.frames = 0
         self._due = monotonic()
         self._is_whole = False  # all of the turn is shown
         self._ends_step = True  # a step ends with the turn that is shown
@@ -226,13 +224,7 @@ class FrameTiming:
 
     def _wait(self) -> None:
         """Wait for the time of the next frame; SDL's clock counts whole milliseconds, which gives 62 frames for 60."""
-        self.frames += 1
         now = monotonic()
         if self.is_capped and self._due > now:
             sleep(self._due - now)
         self._due = max(self._due, now) + 1.0 / self.max_fps
-
-    @staticmethod
-    def now() -> float:
-        """Return seconds since some moment."""
-        return monotonic()

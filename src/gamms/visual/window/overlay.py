@@ -30,7 +30,7 @@ from gamms.visual.captions import (
 from gamms.visual.default_scene import DefaultScene, artists_of_sights
 from gamms.visual.drawing import Drawing
 from gamms.visual.labels import AUTO, Choice, Labels, dots_in
-from gamms.visual.legend import Pen
+from gamms.visual.legend import LegendRows, Pen
 from gamms.visual.page import noted
 from gamms.visual.street_names import name_ink, street_names
 from gamms.visual.themes import Theme
@@ -40,7 +40,6 @@ from gamms.visual.window.panels import BADGE_PX, EDGE_PX, Hud, HudLines
 from gamms.visual.window.timeline import FOOT_PX, Timeline
 
 _DEFAULT_TRAILS = 8  # turns, where they are switched on by key
-_FPS_SECONDS = 0.5
 # radius of agents: so large, or larger by less than a step of the zoom
 _LARGEST_PX = 12.0
 _SIZE_STEP = 1.25
@@ -103,7 +102,6 @@ class Overlay(Guarded):
         self.pointer: Callable[[], Point | None] = lambda: None
         self._share = 1.0
         self._pinned: str | None = None
-        self._fps = 0.0, 0, ""  # start time and frame count of the measurement, and the text
         self._dismissed: int | None = None  # the turn whose card is not shown
         self._failed: Any = None
         self._hinted: tuple[str | None, dict[str, IArtist]] = None, {}  # the agent under the pointer, and its sight
@@ -218,17 +216,16 @@ class Overlay(Guarded):
     # -- words -----------------------------------------------------------------------------------------------
 
     def turn_lines(self, ctx: IContext) -> list[str]:
-        """Return the default lines of `hud`: turn, scores, frames per second."""
+        """Return the default lines of `hud`: the turn, the scores unless the legend has them, and who is left."""
         game = ctx.current_game
         turn = self.turns if game is None or not game.turn else game.turn
         speed = "" if self._pace.speed == 1.0 else f" · {self._pace.speed:g}x"
         scores = scores_of(ctx, self.timeline.scores)
-        return [
-            f"turn {turn}{speed}",
-            *([score_line(scores)] if scores else []),
-            *self._left(),
-            self._frames_per_second(),
-        ]
+        explained = {
+            row.name for block in self.hud.legend.blocks if isinstance(block, LegendRows) for row in block.rows
+        }
+        is_said = self.hud.legend.width > 0 and scores.keys() <= explained
+        return [f"turn {turn}{speed}", *([] if is_said or not scores else [score_line(scores)]), *self._left()]
 
     def _left(self) -> list[str]:
         """Return how many of each team are left, once an agent is out."""
@@ -242,14 +239,6 @@ class Overlay(Guarded):
             if teams[row] is not None:
                 left[str(teams[row])] += 1
         return ["left: " + score_line(left)] if left else []
-
-    def _frames_per_second(self) -> str:
-        since, before, _ = self._fps
-        now = self._pace.now()
-        frames = self._pace.frames
-        if now - since >= _FPS_SECONDS:
-            self._fps = now, frames, f"{(frames - before) / (now - since):.0f} fps" if since else "0 fps"
-        return self._fps[2]
 
     def lines(self, write: HudLines | None) -> list[str]:
         """Return the lines of a function of the context; an error is logged once."""
