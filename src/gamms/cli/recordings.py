@@ -62,7 +62,7 @@ def diff(
         Path | None, typer.Option(help="Write a page that replays both side by side.", metavar="FILE")
     ] = None,
 ) -> None:
-    """Print the first difference of two games; exit code 1 if there is one."""
+    """Print where two games differ; exit code 1 if so."""
     from gamms import recorder, recordings
 
     with recorder.open(first) as one, recorder.open(second) as other:
