@@ -10,6 +10,7 @@ from gamms.visual.camera import WindowCamera
 from gamms.visual.drawers.marks import MARK_PX
 from gamms.visual.window.input import Input
 from gamms.visual.window.overlay import Overlay
+from gamms.visual.window.panels import EDGE_PX
 
 # of choices: from the edge, and from the one who is asked
 _CHOICES_PX = 80
@@ -65,7 +66,7 @@ class Framing:
         xy = self._ctx.graph.columns().xy
         if len(xy):
             side, top, low = (min(px, share * self._camera.screen_height) for px, share in _MARGINS)
-            margins = side, top, max(side, self._overlay.hud.legend.width), max(low, self._overlay.foot + _FOOT_PX)
+            margins = side, top, max(side, self._overlay.hud.legend.width + EDGE_PX), max(low, self._overlay.foot + _FOOT_PX)
             self._camera.look_at_box(xy.min(axis=0), xy.max(axis=0), margins)
 
     def see_choices(self, places: FloatArray) -> None:
