@@ -66,7 +66,8 @@ class Framing:
         xy = self._ctx.graph.columns().xy
         if len(xy):
             side, top, low = (min(px, share * self._camera.screen_height) for px, share in _MARGINS)
-            margins = side, top, max(side, self._overlay.hud.legend.width + EDGE_PX), max(low, self._overlay.foot + _FOOT_PX)
+            right = max(side, self._overlay.hud.legend.width + EDGE_PX)
+            margins = side, top, right, max(low, self._overlay.foot + _FOOT_PX)
             self._camera.look_at_box(xy.min(axis=0), xy.max(axis=0), margins)
 
     def see_choices(self, places: FloatArray) -> None:
