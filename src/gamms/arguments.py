@@ -231,16 +231,17 @@ def refuse_keywords(given: Iterable[str], known: Collection[str], taker: str, hi
             raise BadType(f"{taker} takes no keyword {shown(name)}.{way_out}")
 
 
-def names_keywords(function: Callable[P, T]) -> Callable[P, T]:
+def names_keywords(function: Callable[P, T], hint: str = "") -> Callable[P, T]:
     """Decorate a function: an error about an unknown keyword names the most similar one; `**` takes all keywords."""
     code: Any = getattr(function, "__code__", None)
     if code.co_flags & _KEYWORDS:
         return function
     known = [name for name in code.co_varnames[: code.co_argcount + code.co_kwonlyargcount] if name != "self"]
+    taker = function.__qualname__.removesuffix(".__init__").rpartition(".")[2]
 
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
-        refuse_keywords(kwargs, known, function.__name__)
+        refuse_keywords(kwargs, known, taker, hint)
         return function(*args, **kwargs)
 
     return call

@@ -3,6 +3,7 @@
 import logging
 import os
 from collections.abc import Callable, Mapping
+from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NoReturn, Self
 
@@ -73,6 +74,7 @@ class Context(Surface, Guarded, typing.IContext):
     sensor_engine: Any
     _shows_nothing = False  # whether a NoEngine is made when the visual engine is first asked for
 
+    @partial(names_keywords, hint=" Call gamms.create_context(…), which makes a context and its engines.")
     def __init__(
         self,
         internal_context: typing.IInternalContext | None = None,

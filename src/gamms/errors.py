@@ -35,6 +35,7 @@ ScenarioError (scenario), RecordingError, RecorderBusy and Damaged (recorder), U
 """
 
 import os
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain, islice
 from typing import Any, NoReturn
@@ -91,8 +92,9 @@ def _searchable(name: object) -> str:
 class UnknownName(GammsError, KeyError):
     """An unknown name or id."""
 
-    def __init__(self, kind: str, name: object, known: Iterable[object] = ()) -> None:
-        super().__init__(f"Unknown {kind} {shown(name)}.{_way_out(name, known)}")
+    def __init__(self, kind: str, name: object, known: Iterable[object] | None = None) -> None:
+        way_out = "" if known is None else _way_out(name, known) or " There are none."
+        super().__init__(f"Unknown {kind} {shown(name)}.{way_out}")
 
 
 class UnknownAttribute(GammsError, AttributeError):
@@ -104,8 +106,11 @@ class UnknownAttribute(GammsError, AttributeError):
 
     @staticmethod
     def hint_of(error: BaseException) -> str:
-        """Return the attributes most like the unknown one of an agent, else the first few; "" for any other error."""
-        if type(error) is not AttributeError or not hasattr(type(error.obj), "_called"):
+        """Return the names most like the one that an object or module of GAMMS lacks, else the first few; else ""."""
+        if type(error) is ImportError and (module := sys.modules.get(str(error.name))) is not None:
+            quoted = str(error).split("'")
+            return nearest(quoted[1], dir(module)) if quoted[0] == "cannot import name " else ""
+        if type(error) is not AttributeError or not type(error.obj).__module__.startswith("gamms."):
             return ""
         return _way_out(error.name, [one for one in dir(error.obj) if not one.startswith("_")])
 
@@ -270,8 +275,18 @@ class MissingFolder(GammsError, FileNotFoundError):
 class MissingFile(GammsError, FileNotFoundError):
     """An input file does not exist."""
 
-    def __init__(self, what: str, path: object) -> None:
-        super().__init__(f"There is no file {str(path)!r} for {what}.")
+    def __init__(self, what: str | None, path: object) -> None:
+        of_what = "" if what is None else f" for {what}"
+        super().__init__(f"There is no file {str(path)!r}{of_what}.{_similar_file(str(path))}")
+
+
+def _similar_file(path: str) -> str:
+    """Return the hint of an error message: the file of the same folder whose name is most like that of a path."""
+    folder, name = os.path.split(path)
+    try:
+        return nearest(name, sorted(os.listdir(folder or ".")))  # noqa: PTH208
+    except OSError:
+        return f" There is no folder {folder!r}."
 
 
 class Outdated(GammsError, RuntimeError):

@@ -140,8 +140,8 @@ def test_all_frames_are_there_if_they_are_asked_for(folder):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["run", "gane.yaml"], "There is no file 'gane.yaml'. Did you mean 'game.yaml'?"),
-        (["replay", "nope/game.ggr"], "There is no folder 'nope', and so no 'nope/game.ggr'."),
+        (["run", "gane.yaml"], "There is no file 'gane.yaml' for a scenario. Did you mean 'game.yaml'?"),
+        (["replay", "nope/game.ggr"], "There is no file 'nope/game.ggr' for a recording. There is no folder 'nope'."),
         (["run", "."], "a folder, not a scenario file: give the file in it, 'game.yaml'."),
         (["replay", "."], "a folder, not a recording, which contains none."),
         (["replay", "game.yaml"], "'game.yaml' is not a recording: `gamms run` plays scenarios."),

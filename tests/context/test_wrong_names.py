@@ -31,6 +31,47 @@ WRONG = {
     "an agent": (lambda ctx: ctx.agent.get_agent("bob"), AGENTS),
     "an agent of the dict": (lambda ctx: ctx.agent.agents["bob"], AGENTS),
     "a team of a batch": (lambda ctx: ctx.game.batch(2, most_agents={"rde": 3}), "'rde'. Did you mean 'red'?"),
+    "a team": (lambda ctx: ctx.agent.teams["rde"], "Unknown team 'rde'. Did you mean 'red'?"),
+    "a keyword of batches": (
+        lambda ctx: ctx.game.batch(num_game=2),
+        "batch takes no keyword 'num_game'. Did you mean 'num_games'?",
+    ),
+    "a keyword of the class of contexts": (
+        lambda _: gamms.Context(seed=1),
+        "Context takes no keyword 'seed'. Call gamms.create_context(…), which makes a context and its engines.",
+    ),
+    "a keyword of pictures": (
+        lambda ctx: ctx.visual.save("a.svg", widht=3),
+        "A picture takes no keyword 'widht'. Did you mean 'width'?",
+    ),
+    "a keyword of environments": (
+        lambda _: gamms.rl.parallel_env(None, teem="red"),
+        "parallel_env takes no keyword 'teem'. Did you mean 'team'?",
+    ),
+    "a keyword of experiments": (
+        lambda _: gamms.experiment.run(None, sed=3),
+        "run takes no keyword 'sed'. Did you mean 'seeds'?",
+    ),
+    "a range": (
+        lambda ctx: ctx.agent.create_team("g", [3], sensors={"eyes": gamms.sensor.agent_range(range_m=-3)}),
+        "range_m of 'g_0/eyes' must not be negative, not -3.0.",
+    ),
+    "a file of a scenario": (
+        lambda _: gamms.scenario.load("hnt.yaml"),
+        "There is no file 'hnt.yaml' for a scenario. Did you mean 'hunt.yaml'?",
+    ),
+    "a file of a recording": (
+        lambda _: gamms.rendering.render("gme.ggr", "a.svg"),
+        "There is no file 'gme.ggr' for a recording. Did you mean 'game.ggr'?",
+    ),
+    "a format of pictures": (
+        lambda ctx: ctx.visual.save("a.mp4"),
+        "cannot be saved as '.mp4': use .svg, .png, .pdf. For a film use ctx.visual.film(), or gamms.rendering.render",
+    ),
+    "an attribute of nodes": (
+        lambda ctx: (setattr(ctx.game, "conflicts", rules.Conflicts(capacity="seats")), ctx.game.step()),
+        "Unknown node attribute 'seats'. There are none.",
+    ),
     "a sensor": (
         lambda ctx: ctx.sensor.get_sensor("eys"),
         "Unknown sensor 'eys'. There are: 'red_0/eyes', 'red_1/eyes'.",
@@ -167,7 +208,7 @@ WRONG = {
     ),
     "a picture": (
         lambda ctx: ctx.visual.save("x.jpgg"),
-        "A picture cannot be saved as '.jpgg': use .svg, .png, .pdf, or",
+        "A picture cannot be saved as '.jpgg': use .svg, .png, .pdf. For a film use",
     ),
     "an option of a picture": (
         lambda ctx: ctx.visual.save("x.svg", trial=3),
@@ -197,20 +238,38 @@ def test_a_recording_names_what_is_like_an_unknown_name(town, tmp_path):
 def test_an_error_names_the_thing_and_what_there_is(town, thing, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     call, said = WRONG[thing]
-    with pytest.raises((LookupError, AttributeError, TypeError, ValueError, NotImplementedError)) as caught:
+    for name in ("hunt.yaml", "game.ggr"):
+        (tmp_path / name).touch()
+    with pytest.raises((LookupError, AttributeError, TypeError, ValueError, NotImplementedError, OSError)) as caught:
         call(town)
     assert said in str(caught.value)
+
+
+STATE = (
+    "'curr_pos', 'sensor', 'name', 'team', 'turn', 'legal', 'draw', 'rng', 'memory', 'team_memory', 'facts', "
+    "'blocked', 'fork'"
+)
 
 
 @pytest.mark.parametrize(
     ("strategy", "note"),
     [
         (lambda state: state["legl"], "In the strategy of agent 'red_0', in turn 0. Did you mean 'legal'?"),
+        (
+            lambda state: state["mail"],
+            f"In the strategy of agent 'red_0', in turn 0. The state has: {STATE}.",
+        ),
+        (lambda state: state["facts"][3], "In the strategy of agent 'red_0', in turn 0."),
+        (
+            lambda state: state["draw"].chose(state["legal"]),
+            "In the strategy of agent 'red_0', in turn 0. Did you mean 'choice'?",
+        ),
+        (lambda state: state.legals, "In the strategy of agent 'red_0', in turn 0. Did you mean 'legal'?"),
         (lambda state: state["sensor"]["eys"], "In the strategy of agent 'red_0', in turn 0. Its sensors are: 'eyes'."),
     ],
 )
-def test_a_strategy_that_reads_a_misspelt_key_is_told_the_right_one(town, strategy, note):
-    with pytest.raises(KeyError) as caught:
+def test_a_strategy_that_reads_a_misspelt_name_is_told_the_right_one(town, strategy, note):
+    with pytest.raises((KeyError, AttributeError)) as caught:
         decided_by(town, strategy)
     assert caught.value.__notes__ == [note]
 

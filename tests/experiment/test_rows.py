@@ -221,3 +221,10 @@ def test_a_task_of_many_games_whose_process_died_is_played_again_in_parts():
         rows = experiment.run(HUNT, range(40), executor=executor, workers=1)
     assert executor.lost > 8
     assert list(rows) == list(experiment.run(HUNT, range(40)))
+
+
+def test_wins_of_a_team_that_never_played_are_refused():
+    rows = experiment.run(HUNT, range(2))
+    assert rows.summary(metrics=["wins.red"])["metric"].tolist() == ["wins.red"]
+    with pytest.raises(UnknownName, match=r"Unknown column of numbers 'wins.rde'. Did you mean 'wins.red'\?"):
+        rows.summary(metrics=["wins.rde"])

@@ -56,6 +56,27 @@ def test_what_is_not_yaml_is_reported_by_its_line(text, hint):
     assert "unicode string" not in str(raised.value)
 
 
+COLUMN = "Put all keys of a mapping into the same column; a list has items with '- ' only."
+
+
+@pytest.mark.usefixtures("parser")
+@pytest.mark.parametrize(
+    ("text", "line", "way_out"),
+    [
+        ("a:\n  b: 1\n c: 2\n", "'c: 2'", COLUMN),
+        ("a:\n  b: 1\nc: 2\n   d: 3\n", "'d: 3'", "Put quotes around a text with a colon in it."),
+        ("a:\n  b 1\n  c: 2\n", "'c: 2'", "Put a colon and a space after the key in line 2, 'b 1'."),
+        ("a:\n  b:1  # one\n  c: 2\n", "'c: 2'", "Put a colon and a space after the key in line 2, 'b:1'."),
+        ("a:\n  - b\n  c: 1\n", "'c: 1'", COLUMN),
+        ("a: [1, 2\nb: 3\n", "'b: 3'", "Close each bracket, and put a comma between items."),
+    ],
+)
+def test_what_is_not_yaml_is_reported_with_a_way_out(text, line, way_out):
+    with pytest.raises(ScenarioError) as raised:
+        from_yaml(text)
+    assert str(raised.value).endswith(f" in {line}. {way_out}")
+
+
 @pytest.mark.parametrize(
     ("text", "hint"),
     [

@@ -137,7 +137,7 @@ def test_an_unknown_sensor_is_a_key_error_with_the_nearest_name(ctx):
         ctx.sensor.get_sensor(["camera"])
 
 
-@pytest.mark.parametrize("keyword", ["sensor_range", "fov"])
+@pytest.mark.parametrize("keyword", ["range_m", "fov"])
 @pytest.mark.parametrize(
     ("value", "error"),
     [(-1, ValueError), (float("nan"), ValueError), (-inf, ValueError), ("5", TypeError), (None, TypeError)],

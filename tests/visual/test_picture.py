@@ -99,7 +99,7 @@ def test_an_empty_scenario_gives_an_empty_picture(ctx, tmp_path):
         (("a.png", float("nan"), 10), BadType, "width"),
         (("a.png", 40_000, 40_000), TooLarge, "picture of 40000 x 40000 pixels would take about 29.8 GiB"),
         (("a.png", 1, 10**9), BadValue, "at most 65535 pixels"),
-        (("a.bmp",), BadValue, r"as '\.bmp': use \.svg, \.png, \.pdf, or ctx\.visual\.film"),
+        (("a.bmp",), BadValue, r"as '\.bmp': use \.svg, \.png, \.pdf\. For a film use ctx\.visual\.film"),
         (("picture",), BadValue, "as 'picture': use .svg"),
         (("no/folder/a.svg",), FileNotFoundError, "Create it first"),
     ],

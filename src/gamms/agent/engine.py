@@ -6,7 +6,7 @@ from contextlib import suppress
 from itertools import repeat
 from numbers import Integral
 from types import MappingProxyType
-from typing import Any, Literal, Never, overload
+from typing import Any, Literal, Never, NoReturn, overload
 from weakref import WeakSet
 
 import numpy as np
@@ -60,6 +60,13 @@ _OF_FLYERS = {
     one: f"{one}= is only for flying agents: also give type=AgentType.AERIAL and speed=."
     for one in ("position", "quat")
 }
+
+
+class _AgentsByTeam(dict[Any, list[BaseAgent]]):
+    """The agents of each team; an unknown team is an error that lists the teams."""
+
+    def __missing__(self, team: object) -> NoReturn:
+        raise UnknownName("team", team, self)
 
 
 class AgentEngine(Surface, ContextPart, IAgentEngine):
@@ -325,7 +332,7 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         teams: dict[Any, list[BaseAgent]] = {}
         for agent in self._agents.values():
             teams.setdefault(agent.team, []).append(agent)
-        return dict(sorted(teams.items(), key=lambda item: str(item[0])))
+        return _AgentsByTeam(sorted(teams.items(), key=lambda item: str(item[0])))
 
     @refused_while_deciding
     def terminate(self) -> None:

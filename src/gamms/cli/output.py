@@ -16,7 +16,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from gamms.errors import BadValue, GammsError, MissingExtra, install_command, nearest
+from gamms.errors import BadValue, GammsError, MissingExtra, MissingFile, install_command
 from gamms.folders import made_folder, without_link, write_whole
 from gamms.limits import allowing, parse_memory
 from gamms.text import printable, printable_line, reason
@@ -109,20 +109,17 @@ def _is_compiled(frame: FrameSummary) -> bool:
     )
 
 
-def _sentence(error: GammsError | OSError) -> str:  # noqa: PLR0911 - one for each kind
+def _sentence(error: GammsError | OSError) -> str:
     """Return the message of an error; for system errors with the file, and a file of a similar name."""
-    if isinstance(error, GammsError) or error.strerror is None:
-        return reason(error)
     if isinstance(error, FileNotFoundError) and _is_current_folder_gone():
         return "The current folder is not there any more: change into another one."
+    if isinstance(error, GammsError) or error.strerror is None:
+        return reason(error)
     if error.filename is None:
         return f"{error.strerror}, while something was read or written."
     path = Path(os.fsdecode(error.filename))
     if isinstance(error, FileNotFoundError):
-        folder = path.parent
-        if not folder.is_dir():
-            return f"There is no folder {str(folder)!r}, and so no {str(path)!r}."
-        return f"There is no file {str(path)!r}.{nearest(path.name, sorted(one.name for one in folder.iterdir()))}"
+        return reason(MissingFile(None, path))
     if isinstance(error, IsADirectoryError):
         return f"{str(path)!r} is a folder, not a file."
     return f"{str(path)!r}: {error.strerror}."

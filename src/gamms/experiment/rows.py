@@ -282,8 +282,11 @@ class Rows(Sequence[Row]):
         return {name for name, value in cells if isinstance(value, (int, float))}
 
     def _as_metric(self, name: str) -> str:
-        known = self.metrics()
-        if not (name in self._columns_of_numbers() or str(name).startswith(_WINS)):
+        columns = self._columns_of_numbers()
+        teams = [column.partition(".")[2] for column in sorted(columns) if column.startswith("agents.")]
+        known = dict.fromkeys([*self.metrics(), *(f"{_WINS}{team}" for team in teams)])
+        is_of_no_game = not teams and str(name).startswith(_WINS)
+        if name not in columns and name not in known and not is_of_no_game:
             raise UnknownName("column of numbers", name, known)
         return name
 

@@ -10,7 +10,7 @@ from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
 
-from gamms.arguments import as_bool, as_function_of, as_ids, as_mapping, as_path
+from gamms.arguments import as_bool, as_function_of, as_ids, as_mapping, as_path, names_keywords
 from gamms.errors import BadType, BadValue, WriteConflict
 from gamms.experiment import folders
 from gamms.experiment.executors import InProcessExecutor, executor_for
@@ -74,6 +74,7 @@ class _GamePlan(NamedTuple):
         }
 
 
+@names_keywords
 def run(  # noqa: PLR0913 - each option is independent of the others
     scenario: Scenario | str | os.PathLike[str],
     seeds: Iterable[int],

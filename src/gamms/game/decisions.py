@@ -189,12 +189,15 @@ class _Question(NamedTuple):
 
 def _meant_key(question: _Question, error: BaseException) -> str:
     """Return a hint for a strategy that reads a sensor, a key of the state, or an attribute under a misspelt name."""
-    if question.is_plan or not isinstance(error, KeyError) or not error.args:
+    if question.is_plan or type(error) is not KeyError or not error.args:
         return UnknownAttribute.hint_of(error)
+    key = error.args[0]
     sensors = question.given.get("sensor") or {}
-    if nearest(error.args[0], sensors):
+    if nearest(key, sensors):
         return f" Its sensors are: {', '.join(map(repr, sensors))}."
-    return nearest(error.args[0], question.given)
+    if not isinstance(key, str):
+        return ""
+    return nearest(key, question.given) or f" The state has: {', '.join(map(repr, question.given))}."
 
 
 class Decisions:

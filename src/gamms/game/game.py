@@ -501,6 +501,7 @@ class Game(Surface, RuleVerbs):
         return PrivateFork(game, names, lambda value: own(value, memo))
 
     @refused_while_deciding
+    @names_keywords
     def batch(
         self,
         num_games: int | None = None,

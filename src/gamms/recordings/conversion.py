@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from gamms.arguments import as_path
 from gamms.context import Context, create_context
-from gamms.errors import BadValue
+from gamms.errors import BadValue, MissingFile
 from gamms.folders import whole_file, write_csv
 from gamms.ir import events as kinds
 from gamms.plain import Plain, as_json, to_plain
@@ -43,6 +43,8 @@ def version_of(path: str | os.PathLike[str]) -> int:
     """
     given = as_path(path, "The path of a recording")
     refuse_other(given)
+    if not given.exists():
+        raise MissingFile("a recording", given)
     with given.open("rb") as file:
         version = format_of(file)
     if version < 0:

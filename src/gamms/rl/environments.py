@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gamms.arguments import as_count
+from gamms.arguments import as_count, names_keywords
 from gamms.errors import BadValue
 from gamms.game.batch import MostAgents
 from gamms.plugins import needing
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from gamms.rl.tensor_env import TensorEnv
 
 
+@names_keywords
 def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what they get
     scenario: Scenario,
     *,
@@ -75,6 +76,7 @@ def parallel_env(  # noqa: PLR0913 - what a game is, who learns in it, and what 
     return env
 
 
+@names_keywords
 def single_agent_env(  # noqa: PLR0913 - as above
     scenario: Scenario,
     *,
@@ -125,6 +127,7 @@ def single_agent_env(  # noqa: PLR0913 - as above
     return env
 
 
+@names_keywords
 def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what they get
     scenario: Scenario,
     *,
@@ -239,6 +242,7 @@ def _closing_after_error(learners: Learners) -> Iterator[None]:
         raise
 
 
+@names_keywords
 def torchrl_env(  # noqa: PLR0913 - what environments are given
     scenario: Scenario,
     *,

@@ -13,6 +13,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
+from difflib import get_close_matches
 from functools import lru_cache, partial, update_wrapper
 from importlib.util import find_spec
 from inspect import Parameter
@@ -23,7 +24,7 @@ from typing import Any, NamedTuple
 
 from gamms.arguments import as_items, signature_of
 from gamms.context import Context
-from gamms.errors import BadType, BadValue, nearest
+from gamms.errors import BadType, BadValue, UnknownAttribute, nearest
 from gamms.limits import refuse_above
 from gamms.plain import Plain
 from gamms.scenario.documents import ScenarioError, at, copied, joined
@@ -288,7 +289,7 @@ def _owner(found: CodeReference, sources: CodeSources) -> str:
     if spec is None:
         where = "installed" if sources.folder is None else f"in {sources.folder}, nor installed"
         built_in = nearest(dotted, offered("gamms.strategies")).replace("mean '", "mean 'gamms.strategies:")
-        hint = _neighbour(dotted, sources.folder) or built_in
+        hint = _neighbour(dotted, sources.folder) or built_in or _function_called(found, sources.folder)
         raise ScenarioError(path, f"there is no module {dotted!r} {where}.{hint}")
     for package in sources.allow:
         if dotted == package or dotted.startswith(f"{package}."):
@@ -329,6 +330,19 @@ def _neighbour(name: str, folder: Path | None) -> str:
         return ""
     names = sorted(file.name for file in folder.glob("*.py"))
     return nearest(name, names if name.endswith(".py") else [one.removesuffix(".py") for one in names])
+
+
+def _function_called(found: CodeReference, folder: Path | None) -> str:
+    """Return a hint at a function in the folder whose name is like that of a reference without a module."""
+    way_out = f" Write module:function, such as strategies:{found.module}."
+    if found.function or folder is None:
+        return "" if found.function else way_out
+    functions = {}
+    for file in islice(sorted(folder.glob("*.py")), _FEW):
+        own, _ = _names_in(file, found.path)
+        functions.update(dict.fromkeys(own, file.stem))
+    meant = get_close_matches(found.module, functions, 1)
+    return f" Did you mean '{functions[meant[0]]}:{meant[0]}'?" if meant else way_out
 
 
 def _checked(found: CodeReference, *, is_imported_allowed: bool) -> CodeReference:
@@ -460,7 +474,8 @@ def _raising(path: str, what: str) -> Iterator[None]:
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        raise ScenarioError(path, f"{what} {type(error).__name__}: {error}") from error
+        hint = UnknownAttribute.hint_of(error)
+        raise ScenarioError(path, f"{what} {type(error).__name__}: {error}{hint}") from error
 
 
 def _private(found: CodeReference, folder: Path) -> ModuleType:

@@ -14,7 +14,7 @@ from pathlib import Path, PurePath
 from types import ModuleType
 from typing import TYPE_CHECKING, NoReturn
 
-from gamms.errors import GammsError, nearest
+from gamms.errors import GammsError, MissingFile, nearest
 from gamms.plain import Plain
 from gamms.text import printable, shown
 
@@ -308,7 +308,9 @@ def text_of(file: Path) -> str:
     if file.suffix.lower() not in _SUFFIXES:
         hint = " `gamms replay` shows recordings." if file.suffix == ".ggr" else ""
         raise ScenarioError("", f"a scenario file ends in {', '.join(_SUFFIXES)}, not {file.suffix!r}.{hint}")
-    if file.exists() and not file.is_file():
+    if not file.exists():
+        raise MissingFile("a scenario", file)
+    if not file.is_file():
         raise ScenarioError("", "this is a pipe, socket or device, not a scenario file.")
     with file.open("rb") as stream:
         data = stream.read(MOST_BYTES + 1)
@@ -368,8 +370,33 @@ def _flaw(error: "yaml.YAMLError", text: str) -> str:
         if "\t" in line[: len(line) - len(line.lstrip())]:
             return f"line {number + 1} begins with a tab. YAML is indented by spaces: put spaces in its place."
     problem = str(getattr(error, "problem", error))
-    hint = " Put quotes around a text with a colon in it." if problem.startswith("mapping values") else ""
-    return f"line {mark.line + 1}, column {mark.column + 1}: {problem}.{hint}"
+    flaw = next((words for words in _FLAWS if words in problem), "")
+    hint = _key_without_colon(lines[: mark.line]) if flaw in _FLAWS_OF_KEYS else ""
+    hint = hint or _FLAWS.get(flaw, "")
+    shown_line = f" in {shown(lines[mark.line].strip())}" if mark.line < len(lines) else ""
+    return f"line {mark.line + 1}, column {mark.column + 1}: {problem}{shown_line}.{hint}"
+
+
+_SAME_COLUMN = " Put all keys of a mapping into the same column; a list has items with '- ' only."
+_FLAWS_OF_KEYS = {  # words in the message of a YAML parser -> the way out
+    "mapping values": " Put quotes around a text with a colon in it.",
+    "expected key": _SAME_COLUMN,
+    "<block end>": _SAME_COLUMN,
+    "expected ':'": " Put a colon and a space after each key.",
+}
+_FLAWS = {
+    **_FLAWS_OF_KEYS,
+    "'-' indicator": _SAME_COLUMN,
+    "',' or": " Close each bracket, and put a comma between items.",
+}
+
+
+def _key_without_colon(lines: list[str]) -> str:
+    """Return a hint at the last line above a flaw if it has a key without a colon and a space; else ""."""
+    written = [(number, line.partition(" #")[0].strip()) for number, line in enumerate(lines, 1)]
+    number, line = next((one for one in reversed(written) if one[1] and one[1][0] not in "#-[{"), (0, ":"))
+    is_complete = ": " in line or line.endswith((":", ",", "]", "}"))
+    return "" if is_complete else f" Put a colon and a space after the key in line {number}, {line!r}."
 
 
 class _YamlComposer:

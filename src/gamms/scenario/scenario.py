@@ -9,7 +9,7 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
-from gamms.arguments import as_int, as_items, as_known, as_mapping, as_path, as_text
+from gamms.arguments import as_int, as_items, as_known, as_mapping, as_path, as_text, names_keywords
 from gamms.compat import Surface
 from gamms.context import Context, create_context
 from gamms.errors import BadType, BadValue, UnknownName
@@ -217,6 +217,7 @@ class Scenario(Surface, Immutable):
                 self._digests = digests(self.spec, self._library, self._loaded())
         return dict(self._digests)
 
+    @names_keywords
     def build(
         self,
         seed: int | None = None,
@@ -297,6 +298,7 @@ class Scenario(Surface, Immutable):
         ctx.game.internals.draw_start = draw_again
         return ctx, builder
 
+    @names_keywords
     def play(
         self,
         seed: int | None = None,
@@ -314,6 +316,7 @@ class Scenario(Surface, Immutable):
         with self.build(seed, strategies) as ctx:
             return ctx.game.run(record=record)
 
+    @names_keywords
     def batch(  # noqa: PLR0913 - which games, who decides in them, and how they are played
         self,
         num_games: int | None = None,

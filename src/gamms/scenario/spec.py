@@ -337,7 +337,8 @@ def _explained(value: Any, kind: Any, path: str, message: str) -> ScenarioError:
                     if is_elsewhere
                     else nearest(key, fields)
                 )
-                hint = hint or f" Keys here are: {', '.join(fields)}."
+                rule = f" Write {{rule: {key}, with: {{…}}}}." if option is Rule and "rule" not in value else ""
+                hint = hint or rule or f" Keys here are: {', '.join(fields)}."
                 return ScenarioError(joined(path, key), f"unknown key, with the value {shown(value[key])}.{hint}")
         for key, field in fields.items():
             if field.required and key not in value:

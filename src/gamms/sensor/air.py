@@ -69,7 +69,7 @@ class FlyingSensor(Sensor):
         super().__init__(ctx, sensor_id, self._type)
         self.quat = self._defaults[1] if quat is None else quat
         self._at: Axis | None = None
-        self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
+        self.range = as_range(sensor_range, f"range_m of {sensor_id!r}")
         self.fov = min(as_range(self._defaults[0] if fov is None else fov, f"fov of {sensor_id!r}"), self._widest)
         self._last[0] = {}
 

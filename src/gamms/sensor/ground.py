@@ -78,7 +78,7 @@ class GroundSensor(Sensor):
         super().__init__(ctx, sensor_id, sensor_type)
         self._at: Place | None = None
         self._memory = caches_of(ctx)
-        self.range = as_range(sensor_range, f"sensor_range of {sensor_id!r}")
+        self.range = as_range(sensor_range, f"range_m of {sensor_id!r}")
         self.fov = fov
         self.orientation = orientation
         if self._is_occluded:

@@ -99,7 +99,8 @@ def _backend(path: Path) -> Backend:
     except UnknownName:
         known = ", ".join(FORMATS)
         raise BadValue(
-            f"A picture cannot be saved as {path.suffix or path.name!r}: use {known}, or ctx.visual.film() for a film."
+            f"A picture cannot be saved as {path.suffix or path.name!r}: use {known}. For a film use "
+            "ctx.visual.film(), or gamms.rendering.render with a recording."
         ) from None
 
 

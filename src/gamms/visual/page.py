@@ -78,7 +78,7 @@ def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
     Raises:
         BadType, BadValue: an unknown keyword, a value of the wrong type, an unknown `fit`, or no color.
     """
-    refuse_keywords(options, PictureOptions.__annotations__, "A picture")
+    refuse_keywords(options, ("width", "height", "dpi", *PictureOptions.__annotations__), "A picture")
     fit = one_of(options.get("fit", _FITS[0]), "fit", _FITS)
     scale_bar = options.get("scale_bar")
     columns = ctx.graph.columns()
