@@ -58,6 +58,17 @@ def test_what_is_not_plain_is_named_with_its_place(value, why):
     assert not is_plain(value)
 
 
+@pytest.mark.parametrize("part", [list, tuple, lambda inner: {"a": inner[0]}], ids=["list", "tuple", "dict"])
+def test_a_value_that_is_nested_too_deep_becomes_a_text_there(part):
+    value = 7
+    for _ in range(3 * MOST_DEPTH):
+        value = part([value])
+    found, depth = to_plain(value), 0
+    while not isinstance(found, str):
+        found, depth = next(iter(found.values() if isinstance(found, dict) else found)), depth + 1
+    assert depth <= MOST_DEPTH + 1
+
+
 def test_what_is_not_plain_becomes_a_text_without_its_address():
     assert to_plain({"a": object()}) == {"a": "<object object>"}
 

@@ -236,6 +236,7 @@ def test_a_walker_is_expected_where_the_shipped_random_walk_goes():
         (lambda f: belief.random_walk(steps=0), BadValue, "steps of random_walk"),
         (lambda f: belief.to_goals([]), BadValue, "Goals of to_goals need weights"),
         (lambda f: belief.to_goals({0: -1}), BadValue, "need weights"),
+        (lambda f: belief.to_goals({0: 0}), BadValue, "need weights"),
         (lambda f: belief.mixture([belief.random_walk()]), BadType, "models of mixture must be a dict"),
         (lambda f: belief.mixture({"walk": 1}), BadType, "Each of the models of mixture must be a model"),
         (lambda f: belief.mixture({belief.random_walk(): 1, belief.random_walk(0.1, steps=2): 1}), BadValue, "steps"),
@@ -244,6 +245,23 @@ def test_a_walker_is_expected_where_the_shipped_random_walk_goes():
 def test_errors_name_what_is_wrong(call, error, words):
     with context(2, [(0, 1)]) as ctx, pytest.raises(error, match=words):
         call(belief.Filter(ctx, belief.random_walk(), ["a"]))
+
+
+def test_states_are_weighed_by_their_likelihoods():
+    with context(2, [(0, 1)]) as ctx:
+        filter = belief.Filter(ctx, belief.random_walk(), ["a"])
+        assert filter.weigh_states(np.array([[0.5], [0.25]])).tolist() == [0.375]
+        assert [*filter.probability("a").values()] == pytest.approx([2 / 3, 1 / 3])
+
+
+def test_by_metres_steps_share_the_metres_of_a_turn():
+    with context(4, [(0, 1), (1, 2), (2, 3), (3, 0), (2, 0)]) as ctx:
+        whole = belief.Filter(ctx, belief.random_walk(0.2, steps=2), ["a"], metres=3.0)
+        half = belief.Filter(ctx, belief.random_walk(0.2), ["a"], metres=1.5)
+        for filter, turns in ((whole, 1), (half, 2)):
+            filter.update(found={"a": 0})
+            filter.predict(turns)
+        assert whole.masses.tolist() == half.masses.tolist()
 
 
 def test_a_walker_that_always_stays_is_where_it_was():

@@ -78,5 +78,8 @@ def test_arrays_of_other_shapes_are_refused():
             GamesFilter(ctx.graph, random_walk(), 3)
         with pytest.raises(BadValue, match=r"found needs the shape \(3, 1\)"):
             filter.update(np.zeros((3, 6)), np.zeros(3, np.int64))
+        with pytest.raises(BadValue, match="found has row 6, but the map has 6 nodes, from 0"):
+            filter.update(np.zeros((3, 6)), np.array([[5], [6], [-1]]))
+        assert GamesFilter(street(gamms.create_context()), random_walk(), 0, 2).probabilities().shape == (0, 2, 6)
         with pytest.raises(BadValue, match="seen must be from 0 to 1, not 2"):
             filter.update(np.full((3, 6), 2.0))

@@ -61,6 +61,24 @@ def test_of_an_agent_between_nodes_that_is_seen_from_the_air_it_is_not_known_whi
     assert 0 in belief.belief_of(ctx, "drone").reachable("prey")
 
 
+def test_an_agent_that_is_seen_from_the_air_is_known_to_be_on_its_node(make_ctx, add):
+    ctx = make_ctx(3, game={"speed_unit": "metres"})
+    for node in (1, 2):
+        ctx.graph.graph.update_node({"id": node, "y": 20.0})
+    eyes = ctx.sensor.create_sensor("sky", SensorType.AERIAL_AGENT, sensor_range=100.0, quat=(0.7071, 0.0, 0.7071, 0.0))
+    position = {"type": AgentType.AERIAL, "position": (10.0, 20.0, 50.0), "speed": 1.0}
+    found = []
+
+    def watch(state):
+        found.append(belief.observe(ctx, state).last_seen.get("prey"))
+        state["action"] = (0.0, 0.0, 0.0)
+
+    ctx.agent.create_agent("drone", start_node_id=0, team="red", sensors={"eyes": eyes}, strategy=watch, **position)
+    add(ctx, "prey", 2, "blue")
+    ctx.game.run(1)
+    assert found == [Sighting(2, 0, "drone")]
+
+
 def test_mates_and_flyers_are_no_targets_and_an_agent_without_a_team_has_no_mates(make_ctx, add):
     ctx = make_ctx(3)
     add(ctx, "a", 0, "red", sight=50.0, strategy=noting(ctx))

@@ -44,6 +44,13 @@ def test_positions_are_published_after_each_turn_in_the_order_of_the_names(ctx):
     assert heard[2] == {"gamms": 1, "type": "turn", "turn": 1, "agents": 2, "crs": None, "over": None}
 
 
+def test_only_the_agents_that_were_named_are_published(ctx):
+    heard = []
+    ctx.game.add(publish(heard.append, agents=["bert"]))
+    ctx.game.step()
+    assert [one.get("agent") for one in heard] == ["bert", None]
+
+
 def test_the_last_turn_says_how_the_game_has_ended(ctx):
     heard = []
     ctx.game.add(publish(heard.append, agents=["anna"]))
@@ -164,6 +171,13 @@ def test_no_message_about_roads_breaks_a_game(messages):
             assert change_roads(ctx, message) >= 0
             ctx.game.step()
         assert len(ctx.graph.columns().edge_ids) + len(ctx.graph.closed_roads) == edges
+
+
+def test_edges_that_are_not_there_are_counted_each_once(ctx):
+    edge, other = edge_between(ctx, 2, 3), edge_between(ctx, 0, 1)
+    wanted = {"close": [edge, 901, 901], "open": [902, other], "travel_time": {edge: 5.0, 903: 1.0}}
+    assert change_roads(ctx, RoadChanges(turn=0, **wanted)) == 4  # the other one is not closed
+    assert ctx.graph.closed_roads == [edge]
 
 
 def test_traffic_needs_a_link():

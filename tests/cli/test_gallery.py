@@ -36,6 +36,7 @@ def run(*arguments):
 def test_the_list_says_a_line_of_each_game():
     shown = " ".join(run("gallery").stdout.split())
     assert len(GAMES) >= 12
+    assert "Play one: gamms gallery patrol Change one: gamms new mine --from patrol" in shown
     for name, game in GAMES.items():
         assert f"{name} {game.spec.description}" in shown
 

@@ -38,7 +38,8 @@ def test_a_new_game_can_be_played_at_once(folder, options, agents):
     result = game.replace(max_turns=3).play()
     assert len(result.agents) == agents
     assert sum(one["moves"] for one in result.agents.values()) > agents
-    assert run("scenario", "check", "hunt/hunt.yaml", "--build").exit_code == 0
+    checked = run("scenario", "check", "hunt/hunt.yaml", "--build")
+    assert (checked.exit_code, "the whole game, built once" in checked.output) == (0, True)
 
 
 @pytest.mark.parametrize("source", list(scenario.gallery()))

@@ -85,13 +85,20 @@ def test_a_graph_keeps_its_contract(make):
     check_graph(make)
 
 
-def test_the_check_names_a_broken_promise():
-    class Forgetful(PlainGraph):
-        def remove_node(self, node_id):
-            self.nodes.pop(node_id, None)
+BROKEN = {
+    "remove_node takes its edges along": {"remove_node": lambda graph, node: graph.nodes.pop(node, None)},
+    "add_node without x": {"add_node": lambda graph, node: PlainGraph.add_node(graph, {"x": 0.0, **node})},
+    "add_edge without length": {"add_edge": lambda graph, edge: PlainGraph.add_edge(graph, {"length": 1.0, **edge})},
+    "update_edge to a missing node": {"update_edge": lambda graph, edge: graph.edges[edge["id"]].update(edge)},
+    "remove_edge of a missing id": {"remove_edge": lambda graph, edge: graph.edges.pop(edge, None)},
+    "has_node": {"has_node": lambda graph, node: True},
+}
 
-    with pytest.raises(AssertionError, match="remove_node takes its edges along"):
-        check_graph(Forgetful)
+
+@pytest.mark.parametrize("promise", BROKEN)
+def test_the_check_names_a_broken_promise(promise):
+    with pytest.raises(AssertionError, match=promise):
+        check_graph(type("Broken", (PlainGraph,), BROKEN[promise]))
 
 
 places = st.lists(st.tuples(st.integers(-9, 9), st.integers(-9, 9)), min_size=1, max_size=12)
@@ -125,18 +132,42 @@ def test_a_built_in_sensor_keeps_its_contract(kind):
         check_sensor(ctx.sensor.create_sensor("s", SensorType[kind]), node_id=0)
 
 
-def test_the_check_finds_a_sensor_that_reuses_its_result():
-    class Stale(ISensor):
-        sensor_id, type, data = "stale", SensorType.CUSTOM, []
+class Echo(ISensor):
+    """A sensor that sees its node."""
 
-        def sense(self, node_id):
-            self.data.append(node_id)
+    sensor_id, type, data = "echo", SensorType.CUSTOM, []
 
-        def update(self, data):
-            pass
+    def sense(self, node_id):
+        self.data = [node_id]
 
-        def set_owner(self, owner):
-            pass
+    def update(self, data):
+        pass
 
-    with pytest.raises(AssertionError, match="sensing twice"):
-        check_sensor(Stale(), node_id=3)
+    def set_owner(self, owner):
+        pass
+
+
+def looks(*seen):
+    return lambda _, __: SensedRows(seen)
+
+
+class SensedRows(list):
+    """What a sensor returns of several looks."""
+
+    def __init__(self, seen):
+        super().__init__(np.array([one, None], object)[:1] for one in seen)
+        self.values = np.array([None], object)
+
+
+BROKEN_SENSORS = {
+    "sensing twice": {"sense": lambda sensor, node: sensor.data.append(node)},
+    "sensor_id is a name": {"sensor_id": ""},
+    "sense_many sees the same from the same node": {"sense_many": looks([3], [4])},
+    "sense_many sees what sense sees": {"sense_many": looks([4], [4])},
+}
+
+
+@pytest.mark.parametrize("promise", BROKEN_SENSORS)
+def test_the_check_of_sensors_names_a_broken_promise(promise):
+    with pytest.raises(AssertionError, match=promise):
+        check_sensor(type("Broken", (Echo,), {"data": [], **BROKEN_SENSORS[promise]})(), node_id=3)

@@ -277,6 +277,17 @@ def test_a_strategy_that_remembers_earlier_games_is_found():
         check_strategy(strategy, make_ctx, "red0")
 
 
+def test_a_strategy_that_remembers_turns_that_are_undone_is_found():
+    asked = [0]
+
+    def strategy(state):
+        asked[0] = asked[0] + 1 if state["turn"] else 0
+        state["action"] = state["legal"][asked[0] // 16 % len(state["legal"])]
+
+    with pytest.raises(AssertionError, match="when the game is restored and played on"):
+        check_strategy(strategy, make_ctx, "red0")
+
+
 def test_a_strategy_that_changes_the_world_is_found():
     worlds = []
 

@@ -129,6 +129,12 @@ def test_a_file_goes_on_after_a_program_that_was_killed_as_it_wrote(server, stra
         assert outcomes(ctx.game.run(4)) == ["answer"] * 8
 
 
+def test_a_file_whose_first_decision_was_cut_off_has_none(tmp_path):
+    file = tmp_path / "calls.jsonl"
+    file.write_bytes(HEADER + (LINE % (b"1", b"0"))[:-9])
+    assert replaying(file) is not None
+
+
 def test_a_file_that_two_programs_have_begun_is_read(played):
     result, calls, _ = played
     header, lines = calls.read_bytes().split(b"\n", 1)

@@ -85,6 +85,17 @@ def test_a_small_void_is_filled_from_its_rim_and_a_large_one_is_refused(heights)
         elevation.heights(np.array([(24 + 850 / 1200, 60 + 850 / 1200)]))
 
 
+def test_a_point_in_a_void_has_the_height_of_the_nearest_post_on_any_side(heights):
+    def of(column, row):
+        posts = column + 2 * row
+        posts[590:611, 590:611] = VOID
+        return posts
+
+    near = [(609, 600), (600, 609), (591, 600), (600, 591)]
+    found = Elevation(heights(of)).heights(np.array([(24 + x / 1200, 60 + y / 1200) for x, y in near]))
+    assert found.tolist() == [611 + 1200, 600 + 2 * 611, 589 + 1200, 600 + 2 * 589]
+
+
 @pytest.mark.parametrize("name", ["N60E024.tif", "heights.hgt", "60N24E.hgt"])
 def test_a_file_of_another_name_is_refused(tmp_path, name):
     (tmp_path / name).write_bytes(b"x")

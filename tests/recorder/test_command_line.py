@@ -295,6 +295,15 @@ def test_half_of_a_surrogate_pair_is_escaped_in_json(tmp_path):
     assert lines[2]["data"] == {"kind": "odd", "text": "a\udc80b", "nested": {"\ud800": "\u00e4"}}
 
 
+def test_json_lines_begin_with_the_agents_as_they_start(game, tmp_path):
+    recordings.to_json_lines(game, tmp_path / "out.jsonl")
+    header, start = map(json.loads, (tmp_path / "out.jsonl").read_text("utf-8").splitlines()[:2])
+    assert (header["event"], header["turns"], start["event"], start["turn"]) == ("HEADER", 6, "START", 0)
+    with recorder.open(game) as rec:
+        assert [one["node"] for one in start["agents"]] == rec[0].agents["node"].tolist()
+        assert rec[1].agents["node"].tolist() != rec[0].agents["node"].tolist()
+
+
 def test_a_conversion_that_fails_leaves_no_file(game, tmp_path, monkeypatch):
     damaged = bytearray(game.read_bytes())
     damaged[len(damaged) // 2] ^= 1

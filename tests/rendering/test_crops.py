@@ -13,14 +13,18 @@ from gamms.visual.engine import PictureEngine
 
 @pytest.fixture
 def recording(tmp_path):
-    """A large map with two agents that stand close together, and one that is out far away."""
+    return recorded(tmp_path, [2450, 2453])
+
+
+def recorded(folder, nodes):
+    """Record a large map with agents on some nodes, and one that is out far away."""
     with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(60, 80))
-        ctx.agent.create_team("red", [2450, 2453], strategy=stay)
+        ctx.agent.create_team("red", nodes, strategy=stay)
         ctx.agent.create_team("blue", [0], strategy=stay)
         ctx.game.add(lambda ctx: ctx.game.eliminate("blue_0"), name="away", phase="before")
-        ctx.game.run(1, record=tmp_path / "game.ggr")
-    return tmp_path / "game.ggr"
+        ctx.game.run(1, record=folder / "game.ggr")
+    return folder / "game.ggr"
 
 
 def words(file):
@@ -42,6 +46,18 @@ def test_a_crop_shows_the_part_of_the_map_where_living_agents_are(recording, mon
     assert seen == []
     picture(recording, crop=True)
     assert seen == [(515.0, 300.0, 300.0)]  # thirty edges around the two, not around the one that is out
+
+
+@pytest.mark.parametrize(
+    ("size", "width"),
+    [({"width": 400, "height": 200}, 700.0), ({"width": 400, "height": 400}, 350.0), ({"width": 400}, 350.0)],
+)
+def test_a_crop_is_as_high_as_agents_are_apart(tmp_path, monkeypatch, size, width):
+    seen = []
+    monkeypatch.setattr(PictureEngine, "look_at", lambda _, *view: seen.append(view))
+    path = recorded(tmp_path, [50, 50 + 25 * 80])  # 250 metres apart
+    render(path, tmp_path / "picture.svg", RenderOptions(crop=True, **size))
+    assert seen == [(500.0, 125.0, pytest.approx(width))]
 
 
 def test_the_legend_can_be_left_out(recording):

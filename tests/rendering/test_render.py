@@ -81,6 +81,14 @@ def test_without_options_the_command_makes_what_the_function_makes(game, tmp_pat
     assert (tmp_path / "command.svg").read_bytes() == (tmp_path / "function.svg").read_bytes()
 
 
+def test_a_page_begins_where_it_is_asked_to(game, tmp_path):
+    pages = []
+    for first in (None, 1, 4):
+        rendering.render(game, tmp_path / "game.html", RenderOptions(first=first))
+        pages.append((tmp_path / "game.html").read_bytes())
+    assert pages[0] == pages[1] != pages[2]
+
+
 @pytest.mark.parametrize(("turns", "shown"), [("", 10), (":4", 4), ("2:6", 6), ("0", 0), ("7", 7), (":", 10)])
 def test_a_picture_shows_the_last_of_the_turns(game, tmp_path, turns, shown):
     out = tmp_path / "game.svg"

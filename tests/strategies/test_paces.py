@@ -4,7 +4,8 @@ from math import inf
 
 import pytest
 
-from gamms.strategies.paces import in_turns
+import gamms
+from gamms.strategies.paces import in_turns, pace_of
 
 
 @pytest.mark.parametrize(
@@ -12,3 +13,16 @@ from gamms.strategies.paces import in_turns
 )
 def test_a_distance_takes_its_turns_at_a_speed(far, speed, turns):
     assert in_turns(far, speed) == turns
+
+
+@pytest.mark.parametrize(
+    ("unit", "pace"), [("edges", (None, 2.5)), ("metres", ("length", 2.5)), ("metres_per_second", ("length", 10.0))]
+)
+def test_a_pace_is_what_an_agent_covers_in_a_turn(unit, pace):
+    with gamms.create_context() as ctx:
+        ctx.graph.add_nodes([0], [0.0], [0.0])
+        ctx.agent.create_agent("anna", start_node_id=0, speed=2.5)
+        ctx.agent.create_agent("bert", start_node_id=0)
+        ctx.game.speed_unit, ctx.game.turn_seconds = unit, 4.0
+        assert pace_of(ctx, "anna") == pace
+        assert pace_of(ctx, "bert") == pace_of(ctx, None) == (None, 1.0)

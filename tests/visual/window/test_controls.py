@@ -35,6 +35,20 @@ def test_keys_zoom_a_notch_and_as_long_as_they_are_held(ctx, person, key, factor
     assert camera(ctx) == pytest.approx((0, 0, 32 * notch * factor))
 
 
+@pytest.mark.parametrize(
+    ("keys", "way"), [("w UP", (0, 8)), ("s DOWN", (0, -8)), ("a LEFT", (-8, 0)), ("d RIGHT", (8, 0))]
+)
+def test_keys_move_the_camera_by_a_quarter_of_the_picture_a_second(ctx, person, keys, way):
+    for key in keys.split():
+        ctx.visual.look_at(0.0, 0.0, 64.0)
+        person.press(key)
+        ctx.visual.handle_input()
+        ctx.visual.input.glide(0.5)
+        assert camera(ctx) == pytest.approx((*way, 32))
+        person.release(key)
+        ctx.visual.handle_input()
+
+
 def test_the_wheel_stops_before_the_smallest_streets_are_lost(ctx, person):
     person.turn_wheel(500)
     ctx.visual.update()
