@@ -96,7 +96,8 @@ if not _typing.TYPE_CHECKING:  # which would take every misspelt name for one th
 
     def __getattr__(name: str) -> _typing.Any:
         if name in _HOMES:
-            found = globals()[name] = getattr(_import_module(_HOMES[name]), name)
+            found = getattr(_import_module(_HOMES[name]), name)
+            globals()[name] = found
             return found
         found = _import_module(f"gamms.{name}") if name in _MODULES else compat.resolve(name)
         if found is None:

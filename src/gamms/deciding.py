@@ -64,7 +64,10 @@ class DecidePhase:
         self.known_names = set[str]()
         self.agent_kinds: dict[type, type] = {}
         self.before_reading: Callable[[], None] | None = None
-        self.setting_changes = self.sensor_changes = self.owner_changes = self.strategy_changes = 0
+        self.setting_changes = 0
+        self.sensor_changes = 0
+        self.owner_changes = 0
+        self.strategy_changes = 0
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "DecidePhase":
         """Return a new phase in which no agent decides, for copies of parts of a context."""
@@ -169,7 +172,8 @@ def copied_part(part: PartOfContext, memo: dict[int, Any]) -> PartOfContext:
         memo: the memo of `copy.deepcopy`, to which the copy is added.
     """
     kind = type(part)
-    twin = memo[id(part)] = kind.__new__(kind)
+    twin = kind.__new__(kind)
+    memo[id(part)] = twin
     twin.__setstate__(deepcopy(part.__getstate__(), memo))  # type: ignore[arg-type] # of an object with slots
     return twin
 

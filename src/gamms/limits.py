@@ -113,7 +113,8 @@ class MemoryBudget:
 
     def __init__(self, file_size: int, what: str, *, is_streamed: bool = False) -> None:
         total = _FLOOR + PER_BYTE * file_size
-        self.total = self.left = total if is_streamed else min(total, max_memory())
+        self.total = total if is_streamed else min(total, max_memory())
+        self.left = self.total
         self._left_at_once = self.left
         self._what = what
 

@@ -35,7 +35,9 @@ class _BoundedRepr(Repr):
 
 
 _bounded = _BoundedRepr()
-_bounded.maxstring = _bounded.maxlong = _bounded.maxother = 80
+_bounded.maxstring = 80
+_bounded.maxlong = 80
+_bounded.maxother = 80
 
 
 def shown(value: object) -> str:

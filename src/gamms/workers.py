@@ -146,7 +146,8 @@ class WorkerPool(ThreadPoolExecutor):
         task = task_of(call)  # not before, for tasks that wait may be many and large
         worker: Worker | None = getattr(self._own, "worker", None)
         if worker is None:
-            worker = self._own.worker = Worker()
+            worker = Worker()
+            self._own.worker = worker
             self._all.append(worker)
             if self._is_ended:  # while this one was started
                 worker.end()

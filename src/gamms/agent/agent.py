@@ -429,7 +429,8 @@ class Agent(BaseAgent):
             return (0.0, 0.0)
         try:
             graph = self._ctx.graph.graph
-            (_, x1, y1), (_, x0, y0) = graph.get_node(here), graph.get_node(before)
+            _, x1, y1 = graph.get_node(here)
+            _, x0, y0 = graph.get_node(before)
         except (UnknownName, ContextTerminated):  # the previous node, or the whole graph, no longer exists
             return (0.0, 0.0)
         distance = hypot(x1 - x0, y1 - y0)
@@ -555,7 +556,8 @@ class AerialAgent(BaseAgent, IAerialAgent):
             last: AerialState = self._last_state()
             return last
         sensed = self.sense()
-        self._last[0] = state = self._state_of(sensed)
+        state = self._state_of(sensed)
+        self._last[0] = state
         return state
 
     def _state_of(self, sensed: dict[str, Any]) -> AerialState:  # type: ignore[override] # as above
@@ -605,6 +607,7 @@ def _guarded_kind(kind: type, kinds: dict[type, type]) -> type:
     found = kinds.get(kind)
     if found is None:
         copied = {name: getattr(kind, name) for name in ("__module__", "__qualname__", "__doc__")}
-        found = kinds[kind] = type(kind)(kind.__name__, (kind,), {"__slots__": (), **copied})
+        found = type(kind)(kind.__name__, (kind,), {"__slots__": (), **copied})
+        kinds[kind] = found
         kinds[found] = found
     return found

@@ -320,7 +320,8 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
         self._part()
         departure = DeletedAgent(agent)
         self._delete(agent)
-        self._last_departure.next = self._last_departure = departure
+        self._last_departure.next = departure
+        self._last_departure = departure
 
     def create_iter(self) -> "AgentIterator":
         """Return an iterator over the agents in order of creation; agents deleted during the loop are skipped."""
@@ -381,7 +382,8 @@ class AgentEngine(Surface, ContextPart, IAgentEngine):
 
     def _equip(self, agent: BaseAgent, sensors: Mapping[str, Any]) -> dict[str, ISensor]:
         """Give a new agent its sensors and return them; create declared ones; on an error remove the agent."""
-        engine, carried = self._ctx.sensor, {}
+        engine = self._ctx.sensor
+        carried = {}
         owners = [(sensor, owner_of(sensor)) for sensor in sensors.values()]
         try:
             for key, sensor in sensors.items():
@@ -490,7 +492,8 @@ class AgentStorage(Guarded):
     def share(self) -> AgentSet:
         """Return the present set of agents, for `show`; when agents are created or deleted, it stays as it is."""
         engine = self._engine
-        block, agents = engine.block, engine._agents
+        block = engine.block
+        agents = engine._agents
         if isinstance(agents, AgentsByName):
             engine._agents = Agents({name: agents[name] for name in agents})
         engine._is_shared = True
@@ -504,7 +507,8 @@ class AgentStorage(Guarded):
         engine._positions = agents.positions
         engine._agents.clear()  # the same dict, which a function may hold
         engine._agents |= agents.by_name
-        journal, agents.block.journal = agents.block.journal, PLAIN
+        journal = agents.block.journal
+        agents.block.journal = PLAIN
         for row, (agent, equipment) in enumerate(zip(agents.members, agents.equipment, strict=True)):
             object.__setattr__(agent, "_block", agents.block)  # NOTE: see `_close_up`
             object.__setattr__(agent, "_row", row)
@@ -518,7 +522,8 @@ class AgentStorage(Guarded):
         block.locate()
         roster = self._roster
         if roster is None or block.has_teams or not roster.is_of(block):
-            roster = self._roster = Roster(block, engine._stored())
+            roster = Roster(block, engine._stored())
+            self._roster = roster
         attributes = [agent.__dict__ for agent in roster.agents]
         return AgentsSnapshot(
             roster,
@@ -566,7 +571,9 @@ class AgentStorage(Guarded):
         block = engine.block
         source.locate()
         block.graph = None if source.graph is None else engine._ctx.graph.graph
-        memo[id(other)], memo[id(other._engine)], memo[id(source)] = self, engine, block
+        memo[id(other)] = self
+        memo[id(other._engine)] = engine
+        memo[id(source)] = block
         block.take_all(source)
         stored = other._engine._stored()
         teams = teams_in(stored)
@@ -584,7 +591,8 @@ class AgentStorage(Guarded):
                 id(agent.strategy): agent.strategy,
             }
             memo |= shared
-            twin = engine._agents[agent.name] = copied_part(agent, memo)
+            twin = copied_part(agent, memo)
+            engine._agents[agent.name] = twin
             for key in shared:
                 del memo[key]
             twin._carry()

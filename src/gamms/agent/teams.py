@@ -397,7 +397,8 @@ class Team:
         if len(wanted) != len(self):
             raise BadValue(f"Team {self.name!r} has {len(self)} agents, and {len(wanted)} node_ids were given.")
         self._refuse_illegal(wanted, alive)
-        (rows, deleted), block = self._selection(), self._block_of()
+        rows, deleted = self._selection()
+        block = self._block_of()
         is_there = alive.copy()
         is_there[[*deleted]] = False
         if not is_there.all():

@@ -335,7 +335,8 @@ def artist(observer: str, target: str, motion: Motion | None = None, *, can_be: 
         return table("magma") if sum(drawing_of(ctx).theme.background[:3]) < _DARK else table("magma")[::-1]
 
     def draw(ctx: Context, data: dict[str, Any]) -> None:  # noqa: ARG001 - the arguments of every drawer
-        (chances, most), colors = chances_of(ctx), colors_of(ctx)
+        chances, most = chances_of(ctx)
+        colors = colors_of(ctx)
         places = np.rint(np.array([*chances.values()]) / most * (len(colors) - 1)).astype(np.int64)
         ids = np.array([*chances], np.int64)
         render_values(ctx, {"values": ColoredValues("nodes", ids, colors, places, None)})

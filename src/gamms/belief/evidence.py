@@ -501,7 +501,8 @@ def _closed(ctx: Context, memory: Memory) -> list[list[float]] | None:
     known[ground.digest] = ground
     while len(known) > _MOST_MAPS:
         del known[next(iter(known))]
-    before, memory[_MAP] = memory.get(_MAP, ground.digest), ground.digest
+    before = memory.get(_MAP, ground.digest)
+    memory[_MAP] = ground.digest
     if before == ground.digest:
         return []
     return [list(arc) for arc in sorted(known[before].arcs() - ground.arcs())] if before in known else None

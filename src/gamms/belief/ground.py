@@ -62,7 +62,8 @@ class BeliefMap:
     @cached_property
     def ways(self) -> tuple[IntArray, IntArray]:
         """Rows of both ends, (pairs,), of connected nodes, each pair once, sorted by source, then by target."""
-        sources, targets = self.columns.sources, self.columns.targets
+        sources = self.columns.sources
+        targets = self.columns.targets
         pairs = np.unique((sources * self.size + targets)[sources != targets])
         return pairs // self.size, pairs % self.size
 

@@ -267,7 +267,8 @@ def _by_metres(found: Transitions, ground: BeliefMap, step_m: float) -> MotionCh
         return MotionChain(found._replace(sources=here, targets=here, chances=np.ones(number)), ground)
     pairs, which = np.unique(found.sources * number + found.targets, return_inverse=True)
     chances = np.bincount(which, found.chances)
-    sources, targets = pairs // number, pairs % number
+    sources = pairs // number
+    targets = pairs % number
     edges = ground.shortest_edges(found.rows[sources], found.rows[targets])
     lengths = np.where(edges >= 0, ground.columns.lengths[edges], 0.0)
     between = np.clip(np.ceil(lengths / step_m - _ROUNDED) - 1.0, 0.0, _MOST_PARTS).astype(np.int64)

@@ -56,7 +56,8 @@ def capture_the_flag(teams: tuple[Team, Team], max_turns: int, map: Path | None 
     raw["teams"] = {side.name: {**raw["teams"][of], **_sized(side)} for of, side in sides.items()}
     _, tag, flags, _ = (rule["with"] for rule in raw["rules"])
     nodes = raw["rules"][0]["with"]["nodes"]["with"]
-    tag["taggers"], tag["tagged"] = teams[0].name, teams[1].name
+    tag["taggers"] = teams[0].name
+    tag["tagged"] = teams[1].name
     for places, key in ((flags, "flags"), (nodes, "bases")):
         places[key] = {side.name: places[key][of] for of, side in sides.items()}
     game = Scenario(folder=None if map is None else map.absolute().parent, **raw)
@@ -137,7 +138,8 @@ def _flag(columns: GraphColumns, share: float) -> int:
 
 def _with_start_areas(game: Scenario, teams: tuple[Team, Team]) -> Scenario:
     """Return the game with wider circles to start in, where teams are large or nodes are few."""
-    xy, changes = game.columns().xy, {}
+    xy = game.columns().xy
+    changes = {}
     for side in teams:
         flag = xy[game.columns().node_ids == game.node_at(game.spec.teams[side.name].near)]
         wanted = np.sort(np.hypot(*(xy - flag).T))[: side.size * _START_NODES][-1]

@@ -20,7 +20,8 @@ _WHIM_M = 6.0  # how much of a detour may look attractive, so that no two games 
 
 def player(ctx: Context, defenders: int) -> Strategy:
     """Return a strategy: the first few of a team defend, the others attack."""
-    defend, attack = defender(ctx), attacker(ctx)
+    defend = defender(ctx)
+    attack = attacker(ctx)
 
     def strategy(state: State) -> None:
         number = int(state["name"].rpartition("_")[2])

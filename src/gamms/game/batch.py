@@ -241,7 +241,8 @@ class Batch(Immutable):
 
     def _step(self, given: dict[Hashable, OutsideActions], numbers: LearnerActions | None, threads: int) -> None:
         """Play one turn, and log the given actions."""
-        before, is_played = self._engine.turns(), False
+        before = self._engine.turns()
+        is_played = False
         with self._playing(), uninterrupted(at_most_once=True):
             try:
                 with self._watched():
@@ -310,7 +311,8 @@ class Batch(Immutable):
         self._first_nodes = [
             roster.first_nodes(source.game) for source, roster in zip(self._sources, self._rosters, strict=True)
         ]
-        self._engine = engine = self._made_in_core()
+        engine = self._made_in_core()
+        self._engine = engine
         self._separate.move_to(engine, self._roster)
         for place, given in enumerate(self._log or ()):
             turns = engine.turns()
@@ -492,7 +494,8 @@ class Batch(Immutable):
         self._engine.start(np.array(numbers), given, self.maps[numbers], self._begin[numbers])
         self._separate.forget(numbers)
         if len(changed) == len(self):
-            self._log, self._was_given = None if self._log is None else [], False
+            self._log = None if self._log is None else []
+            self._was_given = False
         self._begun[numbers] = len(self._log or ())
         if self._log:  # drop the turns that no game needs any more
             first = max(0, int(self._begun.min()))
@@ -671,7 +674,8 @@ class Batch(Immutable):
             BadValue: actions were passed to `step` without `record=True`, the game was loaded and not reset since, or
                 the batch was not made from a scenario.
         """
-        number, file = self._as_game(game), as_path(path, "path")
+        number = self._as_game(game)
+        file = as_path(path, "path")
         build = self._sources[self.maps[number]].build
         if build is None:
             raise BadValue("Only a batch of a scenario can be recorded: scenario.batch(…), not ctx.game.batch(…).")
@@ -691,7 +695,8 @@ class Batch(Immutable):
 
     def _play_alone(self, game: PlayedGame, number: int, turns: int, *, ends_before_moves: bool = False) -> None:
         """Play a game in a separate context up to a turn, and the rules that end it before the moves of the next."""
-        first, log = self._entry_of(number) - self._first_turn, self._log or []
+        first = self._entry_of(number) - self._first_turn
+        log = self._log or []
         num_given = self._separate.ran_from.get(number, turns)
         acting = OutsideActor(game, self._roster)
         try:
@@ -765,7 +770,8 @@ class Batch(Immutable):
 
     def _begun_alone(self, number: int) -> PlayedGame:
         """Return a game at its start, in a separate context."""
-        source, seed = self._sources[self.maps[number]], self.seeds[number]
+        source = self._sources[self.maps[number]]
+        seed = self.seeds[number]
         game: PlayedGame
         if source.build is not None:
             game = source.build(seed).game
@@ -780,7 +786,8 @@ class Batch(Immutable):
 
     def _shown_in_window(self, show: Callable[[int], Any], number: int) -> PlayedGame:
         """Return a game at its start, in the context with the window; `show` opens one for its map."""
-        seed, map = self.seeds[number], int(self.maps[number])
+        seed = self.seeds[number]
+        map = int(self.maps[number])
         if self._window is not None and self._window.number == map and not self._window.game.ctx.is_terminated():
             self._window.game.reset(seed=seed)
             return self._window.game
@@ -827,7 +834,8 @@ class Batch(Immutable):
 
     def _refuse_too_many(self, per_agent: int) -> None:
         """Refuse more games than fit into memory, given the bytes for each agent of a game."""
-        games, agents = len(self), len(self._roster.names)
+        games = len(self)
+        agents = len(self._roster.names)
         fitting = int(max_memory() // max(1, agents * per_agent))
         what = f"A batch of {games} games with {agents} agents each, of which {fitting} would fit,"
         refuse_above(games * agents * per_agent, what)

@@ -131,13 +131,14 @@ class GamesOnOneMap:
             decider = decider_of(agent, settings["plans"])
             if errs(agent) and decides_in_arrays(decider, settings):  # looks are counted game by game
                 call_each(decider)
-        rules, asked = called_rules(game, roster), asked_of(game, roster)
+        rules = called_rules(game, roster)
         self.before = [one for one in rules if one.phase == "before"]
         self.deeds = [one for one in rules if one.phase == "deeds"]
         self._has_checks = len(game.internals.parts.rules.now.checks) > 0
         self._has_conflicts = has_function_of_conflicts(game, roster)
         self.acts = acts_before_moves(game, roster)
         self._groups = _groups(roster, settings)
+        asked = asked_of(game, roster)
         collects = len(game.internals.parts.collectors.by_name) > 0
         self._observing = _observing(game, roster)
         observing = np.flatnonzero(self._observing).tolist()
@@ -151,9 +152,7 @@ class GamesOnOneMap:
         state.look = partial(look, game, state, pointed)
         state.change_roads = pointed.change_roads
         state.facts.update(game.facts)
-        for one in rules:
-            if one.spec.prepare_arrays is not None:
-                one.spec.prepare_arrays(state)
+        self._prepare(rules)
         self.core = CoreGames(
             game, state, block, is_apart=calls_each or not (state.radio is None and state.flights is None)
         )
@@ -166,6 +165,12 @@ class GamesOnOneMap:
         self._is_strict = settings["on_illegal"] == "raise"
         self._flights: dict[Hashable, FloatArray | None] = {}  # by team, those that are given in this turn
         self._called = as_code(decider_of(roster.agents[asked[0]], settings["plans"])) if asked else ""
+
+    def _prepare(self, rules: Sequence[NamedRule]) -> None:
+        """Let rules write what agents know of them at the start."""
+        for one in rules:
+            if one.spec.prepare_arrays is not None:
+                one.spec.prepare_arrays(self.state)
 
     @property
     def _at_arrivals(self) -> bool:
@@ -244,7 +249,8 @@ class GamesOnOneMap:
         lives = self.state.alive[games] & self._unlisted
         if lives.any():
             at, agent = np.argwhere(lives)[0].tolist()
-            roster, number = self.state.roster, int(games[at])
+            roster = self.state.roster
+            number = int(games[at])
             error = left_out(roster.names[agent], roster.teams[roster.team_of[agent]])
             error.add_note(f"In game {number} of a batch, with the seed {self.state.seeds[number]}.")
             raise error
@@ -275,7 +281,8 @@ class GamesOnOneMap:
             numbers: what other agents do.
             here: (all games, agents) which agents decide now; None: all.
         """
-        state, actions = self.state, self._block.given
+        state = self.state
+        actions = self._block.given
         self._flights = {team: wanted.flights for team, wanted in given.items()}
         if numbers is not None:
             if self.before or here is not None:  # the agents may be elsewhere
@@ -364,10 +371,12 @@ class GamesOnOneMap:
 
     def _fly(self, view: ArrayView, offsets: FloatArray) -> None:
         """Let the agents of a view fly so far, (games, agents, 3), and by their speeds at most."""
-        state, flights = self.state, self.state.flights
+        state = self.state
+        flights = self.state.flights
         assert flights is not None  # noqa: S101 - these fly
         for at, i in np.argwhere(view.mask).tolist():
-            game, agent = int(view.games[at]), int(view.agents[i])
+            game = int(view.games[at])
+            agent = int(view.agents[i])
             try:
                 flights.fly(game, agent, offsets[at, i].tolist())
             except GammsError as error:
@@ -378,7 +387,9 @@ class GamesOnOneMap:
 
     def fly(self, games: IntArray, part: int) -> None:
         """Let agents fly in a part of the turn, in which the others have moved."""
-        state, flights, nearest = self.state, self.state.flights, self.game.ctx.graph.graph.nearest_node
+        state = self.state
+        flights = self.state.flights
+        nearest = self.game.ctx.graph.graph.nearest_node
         assert flights is not None  # noqa: S101 - some fly
         those = flights.move(games, state.alive[games] & (self.core.part_of == part))
         has_flown = flights.has_flown[those[0], np.searchsorted(flights.agents, those[1])]
@@ -586,8 +597,10 @@ class BatchEngine:
             begin[of_map] = movement.streets.rows(start[of_map])
         settings = games[0].settings()
         self._state = GameArrays(rosters[0], movements[0], seeds, begin)
-        self._state.radio = self._radio = radio_of(settings, rosters[0], len(seeds))
-        self._state.deed_log = self._deed_log = deed_log_of(settings, rosters[0], len(seeds))
+        self._state.radio = radio_of(settings, rosters[0], len(seeds))
+        self._radio = self._state.radio
+        self._state.deed_log = deed_log_of(settings, rosters[0], len(seeds))
+        self._deed_log = self._state.deed_log
         logs: tuple[MessageTraffic | DeedLog | None, ...] = (self._radio, self._deed_log)
         self._logs_of_turn = [log for log in logs if log is not None]
         others = [self._state.on_map(*pair) for pair in zip(movements[1:], rosters[1:], strict=True)]
@@ -848,7 +861,8 @@ class BatchEngine:
             ask: asks functions where agents arrive in some games, in a part of the turn; None: they decide there in the
                 core, or do not decide at arrivals.
         """
-        begun, flights = self._state.turn * self._num_parts, self._state.flights
+        begun = self._state.turn * self._num_parts
+        flights = self._state.flights
         if flights is not None:
             flights.forget_choices()
         self._state.turning.clear()
@@ -890,7 +904,8 @@ class BatchEngine:
         if self._state.flights is not None and not is_later:
             members = self._maps[0].core.part_of == part
             self._state.flights.set_out(np.flatnonzero(playing), members, is_first=part == 0)
-        flaws, turns = self._admit(part), self._state.turn.copy()
+        flaws = self._admit(part)
+        turns = self._state.turn.copy()
         if self._deed_log is not None and not is_later:
             self._deed_log.do(part)
         play()
@@ -1002,7 +1017,8 @@ class BatchEngine:
 
     def _illegal(self, failure: Failure, why: str) -> IllegalAction:
         """Return the error for an illegal action of an agent."""
-        state, game = self._state, failure.game
+        state = self._state
+        game = failure.game
         error = IllegalAction(f"Agent {state.roster.name(failure.agent)} in turn {state.turn[game]}: {why}")
         error.add_note(f"In game {game} of a batch, with the seed {state.seeds[game]}.")
         return error
@@ -1067,7 +1083,8 @@ class BatchEngine:
 
     def set_apart(self, game: int, turns: int) -> None:
         """Stop playing a game that continues after a number of turns in a context of its own."""
-        self._state.is_apart[game] = self._state.is_going[game] = True
+        self._state.is_apart[game] = True
+        self._state.is_going[game] = True
         self._state.over[game] = None
         self._state.turn[game] = turns
 
@@ -1081,7 +1098,8 @@ class BatchEngine:
 
     def over(self, game: int) -> dict[str, Any] | None:
         """Return how a game has ended; None: it goes on."""
-        known, is_late = self._state.over[game], self._last is not None and self._state.turn[game] >= self._last
+        known = self._state.over[game]
+        is_late = self._last is not None and self._state.turn[game] >= self._last
         return {"reason": "max_turns", "winner": None, "truncated": True} if known is None and is_late else known
 
     def scores(self) -> dict[Any, Any]:
@@ -1095,8 +1113,11 @@ class BatchEngine:
     def result(self, game: int) -> Result:
         """Return the result of a game so far."""
         on_map = self._maps[int(self._map_of[game])]
-        state, template = on_map.state, on_map.game.result()
-        nodes, roster, cursor = state.streets.ids(state.node[game]).tolist(), state.roster, on_map.cursor
+        state = on_map.state
+        template = on_map.game.result()
+        nodes = state.streets.ids(state.node[game]).tolist()
+        roster = state.roster
+        cursor = on_map.cursor
         own = None if cursor is None else cursor.agents(game)
         if own is None:
             own = [(agent, agent.strategy) for agent in roster.agents if not isinstance(agent, ComingAgent)]
@@ -1196,7 +1217,8 @@ def _scene_of(game: PlayedGame, state: GameArrays, radio: MessageTraffic, games:
     xyz = np.concatenate((movement.places(node, which).xy, z[..., None]), axis=-1)
     antennas = xyz + ANTENNA
     if state.flights is not None:
-        agents, in_air = state.flights.agents, state.flights.position[games]
+        agents = state.flights.agents
+        in_air = state.flights.position[games]
         xyz[:, agents] = in_air
         antennas[:, agents] = in_air
 

@@ -257,7 +257,8 @@ class Slots(Sequence[AgentSlot]):
         slot = self._made[i]
         if slot is None:
             name = self.names[i]
-            slot = self._made[i] = self._make(name, self.departed.get(name))
+            slot = self._make(name, self.departed.get(name))
+            self._made[i] = slot
         return slot
 
     def __iter__(self) -> Iterator[AgentSlot]:
@@ -390,7 +391,8 @@ class SlotMaker:
         since = None
         table = self._table
         if table is None or before is None:
-            table = self._table = DrawTable(self._ctx.seed, self._state)
+            table = DrawTable(self._ctx.seed, self._state)
+            self._table = table
         else:
             since = block.structure.since(version)
         if since is not None and before is not None:

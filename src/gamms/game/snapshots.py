@@ -308,7 +308,8 @@ def _rebound_partial(function: "partial[Any]", memo: Memo) -> Any:
     func, args, keywords = made = [_rebound(one, memo) for one in parts]
     if all(new is one for new, one in zip(made, parts, strict=True)):
         return function
-    twin = memo[id(function)] = type(function)(func, *args, **keywords)
+    twin = type(function)(func, *args, **keywords)
+    memo[id(function)] = twin
     twin.__dict__.update(function.__dict__)
     return twin
 

@@ -127,7 +127,8 @@ def poisson(bits: int, mean: float) -> int:
     """Map random bits to a number of the Poisson distribution, by inversion; the mean is at most 100."""
     drawn = fraction(bits)
     count = 0
-    chance = total = exp(-mean)
+    chance = exp(-mean)
+    total = chance
     while drawn >= total and (count < mean or chance > 2.0**-60):  # smaller chances are below rounding errors
         count += 1
         chance *= mean / count

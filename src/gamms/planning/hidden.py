@@ -68,7 +68,8 @@ class HiddenPositions:
             places[mate.name] = self._random_walk(mate, key)
         for name, node in places.items():
             agent: Any = ctx.agent.get_agent(name)
-            agent.current_node_id = agent.prev_node_id = node
+            agent.current_node_id = node
+            agent.prev_node_id = node
         for name, flyer in self._flying.items():
             if name in self._seen_in_air:
                 for _ in range(2):  # so that its previous position is the same

@@ -386,7 +386,8 @@ class _TreeWalker:
         settings = self._search.settings
         if node is None:
             self._has_left = self._action is not None  # an iteration adds one node, besides the root
-            node = self._branch[key] = _TreeNode()
+            node = _TreeNode()
+            self._branch[key] = node
             if self._has_left:
                 return None
         if node.actions is None:
@@ -482,7 +483,8 @@ class _Search:
         for name, state in self._model.states.items():
             actions = _options(settings, state)
             self._actions[name] = _policy_first(actions, preferred[name])
-            self._own[name][()] = root = _TreeNode()
+            root = _TreeNode()
+            self._own[name][()] = root
             root.offer(self._actions[name])
         if not pace.knows(states := self._model.states):
             pace.follow(next(iter(states.values()))["fork"], self._model.policies)

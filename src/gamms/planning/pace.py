@@ -86,7 +86,9 @@ class SearchTimer:
     """
 
     def __init__(self, seconds: float, pace: SearchPace) -> None:
-        self._began = self._last = self._iteration = perf_counter()
+        self._began = perf_counter()
+        self._last = self._began
+        self._iteration = self._began
         self._end = self._began + seconds / _RESERVE
         self._costs = pace.costs
         self._kind: str | None = "model"

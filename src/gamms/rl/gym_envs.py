@@ -128,7 +128,8 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         self._interface = interface
         self._autoreset_mode = autoreset_mode
         self.metadata = {"render_modes": [], "autoreset_mode": autoreset_mode, "name": name or "gamms"}
-        self.learners = learners = interface.learners
+        learners = interface.learners
+        self.learners = learners
         self.num_agents = len(learners.names)
         self.num_games = len(learners.games) if num_games is None else num_games
         self.num_envs = self.num_games * self.num_agents
@@ -207,7 +208,8 @@ class GamesEnv(CopyableEnv, VectorEnv[Observed, ActionArray, Any]):
         played = learners.step(*self._interface.heads_of([(np.arange(self.num_agents), actions)]))
         if self._autoreset_mode is AutoresetMode.NEXT_STEP and was_over.any():
             learners.begin_again(np.flatnonzero(was_over))
-        last = now = self._interface.columns()
+        last = self._interface.columns()
+        now = last
         if self._autoreset_mode is AutoresetMode.SAME_STEP and (played.terminated | played.truncated).any():
             now = {key: column.copy() for key, column in last.items()}
         if self._autoreset_mode is AutoresetMode.SAME_STEP and learners.is_over.any():

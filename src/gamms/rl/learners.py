@@ -137,7 +137,8 @@ class Learners:
         strategies = dict(as_mapping(others or {}, "others"))
         self._scripted = None
         if agent is not None:
-            strategies[agent] = self._scripted = ScriptedActions()
+            self._scripted = ScriptedActions()
+            strategies[agent] = self._scripted
         first = as_int(seed, "seed")
         number = as_count(num_games, "num_games")
         self.games: Batch = scenario.batch(
@@ -285,7 +286,8 @@ class Learners:
         scores = self._scores
         given = self._numbers_of(actions)
         moves = np.where(self.are_legal(given), given, 0)
-        done = flown = None
+        done = None
+        flown = None
         if deeds is not None and self.deeds is not None:
             done = self._numbers_of(deeds)
             done = np.where(are_in(self.deed_masks, done), done, 0)

@@ -171,7 +171,8 @@ def network_of(model: Any, shared: int | None = None) -> Network:
         for layer in _layers_in(module):
             kind = type(layer).__name__
             if kind == "Linear":
-                weights[f"{len(layers)}.weight"] = weight = _values_of(layer.weight)
+                weight = _values_of(layer.weight)
+                weights[f"{len(layers)}.weight"] = weight
                 bias = np.zeros(len(weight), np.float32) if layer.bias is None else _values_of(layer.bias)
                 weights[f"{len(layers)}.bias"] = bias
             layers += [] if kind in _NOTHING else [_OF_TORCH.get(kind, "linear")]
@@ -229,7 +230,8 @@ def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
             "file, torch.onnx.export(…, external_data=False)."
         )
     options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.intra_op_num_threads = 1
+    options.inter_op_num_threads = 1
     options.log_severity_level = 4
     options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL  # it would fold constants
     options.add_session_config_entry("session.use_env_allocators", "1")

@@ -171,7 +171,8 @@ def _around(streets: StreetGraph, hops: int) -> tuple[IntArray, IntArray, IntArr
     Equal distances are in the order of the actions that lead there.
     """
     nodes = len(streets.counts)
-    source = node = np.arange(nodes)
+    source = np.arange(nodes)
+    node = source
     known = source * nodes + node
     found = [(source, node, np.zeros(nodes, np.int64))]
     for far in range(1, hops + 1):

@@ -262,7 +262,8 @@ def _maker(player: _PolicyOptions) -> Maker:
         moves: IntArray = actions[0]
         return moves
 
-    play_policy.__name__ = play_policy.__qualname__ = f"policy({loaded.file.name!r})"
+    play_policy.__name__ = f"policy({loaded.file.name!r})"
+    play_policy.__qualname__ = play_policy.__name__
     make_strategy = array_strategy(play_policy)
 
     def make(ctx: IContext) -> Callable[[Any], None]:
@@ -271,7 +272,8 @@ def _maker(player: _PolicyOptions) -> Maker:
             _refuse_other_map(loaded.file, described, cast("HostContext", ctx))
         return make_strategy(ctx)
 
-    make.__name__ = make.__qualname__ = play_policy.__name__
+    make.__name__ = play_policy.__name__
+    make.__qualname__ = play_policy.__name__
     return make
 
 

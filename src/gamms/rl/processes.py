@@ -73,7 +73,8 @@ class ProcessesEnv(GamesEnv):
         super().__init__(interface, name, autoreset_mode, num_games)
         self._first = np.linspace(0, num_games, workers + 1).astype(int).tolist()  # first game of each process
         columns = self._columns()
-        file = self._file = _new_file(_size(columns))
+        file = _new_file(_size(columns))
+        self._file = file
         try:
             self._memory = _mapped(file, columns)
             shares = pairwise(self._first)

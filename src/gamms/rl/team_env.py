@@ -39,7 +39,8 @@ class TeamEnv(CopyableEnv, ParallelEnv[str, dict[str, Any], Any]):  # type: igno
         self.metadata = {**METADATA, "name": name or "gamms"}
         self._interface = interface
         self.render_mode = render_mode
-        self.learners = learners = interface.learners
+        learners = interface.learners
+        self.learners = learners
         prepare(learners, render_mode)
         self.possible_agents = list(learners.names)
         self.agents: list[str] = []

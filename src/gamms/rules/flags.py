@@ -142,7 +142,8 @@ class _FlagRule(NamedTuple):
         for number, flag in enumerate(self.bases):
             name = known.get("carriers", {}).get(flag)
             if name is not None:
-                first["carriers"][0, number] = carrier = roster.names.index(name)
+                carrier = roster.names.index(name)
+                first["carriers"][0, number] = carrier
                 first["stops"][0, number] = state.stops[0, carrier] - (name in stopped)
         for team, times in known.get("captures", {}).items():
             first["captures"][0, roster.teams.index(team)] = times
@@ -185,7 +186,8 @@ class _FlagRule(NamedTuple):
         if may_drop and any(carriers.values()):
             self._drop(ctx, carriers, _stopped(fresh))
         if known is None or not known.take(self):
-            known = turn.roster.kept[key] = _CoreFlags(self, turn)
+            known = _CoreFlags(self, turn)
+            turn.roster.kept[key] = known
         if known.seed != turn.seed:
             known.draw_by(turn.seed)
         if known.concern(turn, carriers):

@@ -91,7 +91,8 @@ def tag(taggings: Sequence[Any], making: RuleBuilder) -> rules.Rule:
 
 def _near(nearness: ContactOptions, making: RuleBuilder) -> Near:
     """Return the distances between agents that count as contacts; None: agents must be on the same node."""
-    state, (unit, limit, *_) = making.state, nearness
+    state = making.state
+    unit, limit, *_ = nearness
     if unit is None:
         return None
     if unit != "euclid":

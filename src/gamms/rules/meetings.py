@@ -302,7 +302,8 @@ class TurnContacts:
         self.tracks = tracks
         self.by_metres = ctx.game.speed_unit != "edges"
         self.edges = self.game.edges
-        self.most = most = max([2, *[len(track.path) for track in tracks]])
+        most = max([2, *[len(track.path) for track in tracks]])
+        self.most = most
         paths = [track.path + track.path[-1:] * (most - len(track.path)) for track in tracks]
         self.columns = [
             column("q", map(number, chain.from_iterable(paths))),
@@ -329,7 +330,8 @@ class TurnContacts:
             near = self._near(sides, nearness, in_air(ctx, nearness))
         pieces = self.scratch(near.parts if isinstance(near, core.PathSegments) else 0)
         if near is None and self.are_steps and not (callable(a) or callable(b)):
-            self._ready[key] = found = core.Contacts(pieces)
+            found = core.Contacts(pieces)
+            self._ready[key] = found
         else:
             found = self.game.contacts(pieces)
         self._ask(found, sides, nearness, near)
@@ -457,7 +459,8 @@ class GameContacts:
         self.state = ctx.game.internals.state
         self._turns = ctx.game.internals.parts.turns
         self.edges = TraveledEdges(ctx)
-        self.graph = graph = self.edges.graph
+        graph = self.edges.graph
+        self.graph = graph
         self.revision = graph.revision
         self.place = cache(self._place)
         self.near = lru_cache(_MOST_DISTANCES)(self._near)
@@ -500,7 +503,8 @@ class GameContacts:
     def number_all(self) -> int:
         """Number all nodes of the map; return how many numbers there are."""
         if self._columns is None:
-            self._columns = columns = self.graph.columns()
+            columns = self.graph.columns()
+            self._columns = columns
             self._numbers = np.empty(len(columns.node_ids), np.int64)
             self.numbers.write(columns.node_ids.data, self._numbers.data)
         return self.numbers.count
@@ -566,7 +570,8 @@ def living_teams(ctx: Context) -> frozenset[Hashable]:
     key = block, block.structure.version
     known = kept.get("living teams")
     if known is None or known[0] != key:
-        known = kept["living teams"] = key, frozenset([agent.team for agent in ctx.game.agents])
+        known = key, frozenset([agent.team for agent in ctx.game.agents])
+        kept["living teams"] = known
     teams: frozenset[Hashable] = known[1]
     return teams
 
@@ -577,7 +582,8 @@ def turn_of(ctx: Context) -> TurnContacts:
     graph = ctx.graph.graph
     known: GameContacts | None = internals.kept.get("contacts")
     if known is None or known.graph is not graph or known.revision != graph.revision:
-        known = internals.kept["contacts"] = GameContacts(ctx, core.NodeNumbers() if known is None else known.numbers)
+        known = GameContacts(ctx, core.NodeNumbers() if known is None else known.numbers)
+        internals.kept["contacts"] = known
     return known.turn(ctx)
 
 

@@ -106,10 +106,12 @@ class _HoldRule(NamedTuple):
             team for team, on in there.items() if (on == self.nodes or not self.every) and team in (self.teams or there)
         ]
         if state["team"] not in able:
-            state["team"], state["turns"] = None, 0
+            state["team"] = None
+            state["turns"] = 0
         if len(able) != 1 or len(there) != 1:
             return
-        state["team"] = team = able[0]
+        team = able[0]
+        state["team"] = team
         state["turns"] += 1
         if state["turns"] < self.turns:
             return

@@ -58,7 +58,8 @@ def by_distance(
         for distances in (graph.distances(source=nodes, weight=weight), graph.distances(target=nodes, weight=weight)):
             for node, metres in distances.items():
                 if metres < nearest.get(node, inf):
-                    nearest[node], owners[node] = metres, team
+                    nearest[node] = metres
+                    owners[node] = team
     return {node: owners[node] for node in graph.get_nodes() if node in owners}
 
 

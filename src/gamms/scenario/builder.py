@@ -582,7 +582,8 @@ def _move_start(agent: Any, before: _Start, now: _Start) -> None:
         agent.position = now
         agent.position = now  # so that its previous position is the same
     else:
-        agent.current_node_id = agent.prev_node_id = now
+        agent.current_node_id = now
+        agent.prev_node_id = now
 
 
 # -- defaults -----------------------------------------------------------------------------------------------------
@@ -626,7 +627,8 @@ def digests(spec: Spec, library: CodeLibrary, map: MapSnapshot) -> dict[str, str
     parts = {key: value for key, value in plain.items() if key not in ("name", "description", "seed", "map")}
     for team in parts["teams"].values():
         for part in (team, *team["agents"]):
-            part["strategy"] = part["plan"] = None
+            part["strategy"] = None
+            part["plan"] = None
     written = {key: json.dumps(as_json(value), sort_keys=True).encode() for key, value in parts.items()}
     found = {key: sha256(value).hexdigest() for key, value in written.items()}
     return {**found, "map": digest_of(map.columns, map.obstacles.corners)}

@@ -237,7 +237,8 @@ class _TeamPlacement:
             counts = counts[is_left]
             if not len(at):
                 break
-            drawn[at, column] = rows = _drawn(words[at, column], allowed, counts)
+            rows = _drawn(words[at, column], allowed, counts)
+            drawn[at, column] = rows
             self._close(allowed, rows)
         return drawn
 

@@ -247,7 +247,8 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
 
     def _seen(self, pose: Pose | None) -> dict[str, _Sighting]:
         look = self.notice.look(self.ctx, self._owner)
-        (rows, now), names = self._found(pose, look), self.ctx.agent.positions.names
+        rows, now = self._found(pose, look)
+        names = self.ctx.agent.positions.names
         seen = {
             names[row]: (_KINDS[is_flying], (x, y, z))
             for row, is_flying, (x, y, z) in zip(rows.tolist(), now.is_flying.tolist(), now.xyz.tolist(), strict=True)

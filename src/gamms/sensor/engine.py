@@ -303,7 +303,8 @@ class SensorStorage(Guarded):
             shown = iter(before.shown)
             for sensor, data, look in zip(before.settings.simple, shown, shown, strict=True):
                 last = sensor._last
-                last[0], last[1] = data, look
+                last[0] = data
+                last[1] = look
             for (_, restore), sensed in zip(before.settings.memories, before.sensed, strict=True):
                 restore(sensed)
             return
@@ -318,7 +319,9 @@ class SensorStorage(Guarded):
             other: the storage of the other context.
             memo: maps other parts of the context to their copies, and gets the copies; see `copy.deepcopy`.
         """
-        memo[id(other)], memo[id(other._engine)], memo[id(other.memory)] = self, self._engine, self.memory
+        memo[id(other)] = self
+        memo[id(other._engine)] = self._engine
+        memo[id(other.memory)] = self.memory
         for name, part in vars(other.memory).items():
             memo[id(part)] = getattr(self.memory, name)
         for sensor in other._engine._sensors.values():
@@ -356,7 +359,8 @@ class SensorStorage(Guarded):
             memories = tuple(filter(None, map(_memory_of, filterfalse(_is_simple, sensors))))
             owners = tuple(map(owner_of, sensors))
             keywords = tuple(map(_keywords_of, sensors))
-            known = self._settings_now = SensorSettings(sensors, owners, keywords, simple, memories)
+            known = SensorSettings(sensors, owners, keywords, simple, memories)
+            self._settings_now = known
             self._changes = changes
         return known
 

@@ -47,7 +47,8 @@ class FunctionSensor(Sensor):
 
     def called_with_both(self) -> Callable[[int | None, Any], Any]:
         """Return the function as one of a node and an agent, which passes on as many as the function takes."""
-        function, takes = self._function, self._takes
+        function = self._function
+        takes = self._takes
         return lambda node_id, agent: function(*(node_id, agent)[:takes])
 
     @refused_while_deciding

@@ -343,7 +343,8 @@ class AgentSensor(DetectingSensor, GroundSensor):
                 data.pop(own, None)
         if look is not None and self.notice.has_errors:
             data = self._report(look, node_id, data)
-        last[0], last[1] = data, (place, radius, fov, heading)
+        last[0] = data
+        last[1] = (place, radius, fov, heading)
 
     @property
     def looks_alike(self) -> Hashable:  # type: ignore[override] # as above
@@ -433,7 +434,8 @@ class AgentSensor(DetectingSensor, GroundSensor):
 
     def _unhidden(self, place: Place, rows: list[int], positions: Positions) -> list[int]:
         """Return the rows of agents that no obstacle hides; visibility tables know nodes, but not places on edges."""
-        xy, height = self._memory.nearby.xy, self._observer_height
+        xy = self._memory.nearby.xy
+        height = self._observer_height
         between = [row for row in rows if positions.on_edge(row) is not None] if positions.travellers else []
         on_nodes = sorted({*rows}.difference(between)) if between else rows
         nodes = NodeColumns(positions.node_ids_of(on_nodes), xy(on_nodes))

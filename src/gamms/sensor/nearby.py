@@ -51,7 +51,8 @@ class NodePositions(dict[int, tuple[float, float]]):
         self._ctx = ctx
 
     def __missing__(self, node: int) -> tuple[float, float]:
-        place = self[node] = coordinates(self._ctx, node)
+        place = coordinates(self._ctx, node)
+        self[node] = place
         return place
 
     def renew(self, nodes: Iterable[int]) -> None:
@@ -117,7 +118,8 @@ class NearbyAgents:
             # An agent on an edge has the height and the tunnel of the last node that it passed.
             xyz, is_on_surface = on_ground(self._ctx, positions.node_ids, xy)
             is_flying = np.zeros(len(xy), np.bool_)
-            xyz[positions.flyers], is_flying[positions.flyers] = positions.flyer_xyz, True
+            xyz[positions.flyers] = positions.flyer_xyz
+            is_flying[positions.flyers] = True
             self._coordinates = Coordinates(xyz, is_flying, is_on_surface | is_flying)
         return self._coordinates
 
@@ -232,7 +234,8 @@ class NearbyAgents:
         if found is None:
             if len(self._sights) >= _MOST_RADII:
                 self._sights.clear()
-            found = self._sights[radius] = sight.RangeSearch(self._agents, radius, (radius, FULL_CIRCLE, ALL_AROUND))
+            found = sight.RangeSearch(self._agents, radius, (radius, FULL_CIRCLE, ALL_AROUND))
+            self._sights[radius] = found
         return found
 
     def _catch_up(self) -> Positions:
@@ -240,7 +243,8 @@ class NearbyAgents:
         moment = self._phase.moment
         if moment is not None and moment is self._moment and self._positions is not None:
             return self._positions
-        graph = self._graph = self._ctx.graph.graph if self._graph is None else self._graph
+        graph = self._ctx.graph.graph if self._graph is None else self._graph
+        self._graph = graph
         revision = graph.revision
         positions = self._ctx.agent.positions
         version = positions.version
@@ -254,7 +258,8 @@ class NearbyAgents:
             self._enter_all(positions, is_new=True)
             self._revision = revision
         elif version != self._version:
-            rows, count = self._moved_since.take(), len(positions.names)  # type: ignore[union-attr] # of these positions
+            rows = self._moved_since.take()  # type: ignore[union-attr] # of these positions
+            count = len(positions.names)
             if rows is None or count != self._agents.count or _SHARE_MOVED * len(rows) > count:
                 self._enter_all(positions, is_new=len(self.places_of_nodes) > _MOST_NODES)
             else:
@@ -332,12 +337,15 @@ class AgentsOnEdges:
     def within(self, positions: Positions, place: tuple[float, float], radius: float) -> list[int]:
         """Return the rows of the living agents on edges within `radius` of a place, the border included, ascending."""
         self._catch_up(positions)
-        (x, y), reach, (left, low, right, high) = place, radius + _SLACK, self._boxes
+        x, y = place
+        reach = radius + _SLACK
+        left, low, right, high = self._boxes
         is_near = (left <= x + reach) & (right >= x - reach) & (low <= y + reach) & (high >= y - reach)
         found = []
         for row in np.flatnonzero(is_near).tolist():
             at_x, at_y = self._place(positions, row) or (inf, inf)
-            dx, dy = at_x - x, at_y - y
+            dx = at_x - x
+            dy = at_y - y
             if dx * dx + dy * dy <= radius * radius and row not in positions.inactive:
                 found.append(row)
         return found
@@ -386,7 +394,8 @@ class AgentsOnEdges:
             except UnknownName:  # the edge was removed: the agent counts as on its node
                 points = coordinates(self._ctx, progress.source)
                 length = 0.0
-            xs, ys = points[::2], points[1::2]
+            xs = points[::2]
+            ys = points[1::2]
             self._boxes[:, row] = min(xs), min(ys), max(xs), max(ys)
             self._edges[row] = Line.of(points), length
 

@@ -63,7 +63,8 @@ class ViewCache:
         moment = self._phase.moment
         if moment is None or moment is not self._moment:
             self._moment = moment
-            graph = self._graph = self._ctx.graph.graph if self._graph is None else self._graph
+            graph = self._ctx.graph.graph if self._graph is None else self._graph
+            self._graph = graph
             revision = graph.revision
             if revision != self._revision or revision is None:
                 self._forget(revision)
@@ -155,7 +156,8 @@ class OccludedViewCache(ViewCache):
         return self._areas[key]
 
     def _area_in_sight(self, place: tuple[float, float], sector: Sector, height: float) -> FloatArray:
-        (radius, heading, fov), see = sector, self._ctx.graph.visible
+        radius, heading, fov = sector
+        see = self._ctx.graph.visible
         end = _FAR_BEYOND * float(np.abs(self._ctx.graph.columns().xy - place).max(initial=0.0))
         within = min(radius, end) if radius < inf and end > 0.0 else radius
         level = float(ground_at(self._ctx, place).z[0]) + height  # the area is computed at the height of the eyes

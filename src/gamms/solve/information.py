@@ -47,7 +47,8 @@ class SensorObserver:
             for agent, node in zip(self._agents, places, strict=True):
                 agent.alive = node >= 0
                 if node >= 0:
-                    agent.prev_node_id = agent.current_node_id = node
+                    agent.prev_node_id = node
+                    agent.current_node_id = node
             self._seen[places] = tuple([self._look(agent) if agent.alive else "" for agent in self._agents])
         return self._seen[places]
 

@@ -83,7 +83,8 @@ class TableStrategy(ABC):
             moves = ctx.game.moves if moved else {}
             started = {name: moves[name].start for name in moved}
             nodes = [-1 if one is None else started.get(one.name, one.current_node_id) for one in living]
-            number = memory[_MEMORY] = self._state_at(nodes, turn, memory.get(_MEMORY))
+            number = self._state_at(nodes, turn, memory.get(_MEMORY))
+            memory[_MEMORY] = number
             seen = self._action_seen(number, {name: agents[name].current_node_id for name in moved})
             action = self._action(ctx, state, number, seen)
             state["action"] = table.actions_of(number, self._side, action)[state["name"]]

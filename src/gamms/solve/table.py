@@ -424,7 +424,8 @@ class _Explorer:
             name = key if won == GOES_ON else b"%d over " % won + key
             number = known.get(name)
             if number is None:
-                number = known[name] = len(found.level)
+                number = len(found.level)
+                known[name] = number
                 found.level.append(turn)
                 new.append(row)
             elif states.snapshots and found.level[number] < turn and len(self._again) < _CHECKED and won == GOES_ON:

@@ -82,7 +82,8 @@ class TeamsGame(pyspiel.Game):  # type: ignore[misc] # OpenSpiel has no types
     def __init__(self, table: Table, rewards: Rewards) -> None:
         if table.last_turn is None:
             raise BadValue("A game of OpenSpiel needs a last turn: give turns=, or the scenario max_turns.")
-        self.model = model = _SharedModel(table, rewards)
+        model = _SharedModel(table, rewards)
+        self.model = model
         most = sum(float(abs(one).max()) for one in (rewards.usual, rewards.last) if one is not None) * model.turns
         has_tensor = model.turns * (model.num_observations + model.num_actions) <= _MOST_ENTRIES
         kind = pyspiel.GameType(

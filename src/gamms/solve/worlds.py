@@ -426,7 +426,8 @@ class ContextSimulator:
     def _decide(self, states: dict[str, Any]) -> None:
         """Set the actions to play, and store the legal nodes."""
         for name, state in states.items():
-            legal = self._legal[name] = state["legal"]
+            legal = state["legal"]
+            self._legal[name] = legal
             state["action"] = legal[self._actions.get(name, 0)]
 
     def start(self) -> States:

@@ -228,7 +228,9 @@ def move_to_agent(
     if its is None or its[0] != target:
         move_to(ctx, state, target, fallback, caller)
         return
-    graph, edge, (source, end, street) = ctx.graph.graph, state["edge"], its
+    graph = ctx.graph.graph
+    edge = state["edge"]
+    source, end, street = its
     gone = getattr(ctx.agent.get_agent(cast("str", name)), "offset_m", 0.0)
     length = graph.get_edge(street).length
     if edge is not None and set(edge[:2]) == {source, end}:  # both are on one street

@@ -52,7 +52,8 @@ def route(
             nearest = ctx.graph.routes.nearest(here, stops.nodes)
             memory[key] = 0 if nearest is None else stops.nodes.index(nearest)
         at = _stop_after(memory.pop(way_key, None), state, memory.get(key, 0))
-        memory[key] = at = stops.next(at, here)
+        at = stops.next(at, here)
+        memory[key] = at
         target = stops.nodes[at] if at < len(stops.nodes) else None
         way = None
         if target in legal_on_map(ctx, state) and _goes_beyond(ctx, state):

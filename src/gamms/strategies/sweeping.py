@@ -64,7 +64,8 @@ def sweep(
             visited.add(here)
         target = memory.get("sweep target")
         if target is None or target in visited:
-            target = memory["sweep target"] = _next_to_visit(ctx, state, chosen, visited)
+            target = _next_to_visit(ctx, state, chosen, visited)
+            memory["sweep target"] = target
         move_to(ctx, state, target, fallback, "sweep")
 
     return strategy

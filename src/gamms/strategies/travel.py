@@ -310,7 +310,8 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
         memory = required(state, "memory", "unblock")
         known = memory.get("unblock", _NOT_BLOCKED)
         is_blocked = "in conflict" in (required(state, "blocked", "unblock") or "")
-        known = memory["unblock"] = _patience_left(state, known, patience, is_blocked=is_blocked)
+        known = _patience_left(state, known, patience, is_blocked=is_blocked)
+        memory["unblock"] = known
         if known["yield"]:
             legal = legal_nodes(state, "unblock")
             options = [node for node in legal if node not in (here, known["ahead"])] or list(legal)

@@ -76,7 +76,7 @@ def run(
             vary: dict[str, Any] = {f"strategies.{task.opponent}": task.opponents}
             if callable(strategy):
                 vary[f"strategies.{task.team}"] = [strategy]
-            found = rows[task.name] = run_experiment(
+            found = run_experiment(
                 scenario_of(task, reference, folder=folder, allow=allow),
                 task.seeds if by_seed is None else by_seed,
                 vary,
@@ -85,6 +85,7 @@ def run(
                 out=None if into is None else into / task.name,
                 progress=progress,
             )
+            rows[task.name] = found
             made.append(_measured(task, found, into))
     return Results(Table.of(made), rows)
 

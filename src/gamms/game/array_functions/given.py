@@ -186,7 +186,8 @@ class _OutsideStrategy:
 
     def _act(self, state: dict[str, Any], i: int, speed: float | None) -> None:
         """Carry out the action of an agent at an index of the columns."""
-        (moves, deeds, messages, flights, may_stay), number = self.given, self.number
+        moves, deeds, messages, flights, may_stay = self.given
+        number = self.number
         do = {
             deed: self._plain_fields(deed, {key: _one_of(value, number, i) for key, value in fields.items()})
             for deed, (where, fields) in deeds.items()

@@ -82,7 +82,8 @@ class ArrayTurn:
         self._deeds: list[ArrayDeeds] = []
         self.node: IntArray = state.chosen(state.node, games)
         self.alive: BoolArray = state.chosen(state.alive, games)
-        self.starts = self.ends = self.node
+        self.starts = self.node
+        self.ends = self.starts
         self.took_part = self.alive
 
     def _find_roads(self) -> None:

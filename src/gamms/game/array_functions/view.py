@@ -199,7 +199,8 @@ class ArrayView(Mapping[str, Any]):
         Returns:
             The actions; -1 if there is no path.
         """
-        node, (games, agents) = self.node[which], numbers_in(self, which)
+        node = self.node[which]
+        games, agents = numbers_in(self, which)
         asked = node.ravel(), np.broadcast_to(targets, node.shape).ravel(), (games.ravel(), agents.ravel()), allowed
         if not isinstance(self._movement, PacedMovement):
             return self._movement.towards(*asked).reshape(node.shape)
@@ -559,7 +560,8 @@ def asked_view(state: GameArrays, games: IntArray, agents: IntArray, here: BoolA
     """Return a view for a strategy to decide with; `here` restricts its mask, (all games, all agents)."""
     view = ArrayView(state, games, agents)
     if here is not None:
-        view.mask = view._whole = view.mask & here[np.ix_(games, agents)]
+        view.mask = view.mask & here[np.ix_(games, agents)]
+        view._whole = view.mask
     view._deeds = []
     view._outboxes = []
     if state.radio is not None:

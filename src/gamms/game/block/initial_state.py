@@ -63,9 +63,11 @@ def movement_of(
         is_detached: whether the movement stays the same when the map of the game changes.
         more_edges: edges that are neither open nor closed, but may be open in other games.
     """
-    settings, graph = game.settings(), game.ctx.graph
+    settings = game.settings()
+    graph = game.ctx.graph
     columns, routes = graph.storage.detached() if is_detached else (graph.columns(), graph.routes)
-    streets, closed = StreetGraph(locked_columns(columns), routes), graph.storage.roads()[1] if may_reopen else {}
+    streets = StreetGraph(locked_columns(columns), routes)
+    closed = graph.storage.roads()[1] if may_reopen else {}
     whole = StreetGraph(*graph.storage.with_edges({**closed, **(more_edges or {})})) if closed or more_edges else None
     speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
     made = movement_type(game, roster)
@@ -100,8 +102,11 @@ class InitialState:
     def __init__(self, game: PlayedGame, state: GameArrays, columns: CoreColumns, games: IntArray) -> None:
         if game.turn:
             _take_places(game, state.movement)
-        block, values, rows = game.ctx.agent.block, game.internals.state, state.streets.rows
-        names, known = state.roster.names, game.ctx.agent.agents
+        block = game.ctx.agent.block
+        values = game.internals.state
+        rows = state.streets.rows
+        names = state.roster.names
+        known = game.ctx.agent.agents
         self.turn = game.turn
         self._parts_played = values.parts_played
         self._over = game.over
@@ -142,7 +147,8 @@ class InitialState:
 
     def _take_up_memories(self, game: PlayedGame, state: GameArrays) -> None:
         """Copy the memory of agents into `state.first`, for the forms of their strategies."""
-        settings, known = game.settings(), game.ctx.agent.agents
+        settings = game.settings()
+        known = game.ctx.agent.agents
         if not (self.turn or any(_remembers(game, agent) for agent in known.values())):
             return
         deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
@@ -165,7 +171,9 @@ class InitialState:
 
     def put(self, state: GameArrays, columns: CoreColumns, games: IntArray) -> None:
         """Set games, which were reset, to this state."""
-        state.turn[games], state.blocked[games], state.stops[games] = self.turn, self._blocked, self._stops
+        state.turn[games] = self.turn
+        state.blocked[games] = self._blocked
+        state.stops[games] = self._stops
         state.placed[games] = self._placed
         for one in NUMBERS:
             state.numbers[one.name][games] = one.initial
@@ -194,7 +202,8 @@ class InitialState:
 
     def _take_departed(self, game: PlayedGame, state: GameArrays) -> None:
         """Store where agents were deleted."""
-        has_node, departed = game.ctx.graph.graph.has_node, game.internals.state.departed
+        has_node = game.ctx.graph.graph.has_node
+        departed = game.internals.state.departed
         gone = {name: node for name, (_, node) in departed.items() if name not in game.ctx.agent.agents}
         gone = {name: node for name, node in gone.items() if has_node(node)}
         self._gone = np.array([state.roster.names.index(name) for name in gone], np.int64)
@@ -202,7 +211,9 @@ class InitialState:
 
     def _take_flights(self, game: PlayedGame, state: GameArrays) -> None:
         """Store the poses and start positions of the flying agents."""
-        block, numbers, moves = game.ctx.agent.block, np.flatnonzero(state.roster.flies), game.internals.state.moves
+        block = game.ctx.agent.block
+        numbers = np.flatnonzero(state.roster.flies)
+        moves = game.internals.state.moves
         names = [state.roster.names[number] for number in numbers.tolist()]
         known = game.ctx.agent.agents
         starts: list[Any] = [game.internals.start_of(known[name]) if name in known else _NOWHERE for name in names]
@@ -251,7 +262,8 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
     Raises:
         BadValue: a node was removed.
     """
-    block, graph = game.ctx.agent.block, game.ctx.graph
+    block = game.ctx.agent.block
+    graph = game.ctx.graph
     by_metres = isinstance(movement, MetricMovement)
     edges = movement.columns.edge_ids  # those that are open, or that a function may open
     for agent in [one for one in agents_of(game) if one.type is not AgentType.AERIAL]:
@@ -273,7 +285,8 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
 
 def _remembers(game: PlayedGame, agent: IAgent) -> bool:
     """Return whether the memory of an agent or of its team is not empty."""
-    values, nothing = game.internals.state, dict[Any, Any]()
+    values = game.internals.state
+    nothing = dict[Any, Any]()
     known = values.memories.get(agent.name, nothing), values.team_memories.get(agent.team, nothing)
     return any(not isinstance(one, dict) or len(one) > 0 for memory in known for one in memory.values())
 
@@ -300,8 +313,12 @@ class LastTurn(NamedTuple):
         """
         number = {name: i for i, name in enumerate(roster.names)}
         pairs = [(i, number[name]) for name, i in moves.order.index_of.items() if name in number]
-        slots, numbers = [i for i, _ in pairs], np.array([number for _, number in pairs], np.int64)
-        starts, ends, took_part, rows = node.copy(), node.copy(), np.zeros(node.shape, np.bool_), movement.streets.rows
+        slots = [i for i, _ in pairs]
+        numbers = np.array([number for _, number in pairs], np.int64)
+        starts = node.copy()
+        ends = node.copy()
+        took_part = np.zeros(node.shape, np.bool_)
+        rows = movement.streets.rows
         starts[0, numbers] = rows([int(moves.starts[i]) for i in slots])
         ends[0, numbers] = rows([int(moves.ends[i]) for i in slots])
         took_part[0, numbers] = True
@@ -318,12 +335,17 @@ class LastTurn(NamedTuple):
 def _paths(tracks: Sequence[Track], numbers: IntArray, movement: Movement, starts: IntArray) -> Paths:
     """Return the paths of all agents, (1, agents): the tracks of `numbers`; other agents stay at `starts`."""
     shape = (*starts.shape, max((len(track.path) for track in tracks), default=1))
-    nodes, times = np.repeat(starts[..., None], shape[-1], axis=-1), np.full(shape, np.inf)
-    times[..., 0], lengths, waits = 0.0, np.ones(starts.shape, np.int64), np.zeros(starts.shape, np.bool_)
+    nodes = np.repeat(starts[..., None], shape[-1], axis=-1)
+    times = np.full(shape, np.inf)
+    times[..., 0] = 0.0
+    lengths = np.ones(starts.shape, np.int64)
+    waits = np.zeros(starts.shape, np.bool_)
     rows = movement.streets.rows
     for number, track in zip(numbers.tolist(), tracks, strict=True):
-        length = lengths[0, number] = len(track.path)
-        nodes[0, number, :length], nodes[0, number, length:] = rows(list(track.path)), rows(track.path[-1])
+        length = len(track.path)
+        lengths[0, number] = length
+        nodes[0, number, :length] = rows(list(track.path))
+        nodes[0, number, length:] = rows(track.path[-1])
         times[0, number, : len(track.times)] = track.times
         waits[0, number] = _waits(track)
     return Paths(nodes, times, lengths, lengths == 1, waits, np.ones_like(waits))
@@ -346,11 +368,13 @@ def _paths_by_metres(
             back = -1 if leg.back is None else row_of[leg.back]
             for column, value in zip(legs, (row_of[leg.edge], back, *leg[3:7]), strict=True):
                 column[0, number, place] = value
-    edge, motion = np.full(starts.shape, -1), np.full(starts.shape, Motion.STOPPED)
+    edge = np.full(starts.shape, -1)
+    motion = np.full(starts.shape, Motion.STOPPED)
     for number, i in zip(numbers.tolist(), slots, strict=True):
         progress = moves.actions[i].progress if i in moves.actions else None
         if progress is not None:
-            edge[0, number], motion[0, number] = row_of[progress.edge], progress.motion
+            edge[0, number] = row_of[progress.edge]
+            motion[0, number] = progress.motion
     stays = np.asarray((legs.edge < 0).all(axis=-1))
     return paths._replace(legs=legs, edge=edge, motion=motion, stays=stays, waits=waits, rests=edge < 0)
 

@@ -162,7 +162,8 @@ def note_sensors(state: GameArrays, agents: Sequence[int], *, with_nodes: bool) 
         agents: numbers in the roster.
         with_nodes: whether maps may be others, and agents turned; in the core they are not.
     """
-    roster, are_few = state.roster, len(state.roster.names) <= MOST_LOOKING
+    roster = state.roster
+    are_few = len(state.roster.names) <= MOST_LOOKING
     each = zip(roster.agents, roster.flies | roster.varies, strict=True)
     are_plain = [are_few and not is_odd and has_plain_looks(one) for one, is_odd in each]
     odd = [number for number in agents if not are_plain[number]]
@@ -292,7 +293,8 @@ def seen_nodes(
             raise UnknownName("sensor that shows nodes", name, known)
     if state.look is not None and state.noted_nodes:
         state.look(games)
-    shape, none = (*node.shape, state.streets.num_nodes), np.zeros(0, np.int64)
+    shape = (*node.shape, state.streets.num_nodes)
+    none = np.zeros(0, np.int64)
     parts = [(none, none, none)]
     for column, number in enumerate(agents.tolist()):
         carried = [name for name in names or known if _shows_nodes(state.roster.agents[number], name)]
@@ -352,7 +354,8 @@ def covered(state: GameArrays, games: IntArray, agents: IntArray, node: IntArray
     if state.look is not None and not state.noted.keys().isdisjoint(agents.tolist()):
         state.look(games)
     for column, number in enumerate(agents.tolist()):
-        agent, here = state.roster.agents[number], node[:, column]
+        agent = state.roster.agents[number]
+        here = node[:, column]
         for name, sensor in sensors_of(agent).items():
             if sensor.type not in ON_GROUND:
                 continue
@@ -394,7 +397,8 @@ def note_sights(
         of_agents = [name for name in state.noted.get(i, ()) if name in carried]
         of_nodes = [name for name in state.noted_nodes.get(i, ()) if name in carried]
         data = look(agent, of_agents + of_nodes) if carried else {}
-        sights = state.sighted[number, i] = {}
+        sights: dict[str, tuple[IntArray, IntArray]] = {}
+        state.sighted[number, i] = sights
         for name in of_agents:
             known = [(names[other], node) for other, node in _places_in(data[name], ctx) if other in names]
             others, nodes = np.array([*known, (0, 0)], np.int64)[:-1].T

@@ -96,7 +96,8 @@ class CoreEvents(NamedTuple):
         run -= np.maximum.accumulate(np.where(is_first, run, 0))  # the number, within a game, of the run of one kind
         keys = run * len(rules.KINDS) + self.kinds
         for key in np.unique(keys).tolist():
-            some, kind = self.those(keys == key), rules.KINDS[key % len(rules.KINDS)]
+            some = self.those(keys == key)
+            kind = rules.KINDS[key % len(rules.KINDS)]
             fields: dict[str, list[Any]] = {"agent": [names[agent] for agent in some.agents.tolist()]}
             if kind in NAMED:
                 others = zip(some.rules.tolist(), some.others.tolist(), strict=True)
@@ -218,7 +219,8 @@ def _as_made(key: Hashable, named: str, first: Arrays, made: object, is_first: B
                 f"{shown(name)} has the shape {given.get(name)}, not {wanted.get(name)}; None: it is not there. Of a "
                 "mapping by the names of agents, arrays.roster.column(values, default) makes one, (1, agents)."
             )
-        own, kind = np.asarray(first[name]).dtype, like[name].dtype
+        own = np.asarray(first[name]).dtype
+        kind = like[name].dtype
         if not np.can_cast(own, kind, "same_kind") and like[name].size:
             raise BadValue(f"begins of {named} returns {shown(name)} of {own} under {shown(key)}, not of {kind}.")
     return {name: np.asarray(first[name]).astype(one.dtype) for name, one in like.items()}
@@ -314,8 +316,10 @@ class GameArrays:
     """
 
     def __init__(self, roster: AgentTable, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
-        self.roster, self.seeds = roster, list(seeds)
-        games, shape = len(seeds), (len(seeds), len(roster.names))
+        self.roster = roster
+        self.seeds = list(seeds)
+        games = len(seeds)
+        shape = (len(seeds), len(roster.names))
         self.start = np.where(roster.is_first, start, -1)
         self.node = start.copy()
         self.previous = start.copy()
@@ -325,8 +329,10 @@ class GameArrays:
         self.scores = Scores(games)
         self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
         self.errors: list[list[dict[str, Any]]] = [[] for _ in seeds]
-        self.over, self.is_going = list[dict[str, Any] | None]([None] * games), np.ones(games, np.bool_)
-        self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
+        self.over = list[dict[str, Any] | None]([None] * games)
+        self.is_going = np.ones(games, np.bool_)
+        self.stops = np.zeros(shape, np.int64)
+        self.blocked = np.zeros(shape, np.bool_)
         self.placed = np.zeros(shape, np.bool_)
         self.fell = np.zeros(shape, np.bool_)
         self.flights = Flights(roster, games) if roster.flies.any() else None
@@ -387,11 +393,15 @@ class GameArrays:
     def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Reset games to the start of their map; `InitialState.put` then adds the state of earlier turns."""
         for game, seed in zip(games.tolist(), seeds, strict=True):
-            self.seeds[game], self.over[game], self.errors[game] = seed, None, []
+            self.seeds[game] = seed
+            self.over[game] = None
+            self.errors[game] = []
             self.headings[game] = {}
         self.start[games] = np.where(self.roster.is_first, start, -1)
-        self.node[games] = self.previous[games] = start
-        self.alive[games] = self.is_there[games] = self.roster.is_first
+        self.node[games] = start
+        self.previous[games] = start
+        self.alive[games] = self.roster.is_first
+        self.is_there[games] = self.alive[games]
         self.is_going[games] = True
         self.put_roads(games, None)
         self.movement.clear(games)
@@ -439,7 +449,8 @@ class GameArrays:
 
     def share_memories(self) -> None:
         """Make the agents of each team share one memory; agents without a team (None) keep their own."""
-        teams, team_of = self.roster.teams, self.roster.team_of
+        teams = self.roster.teams
+        team_of = self.roster.team_of
         shares = np.array([team is not None for team in teams], np.bool_)[team_of]
         numbers = np.where(shares, team_of, len(teams) + np.arange(len(team_of)))
         self.memory_of = locked(np.unique(numbers, return_inverse=True)[1])
@@ -471,11 +482,13 @@ class GameArrays:
                 f"columns must come from the same number of games of this scenario, after a turn of these: "
                 f"{shown(wrong[0])} has the shape {given.get(wrong[0])}, not {shapes.get(wrong[0])}; None: missing."
             )
-        nodes, edges = self.streets.num_nodes, len(self.movement.columns.edge_ids)
+        nodes = self.streets.num_nodes
+        edges = len(self.movement.columns.edge_ids)
         limits: dict[Hashable, tuple[int, int]] = dict.fromkeys(("node", "previous"), (0, nodes))
         limits |= {"start": (0 if self.roster.is_first.all() else -1, nodes), "begun": (-1, nodes), "edge": (-1, edges)}
         for name, values in columns.items():
-            numbers, kind = np.asarray(values), mine[name].dtype
+            numbers = np.asarray(values)
+            kind = mine[name].dtype
             if not np.can_cast(numbers.dtype, kind, "same_kind"):
                 raise BadValue(f"The column {name!r} is of {kind}, not of {numbers.dtype}.")
             if name in limits:
@@ -490,7 +503,9 @@ class GameArrays:
         self._refuse_others(columns, mine)
         for name, values in mine.items():
             values[:] = columns[name]
-        self.turn[:], self.is_going[:], self.blocked[:] = turn, True, False
+        self.turn[:] = turn
+        self.is_going[:] = True
+        self.blocked[:] = False
         self.over[:] = [None] * len(self)
         for errors in filter(None, self.errors):
             errors.clear()
@@ -523,7 +538,8 @@ class GameArrays:
                 make = partial(_repeated, first if named is None else _as_made(key, named, first, make(1), is_first))
             known = make(len(self))
             _refuse_other_arrays(known, len(self))
-            self.kept[key], self._makers[key] = known, make
+            self.kept[key] = known
+            self._makers[key] = make
         return known
 
     def checkpoint(self, more: Sequence[np.ndarray[Any, Any]]) -> Callable[[], None]:
@@ -589,7 +605,8 @@ class GameArrays:
         """Count a failure, and add it to the error log of its game; `turn` is the turn, None: the current one."""
         game, agent, kind, message = failure
         self.counts[COUNT_OF.get(kind, kind)][game, agent] += 1
-        name, when = self.roster.names[agent], int(self.turn[game]) if turn is None else turn
+        name = self.roster.names[agent]
+        when = int(self.turn[game]) if turn is None else turn
         self.errors[game].append({"turn": when, "agent": name, "kind": kind, "message": message})
 
     def purposes(self, *purpose: str | int) -> BitArray:
@@ -600,7 +617,8 @@ class GameArrays:
         """Return the hashes of each game's seed and each purpose, (games, purposes)."""
         keys = self._purposes.get(purposes)
         if keys is None:
-            keys = self._purposes[purposes] = _purpose_keys(self.seeds, purposes)
+            keys = _purpose_keys(self.seeds, purposes)
+            self._purposes[purposes] = keys
         return keys
 
     def seeds_of(self, games: IntArray) -> IntArray:

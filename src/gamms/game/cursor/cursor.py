@@ -319,7 +319,8 @@ class Cursor:
         if not self._has_begun:
             return
         self._has_begun = False
-        values, turns = self._values, self._turns
+        values = self._values
+        turns = self._turns
         values.__class__ = GameState
         for name, value in self._kept.items():
             setattr(values, name, value)
@@ -327,7 +328,8 @@ class Cursor:
         values.began = {}
         values.last_turn = None
         values.stream_version += 1  # slots have memories and draws of games of the batch
-        turns.is_playing = turns.is_moving = False
+        turns.is_playing = False
+        turns.is_moving = False
         self._phase.before_reading = None
         self._pointed.show_first()
         self._take_shown()
@@ -358,13 +360,15 @@ class Cursor:
 
     def _what_is_fixed(self) -> tuple[Any, ...]:
         """Return the numbers and objects that only the turn engine may change."""
-        parts, graph = self._parts, self._ctx.graph
+        parts = self._parts
+        graph = self._ctx.graph
         means = self._phase.setting_changes, parts.rules.now, len(parts.collectors.by_name)
         return means, graph.obstacle_revision, graph.storage.has_placed
 
     def _take_shown(self) -> None:
         """Take the agents that the context shows from now on."""
-        self._population = population = self._pointed.population
+        population = self._pointed.population
+        self._population = population
         self._block = population.block
         self._agents = population.agents.members
         self._journal = population.journal
@@ -415,7 +419,9 @@ class Cursor:
 
     def _each(self, games: IntArray) -> Iterator[int]:
         """Point the context at each of some games in turn, and yield the number of the game."""
-        values, state, pointed = self._values, self._state, self._pointed
+        values = self._values
+        state = self._state
+        pointed = self._pointed
         for number in pointed.each(games):
             self._number = number
             if pointed.population is not self._population:
@@ -426,7 +432,8 @@ class Cursor:
             self._own_of_ctx["_rng"] = self._rngs[number]
             self._changes = self._phase.strategy_changes, self._phase.sensor_changes
             values.team_memories = self._team_memories[number]
-            values.over = self._over = state.over[number]
+            values.over = state.over[number]
+            self._over = state.over[number]
             private = self._private_facts[number] or self._nothing_private
             if private is not self._private_shown:
                 self._private_shown = private
@@ -439,7 +446,9 @@ class Cursor:
             if facts is not self._facts_own:
                 self._show_facts(facts)
             for name, fact_of_game in self._facts_in_core.items():
-                self._facts[name] = self._facts_shown[name] = fact_of_game(state, number)
+                fact = fact_of_game(state, number)
+                self._facts[name] = fact
+                self._facts_shown[name] = fact
             self._show_attributes_of(number)
             yield number
 
@@ -466,7 +475,8 @@ class Cursor:
         """Let the agents have the attributes that they have in a game."""
         attributes = self._attributes[number]
         if attributes is None and not self._are_shared:
-            attributes = self._attributes[number] = [copied_values(own) for own in self._first_attributes]
+            attributes = [copied_values(own) for own in self._first_attributes]
+            self._attributes[number] = attributes
         attributes = attributes or self._shared_attributes
         if attributes is not self._attributes_shown:
             self._show_attributes(attributes)
@@ -480,7 +490,8 @@ class Cursor:
     def _own_attributes(self) -> None:
         """Let the game have attributes of its own before one is read that may change in place."""
         if self._attributes[self._number] is None:
-            own = self._attributes[self._number] = copied(self._attributes_shown)
+            own = copied(self._attributes_shown)
+            self._attributes[self._number] = own
             self._show_attributes(own)
 
     def _take_attributes(self) -> None:
@@ -496,7 +507,9 @@ class Cursor:
         asked = {self._state.roster.names[number] for number in self._asked_agents}
         undone = {name: why for name, why in first.blocked.items() if name in asked}
         for number in games.tolist():
-            self._data[number] = self._facts_of[number] = self._attributes[number] = None
+            self._data[number] = None
+            self._facts_of[number] = None
+            self._attributes[number] = None
             self._rngs[number] = self._first_rng(number)
             private_facts = first.private_facts
             own = self._first_values[number] if self._first_values else None
@@ -570,7 +583,8 @@ class Cursor:
         if number not in self._data_before:
             self._data_before[number] = None if data is None else self._copy_of_data(data)
         if data is None:
-            data = self._data[number] = self._copy_of_data(self._first_data)
+            data = self._copy_of_data(self._first_data)
+            self._data[number] = data
         return data
 
     def _copy_of_data(self, data: dict[Any, Any]) -> dict[Any, Any]:
@@ -584,7 +598,8 @@ class Cursor:
         if self._core_keys:
             self._leave("replaces ctx.game.data")
         self._make_data()
-        self._data[self._number] = self._read["data"] = data
+        self._data[self._number] = data
+        self._read["data"] = data
 
     def _began(self) -> dict[str, Any]:
         state = self._state
@@ -634,7 +649,8 @@ class Cursor:
 
     def _make_moves(self) -> TurnMoves | None:
         """Return how agents have moved in the last turn of the game, or are about to move; None: there was none."""
-        part, games = self._part, np.array([self._number])
+        part = self._part
+        games = np.array([self._number])
         if part is not None:
             return self._moves_between(*(column[0] for column in self._core.next_moves(games, part)))
         if self._state.turn[self._number] == self._first.turn and not self._core.num_played_parts(self._number):
@@ -657,7 +673,8 @@ class Cursor:
         if moment != self._moment:
             population = self._population
         order = self._order_of(population, took_part)
-        ids, courses = self._state.streets.ids, self._core.courses
+        ids = self._state.streets.ids
+        courses = self._core.courses
         numbers = np.flatnonzero(took_part)
         acting = numbers
         if self._part is not None:  # the others stay where they are
@@ -682,8 +699,11 @@ class Cursor:
         self._call_each(self._check, games, part=part)
 
     def _check(self) -> None:
-        number, moves, log = self._number, self._read_field("moves"), self._state.deed_log
-        part_of, numbers = self._core.part_of, self._number_of
+        number = self._number
+        moves = self._read_field("moves")
+        log = self._state.deed_log
+        part_of = self._core.part_of
+        numbers = self._number_of
         members = [i for i, name in enumerate(moves.order.names) if part_of[numbers[name]] == self._part]
         for i, kind, why in self._turns.refused(moves, members, self._parts.rules):
             agent = numbers[moves.slots[i].name]
@@ -727,7 +747,8 @@ class Cursor:
         self._call_each(self._give_way_at_arrivals, games)
 
     def _give_way_at_arrivals(self) -> None:
-        order, number = self._living.order, self._number
+        order = self._living.order
+        number = self._number
         agents = [self._number_of[name] for name in order.names]
         before, after = [[places[agent] for agent in agents] for places in self._core.places(number)]
         for i, _ in self._turns.losers_between(order, before, after):
@@ -801,7 +822,8 @@ class Cursor:
                 error.add_note(self._named())
                 raise
         finally:
-            turns.is_playing = turns.is_moving = False
+            turns.is_playing = False
+            turns.is_moving = False
             self._part = None
         self._have_left(games)
         if self._new_agents:
@@ -838,7 +860,9 @@ class Cursor:
 
     def _take(self) -> None:
         """Write the changes of a game into the columns."""
-        number, over, journal = self._number, self._values.over, self._journal
+        number = self._number
+        over = self._values.over
+        journal = self._journal
         block = None
         self._take_rng()
         if self._has_other_agents():
@@ -871,7 +895,8 @@ class Cursor:
 
     def _take_rng(self) -> None:
         """Keep the random stream of a game."""
-        self._rngs[self._number] = rng = self._own_of_ctx["_rng"]
+        rng = self._own_of_ctx["_rng"]
+        self._rngs[self._number] = rng
         if rng is not None and self._has_drawn:
             self._leave("draws from ctx.rng, as the code of the scenario does")
 
@@ -881,7 +906,8 @@ class Cursor:
         Returns:
             The block with what the function has done; None: some agents have no rows, and games have to begin again.
         """
-        number, before = self._number, self._population
+        number = self._number
+        before = self._population
         agents = self._ctx.agent.agents
         roster = self._state.roster
         known = {agent.name: agent for agent in before.agents.members}
@@ -937,7 +963,8 @@ class Cursor:
 
     def _note_events(self, entries: Sequence[dict[str, Any]]) -> None:
         """Count the agents that events stop which a function has added to the log of a game."""
-        state, numbers = self._state, self._number_of
+        state = self._state
+        numbers = self._number_of
         for entry in entries:
             stopped = entry.get(STOPPED.get(entry["kind"], ""))
             if isinstance(stopped, str) and stopped in numbers:
@@ -960,7 +987,9 @@ class Cursor:
             journal: what a function has done.
             changed: the agents, if it has created or deleted some; else None.
         """
-        state, number, block = self._state, self._number, changed or self._block
+        state = self._state
+        number = self._number
+        block = changed or self._block
         kinds = {one[0] for one in journal.log if type(one) is tuple}
         progressed = [name for name in map(journal.names.__getitem__, journal.progressed) if name in block.rows]
         journal.log.clear()
@@ -981,7 +1010,8 @@ class Cursor:
         alive = bytes(block.alive)
         state.alive[number, numbers] = np.frombuffer(alive, np.bool_)
         if not changed:
-            self._pointed.headings, self._pointed.alive = state.headings[number], alive
+            self._pointed.headings = state.headings[number]
+            self._pointed.alive = alive
         state.placed[number, numbers] = [row in block.placed for row in range(len(numbers))]
         if state.flights is not None:
             fly = self._population.flying, self._population.rows_in_air
@@ -989,9 +1019,13 @@ class Cursor:
 
     def _take_facts(self) -> None:
         """Store the facts that a rule has published in a game."""
-        known, now = self._facts_shown, self._facts
+        known = self._facts_shown
+        now = self._facts
         changed = {name for name, fact in now.items() if name not in known or fact is not known[name]}
-        self._facts_of[self._number] = self._facts_own = self._facts_shown = dict(now)
+        facts = dict(now)
+        self._facts_of[self._number] = facts
+        self._facts_own = facts
+        self._facts_shown = facts
         if changed & self._core_keys:
             self._leave("publishes facts of rules in the core")
         if self._has_array_functions:
@@ -1004,7 +1038,8 @@ class Cursor:
         """Let agents observe and decide in games at which the context is pointed."""
         turns = self._turns
         self._begin()
-        turns.is_playing = turns.is_moving = True
+        turns.is_playing = True
+        turns.is_moving = True
         try:
             yield
         except Exception as error:
@@ -1012,7 +1047,8 @@ class Cursor:
                 error.add_note(self._named())
                 raise
         finally:
-            turns.is_playing = turns.is_moving = False
+            turns.is_playing = False
+            turns.is_moving = False
             turns.travel.now = 0.0
             self._forget_looks()
         self._have_left(games)
@@ -1097,7 +1133,9 @@ class Cursor:
 
     def _decide_at_arrival(self, asked: _AskedAgents) -> Decisions:
         """Return the decisions of agents, which may have decided in the same turn before."""
-        number, turns, slots = self._number, self._turns, self._living.order.slots
+        number = self._number
+        turns = self._turns
+        slots = self._living.order.slots
         known = self._marks.get(number, _StreamPositions({}, [{} for _ in self._cached.notices]))
         for notice, looks in zip(self._cached.notices, known.looks, strict=True):
             notice.go_to(looks)
@@ -1127,7 +1165,9 @@ class Cursor:
 
     def _choose_routes(self, routes: Routes, decisions: Decisions, asked: _AskedAgents) -> None:
         """Let agents of the game that the context is pointed at go as they have decided."""
-        number, starts, ends = self._number, decisions.starts, decisions.ends
+        number = self._number
+        starts = decisions.starts
+        ends = decisions.ends
         for i, name in asked.members:
             end = None if ends[i] == starts[i] else ends[i]
             flies = self._block.kind[self._block.row_of(name)]
@@ -1161,7 +1201,8 @@ class Cursor:
     def _take_deeds(self, decisions: Decisions, asked: _AskedAgents) -> None:
         """Take what agents of the game that the context is pointed at do besides moving."""
         for i, name in asked.members:
-            action, agent = decisions.actions.get(i), self._number_of[name]
+            action = decisions.actions.get(i)
+            agent = self._number_of[name]
             deeds = (action and action.deeds) or {}
             if self._core.arrival and deeds:
                 self._core.note_late_deeds(np.array([self._number]), np.array([agent]))
@@ -1170,7 +1211,9 @@ class Cursor:
 
     def _take_messages(self, radio: MessageTraffic, decisions: Decisions, asked: _AskedAgents) -> None:
         """Take what agents of the game that the context is pointed at send."""
-        failed, slots, number = decisions.failed, self._living.order.slots, self._number
+        failed = decisions.failed
+        slots = self._living.order.slots
+        number = self._number
         having = {*asked.part.observing}  # an outbox: agents whose plan is of arrays have none
         messages, unsent = self._turns.outboxes.read(
             [slots[i] for i, _ in asked.members if i in having and i not in failed]
@@ -1191,7 +1234,8 @@ class Cursor:
 
     def _note_undone(self, game: int, agent: int, why: str) -> None:
         if agent in self._asked_agents:
-            undone, name = self._undone.setdefault(game, {}), self._state.roster.names[agent]
+            undone = self._undone.setdefault(game, {})
+            name = self._state.roster.names[agent]
             undone[name] = f"{undone[name]}; {why}" if name in undone else why
 
     def _asked(self, agents: IntArray, observing: IntArray) -> _AskedAgents:
@@ -1201,7 +1245,8 @@ class Cursor:
 
     def _new_asked(self, agents: IntArray, observing: IntArray) -> _AskedAgents:
         """Return the same; `_asked` remembers it, because the same agents are asked in each turn."""
-        order, names = self._living.order, self._state.roster.names
+        order = self._living.order
+        names = self._state.roster.names
         named = [names[number] for number in agents.tolist()]
         places = [order.index_of.get(name, -1) for name in named]
         members = [(i, name) for i, name in zip(places, named, strict=True) if i >= 0]
@@ -1217,8 +1262,10 @@ class Cursor:
 
     def _tell_blocked(self, asked: _AskedAgents) -> list[Any]:
         """Set the reasons why agents failed to act in their last turns; return their slots."""
-        state, told = self._state, []
-        slots, numbers = self._living.order.slots, self._number_of
+        state = self._state
+        told = []
+        slots = self._living.order.slots
+        numbers = self._number_of
         undone = self._undone.get(self._number, {})
         for i, name in asked.members:
             why = [undone[name]] if name in undone else []
@@ -1257,7 +1304,8 @@ class Cursor:
         team_memories = [{team: copied(one) for team, one in each.items()} for each in self._team_memories]
         undone = copied(self._undone)
         collected = [one.snapshot() for one in self._collectors] if self._periods else []
-        data = self._data_before = {}
+        data: dict[int, dict[Any, Any] | None] = {}
+        self._data_before = data
 
         def take_back() -> None:
             undo()

@@ -163,7 +163,8 @@ class FunctionsPerGame:
         self._differs = differs or len(self._preparing) > 0
         self.first = self._values if self._differs else []
         self._shared = {who: one for who, one in deciders.items() if one is not None}
-        self._first_rules = self._unprepared_rules = game.rules
+        self._first_rules = game.rules
+        self._unprepared_rules = self._first_rules
         self._first: Mapping[Owner, Any] = {}  # of the seed of the context
 
     @property
@@ -275,7 +276,8 @@ class FunctionsPerGame:
 
 def _have_same_places(one: _Map, other: _Map) -> bool:
     """Return whether two maps have the same nodes, obstacles and edges, apart from edges that only one of them has."""
-    columns, others = one.columns, other.columns
+    columns = one.columns
+    others = other.columns
     have_same_nodes = np.array_equal(columns.node_ids, others.node_ids) and np.array_equal(columns.xy, others.xy)
     if not (have_same_nodes and np.array_equal(one.obstacles.corners, other.obstacles.corners)):
         return False

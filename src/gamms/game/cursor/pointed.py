@@ -168,7 +168,8 @@ class Population:
 
     def renew_journal(self) -> Journal:
         """Return a new journal, which the block has from now on."""
-        self.journal = self.block.journal = Journal(self.block.names)
+        self.journal = Journal(self.block.names)
+        self.block.journal = self.journal
         return self.journal
 
     @property
@@ -274,9 +275,13 @@ class PointedContext:
     @contextmanager
     def showing(self, population: Population) -> Iterator[None]:
         """Let the context have another set of agents, and then again what it has now, which may be changed."""
-        agent, sensor = self._game.ctx.agent.storage, self._game.ctx.sensor.storage
-        agents, sensors = agent.share(), sensor.share()
-        shown, lives, headings = self.population, bytes(agents.block.alive), self.headings
+        agent = self._game.ctx.agent.storage
+        sensor = self._game.ctx.sensor.storage
+        agents = agent.share()
+        sensors = sensor.share()
+        shown = self.population
+        lives = bytes(agents.block.alive)
+        headings = self.headings
         self.show(population)
         try:
             yield
@@ -300,7 +305,8 @@ class PointedContext:
 
     def part_from_others(self) -> None:
         """Let the context have a set of agents of its own, if their strategies or sensors were changed."""
-        sensors, known = self._game.ctx.sensor.storage.share(), self.population.sensors
+        sensors = self._game.ctx.sensor.storage.share()
+        known = self.population.sensors
         are_same = sensors is known or (sensors.sensors, sensors.keywords) == (known.sensors, known.keywords)
         each = zip(self.population.agents.members, self.population.agents.equipment, strict=True)
         if not are_same or any((agent.strategy, agent.sensors) != own for agent, own in each):
@@ -406,7 +412,8 @@ class PointedContext:
 
     def _show_poses(self, number: int) -> None:
         """Let agents fly where they do in a game, and be turned as they are there."""
-        flights, headings = self._state.flights, self._state.headings[number]
+        flights = self._state.flights
+        headings = self._state.headings[number]
         shown = self.population
         if flights is not None:
             poses = flights.poses(number)
@@ -436,7 +443,8 @@ class PointedContext:
 
     def _note_map(self, roads: RoadMap | None) -> None:
         self._roads = roads
-        self._revision, self._road_changes = self._graph.revision, self._game.ctx.graph.storage.road_changes
+        self._revision = self._graph.revision
+        self._road_changes = self._game.ctx.graph.storage.road_changes
 
     def has_changed_map(self) -> bool:
         """Return whether the graph of the context was changed since the game was shown."""
@@ -462,7 +470,8 @@ class PointedContext:
 
     def take_roads(self, number: int) -> bool:
         """Store the map of the context for a game; return False, and do nothing, if more than roads was changed."""
-        state, storage = self._state, self._game.ctx.graph.storage
+        state = self._state
+        storage = self._game.ctx.graph.storage
         others = self._graph.revision - self._revision - storage.road_changes + self._road_changes
         if others:
             return False
