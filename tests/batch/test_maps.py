@@ -95,7 +95,7 @@ def test_games_are_recorded_on_their_maps(tmp_path):
             with gamms.recorder.open(tmp_path / "game.gamms") as recording:
                 again = gamms.scenario.from_recording(recording)
                 assert recording.turns == games.turn[number]
-            assert again.to_dict()["map"]["grid"]["width"] == MAPS[games.maps[number]]["grid"]["width"]
+            assert again.to_dict()["map"]["grid"]["columns"] == MAPS[games.maps[number]]["grid"]["width"]
 
 
 def test_the_table_has_the_maps():
