@@ -13,7 +13,7 @@ from gamms.errors import BadType, BadValue
 from gamms.rl.learners import default_observation
 from gamms.scenario.documents import ScenarioError
 
-MAPS = [{"grid": {"width": width, "height": height}} for width, height in ((4, 4), (7, 3), (1, 9), (5, 6))]
+MAPS = [{"grid": {"rows": rows, "columns": columns}} for rows, columns in ((4, 4), (3, 7), (9, 1), (6, 5))]
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "score": 0.5}}
 LIMIT = {"rule": "time_limit", "with": {"turns": 9, "winner": "blue"}}
 CODE = '''
@@ -95,7 +95,7 @@ def test_games_are_recorded_on_their_maps(tmp_path):
             with gamms.recorder.open(tmp_path / "game.gamms") as recording:
                 again = gamms.scenario.from_recording(recording)
                 assert recording.turns == games.turn[number]
-            assert again.to_dict()["map"]["grid"]["columns"] == MAPS[games.maps[number]]["grid"]["width"]
+            assert again.to_dict()["map"]["grid"]["columns"] == MAPS[games.maps[number]]["grid"]["columns"]
 
 
 def test_the_table_has_the_maps():
@@ -137,8 +137,8 @@ def test_maps_are_checked_as_those_of_scenarios(tmp_path):
         scenario.batch(3, maps=7)
     with pytest.raises(ScenarioError, match=r"^maps\[1\]: cannot be 7"):
         scenario.batch(3, maps=[MAPS[0], 7])
-    with pytest.raises(ScenarioError, match=r"^maps\[2\]\.grid\.width"):
-        scenario.batch(3, maps=[*MAPS[:2], {"grid": {"width": 0, "height": 2}}])
+    with pytest.raises(ScenarioError, match=r"^maps\[2\]\.grid\.columns"):
+        scenario.batch(3, maps=[*MAPS[:2], {"grid": {"rows": 2, "columns": 0}}])
     with pytest.raises(ScenarioError, match=r"^maps\[0\]\.file.*there is no file"):
         scene([TAG], folder=tmp_path).batch(3, maps=[{"file": "none.gamms"}])
 
@@ -207,7 +207,7 @@ def test_rewards_of_learners_are_given_map_by_map():
     env.reset(seed=1)
     maps = env.unwrapped.learners.games.maps
     _, rewards, *_ = env.step(np.zeros(24, np.int64))
-    sizes = np.array([one["grid"]["width"] * one["grid"]["height"] for one in MAPS])[maps]
+    sizes = np.array([one["grid"]["rows"] * one["grid"]["columns"] for one in MAPS])[maps]
     assert (rewards.reshape(8, 3) // 100).tolist() == np.repeat(sizes[:, None], 3, axis=1).tolist()
     assert asked == [np.flatnonzero(maps == number).tolist() for number in np.unique(maps)]
     env.close()
