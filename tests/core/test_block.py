@@ -174,6 +174,8 @@ def test_a_row_that_there_is_not_is_refused(row):
 
 def test_agents_that_are_stopped_stay_where_they_start_and_are_counted_unless_they_would_stay():
     counts, ends = numbers([4, 5, 6], "i"), numbers([1, 7, -3])
-    assert stop_moves(numbers([1, 2, 3]), ends, counts, [0, 2]) == [(2, -3)]
+    stopped, nodes = numbers([0, 0]), numbers([0, 0])
+    assert stop_moves(numbers([1, 2, 3]), ends, counts, numbers([0, 2]), stopped, nodes) == 1
+    assert (stopped[0], nodes[0]) == (2, -3)
     assert ends.tolist() == [1, 7, 3]
     assert counts.tolist() == [4, 5, 7]

@@ -71,7 +71,9 @@ DICTS = st.dictionaries(st.sampled_from("xyz"), KINDS)
 CASES = {
     ("block", "gather"): BLOCK.map(lambda one: (one[0], one[2], one[3])),
     ("block", "move_rows"): BLOCK,
-    ("block", "stop_moves"): BLOCK.map(lambda one: (one[0], one[1], array("i", range(6)), [0, 2, 5])),
+    ("block", "stop_moves"): BLOCK.map(
+        lambda one: (*one[:2], array("i", range(6)), *[array("q", [0, 2, 5]) for _ in range(3)])
+    ),
     ("copies", "copied"): st.tuples(PLAIN),
     ("copies", "copied_values"): st.tuples(st.dictionaries(SCALARS, PLAIN)),
     ("copies", "copied_each"): st.tuples(DICTS),

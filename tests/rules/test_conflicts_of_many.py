@@ -2,6 +2,8 @@
 
 import io
 
+import networkx as nx
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -104,6 +106,26 @@ def test_ranks_decide_as_a_function_that_is_asked_about_each_contest(case):
             assert dict(twin.game.counts) == dict(plain_twin.game.counts)
         with recorded(ctx) as recording, recorded(plain) as plain_recording:
             assert first_difference(recording, plain_recording) is None
+
+
+@pytest.mark.parametrize("edge_capacity", [1, "lanes"])
+def test_conflicts_by_metres_do_not_depend_on_the_ids_of_nodes_and_edges(edge_capacity):
+    def where(factor):
+        graph = nx.relabel_nodes(gamms.graph.grid(9, 9), {node: factor * node for node in range(81)})
+        for source, target, edge in graph.edges(data=True):
+            edge["lanes"] = 1 + (source + target) // factor % 2
+        with gamms.create_context(seed=3, logger_config={"level": "CRITICAL"}) as ctx:
+            ctx.graph.attach_networkx_graph(graph)
+            ctx.game.speed_unit = "metres"
+            ctx.game.conflicts = Conflicts(1, edge_capacity=edge_capacity)
+            for i in range(30):
+                start = factor * (i * 7 % 81)
+                ctx.agent.create_agent(f"a{i}", start_node_id=start, speed=0.7, strategy=gamms.strategies.random_walk)
+            ctx.game.run(12)
+            places = [(agent.current_node_id // factor, agent.offset_m) for agent in ctx.game.agents]
+            return places, ctx.game.counts
+
+    assert where(1) == where(1 << 40)
 
 
 def test_a_subclass_that_resolves_is_given_all_moves():

@@ -6,8 +6,15 @@ ctypedef long long i64
 cpdef int gather(const i64[::1] column, const i64[::1] rows, i64[::1] out) except -1 nogil
 @cython.locals(i=Py_ssize_t, size=Py_ssize_t, row=i64, end=i64, moved=i64)
 cpdef i64 move_rows(i64[::1] node, i64[::1] previous, const i64[::1] rows, const i64[::1] ends) except -1 nogil
-@cython.locals(stopped=list, i=Py_ssize_t)
-cpdef list stop_moves(const i64[::1] starts, i64[::1] ends, int[::1] counts, list losers)
+@cython.locals(found=Py_ssize_t, place=Py_ssize_t, i=Py_ssize_t)
+cpdef Py_ssize_t stop_moves(
+    const i64[::1] starts,
+    i64[::1] ends,
+    int[::1] counts,
+    const i64[::1] losers,
+    i64[::1] stopped,
+    i64[::1] nodes,
+) except -1 nogil
 
 
 cdef class Block:

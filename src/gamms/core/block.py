@@ -221,20 +221,30 @@ def move_rows(node: memoryview[int], previous: memoryview[int], rows: memoryview
 
 
 def stop_moves(
-    starts: memoryview[int], ends: memoryview[int], counts: memoryview[int], losers: list[int]
-) -> list[tuple[int, int]]:
-    """Keep agents where they start; return (agent, node) for each agent that would have moved to this node.
+    starts: memoryview[int],
+    ends: memoryview[int],
+    counts: memoryview[int],
+    losers: memoryview[int],
+    stopped: memoryview[int],
+    nodes: memoryview[int],
+) -> int:
+    """Keep agents where they start; return how many of them would have moved.
 
     Args:
         starts: (agents,) the nodes where the moves begin.
         ends: (agents,) the nodes where they end; changed.
         counts: (agents,) the number of stopped moves of each agent; increased.
-        losers: the agents.
+        losers: (losers,) the agents.
+        stopped: (losers,) set to the agents that would have moved.
+        nodes: (losers,) set to the nodes to which these would have moved.
     """
-    stopped = []
-    for i in losers:
+    found = 0
+    for place in range(len(losers)):
+        i = losers[place]
         if starts[i] != ends[i]:
-            stopped.append((i, ends[i]))
+            stopped[found] = i
+            nodes[found] = ends[i]
+            found += 1
             ends[i] = starts[i]
             counts[i] += 1
-    return stopped
+    return found

@@ -1,14 +1,13 @@
 cimport cython
 
 from gamms.core cimport draws
-from gamms.core.agents cimport MoveColumns
 
 ctypedef unsigned char u8
 ctypedef int i32
 ctypedef long long i64
 ctypedef unsigned long long u64
 
-cdef u64 NEVER, UNRANKED, MASK, SPREAD
+cdef u64 NEVER, UNRANKED
 cdef u8 GOES, STAYS, NEEDS_RANK
 cdef int FORWARD, BOTH_WAYS
 
@@ -53,20 +52,7 @@ cdef bint is_ahead(Contests c, i64 i, i64 j) noexcept nogil
 cdef int put_best_first(Contests c, i64 begin, i64 end, i64 number) except -1 nogil
 @cython.locals(child=i64, i=i32)
 cdef int sift(Contests c, i64 begin, i64 number, i64 k) except -1 nogil
-@cython.locals(last=i64, found=i32, i=Py_ssize_t, k=i64, n=i64)
-cpdef int number_ids(const i64[::1] ids, i64[::1] keys, i32[::1] slots, i32[::1] used, i64[::1] numbers) except -1 nogil
 @cython.locals(at=i64, at_ranks=i64, found=i64, stopped=i64, i=i64)
 cpdef i64 resolve(Contests c, MoveRequests requests, i64 game, i64 turn) except -1 nogil
-
-
-@cython.final
-cdef class NodeNumbering:
-    cdef i64[::1] keys, ids, numbers
-    cdef i32[::1] slots, used
-
-    @cython.locals(i=Py_ssize_t, agents=Py_ssize_t)
-    cpdef int number_moves(self, MoveColumns moves) except -1 nogil
-
-
-@cython.locals(i=i64, found=list)
-cpdef list losers(Contests c)
+@cython.locals(i=i64, found=Py_ssize_t)
+cpdef Py_ssize_t losers(Contests c, i64[::1] out) except -1 nogil

@@ -12,7 +12,6 @@ equal agents and the order of contests never depend on the order in which agents
 from __future__ import annotations
 
 from gamms.core import draws
-from gamms.core.agents import MoveColumns
 
 NEVER = 1 << 62  # the rank of an agent that wins no contest
 UNRANKED = NEVER + 1  # an agent without a rank: in a contest, it stays as `NEEDS_RANK`
@@ -25,8 +24,6 @@ RANK_MISSING = UNRANKED
 WINS = GOES
 LOSES = STAYS
 LOSES_UNRANKED = NEEDS_RANK
-MASK = 0xFFFFFFFFFFFFFFFF
-SPREAD = 0x9E3779B97F4A7C15  # odd, for hashes by multiplication
 FORWARD = 1  # from the smaller of two places to the larger
 BOTH_WAYS = 3
 
@@ -387,39 +384,6 @@ def sift(c: Contests, begin: int, number: int, k: int) -> int:
     return 0
 
 
-def number_ids(
-    ids: memoryview[int],
-    keys: memoryview[int],
-    slots: memoryview[int],
-    used: memoryview[int],
-    numbers: memoryview[int],
-) -> int:
-    """Number ids from 0 in the order of first occurrence, by a hash table; return the number of different ids.
-
-    Args:
-        ids: 64-bit integers.
-        keys: working memory: 64-bit integers; the length is a power of two greater than the number of ids.
-        slots: 32-bit integers of the same length, all -1; reset after the call.
-        used: (ids,) 32-bit integers, working memory.
-        numbers: (ids,) 64-bit integers; set to the number of each id.
-    """
-    last = len(slots) - 1
-    found = 0
-    for i in range(len(ids)):
-        k = (((ids[i] * SPREAD) & MASK) >> 32) & last
-        while slots[k] >= 0 and keys[k] != ids[i]:
-            k = (k + 1) & last
-        if slots[k] < 0:
-            slots[k] = found
-            keys[k] = ids[i]
-            used[found] = k
-            found += 1
-        numbers[i] = slots[k]
-    for n in range(found):
-        slots[used[n]] = -1
-    return found
-
-
 def resolve(c: Contests, requests: MoveRequests, game: int, turn: int) -> int:
     """Resolve the conflicts of a game: write `c.stays`, and return the number of agents that stay.
 
@@ -449,42 +413,11 @@ def resolve(c: Contests, requests: MoveRequests, game: int, turn: int) -> int:
     return stopped
 
 
-class NodeNumbering:
-    """Numbers the nodes of the moves of one game from 0, in each turn.
-
-    Attributes:
-        numbers: (2 * agents,) the numbers of the start nodes, then of the end nodes.
-        ids: (2 * agents,) working memory.
-        keys, slots, used: see `number_ids`.
-    """
-
-    def __init__(
-        self,
-        numbers: memoryview[int],
-        ids: memoryview[int],
-        keys: memoryview[int],
-        slots: memoryview[int],
-        used: memoryview[int],
-    ) -> None:
-        self.numbers = numbers
-        self.ids = ids
-        self.keys = keys
-        self.slots = slots
-        self.used = used
-
-    def number_moves(self, moves: MoveColumns) -> int:
-        """Number the start and end nodes of moves; return the number of different nodes."""
-        agents = len(moves.starts)
-        for i in range(agents):
-            self.ids[i] = moves.starts[i]
-            self.ids[agents + i] = moves.ends[i]
-        return number_ids(self.ids, self.keys, self.slots, self.used, self.numbers)
-
-
-def losers(c: Contests) -> list[int]:
-    """Return the agents that stay because they have lost a contest, in ascending order."""
-    found = []
+def losers(c: Contests, out: memoryview[int]) -> int:
+    """Write the agents that stay because they have lost a contest to `out`, ascending; return their number."""
+    found = 0
     for i in range(c.agents):
         if c.stays[i] != GOES:
-            found.append(i)  # noqa: PERF401 - compiled, a comprehension would be a closure
+            out[found] = i
+            found += 1
     return found

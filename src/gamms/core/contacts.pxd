@@ -1,6 +1,7 @@
 cimport cython
 
 from gamms.core cimport draws, travel
+from gamms.core.agents cimport MoveColumns
 
 ctypedef unsigned long long u64
 ctypedef long long i64
@@ -70,14 +71,16 @@ cdef class PathSegments:
 
 @cython.final
 cdef class NodeNumbers:
-    cdef readonly i64 count
-    cdef i64 room
+    cdef readonly i64 count, room
+    cdef i64 dense, places
     cdef readonly i64[::1] ids
     cdef i64[::1] slots
 
-    cpdef int make_room(self, i64 room) except -1 with gil
+    @cython.locals(known=i64[::1], number=Py_ssize_t)
+    cpdef int make_room(self, i64 places) except -1 with gil
     @cython.locals(last=i64, slot=i64)
     cpdef Py_ssize_t number(self, i64 id) except -1 nogil
+    cpdef int write_moves(self, MoveColumns moves, MoveColumns numbers) except -1 nogil
     @cython.locals(row=Py_ssize_t)
     cpdef int write(self, const i64[::1] ids, i64[::1] numbers) except -1 nogil
 

@@ -10,7 +10,7 @@ from functools import partial
 from inspect import signature
 from itertools import count, repeat
 from operator import attrgetter
-from typing import Any, NamedTuple, Protocol, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -18,9 +18,9 @@ from gamms import kernels
 from gamms.arguments import as_choice, as_flag, as_int, as_known, as_text, shown_as_called
 from gamms.core import conflicts as core
 from gamms.core.agents import MoveColumns
-from gamms.errors import BadType, BadValue, UnknownName, nearest
+from gamms.core.contacts import NodeNumbers
+from gamms.errors import BadType, BadValue, nearest
 from gamms.game.order import TurnOrder
-from gamms.ir.agents import as_ids
 from gamms.ir.graph import GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
@@ -31,6 +31,7 @@ from gamms.typing.game import EdgePlace, IConflicts, Move
 Capacity = int | Mapping[int, int | None] | str | None  # the type of the argument
 UNLIMITED = (1 << 63) - 1  # more agents than any game has
 _PURPOSE = "conflicts"  # of draws
+_FIRST_EDGE = 1 << 62  # less than this, numbers of edges before they follow those of nodes
 _MISSING = object()  # the rank of an agent that the ranking does not know
 
 
@@ -50,7 +51,8 @@ class Contest(NamedTuple):
 
 Resolver = Callable[[Contest, Any], Iterable[str | Move]]  # called with the contest and the `gamms.Context`
 Rank = Callable[[str, Hashable], Any]  # called with the name and the team of an agent
-MoversOf = Callable[[list[int]], Sequence[Move]]  # the moves of agents by their numbers
+MovesOf = Callable[[list[int]], Mapping[str, Move]]  # the moves of agents by their numbers, in order
+MovePlaces = MoveColumns | tuple[list[Any], list[Any]]  # starts and ends: node ids, or lists that may have edges
 
 
 class Ranking:
@@ -179,9 +181,15 @@ class Conflicts:
         """
         listed = sorted(moves.values(), key=_name_of)
         starts, ends = [[move.places[which] for move in listed] for which in (0, 1)]
-        agents = _Agents(self, [move.agent for move in listed], [move.team for move in listed], ctx.seed)
-        found = agents.losers((starts, ends), None, ctx.game.turn, lambda rows: [listed[i] for i in rows], ctx)
+        agents = _Agents(self, [move.agent for move in listed], [move.team for move in listed], (), ctx)
+        found = agents.losers(
+            (starts, ends), ctx.game.turn, lambda rows: {listed[i].agent: listed[i] for i in rows}, ctx
+        )
         return {listed[i].agent for i in found}
+
+    def limits(self, columns: GraphColumns, *, has_edges: bool) -> IntArray:
+        """Return the capacities of all nodes of a map, followed by those of all edges if these are places."""
+        return self._limits.rows(columns, has_edges=has_edges)
 
 
 _name_of = attrgetter("agent")
@@ -240,207 +248,220 @@ class TurnConflicts:
         conflicts: IConflicts,
         order: TurnOrder,
         turn: int,
-        places: tuple[Sequence[Any], Sequence[Any]],
-        moves: MoveColumns | None,
-        moves_of: Callable[[list[int]], Mapping[str, Move]],
+        places: MovePlaces,
+        moves_of: MovesOf,
         ctx: HostContext,
-    ) -> list[int]:
-        """Return the slots of the agents that stay.
+    ) -> memoryview:
+        """Return the slots of the agents that stay, as integers.
 
         Args:
             conflicts: the conflicts of the game.
             order: the living agents.
             turn: the number of turns played.
-            places: the start and the end of each move, by slot: node ids, or edges.
-            moves: the same as arrays of the core, if no agent is on an edge; otherwise None.
+            places: the start and the end of each move, by slot: columns of node ids, or lists that may have edges.
             moves_of: returns the moves of slots, by name and in order.
             ctx: the context.
         """
-        whole = order.whole
         key = (getattr(conflicts, "allow_swaps", None), ctx.seed)
         if order is not self._order or conflicts is not self._conflicts or self._key != key:
-            known = _own(conflicts)
-            names, teams = (whole.of_ground(values) for values in (order.names, order.all_teams()))
-            self._agents = None if known is None else _Agents(known, names, teams, ctx.seed)
+            self._agents = self._agents_of(conflicts, order, ctx)
             self._order = order
             self._conflicts = conflicts
             self._key = key
-        ground = whole.on_ground
-        if self._agents is None:
-            movers = range(len(order.slots)) if ground is None else ground
-            stay = conflicts.resolve(moves_of([*movers]), ctx)
-            return [i for i in movers if order.names[i] in stay]
+        if self._agents is not None:
+            return self._agents.losers(places, turn, moves_of, ctx)
+        ground = order.whole.on_ground
+        movers = range(len(order.slots)) if ground is None else ground
+        stay = conflicts.resolve(moves_of([*movers]), ctx)
+        return memoryview(array("q", [i for i in movers if order.names[i] in stay]))
 
-        def movers_of(rows: list[int]) -> list[Move]:
-            return [*moves_of(rows if ground is None else [ground[i] for i in rows]).values()]
+    def _agents_of(self, conflicts: IConflicts, order: TurnOrder, ctx: HostContext) -> "_Agents | None":
+        """Return the agents for conflicts that the core finds; None for all others."""
+        known = _own(conflicts)
+        if known is None:
+            return None
+        before = self._agents if conflicts is self._conflicts else None
+        places = None if before is None else before.places
+        return _Agents(known, order.names, order.all_teams(), order.slots.flying, ctx, places)
 
-        if ground is None:
-            return self._agents.losers(places, moves, turn, movers_of, ctx)
-        starts, ends = map(whole.of_ground, places)
-        return [ground[i] for i in self._agents.losers((starts, ends), None, turn, movers_of, ctx)]
 
+class MoveRows:
+    """The starts and the ends of moves as numbers of places.
 
-class _WorkingMemory:
-    """Working memory of the core, and its arrays that this module reads.
-
-    Args:
-        conflicts: the conflicts of the game.
-        agents: the number of agents.
-        nodes: the number of nodes among the places of a team.
-        places: the number of places of a team.
-        teams: the number of teams with places of their own.
+    Attributes:
+        both: (2, agents) the starts and the ends.
+        columns: the form of the core.
     """
 
-    def __init__(self, conflicts: Conflicts, agents: int, nodes: int, places: int, teams: int = 1) -> None:
-        ranking = _ranking_of(conflicts._resolver)
-        tables = np.zeros((2, places * teams), np.int32)
-        tables[0] = -1
-        self.members, self.free = np.zeros((2, agents), np.int32)
-        self.first = np.zeros(agents + 1, np.int32)
-        self.stays = np.zeros(agents, np.uint8)
-        self.contests = core.Contests(
-            agents,
-            nodes,
-            places,
-            conflicts._limits.least,
-            conflicts.allow_swaps,
-            ranking is not None and ranking.rank is None,
-            tables.reshape(-1).data,
-            np.zeros(7 * agents, np.int32).data,
-            self.members.data,
-            self.free.data,
-            self.first.data,
-            np.zeros(agents, np.uint64).data,
-            self.stays.data,
-        )
+    def __init__(self, agents: int) -> None:
+        self.both = np.zeros((2, agents), np.int64)
+        self.columns = MoveColumns(self.both[0].data, self.both[1].data)
+
+
+class PlaceNumbers:
+    """The places of one game as numbers, nodes before edges, and their capacities.
+
+    Args:
+        capacities: the capacities of all places.
+        ctx: the context of the game.
+    """
+
+    def __init__(self, capacities: "_Capacities", ctx: HostContext) -> None:
+        ids = ctx.graph.graph.columns().node_ids
+        are_dense = bool((ids == np.arange(len(ids))).all())
+        self._nodes = NodeNumbers(len(ids) if are_dense else 0)
+        self._edges = NodeNumbers()
+        self._capacities = capacities
+        self._columns: GraphColumns | None = None  # the map of `_limits`
+        self._limits: IntArray = np.zeros(0, np.int64)
+
+    @property
+    def num_nodes(self) -> int:
+        """The number of the first edge."""
+        return self._nodes.room
+
+    def write(self, places: MovePlaces, rows: MoveRows, ctx: HostContext) -> IntArray:
+        """Write the numbers of the starts and the ends of moves; return the capacities of all numbers.
+
+        The array of capacities is the same until they change.
+        """
+        if self._columns is None or self._capacities.depend_on_map:
+            columns = ctx.graph.graph.columns()
+            if columns is not self._columns:
+                self._columns = columns
+                self._read_limits(columns)
+        if isinstance(places, MoveColumns):
+            self._nodes.write_moves(places, rows.columns)
+        else:
+            for several, row in zip(places, rows.both, strict=True):
+                row[:] = [self._number(place) for place in several]
+        if len(self._limits) != self._nodes.room + self._edges.room:
+            self._read_limits(self._columns)
+        if not isinstance(places, MoveColumns):
+            rows.both[rows.both < 0] += self._nodes.room + _FIRST_EDGE
+        return self._limits
+
+    def _number(self, place: int | EdgePlace) -> int:
+        """Return the number of a node; of an edge, its number among edges, less than 0."""
+        if isinstance(place, EdgePlace):
+            return self._edges.number(place.edge) - _FIRST_EDGE
+        return self._nodes.number(place)
+
+    def _read_limits(self, columns: GraphColumns) -> None:
+        nodes = columns.node_ids, columns.node_attributes
+        edges = columns.edge_ids, columns.edge_attributes
+        known = self._capacities
+        self._limits = np.concatenate((known.nodes.of(self._nodes, *nodes), known.edges.of(self._edges, *edges)))
 
 
 class _Agents:
     """The agents of a game with conflicts, in the order of their names.
 
-    Places are numbered in each turn: nodes first, then an equal number of edges.
+    Args:
+        conflicts: the conflicts.
+        names, teams: the names and teams of the agents.
+        flying: the indices of agents that fly.
+        ctx: the context.
+        places: the places of the game; None: they are new.
+
+    Attributes:
+        places: the places of the game.
     """
 
-    def __init__(self, conflicts: Conflicts, names: Sequence[str], teams: Sequence[Hashable], seed: int) -> None:
+    def __init__(
+        self,
+        conflicts: Conflicts,
+        names: Sequence[str],
+        teams: Sequence[Hashable],
+        flying: Sequence[int],
+        ctx: HostContext,
+        places: PlaceNumbers | None = None,
+    ) -> None:
+        self.places = PlaceNumbers(conflicts._limits, ctx) if places is None else places
         self._conflicts = conflicts
         self._names = names
         self._teams = teams
-        self._most = most = 2 * len(names)  # ids of nodes and edges where they begin or end
-        number = {team: i for i, team in enumerate(dict.fromkeys(teams if conflicts._per_team else ()))}
-        self._memory = _WorkingMemory(conflicts, len(names), most, 2 * most, len(number) or 1)
-        self._limits = np.full(2 * most, UNLIMITED if conflicts._limits.number is None else conflicts._limits.number)
-        self._numbers = np.zeros(most, np.int64)
-        slots = 1 << most.bit_length()
-        self._numbering = core.NodeNumbering(
-            self._numbers.data,
-            np.zeros(most, np.int64).data,
-            np.zeros(slots, np.int64).data,
-            np.full(slots, -1, np.int32).data,
-            np.zeros(most, np.int32).data,
-        )
-        self._ranking = _ranking_of(conflicts._resolver)
-        ranks: BitArray = np.zeros(0, np.uint64)
-        if self._ranking is not None:
-            ranks = _first_keys(seed, names) if self._ranking.rank is None else self._ranking.ranks(names, teams)
-        moves = self._numbers[: len(names)].data, self._numbers[len(names) :].data
-        counts = memoryview(bytes([1]) * len(names))
-        offsets = memoryview(array("q", [2 * most * number.get(team, 0) for team in teams]))
-        self._requests = core.MoveRequests(*moves, counts, offsets, self._limits.data, ranks.data)
+        self._flies = np.zeros(len(names), np.bool_)
+        self._flies[[*flying]] = True
+        self._purpose = kernels.purpose_key(ctx.seed, _PURPOSE)
+        self._rows = MoveRows(len(names))
+        self._losers = np.zeros(len(names), np.int64)
+        self._limits: IntArray | None = None  # those of `_table`
 
-    def losers(
-        self,
-        places: tuple[Sequence[Any], Sequence[Any]],
-        moves: MoveColumns | None,
-        turn: int,
-        movers_of: MoversOf,
-        ctx: HostContext,
-    ) -> list[int]:
+    def _take_limits(self, limits: IntArray) -> None:
+        """Make working memory for places with these capacities."""
+        self._limits = limits
+        self._table = ConflictTable(
+            self._conflicts, self._names, self._teams, self._flies, limits, self.places.num_nodes
+        )
+        ranks = self._table.ranks
+        if ranks is None:
+            ranks = kernels.first_key_rows(np.array([self._purpose], np.uint64), kernels.name_keys(self._names))
+        counts = memoryview(bytes([1]) * len(self._names))
+        self._requests = self._table.requests(self._rows.both[0].data, self._rows.both[1].data, counts, ranks)
+
+    def losers(self, places: MovePlaces, turn: int, moves_of: MovesOf, ctx: HostContext) -> memoryview:
         """Return the numbers of the agents that stay.
 
         Args:
             places: the start and the end of each move.
-            moves: the same as arrays of the core; None: some places may be edges.
             turn: the number of turns played.
-            movers_of: returns the moves of agents.
+            moves_of: returns the moves of agents, by name and in order.
             ctx: the context.
         """
-        if moves is None:
-            self._number(*places)
-        else:
-            self._numbering.number_moves(moves)
-        limits = self._conflicts._limits
-        if limits.least < UNLIMITED and (limits.number is None or moves is None):
-            starts, ends = places
-            rows = self._numbers[len(starts) :].tolist()
-            coming = {row: end for row, start, end in zip(rows, starts, ends, strict=True) if start != end}
-            self._limits[[*coming]] = limits.of(ctx, [*coming.values()])
-        ranking = self._ranking
+        limits = self.places.write(places, self._rows, ctx)
+        if limits is not self._limits:
+            self._take_limits(limits)
+        table = self._table
+        ranking = table.ranking
         if ranking is None:
-            self._ask_each(movers_of, ctx)
-        elif not core.resolve(self._memory.contests, self._requests, 0, turn):
-            return []
+            self._ask_each(moves_of, ctx)
+        elif not core.resolve(table.contests, self._requests, 0, turn):
+            return memoryview(array("q"))
         elif ranking.rank is not None:
-            for i in np.flatnonzero(self._memory.stays == core.LOSES_UNRANKED).tolist():
+            for i in np.flatnonzero(table.stays == core.LOSES_UNRANKED).tolist():
                 ranking.check(core.RANK_MISSING, self._names[i], self._teams[i])
-        losers: list[int] = core.losers(self._memory.contests)
-        return losers
+        return self._losers[: core.losers(table.contests, self._losers.data)].data
 
-    def _number(self, starts: Sequence[Any], ends: Sequence[Any]) -> None:
-        """Number the start and end places."""
-        are_edges = [isinstance(place, EdgePlace) for place in (*starts, *ends)]
-        nodes, ids = (as_ids([*map(_id_of, places)]) for places in (starts, ends))
-        self._numbering.number_moves(MoveColumns(nodes, ids))
-        self._numbers += self._most * np.array(are_edges, np.int64)
-
-    def _ask_each(self, movers_of: MoversOf, ctx: HostContext) -> None:
+    def _ask_each(self, moves_of: MovesOf, ctx: HostContext) -> None:
         """Decide each contest by the resolver function."""
-        c = self._memory.contests
+        c = self._table.contests
         requests = self._requests
         core.begin(c, requests, 0)
         try:
             if not self._conflicts.allow_swaps:
                 found = core.find_exchanges(c)
-                self._ask(found, movers_of, ctx, is_exchange=True)
+                self._ask(found, moves_of, ctx, is_exchange=True)
                 core.end_exchanges(c, found)
             if self._conflicts._limits.least < len(self._names):
                 found = core.find_contests(c, requests)
                 while found:
-                    self._ask(found, movers_of, ctx, is_exchange=False)
+                    self._ask(found, moves_of, ctx, is_exchange=False)
                     found = core.find_more_contests(c, requests, found)
         finally:
             core.clear(c)
 
-    def _ask(self, found: int, movers_of: MoversOf, ctx: HostContext, *, is_exchange: bool) -> None:
+    def _ask(self, found: int, moves_of: MovesOf, ctx: HostContext, *, is_exchange: bool) -> None:
         """Call the resolver for the contests of a round, in the order of their nodes."""
-        memory = self._memory
+        table = self._table
         resolver = self._conflicts._resolver
         contests = []
-        first = memory.first[: found + 1].tolist()
+        first = table.first[: found + 1].tolist()
         for k in range(found):
-            rows = memory.members[first[k] : first[k + 1]].tolist()
-            memory.stays[rows] = core.LOSES
-            free = int(memory.free[k])
+            rows = table.members[first[k] : first[k + 1]].tolist()
+            table.stays[rows] = core.LOSES
+            free = int(table.free[k])
             if free:
-                movers = tuple(map(_between_places, movers_of(rows)))
+                movers = tuple(map(_between_places, moves_of(rows).values()))
                 start = movers[0].start
                 end = movers[0].end
                 node = (min(start, end), max(start, end)) if is_exchange else end
                 contests.append((Contest(node, free, movers), rows))
         for contest, rows in sorted(contests, key=lambda pair: _rank_of(pair[0])):
             winners = _winners_of(contest, resolver, ctx)
-            memory.stays[[i for i, mover in zip(rows, contest.movers, strict=True) if mover.agent in winners]] = (
+            table.stays[[i for i, mover in zip(rows, contest.movers, strict=True) if mover.agent in winners]] = (
                 core.WINS
             )
-
-
-def _id_of(place: int | EdgePlace) -> int:
-    """Return the id of a node, or of an edge."""
-    return place.edge if isinstance(place, EdgePlace) else place
-
-
-def _first_keys(seed: int, names: Sequence[str]) -> BitArray:
-    purpose = np.array([kernels.purpose_key(seed, _PURPOSE)], np.uint64)
-    return kernels.first_key_rows(purpose, kernels.name_keys(names))
 
 
 def _between_places(move: Move) -> Move:
@@ -454,56 +475,69 @@ def _rank_of(contest: Contest) -> tuple[bool, Any, str]:
     return (isinstance(contest.node, EdgePlace), contest.node, contest.movers[0].agent)
 
 
-# -- turns of many games ---------------------------------------------------------------------------------------------
-
-
-class ComparedMoves(Protocol):
-    """The agents whose moves are compared, in the order of names."""
-
-    @property
-    def names(self) -> Sequence[str]:
-        """The names of the agents."""
-
-    @property
-    def teams(self) -> Sequence[Hashable]:
-        """The teams of the game."""
-
-    @property
-    def team_of(self) -> IntArray:
-        """The index in `teams` of each agent's team, (agents,)."""
-
-    @property
-    def flies(self) -> BoolArray:
-        """Whether each agent flies, (agents,)."""
+# -- working memory --------------------------------------------------------------------------------------------------
 
 
 class ConflictTable:
-    """Constant data of the conflicts of some agents on a map; see `gamms.core.conflicts`.
+    """Constant data and working memory for the conflicts of some agents, in one game at a time; see `core.conflicts`.
+
+    Args:
+        conflicts: the conflicts.
+        names, teams: (agents,) the names and teams of the agents.
+        flies: (agents,) whether each agent flies.
+        limits: (places,) the capacities of all places.
+        num_nodes: the number of nodes, which are the first places.
 
     Attributes:
-        contests: working memory for one game at a time.
-        ranks: (agents,) the ranks of the agents; None: ranks are drawn for `purpose`.
+        ranking: the ranks that decide; None: a function decides.
+        contests: the form of the core, with the arrays `members`, `free`, `first` and `stays`.
+        ranks: (agents,) the ranks of the agents; None: ranks are drawn for `purpose`, or a function decides.
     """
 
     purpose = _PURPOSE
 
-    def __init__(self, conflicts: Conflicts, roster: ComparedMoves, columns: GraphColumns, *, has_edges: bool) -> None:
-        ranking = _ranking_of(conflicts._resolver)
-        assert ranking is not None  # noqa: S101 - they are `ranked`
-        limits = conflicts._limits.rows(columns, has_edges=has_edges)
-        teams = len(roster.teams) if conflicts._per_team else 1
-        memory = _WorkingMemory(conflicts, len(roster.names), len(columns.node_ids), len(limits), teams)
-        self.contests = memory.contests
-        offsets = roster.team_of * (len(limits) if conflicts._per_team else 0)
-        self._places = np.where(roster.flies, -1, offsets).astype(np.int64).data
+    def __init__(
+        self,
+        conflicts: Conflicts,
+        names: Sequence[str],
+        teams: Sequence[Hashable],
+        flies: BoolArray,
+        limits: IntArray,
+        num_nodes: int,
+    ) -> None:
+        agents = len(names)
+        self.ranking = ranking = _ranking_of(conflicts._resolver)
+        is_ranked = ranking is not None and ranking.rank is not None
+        self.ranks = ranking.ranks(names, teams) if ranking is not None and is_ranked else None
+        number = {team: i for i, team in enumerate(dict.fromkeys(teams if conflicts._per_team else ()))}
+        first = np.array([len(limits) * number.get(team, 0) for team in teams], np.int64)
+        self._first = np.where(flies, -1, first).data
         self._limits = limits.data
-        self.ranks: BitArray | None = None
-        if ranking.rank is not None:
-            self.ranks = ranking.ranks(roster.names, [roster.teams[team] for team in roster.team_of.tolist()])
+        tables = np.zeros((2, len(limits) * max(1, len(number))), np.int32)
+        tables[0] = -1
+        self.members = np.zeros(agents, np.int32)
+        self.free = np.zeros(agents, np.int32)
+        self.first = np.zeros(agents + 1, np.int32)
+        self.stays = np.zeros(agents, np.uint8)
+        self.contests = core.Contests(
+            agents,
+            num_nodes,
+            len(limits),
+            conflicts._limits.least,
+            conflicts.allow_swaps,
+            ranking is not None and not is_ranked,
+            tables.reshape(-1).data,
+            np.zeros(7 * agents, np.int32).data,
+            self.members.data,
+            self.free.data,
+            self.first.data,
+            np.zeros(agents, np.uint64).data,
+            self.stays.data,
+        )
 
     def requests(self, starts: memoryview, ends: memoryview, counts: memoryview, ranks: BitArray) -> core.MoveRequests:
         """Return the moves of games for the core; if ranks are drawn, `ranks` holds `first_key`s."""
-        return core.MoveRequests(starts, ends, counts, self._places, self._limits, flat(ranks, np.uint64))
+        return core.MoveRequests(starts, ends, counts, self._first, self._limits, flat(ranks, np.uint64))
 
 
 def flat(column: np.ndarray[Any, Any], kind: type[np.generic]) -> Any:  # memoryviews are not subscriptable
@@ -569,66 +603,55 @@ class _CapacityLimits(NamedTuple):
 
     Attributes:
         least: a lower bound of all capacities; with fewer agents, no capacity is looked up.
-        of: returns the capacities of ids, in the current turn of a context; `UNLIMITED` for no limit.
-        rows: returns the capacities of all nodes or edges of a map, from their ids and attributes.
+        rows: returns the capacities of all nodes or edges of a map, from their ids and attributes; `UNLIMITED` for no
+            limit.
         number: the common capacity; None: capacities may differ.
     """
 
     least: int
-    of: Callable[[HostContext, list[int]], list[int]]
     rows: Callable[[IntArray, _Attributes], IntArray]
     number: int | None = None
+
+    def of(self, numbers: NodeNumbers, ids: IntArray, attributes: _Attributes) -> IntArray:
+        """Return the capacities of all numbers, (room,), for a map with these ids and attributes."""
+        if self.number is not None:
+            return np.full(numbers.room, self.number)
+        found = np.zeros(len(ids), np.int64)
+        numbers.write(np.ascontiguousarray(ids).data, found.data)
+        limits = np.full(numbers.room, UNLIMITED)
+        limits[found] = self.rows(ids, attributes)
+        return limits
 
 
 class _Capacities:
     """The capacities of nodes and edges.
 
     Attributes:
+        nodes, edges: the capacities of each kind.
         least: a lower bound of all capacities.
-        number: the common capacity of all nodes; None: capacities may differ.
+        depend_on_map: whether places of a kind may differ.
     """
 
     def __init__(self, nodes: _CapacityLimits | None, edges: _CapacityLimits | None) -> None:
-        self._nodes = nodes or _of_all(UNLIMITED)
-        self._edges = edges or _of_all(UNLIMITED)
-        self.least = min(self._nodes.least, self._edges.least)
-        self.number = None if self._edges.number is None else self._nodes.number
-
-    def of(self, ctx: HostContext, places: Sequence[Any]) -> list[int]:
-        """Return the capacities of places in the current turn; a place is a node id or an edge."""
-        is_edge = [isinstance(place, EdgePlace) for place in places]
-        nodes = [place for place in places if not isinstance(place, EdgePlace)]
-        edges = [place.edge for place in places if isinstance(place, EdgePlace)]
-        of_node = iter(self._nodes.of(ctx, nodes))
-        of_edge = iter(self._edges.of(ctx, edges))
-        return [next(of_edge if is_one else of_node) for is_one in is_edge]
+        self.nodes = nodes or _of_all(UNLIMITED)
+        self.edges = edges or _of_all(UNLIMITED)
+        self.least = min(self.nodes.least, self.edges.least)
+        self.depend_on_map = self.nodes.number is None or self.edges.number is None
 
     def rows(self, columns: GraphColumns, *, has_edges: bool) -> IntArray:
         """Return the capacities of all nodes of a map, followed by those of all edges if these are places."""
-        rows = self._nodes.rows(columns.node_ids, columns.node_attributes)
+        rows = self.nodes.rows(columns.node_ids, columns.node_attributes)
         if not has_edges:
             return rows
-        return np.concatenate((rows, self._edges.rows(columns.edge_ids, columns.edge_attributes)))
+        return np.concatenate((rows, self.edges.rows(columns.edge_ids, columns.edge_attributes)))
 
 
 def _of_all(number: int) -> _CapacityLimits:
-    return _CapacityLimits(number, lambda _, ids: [number] * len(ids), lambda ids, _: np.full(len(ids), number), number)
+    return _CapacityLimits(number, lambda ids, _: np.full(len(ids), number), number)
 
 
 def _in_attribute(name: str, kind: str) -> _CapacityLimits:
-    """Return capacities that are read from an attribute of nodes or edges in each turn."""
-    is_known = False
-
-    def of(ctx: HostContext, ids: list[int]) -> list[int]:
-        nonlocal is_known
-        graph = ctx.graph.graph
-        attributes = graph.node_attributes if kind == "node" else graph.edge_attributes
-        all_ids = graph.get_nodes if kind == "node" else graph.get_edges
-        if not is_known and not any(name in attributes(id) for id in all_ids()):
-            # A misspelled attribute would silently remove all limits.
-            raise UnknownName(f"{kind} attribute", name, {one: None for id in all_ids() for one in attributes(id)})
-        is_known = True
-        return [_as_limit(attributes(one).get(name), f"Attribute {name!r} of {kind} {one}") for one in ids]
+    """Return capacities that are read from an attribute of nodes or edges."""
 
     def rows(ids: IntArray, attributes: _Attributes) -> IntArray:
         as_known(name, f"{kind} attribute", attributes)
@@ -637,7 +660,7 @@ def _in_attribute(name: str, kind: str) -> _CapacityLimits:
             limits[row] = _as_limit(value, f"Attribute {name!r} of {kind} {ids[row]}")
         return limits
 
-    return _CapacityLimits(0, of, rows)
+    return _CapacityLimits(0, rows)
 
 
 def _as_limits(capacity: object, kind: str) -> _CapacityLimits | None:
@@ -653,7 +676,7 @@ def _as_limits(capacity: object, kind: str) -> _CapacityLimits | None:
         pairs = ((as_int(node, f"The id of a {kind} in {what}"), value) for node, value in capacity.items())
         known = {node: _as_limit(value, f"{what} of {kind} {node}") for node, value in pairs}
         least = min(known.values(), default=UNLIMITED)
-        return _CapacityLimits(least, lambda _, ids: _limits_in(known, ids), partial(_rows_of_ids, known))
+        return _CapacityLimits(least, partial(_rows_of_ids, known))
     try:
         number = as_int(capacity, what)
     except BadType:
@@ -666,12 +689,8 @@ def _as_limits(capacity: object, kind: str) -> _CapacityLimits | None:
     return _of_all(min(number, UNLIMITED))
 
 
-def _limits_in(known: Mapping[int, int], ids: Sequence[int]) -> list[int]:
-    return list(map(known.get, ids, repeat(UNLIMITED)))
-
-
 def _rows_of_ids(known: Mapping[int, int], ids: IntArray, _: _Attributes) -> IntArray:
-    return np.array(_limits_in(known, ids.tolist()), np.int64)
+    return np.array(list(map(known.get, ids.tolist(), repeat(UNLIMITED))), np.int64)
 
 
 def _as_limit(value: object, name: str) -> int:

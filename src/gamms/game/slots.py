@@ -214,6 +214,7 @@ class Slots(Sequence[AgentSlot]):
         names = list[str]()
         teams = list[Any]()
         made = list[AgentSlot | None]()
+        self._has_made: bool = before is not None and before._has_made
         if before is not None:
             selection = before.selection
             names = before.names
@@ -256,6 +257,7 @@ class Slots(Sequence[AgentSlot]):
     def __getitem__(self, i: Any) -> Any:
         slot = self._made[i]
         if slot is None:
+            self._has_made = True
             name = self.names[i]
             slot = self._make(name, self.departed.get(name))
             self._made[i] = slot
@@ -308,7 +310,7 @@ class Slots(Sequence[AgentSlot]):
 
     def show_blocked(self, indices: Sequence[int]) -> None:
         """Update the reasons in the states of agents whose slots are made."""
-        for slot in [self._made[i] for i in indices]:
+        for slot in [self._made[i] for i in indices] if self._has_made else ():
             if slot is not None:
                 slot.show_blocked()
 

@@ -6,9 +6,8 @@ from operator import itemgetter
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, cast
 
-from gamms.core.agents import MoveColumns
 from gamms.deciding import DecidePhase
-from gamms.game.conflicts import TurnConflicts
+from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts
 from gamms.game.decisions import Decisions
 from gamms.game.facts import PrivateForks
 from gamms.game.messages import Inboxes, Outboxes
@@ -537,7 +536,7 @@ class TurnEngine:
             ends = {i: (before[i], after[i]) for i in indices}
             return {slots[i].name: Move(slots[i].name, slots[i].team, *ends[i], ends[i]) for i in indices}
 
-        losers = self._losers(order, (before, after), None, named)
+        losers = self._losers(order, (before, after), named)
         return [(i, after[i]) for i in losers if before[i] != after[i]]
 
     def _continue(self, turn: TurnMoves, action: ResolvedAction, i: int) -> bool:
@@ -589,29 +588,27 @@ class TurnEngine:
 
     def _resolve(self, turn: TurnMoves) -> None:
         """Resolve conflicts, and stop the losers."""
-        stopped = self.lost(turn)
-        if stopped:
-            self._state.blocked.add_conflicts(turn.order.names, stopped)
-            turn.slots.show_blocked([i for i, _ in stopped])
+        stopped, places = self.lost(turn)
+        if len(stopped):
+            self._state.blocked.add_conflicts(turn.order.names, stopped, places)
+            turn.slots.show_blocked(stopped)
 
-    def lost(self, turn: TurnMoves) -> list[tuple[int, Any]]:
+    def lost(self, turn: TurnMoves) -> tuple[Sequence[int], Sequence[Any]]:
         """Keep the agents where they are that lose conflicts; return their slots, and where they wanted to go."""
-        places = turn.places()
-        moves = None if turn.order.whole.paced else turn.in_core()
-        return turn.stop_each(self._losers(turn.order, places, moves, turn.named))
+        places = turn.places() if turn.actions else turn.in_core()
+        return turn.stop_each(self._losers(turn.order, places, turn.named))
 
     def _losers(
         self,
         order: TurnOrder,
-        places: tuple[list[Any], list[Any]],
-        moves: MoveColumns | None,
-        named: Callable[[list[int]], Mapping[str, Move]],
-    ) -> list[int]:
+        places: MovePlaces,
+        named: MovesOf,
+    ) -> memoryview:
         """Return the slots of the agents that lose conflicts of moves between these places."""
         conflicts = cast("IConflicts", self._settings.conflicts)
         turn = self._state.turn
         try:
-            return self._conflicts.losers(conflicts, order, turn, places, moves, named, self._ctx)
+            return self._conflicts.losers(conflicts, order, turn, places, named, self._ctx)
         except Exception as error:
             error.add_note(f"In the conflicts {as_code(conflicts)}, in turn {turn}.")
             raise

@@ -113,7 +113,7 @@ class BlockedAgents(MutableMapping[str, str]):
 
     def __init__(self, known: Mapping[str, str] | None = None) -> None:
         self.known = dict(known or {})
-        self.stopped: list[tuple[Sequence[str], Sequence[tuple[int, object]]]] = []
+        self.stopped: list[tuple[Sequence[str], Sequence[int], Sequence[object]]] = []
 
     def __getitem__(self, name: str) -> str:
         return self._written()[name]
@@ -144,9 +144,9 @@ class BlockedAgents(MutableMapping[str, str]):
         known[name] = all_known = f"{known[name]}; {why}" if name in known else why
         return all_known
 
-    def add_conflicts(self, names: Sequence[str], stopped: Sequence[tuple[int, object]]) -> None:
+    def add_conflicts(self, names: Sequence[str], stopped: Sequence[int], places: Sequence[object]) -> None:
         """Add conflicts: the indices of agents in `names`, and the nodes or edges that they wanted to reach."""
-        self.stopped.append((names, stopped))
+        self.stopped.append((names, stopped, places))
 
     def drop_conflicts(self, names: Sequence[str]) -> None:
         """Drop conflicts with exactly this list of names that were not written out."""
@@ -156,8 +156,8 @@ class BlockedAgents(MutableMapping[str, str]):
         if self.stopped:
             stopped = self.stopped
             self.stopped = []
-            for names, agents in stopped:
-                for i, end in agents:
+            for names, agents, places in stopped:
+                for i, end in zip(agents, places, strict=True):
                     self.add(names[i], in_conflict(end))
         return self.known
 

@@ -808,10 +808,11 @@ class CoreGames:
         """Return what finds those who give way; None: there are no conflicts."""
         if self._conflicts is None:
             return None, None
-        state, columns = self._state, self._columns
-        table = ConflictTable(
-            self._conflicts, state.roster, state.movement.columns, has_edges=isinstance(columns, MetreColumns)
-        )
+        state, roster, columns = self._state, self._state.roster, self._columns
+        graph = state.movement.columns
+        limits = self._conflicts.limits(graph, has_edges=isinstance(columns, MetreColumns))
+        teams = [roster.teams[team] for team in roster.team_of.tolist()]
+        table = ConflictTable(self._conflicts, roster.names, teams, roster.flies, limits, len(graph.node_ids))
         ranks = state.draw_keys(table.purpose) if table.ranks is None else table.ranks
         ends = (columns and columns.ends) or (state.node, self._block.ends)
         where = memory_of(ends[0]), memory_of(ends[1]), memory_of(self._block.takes_part)

@@ -732,7 +732,7 @@ class Cursor:
 
     def _give_way(self) -> None:
         moves = self._read_field("moves")
-        for i, end in self._turns.lost(moves):
+        for i, end in zip(*self._turns.lost(moves), strict=True):
             agent = self._number_of[moves.slots[i].name]
             self._hold(agent)
             self._core.note_conflict(self._number, agent, end)

@@ -1,5 +1,6 @@
 """The moves of one turn: as arrays for the turn engine, and by name for rules and resolvers."""
 
+from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import lru_cache
@@ -152,21 +153,13 @@ class TurnMoves:
 
     def places(self) -> tuple[list[Any], list[Any]]:
         """Return the start and end place of each agent, by slot: a node id, or an edge."""
-        starts: Any = self.starts
-        ends: Any = self.ends
-        if not self.actions:
-            return starts, ends
-        on_edges = [i for i, action in self.actions.items() if action.legs]
-        if on_edges:
-            starts = list(starts)
-            ends = list(ends)
-            for i in on_edges:
-                begun = self.actions[i].begun
-                progress = self.actions[i].progress
-                if begun is not None:
-                    starts[i] = EdgePlace(begun.edge)
-                if progress is not None:
-                    ends[i] = EdgePlace(progress.edge)
+        starts: list[Any] = list(self.starts)
+        ends: list[Any] = list(self.ends)
+        for i, action in self.actions.items():
+            if action.legs and action.begun is not None:
+                starts[i] = EdgePlace(action.begun.edge)
+            if action.legs and action.progress is not None:
+                ends[i] = EdgePlace(action.progress.edge)
         return starts, ends
 
     def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
@@ -258,14 +251,20 @@ class TurnMoves:
             self._stay(i, here)
         return goes
 
-    def stop_each(self, indices: list[int]) -> list[tuple[int, Any]]:
-        """Keep the agents of slots at their starts; return (slot, place) for each that would have moved to a place."""
+    def stop_each(self, losers: memoryview) -> tuple[Sequence[int], Sequence[Any]]:
+        """Keep the agents of slots at their starts; return the slots and the ends of those that would have moved."""
+        if not len(losers):
+            return losers, losers
         if self.actions:
             _, ends = self.places()
-            wanted = [(i, ends[i]) for i in indices]  # before `stop` changes the ends
-            return [(i, end) for i, end in wanted if self.stop(i)]
+            wanted = [(i, ends[i]) for i in losers]  # before `stop` changes the ends
+            stopped = [(i, end) for i, end in wanted if self.stop(i)]
+            return [i for i, _ in stopped], [end for _, end in stopped]
         self._by_name = None
-        return stop_moves(self.starts, self.ends, self.order.blocked.data, indices)
+        slots = memoryview(array("q", losers.tobytes()))
+        nodes = memoryview(array("q", losers.tobytes()))
+        count = stop_moves(self.starts, self.ends, self.order.blocked.data, losers, slots, nodes)
+        return slots[:count], nodes[:count]
 
     def give_up(self, block: AgentBlock) -> None:
         """Cancel the moves of agents that a rule has placed elsewhere since they decided."""
