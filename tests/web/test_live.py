@@ -543,7 +543,6 @@ def test_hostile_messages_change_nothing(messages, join):
         live.pace.step()
         witness.read(lambda client: client.parts())
         assert live._thread.is_alive()
-        assert all(len(one.inbox) == 0 for one in live.connections)
 
 
 def test_nothing_of_others_is_on_the_wire_of_a_team(join):

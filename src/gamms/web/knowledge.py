@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.errors import NotOffered
 from gamms.ir import events as kinds
 from gamms.ir.events import Log, events_of
@@ -133,14 +134,9 @@ class KnowledgeTracker:
         if columns is not self._columns:
             self._columns = columns
             given = {"nodes": columns.node_ids, "edges": columns.edge_ids}
-            self._rows = {name: (np.argsort(one, kind="stable"), np.sort(one)) for name, one in given.items()}
-        order, known = self._rows[of]
-        wanted = np.asarray(ids, np.int64)
-        if not len(known):
-            return np.full(len(wanted), -1)
-        places = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
-        found: IntArray = np.where(known[places] == wanted, order[places], -1)
-        return found
+            self._rows = {name: (one, np.argsort(one, kind="stable")) for name, one in given.items()}
+        known, order = self._rows[of]
+        return kernels.rows_of(known, np.asarray(ids, np.int64), order)
 
     def sensed(self, looked: Sequence[Mapping[str, Any]], state: DetachedState) -> SensedTurn:
         """Return the sensor reports of the current state, and the knowledge of each side.

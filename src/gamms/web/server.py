@@ -9,8 +9,7 @@ Live games (`live.py`) and studies (`study.py`) build on it.
   with JSON and the header `Authorization: Bearer TOKEN`; and `talk`, the handler of the WebSocket at `/live`.
 * A **handler** (`SocketHandler`) is told when clients join and leave, receives their messages, and provides the data to
   send. Its methods are called in the server thread, and must not block.
-* A **connection** (`Connection`) is one browser. Handlers put checked messages into its bounded `inbox`, from which the
-  game thread takes them; `tell` queues JSON to send, only the latest message of each type.
+* A **connection** (`Connection`) is one browser. `tell` queues JSON to send, only the latest message of each type.
 
 Every request is checked first: its host must be the served one (against DNS rebinding), the origin of calls and
 WebSockets must be a page of this server, and the sizes, rates and number of connections are limited; idle connections
@@ -24,7 +23,7 @@ import json
 import re
 import socket
 import threading
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -46,7 +45,6 @@ if TYPE_CHECKING:
 
 MOST_MESSAGE = 4096  # bytes of a client message
 MOST_CALL = 1 << 18  # bytes of the body of a call
-MOST_INBOX = 64  # queued messages of a client
 _MOST_CONNECTIONS = 256
 _MOST_SPECTATORS = 224  # connections after which spectators are refused
 _MOST_STRANGERS = 32  # connections that have not sent their token yet
@@ -85,36 +83,18 @@ class Connection:
 
     Attributes:
         grant: the grant of its link.
-        inbox: checked messages for the game thread, at most `MOST_INBOX`.
         place: its position in the stream; used only by the handler.
         counts: the numbers of "received", "bad" and "refused" messages, and of "dropped" turns.
     """
 
     def __init__(self, grant: Grant) -> None:
         self.grant = grant
-        self.inbox: deque[Json] = deque()
         self.place: Any = None  # Any: the handler chooses the type
         self.counts: Counter[str] = Counter()
         self._told: dict[str, str] = {}
         self._woken = asyncio.Event()
         self._loop = asyncio.get_running_loop()
         self._rate = _RateLimit()
-
-    def put(self, message: Json) -> None:
-        """Add a checked message to the inbox.
-
-        Raises:
-            Refused: the inbox is full.
-        """
-        if len(self.inbox) >= MOST_INBOX:
-            raise Refused("Too many messages wait for the game.")
-        self.inbox.append(message)
-
-    def take(self) -> Json | None:
-        """Remove the oldest message from the inbox and return it; None: the inbox is empty. Thread-safe."""
-        with suppress(IndexError):
-            return self.inbox.popleft()
-        return None
 
     def tell(self, message: Mapping[str, Plain]) -> None:
         """Queue a message to the browser; it replaces a queued message with the same `type`. Thread-safe."""
