@@ -94,21 +94,6 @@ def test_unknown_blocks_are_skipped():
 # -- the same bytes ---------------------------------------------------------------------------------------------
 
 
-rows = st.lists(st.tuples(numbers, numbers).map(list), max_size=4).map(
-    lambda parts: [one for two in parts for one in two]
-)
-
-
-@given(st.lists(st.lists(rows, max_size=7), max_size=4), st.integers(1, 5), st.integers(1, 60))
-def test_turns_may_come_one_by_one_or_together_whatever_blocks_they_fill(batches, turns, size):
-    stream = io.BytesIO()
-    writer = Writer(stream, HEADER, turns=turns, size=size, seconds=None)
-    for batch in batches:
-        writer.add_moves(batch)
-    writer.close()
-    assert stream.getvalue() == written([log for batch in batches for log in batch], turns=turns, size=size)
-
-
 @FEWER
 @given(games, st.integers(1, 4))
 def test_recording_what_was_read_gives_the_same_bytes(game, turns):

@@ -103,7 +103,7 @@ class _Detector:
     def __init__(self, value: Any) -> None:
         self.known = self._plain(value)
 
-    def accept(self, value: Any, data: Plain) -> None:  # noqa: ARG002 - named as in `_Memories`
+    def accept(self, value: Any, data: Plain) -> None:  # noqa: ARG002 - named as in `_ItemsOfEach`
         """Accept the change of a replayed event as known."""
         self.known = self._plain(value)
 
@@ -182,12 +182,25 @@ class _Facts(_Detector):
         return dict(value)
 
 
-class _Memories(_Detector):
-    """Detects changed items of agents' memories."""
+class _ItemsOfEach(_Detector):
+    """Detects changed items of dicts by key: of the memories of agents or teams, or of the reports of sensors.
+
+    Args:
+        data_of: function from key -> changes to the data of the event.
+        keys_in: function from the data of an event to the keys of changed dicts.
+        value: the dicts by key.
+    """
+
+    def __init__(
+        self, data_of: Callable[[dict[Any, Changes]], Plain], keys_in: Callable[[Plain], Iterable[Any]], value: object
+    ) -> None:
+        self._data_of = data_of
+        self._keys_in = keys_in
+        super().__init__(value)
 
     def accept(self, value: Mapping[Any, dict[Any, Any]], data: Plain) -> None:
-        for name in self._names_in(data):
-            self.known[name] = PlainCopy(value[name])
+        for key in self._keys_in(data):
+            self.known[key] = PlainCopy(value[key])
 
     def detect(self, value: Mapping[Any, dict[Any, Any]]) -> list[Any]:
         found = {}
@@ -201,37 +214,23 @@ class _Memories(_Detector):
                     found[key] = changes
         for key in [key for key in known if key not in value]:
             found[key] = {"removed": list(known.pop(key).values)}
-        return [self._data(found)] if found else []
+        return [self._data_of(found)] if found else []
 
     def _plain(self, value: Mapping[Any, dict[Any, Any]]) -> "dict[Any, PlainCopy]":
         return {name: PlainCopy(memory) for name, memory in value.items() if memory}
 
-    def _names_in(self, data: Plain) -> Iterable[Any]:
-        return list(data["agents"])
 
-    def _data(self, found: dict[Any, Changes]) -> dict[str, Any]:
-        return {"agents": found, "teams": []}
-
-
-class _TeamMemories(_Memories):
-    """Detects changed items of teams' memories."""
-
-    def _names_in(self, data: Plain) -> Iterable[Any]:
-        return dict(data["teams"])
-
-    def _data(self, found: dict[Any, Changes]) -> dict[str, Any]:
-        return {"agents": {}, "teams": [(to_plain(team), one) for team, one in found.items()]}
-
-
-class _DelayedLooks(_Memories):
-    """Detects changes of the pending reports of sensors with a delay."""
-
-    def _names_in(self, data: Plain) -> Iterable[Any]:
-        return [(sensor, owner) for sensor, owner, _ in data["looks"]]
-
-    def _data(self, found: dict[Any, Changes]) -> dict[str, Any]:
-        return {"looks": [[*key, one] for key, one in found.items()]}
-
+_of_agents = partial(_ItemsOfEach, lambda found: {"agents": found, "teams": []}, lambda data: list(data["agents"]))
+_of_teams = partial(
+    _ItemsOfEach,
+    lambda found: {"agents": {}, "teams": [(to_plain(team), one) for team, one in found.items()]},
+    lambda data: dict(data["teams"]),
+)
+_of_sensors = partial(
+    _ItemsOfEach,
+    lambda found: {"looks": [[*key, one] for key, one in found.items()]},
+    lambda data: [(sensor, owner) for sensor, owner, _ in data["looks"]],
+)
 
 DETECTED: dict[str, tuple[int, Callable[[Any], _Detector]]] = {
     "events": (kinds.GAME_EVENT, _NewEntries),
@@ -241,11 +240,11 @@ DETECTED: dict[str, tuple[int, Callable[[Any], _Detector]]] = {
     "data": (kinds.GAME_DATA, _Items),
     "over": (kinds.GAME_OVER, _Detector),
     "facts": (kinds.GAME_FACTS, _Facts),
-    "agent_facts": (kinds.GAME_PRIVATE_FACTS, _Memories),
-    "team_facts": (kinds.GAME_PRIVATE_FACTS, _TeamMemories),
-    "memories": (kinds.GAME_MEMORY, _Memories),
-    "team_memories": (kinds.GAME_MEMORY, _TeamMemories),
-    "delayed_looks": (kinds.DELAYED_LOOKS, _DelayedLooks),
+    "agent_facts": (kinds.GAME_PRIVATE_FACTS, _of_agents),
+    "team_facts": (kinds.GAME_PRIVATE_FACTS, _of_teams),
+    "memories": (kinds.GAME_MEMORY, _of_agents),
+    "team_memories": (kinds.GAME_MEMORY, _of_teams),
+    "delayed_looks": (kinds.DELAYED_LOOKS, _of_sensors),
 }
 """Field of `GameState` -> (event kind of its changes, detector class)."""
 

@@ -157,7 +157,7 @@ class DetachedState(State):
 class DetachedAgents(AgentsState):
     """The columns of agents; the cost of adding and removing agents does not depend on their number.
 
-    New rows are added on the next access, and rows of removed agents stay until `settle`.
+    Rows of removed agents stay until `settle`.
 
     Args:
         columns: see `keyframes.opened`; only this object adds or removes rows.
@@ -186,10 +186,8 @@ class DetachedAgents(AgentsState):
         self._row_of_name: dict[str, int] = dict(zip(names, range(len(names)), strict=True))
         if not len(self._row_of) == len(self._row_of_name) == len(names):
             raise Damaged("two agents have the same name or number")
-        self._whole: dict[str, np.ndarray[Any, Any]] = {name: self.columns[name] for name in ARRAYS}
         # with spare room after the last row
-        self._size = len(names)  # rows in use
-        self._new: list[dict[str, Any]] = []  # rows that are not
+        self._whole: dict[str, np.ndarray[Any, Any]] = {name: self.columns[name] for name in ARRAYS}
         self._gone: list[int] = []
         self._is_counted = numbers == list(range(len(numbers)))  # whether the numbers of agents are their rows
 
@@ -203,13 +201,19 @@ class DetachedAgents(AgentsState):
             Damaged: the name is taken.
         """
         number = self.following
-        place = self._size + len(self._new)
-        row = _row_of_creation(checked_name(name), number, kwargs, state, strategy)
+        row = len(self.columns["names"])
+        values = _row_of_creation(checked_name(name), number, kwargs, state, strategy)
         if name in self._row_of_name or number in self._row_of:
             raise Damaged("two agents have the same name or number")
-        self._row_of[number] = self._row_of_name[name] = place
-        self._is_counted = self._is_counted and number == place
-        self._new.append(row)
+        for column in ARRAYS:
+            with reporting_damage(f"a new agent has an invalid {shown(column)}", DAMAGES, Damaged):
+                self._resized(column, row)[row] = values[column]
+            self.columns[column] = self._whole[column][: row + 1]
+        for column in LISTS:
+            self.columns[column].append(values[column])
+        self._row_of[number] = row
+        self._row_of_name[name] = row
+        self._is_counted = self._is_counted and number == row
         self.following += 1
         self.version += 1
 
@@ -224,10 +228,7 @@ class DetachedAgents(AgentsState):
 
     def row(self, name: str) -> int:
         """Return the row of an agent by name (KeyError)."""
-        row = self._row_of_name[name]
-        if row >= self._size:
-            self._add_new()
-        return row
+        return self._row_of_name[name]
 
     def row_of(self, number: int) -> int:
         """Return the row of an agent by number.
@@ -238,8 +239,6 @@ class DetachedAgents(AgentsState):
         row = self._row_of.get(number)
         if row is None:
             raise _unknown(number)
-        if row >= self._size:
-            self._add_new()
         return row
 
     def names_by_number(self) -> dict[int, str]:
@@ -252,18 +251,16 @@ class DetachedAgents(AgentsState):
         Raises:
             Damaged: an agent does not exist.
         """
-        self._add_new()
         are_rows = self._is_counted and not self._gone and len(numbers) > 0
-        if are_rows and int(numbers.min()) >= 0 and int(numbers.max()) < self._size:
+        if are_rows and int(numbers.min()) >= 0 and int(numbers.max()) < len(self.columns["names"]):
             return numbers
         return np.array([self.row_of(number) for number in numbers.tolist()], np.int64)
 
     def settle(self) -> None:
-        """Add waiting rows, and drop the rows of removed agents."""
-        self._add_new()
+        """Drop the rows of removed agents."""
         if not self._gone:
             return
-        stays = np.ones(self._size, np.bool_)
+        stays = np.ones(len(self.columns["names"]), np.bool_)
         stays[self._gone] = False
         rows = np.flatnonzero(stays).tolist()
         for name in LISTS:
@@ -273,27 +270,14 @@ class DetachedAgents(AgentsState):
             self.columns[name] = self.columns[name][stays]
         self._index()
 
-    def _add_new(self) -> None:
-        if not self._new:
-            return
-        new = self._new
-        self._new = []
-        begin = self._size
-        self._size = self._size + len(new)
-        for name in LISTS:
-            self.columns[name].extend([row[name] for row in new])
-        for name in ARRAYS:
-            with reporting_damage(f"a new agent has an invalid {shown(name)}", DAMAGES, Damaged):
-                self._resized(name, begin)[begin : self._size] = [row[name] for row in new]
-            self.columns[name] = self._whole[name][: self._size]
-
-    def _resized(self, name: str, begin: int) -> "np.ndarray[Any, Any]":
-        """Return a column with room for all rows; the rows before `begin` are filled."""
+    def _resized(self, name: str, rows: int) -> "np.ndarray[Any, Any]":
+        """Return a column with room for one more row than `rows`."""
         column = self._whole[name]
-        if len(column) < self._size:
+        if len(column) == rows:
             dtype, shape = ARRAYS[name]
-            column = self._whole[name] = np.empty((2 * self._size, *shape), dtype)
-            column[:begin] = self.columns[name]
+            spare: np.ndarray[Any, Any] = np.empty((rows + 1, *shape), dtype)
+            column = np.concatenate((column, spare))
+            self._whole[name] = column
         return column
 
     # -- values

@@ -50,11 +50,8 @@ class Version3Encoder:
 
     def add(self, logs: list[Log]) -> None:
         """Write the logs of turns."""
-        try:
-            self._writer.add_moves(logs)
-        except TypeError:  # there are events among the moves
-            for log in logs:
-                self._writer.add_turn(log)
+        for log in logs:
+            self._writer.add_turn(log)
 
     @property
     def values(self) -> int:

@@ -74,10 +74,11 @@ class RecordingSession:
         self.drawings = DrawingChanges(ctx.visual, with_custom=with_drawings)
         self._declarations = self.drawings.edits
         self.visuals = self.drawings.specs()
-        self._listen()
+        self._members: Mapping[str, Any] = {}  # agents at the pause
+        self._journal = self._listen()
         self.begin = keyframes.captured(ctx) | keyframes.first_history(ctx) | keyframes.components_of(ctx)
         self._revised = _REVISIONS(self._graph)
-        self._watch_game()
+        self._changes = self._present_state()
 
     def write_to(self, encoder: Encoder, *, in_background: bool) -> None:
         """Start writing.
@@ -120,7 +121,8 @@ class RecordingSession:
             self.world = self._skipped.packed()
         if self._writer is not None:
             self._writer.add(log, len(log) + journal.in_arrays, journal.weight, has_arrays=bool(journal.in_arrays))
-        journal.in_arrays = journal.weight = 0
+        journal.in_arrays = 0
+        journal.weight = 0
         self._tell_followers(log, is_over=True)
 
     def follow(self, followers: tuple[Follower, ...], header: "Callable[[RecordingSession], dict[str, Any]]") -> None:
@@ -173,7 +175,7 @@ class RecordingSession:
         """
         known = self._members if known is None else known
         waiting = self._journal.log
-        self._listen()
+        self._journal = self._listen()
         self.is_paused = False
         now = self.ctx.agent.agents
         left = [name for name, agent in known.items() if name in now and agent in (None, now[name])]
@@ -183,7 +185,7 @@ class RecordingSession:
         snapshot = keyframes.captured(self.ctx) | keyframes.history(self.ctx) | {"seed": self.ctx.seed}
         self._front = len(waiting)
         self._journal.log = [*waiting, *gone, (kinds.SNAPSHOT, snapshot)]
-        self._watch_game()
+        self._changes = self._present_state()
         self._begin_with_followers()
 
     def close(self) -> None:
@@ -251,7 +253,7 @@ class RecordingSession:
         self._revised = _REVISIONS(self._graph)
         self._declarations = self.drawings.edits
         self.drawings.changes()
-        self._watch_game()
+        self._changes = self._present_state()
 
     def note_component(self, kind: int, data: dict[str, Any]) -> None:
         """Record a change of a component."""
@@ -307,12 +309,15 @@ class RecordingSession:
 
     # -- listening ----------------------------------------------------------------------------------------------
 
-    def _listen(self) -> None:
+    def _listen(self) -> SessionJournal:
+        """Return a new journal of the context."""
         block = self.ctx.agent.block
         block.locate()
-        self._journal = block.journal = SessionJournal(block.names, self._skipped, self._accept)
+        journal = SessionJournal(block.names, self._skipped, self._accept)
+        block.journal = journal
         for callbacks, callback in self._callbacks():
             callbacks.append(callback)
+        return journal
 
     def _callbacks(self) -> list[tuple[list[Any], Callable[..., None]]]:
         """Return (list of callbacks of the context, callback) pairs."""
@@ -414,10 +419,10 @@ class RecordingSession:
         else:
             self._changes.game.accept(kind, data)
 
-    def _watch_game(self) -> None:
-        """Compare with the present state from now on."""
-        self._changes = ContextChanges(self.ctx, self._skipped.check_sensors)
+    def _present_state(self) -> ContextChanges:
+        """Return the present state, with which later states are compared."""
         self._journal.progressed.clear()
+        return ContextChanges(self.ctx, self._skipped.check_sensors)
 
     def _new_progress(self) -> Log:
         """Return an event with the progress of agents along edges, if it changed."""

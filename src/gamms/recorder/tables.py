@@ -101,6 +101,18 @@ def _roster_after(
     return names, following + 1
 
 
+def _with_names(
+    reader: Reader, start: int, stop: int, names_at: NamesAt, of: set[int]
+) -> Iterator[tuple[int, int, Any, dict[int, str]]]:
+    """Yield the events of some kinds in these logs: log, kind, data, and number -> name of the agents at that time."""
+    names, following = names_at(start)
+    for log, _, kind, data in reader.events(start, stop, of | _ROSTER):
+        if kind in of:
+            yield log, kind, data, names
+        else:
+            names, following = _roster_after(kind, data, names, following)
+
+
 def table(reader: Reader, name: str, start: int, stop: int, names_at: NamesAt) -> Table:
     """Return a table of these logs.
 
@@ -166,11 +178,8 @@ def _named(numbers: IntArray, known: dict[int, str]) -> np.ndarray[Any, Any]:
 def _positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     """Return all moves of flying agents: turn, agent, position."""
     rows: list[tuple[Any, ...]] = []
-    names, following = names_at(start)
-    for log, _, kind, data in reader.events(start, stop, {*_ROSTER, *_FLIGHTS}):
-        if kind in _ROSTER:
-            names, following = _roster_after(kind, data, names, following)
-        elif kind == kinds.AERIAL_AGENT_FLIGHT:
+    for log, kind, data, names in _with_names(reader, start, stop, names_at, _FLIGHTS):
+        if kind == kinds.AERIAL_AGENT_FLIGHT:
             rows.append((log + 1, _name(names, data[0], log), *data[2:]))
         else:
             rows.append((log + 1, data["agent_name"], *data["position"]))
@@ -180,11 +189,7 @@ def _positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Tabl
 def _travel(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     """Return the progress of agents after each change: turn, agent, edge, and share."""
     rows: list[tuple[Any, ...]] = []
-    names, following = names_at(start)
-    for log, _, kind, data in reader.events(start, stop, {*_ROSTER, kinds.AGENT_PROGRESS}):
-        if kind != kinds.AGENT_PROGRESS:
-            names, following = _roster_after(kind, data, names, following)
-            continue
+    for log, _, data, names in _with_names(reader, start, stop, names_at, {kinds.AGENT_PROGRESS}):
         columns = [np.asarray(data[name]).tolist() for name in ("numbers", *ON_EDGES) if name in data]
         for number, source, target, share, *place in zip(*columns, strict=True):
             if place and place[1]:
@@ -218,11 +223,7 @@ def _messages(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Tabl
 def _sensed(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     """Return all nodes seen by sensors: turn, agent, sensor, node, and the agent there if it was seen."""
     rows: list[tuple[Any, ...]] = []
-    names, following = names_at(start)
-    for log, _, kind, data in reader.events(start, stop, {*_ROSTER, kinds.SENSED}):
-        if kind != kinds.SENSED:
-            names, following = _roster_after(kind, data, names, following)
-            continue
+    for log, _, data, names in _with_names(reader, start, stop, names_at, {kinds.SENSED}):
         for number, look in looks_of(data):
             for node, other in zip(*seen_by(look), strict=True):
                 rows.append((log + 1, names[number], look.sensor, node, "" if other < 0 else names[other]))

@@ -16,7 +16,6 @@ data: an agent's number, maybe a node, and floats.
 from array import array
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import chain
 from types import MappingProxyType
 from typing import NamedTuple, cast
@@ -36,7 +35,7 @@ Log = list[Plain]
 """The log of one turn: pairs of ints, and tuples, including tuples with the moves of many agents."""
 
 # estimates of bytes
-BYTES_PER_MOVE = 4
+_BYTES_PER_MOVE = 4
 _BYTES_PER_EVENT = 8
 _BYTES_PER_NUMBER = 4
 
@@ -60,7 +59,7 @@ class TrackLayout:
     __slots__ = ("at", "is_first", "lengths", "order")
 
     def __init__(self, numbers: IntArray) -> None:
-        self.order = _by_number(numbers)  # (entries,): sorted by track
+        self.order = numbers.argsort(kind="stable")  # (entries,): sorted by track
         ordered = numbers[self.order]
         self.is_first = np.ones(len(numbers), np.bool_)
         self.is_first[1:] = ordered[1:] != ordered[:-1]
@@ -101,20 +100,6 @@ class TrackLayout:
         sums = np.cumsum(parts)
         sums += np.repeat(firsts - sums[self.at], self.lengths)
         return sums
-
-
-@lru_cache(maxsize=2)
-def layout_of(numbers: bytes) -> tuple[bytes, TrackLayout]:
-    """Return the cached column and layout for encoded numbers: most blocks have those of the previous block."""
-    # NOTE: saves a third of the time of a block with ten agents (benchmarks: w4).
-    array = np.frombuffer(numbers, np.int64)
-    return column(steps(array)), TrackLayout(array)
-
-
-def _by_number(numbers: IntArray) -> IntArray:
-    if len(numbers) and int(numbers.min()) >= 0 and int(numbers.max()) < 1 << 16:
-        return numbers.astype(np.uint16).argsort(kind="stable")  # NOTE: a radix sort, 5 times as fast on unsorted rows
-    return numbers.argsort(kind="stable")
 
 
 # -- events -----------------------------------------------------------------------------------------------------
@@ -208,11 +193,10 @@ class EventTracks:
 
 
 class LogPart(NamedTuple):
-    """The checked logs of one or several turns, as columns."""
+    """The checked log of a turn, as columns."""
 
     moves: IntArray  # (moves, 2): agent number, node
-    turns: Sequence[int]  # moves of each turn
-    after: Sequence[int] = ()  # number of moves before each event; a part of several turns has no events
+    after: Sequence[int] = ()  # number of moves before each event
     kinds: Sequence[int] = ()
     data: Sequence[bytes] = ()  # of events with data other than numbers
     rows: Mapping[int, EventRows] = MappingProxyType({})  # events with only numeric data, by kind
@@ -222,38 +206,26 @@ class LogPart(NamedTuple):
         """The estimated size in bytes."""
         values = sum(map(len, self.data)) + _BYTES_PER_EVENT * len(self.data)
         numbers = sum(len(some.ints) + len(some.floats) for some in self.rows.values())
-        return BYTES_PER_MOVE * len(self.moves) + values + _BYTES_PER_NUMBER * numbers
+        return _BYTES_PER_MOVE * len(self.moves) + values + _BYTES_PER_NUMBER * numbers
 
 
 def part_of(log: Sequence[object]) -> LogPart:
-    """Return the checked log of a turn as a part.
+    """Return the checked log of a turn as columns.
 
     Raises:
         BadType, BadValue: not a log, or an event is not plain.
     """
     log = log if isinstance(log, list) else list(log)
     try:
-        part = part_of_moves(array("q", cast("list[int]", log)))
+        part = LogPart(_pairs(array("q", cast("list[int]", log))))
     except (TypeError, OverflowError):
         part = _mixed(log)
     if len(part.moves) > blocks.MOST_MOVES or len(part.kinds) > blocks.MOST_EVENTS:
         raise BadValue(
-            f"A turn of {part.turns[0]} moves and {len(part.kinds)} events cannot be recorded; at most "
+            f"A turn of {len(part.moves)} moves and {len(part.kinds)} events cannot be recorded; at most "
             f"{blocks.MOST_MOVES} moves and {blocks.MOST_EVENTS} events can."
         )
     return part
-
-
-def part_of_moves(numbers: "array[int]", turns: Sequence[int] | None = None) -> LogPart:
-    """Return moves, as pairs `row, node`, as a part.
-
-    Args:
-        numbers: rows and nodes of the moves.
-        turns: number of moves of each turn; None: all are in one turn.
-    """
-    _check_pairs(len(numbers))
-    moves = np.frombuffer(numbers, np.int64).reshape(-1, 2)
-    return LogPart(moves, [len(moves)] if turns is None else turns)
 
 
 def _mixed(log: Log) -> LogPart:
@@ -285,14 +257,13 @@ def _mixed(log: Log) -> LogPart:
             data.append(packing.to_bytes(one, f"An event of kind {kind}"))
     found.append(_moves(log[begin:]))
     numbers = {kind: EventRows.of(kind, each) for kind, each in rows.items() if each}
-    whole = found[0] if len(found) == 1 else np.concatenate(found)
-    return LogPart(whole, [len(whole)], after, kinds, data, numbers)
+    whole = np.concatenate(found)
+    return LogPart(whole, after, kinds, data, numbers)
 
 
 def _moves(numbers: Log) -> IntArray:
-    _check_pairs(len(numbers))
     try:
-        return np.frombuffer(array("q", numbers), np.int64).reshape(-1, 2)
+        return _pairs(array("q", numbers))
     except TypeError as error:
         raise BadType(
             f"A log has ints and tuples (kind, data); this one has other entries ({reason(error)})."
@@ -301,15 +272,16 @@ def _moves(numbers: Log) -> IntArray:
         raise BadValue(f"Rows and nodes have 64 bits; {shown(numbers)} has more.") from None
 
 
+def _pairs(numbers: "array[int]") -> IntArray:
+    if len(numbers) % 2:
+        raise BadValue("A log has two ints, row and node, for each move; one int is missing.")
+    return np.frombuffer(numbers, np.int64).reshape(-1, 2)
+
+
 def _checked_event(event: tuple[Plain, ...]) -> tuple[int, Plain]:
     if len(event) != 2 or type(event[0]) is not int or not -(1 << 63) <= event[0] < 1 << 63:
         raise BadValue(f"An event is a tuple of an int of 64 bits, its kind, and its data, not {shown(event)}.")
     return event
-
-
-def _check_pairs(size: int) -> None:
-    if size % 2:
-        raise BadValue("A log has two ints, row and node, for each move; one int is missing.")
 
 
 class WaitingTurns:
@@ -320,17 +292,25 @@ class WaitingTurns:
         parts: the first turns.
 
     Attributes:
-        parts: the parts of all turns.
-        turns: number of turns; also `moves`, `events`, and `values`, the number of events with a value.
+        parts: the turns.
+        moves: number of moves; also `events`, and `values`, the number of events with a value.
         size: estimated size in bytes.
     """
 
     def __init__(self, first: int, parts: Sequence[LogPart] = ()) -> None:
         self.first = first
         self.parts = list[LogPart]()
-        self.turns = self.moves = self.events = self.values = self.size = 0
+        self.moves = 0
+        self.events = 0
+        self.values = 0
+        self.size = 0
         for part in parts:
             self.add(part)
+
+    @property
+    def turns(self) -> int:
+        """The number of turns."""
+        return len(self.parts)
 
     @property
     def counts(self) -> blocks.BlockCounts:
@@ -342,23 +322,21 @@ class WaitingTurns:
         return self.moves + moves <= blocks.MOST_MOVES and self.events + events <= blocks.MOST_EVENTS
 
     def add(self, part: LogPart) -> None:
-        """Add turns."""
+        """Add a turn."""
         self.parts.append(part)
-        self.turns += len(part.turns)
         self.moves += len(part.moves)
         self.events += len(part.kinds)
         self.values += len(part.data)
         self.size += part.size
 
     def since(self, mark: int) -> "WaitingTurns":
-        """Return the turns after the first `mark` parts, for a separate block."""
-        before = sum(len(part.turns) for part in self.parts[:mark])
-        return WaitingTurns(self.first + before, self.parts[mark:])
+        """Return the turns after the first `mark` ones, for a separate block."""
+        return WaitingTurns(self.first + mark, self.parts[mark:])
 
     def body(self) -> bytes:
         """Return the body of the block."""
         parts = self.parts
-        columns = [column(np.array(list(chain.from_iterable(part.turns for part in parts)), np.int64))]
+        columns = [column(np.array([len(part.moves) for part in parts], np.int64))]
         columns += self._columns_of_events()
         columns[2:2] = self._columns_of_moves()
         for kind in sorted(FORMS):
@@ -369,22 +347,16 @@ class WaitingTurns:
 
     def _columns_of_moves(self) -> Iterator[bytes]:
         """Yield rows, first nodes of tracks, and other nodes."""
-        parts = [part.moves for part in self.parts]
-        moves = parts[0] if len(parts) == 1 else np.concatenate(parts)
-        rows, layout = layout_of(moves[:, 0].tobytes())
-        yield rows
-        yield from layout.columns(moves[:, 1])
+        rows, nodes = np.concatenate([part.moves for part in self.parts]).T
+        yield column(steps(rows))
+        yield from TrackLayout(rows).columns(nodes)
 
     def _columns_of_events(self) -> Iterator[bytes]:
         """Yield the number of events of each turn; for each event the moves before it, its kind, and its size."""
-        if not self.events:
-            yield column(np.zeros(self.turns, np.int64))
-            yield from [column(np.zeros(0, np.int64))] * 3
-            return
         of_turns, after, kinds, sizes = numbers = [list[int]() for _ in range(4)]
         moves = 0
         for part in self.parts:
-            of_turns += [len(part.kinds)] if part.kinds else [0] * len(part.turns)
+            of_turns.append(len(part.kinds))
             after += [moves + one for one in part.after]
             kinds += part.kinds
             data = map(len, part.data)

@@ -8,7 +8,6 @@ finished file does not depend on timing.
 
 import os
 import time
-from array import array
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, BinaryIO
@@ -96,47 +95,13 @@ class Writer:
         """
         self._file.check()
         part = chunks.part_of(log)
-        if not self._open.fits(part.turns[0], len(part.kinds)):
+        if not self._open.fits(len(part.moves), len(part.kinds)):
             self._close_block()
         self._open.add(part)
-        self._close_or_flush()
-
-    def add_moves(self, logs: Sequence[list[int]]) -> None:
-        """Add the logs of turns that have only moves; like `add_turn`, in a fraction of the time.
-
-        Raises:
-            TypeError: there are other entries; nothing was added.
-            RecordingError: see `add_turn`.
-        """
-        moves = array("q")
-        for log in logs:
-            moves.fromlist(log)
-        begin = first = 0
-        while first < len(logs):  # block by block
-            some = logs[first : first + self._turns - self._open.turns]
-            counts = [len(log) >> 1 for log in some]
-            end = begin + 2 * sum(counts)
-            is_whole = end - begin == sum(map(len, some)) and not self._file.is_closed
-            if is_whole and self._open.fits(sum(counts)) and not self._is_full_before(counts):
-                self._open.add(chunks.part_of_moves(moves[begin:end], counts))
-                self._close_or_flush()
-            else:
-                for log in some:
-                    self.add_turn(log)
-            begin = end
-            first = first + len(some)
-
-    def _close_or_flush(self) -> None:
         if self._is_full(self._open.turns, self._open.size):
             self._close_block()
         elif self._seconds is not None and self._clock() - self._saved_at >= self._seconds:
             self.flush()
-
-    def _is_full_before(self, counts: list[int]) -> bool:
-        """Return whether turns with this many moves each would close the block before the last turn."""
-        turns = self._open.turns + len(counts) - 1
-        size = self._open.size + chunks.BYTES_PER_MOVE * sum(counts[:-1])
-        return len(counts) > 1 and self._is_full(turns, size)
 
     def _is_full(self, turns: int, size: int) -> bool:
         """Return whether a block is full; a minimum number of turns keeps blocks of many agents from being small."""
