@@ -46,26 +46,6 @@ class Kite(AerialAgent):
         return (self.position, self.prev_position, self.quat, self.speed, self.prev_node_id, has_changed)
 
 
-def test_a_launch_is_a_beginning_without_a_past(graph):
-    kite = Kite(graph, np.int64(1), np.float32(2.0))
-    assert kite.shown() == ((10.0, 0.0, 0.0), (10.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), 2.0, 1, False)
-    assert type(kite.speed) is float
-    kite = Kite(graph, 1, 2, [31, 1, 5])
-    assert kite.shown()[:2] == ((31.0, 1.0, 5.0), (31.0, 1.0, 5.0))
-    assert (kite.prev_node_id, kite.current_node_id) == (1, 3)
-
-
-def test_turning_leaves_the_place_alone(graph):
-    kite = Kite(graph)
-    before = kite.shown()
-    kite.quat = [0, 0, 2, 0]
-    assert kite.quat == (0.0, 0.0, 1.0, 0.0)
-    kite.orientation = (0, 5)
-    assert kite.quat == pytest.approx((HALF, 0.0, 0.0, HALF))
-    kite.orientation = None
-    assert kite.shown() == before
-
-
 def test_in_a_graph_that_has_become_empty_a_flyer_keeps_its_last_node():
     graph = a_graph()
     kite = Kite(graph)

@@ -37,30 +37,6 @@ def graph():
     return graph
 
 
-def test_a_move_writes_the_node_and_the_one_before(graph):
-    anna = Anna(graph, 0)
-    anna.act(1)
-    anna.act({"node_id": np.int64(4), "orientation": (0, 2)})
-    assert anna.shown() == ([4], [1], [(0.0, 1.0)], True)
-    assert type(anna.current_node_id) is int
-
-
-def test_placing_leaves_the_previous_node_alone(graph):
-    anna = Anna(graph, 0)
-    anna.current_node_id = 3
-    assert anna.shown() == ([3], [0], [None], True)
-    anna.prev_node_id = 2
-    assert anna.shown() == ([3], [2], [None], False)
-
-
-def test_turning_and_following_the_moves_again(graph):
-    anna = Anna(graph, 0)
-    anna.orientation = np.array([3.0, 4.0])
-    assert anna.shown()[2:] == ([(0.6, 0.8)], False)
-    anna.orientation = None
-    assert anna.shown()[2:] == ([None], False)
-
-
 def test_a_node_that_was_just_removed_is_no_longer_reached():
     graph = Graph()
     graph.add_nodes([0, 1], [0, 1], [0, 0])

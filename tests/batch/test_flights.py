@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, assert_as_played, beyond_core, plain, scene
+from batch_scenes import WALK, assert_as_played, plain, scene
 
 import gamms
 from gamms.errors import BadValue
@@ -31,7 +31,6 @@ def climb(view):
 
 
 CAPTURE = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
-FUEL = {"rule": "resource", "with": {"name": "fuel", "start": 40, "per_metre": 1, "recharge": {12: 30}}}
 TAG = {"rule": "tag", "with": {"taggers": "air", "tagged": "blue", "hops": 1, "air": True}}
 BACK = {"rule": "tag", "with": {"taggers": "red", "tagged": "air", "hops": 2, "air": True}}
 
@@ -74,30 +73,6 @@ def test_rules_in_arrays_alone_have_agents_that_fly_on_the_nodes_below_them(spee
             for number, seed in enumerate(games.seeds):
                 alone.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.run())
-
-
-@pytest.mark.parametrize("legal", ["edges", "any"])
-def test_given_flights_are_those_of_games_one_by_one(legal, tmp_path):
-    scenario, rng = flying(FUEL, TAG).replace(**{"settings.legal": legal}), np.random.default_rng(2)
-    with (
-        scenario.batch(3, seed=4, record=True) as games,
-        beyond_core(scenario).batch(3, seed=4, record=True) as others,
-    ):
-        while not games.is_over.all():
-            given = {"air": {"flights": rng.normal(size=(3, 2, 3)) * 9.0}} if int(games.turn[0]) % 3 else {}
-            seen = [one.observe("air") for one in (games, others)]
-            for key in ("curr_pos", "xy", "z", "legal", "mask", "turn"):
-                assert np.array_equal(seen[0][key], seen[1][key]), key
-            assert (seen[0].counts == 1).all()
-            assert np.array_equal(seen[0].vector().values, seen[1].vector().values)
-            games.step(given)
-            others.step(given)
-        for number in range(3):
-            assert plain(games.result(number)) == plain(others.result(number))
-            games.record(number, tmp_path / "game.ggr")
-            with gamms.recorder.open(tmp_path / "game.ggr") as recording:
-                assert recording.turns == games.turn[number]
-                assert recording.state(recording.turns).scores == games.result(number).scores
 
 
 def test_agents_that_fly_are_in_no_conflicts_and_meet_others_in_the_air_alone():
@@ -159,42 +134,3 @@ def test_a_form_that_gives_agents_that_fly_no_flights_is_refused():
         with pytest.raises(BadValue, match=r"walks: what an agent that flies does are finite numbers \(dx, dy, dz\)"):
             games.step()
         assert not games.turn.any()
-
-
-def listen(state):
-    """Go where the number of the agents that the tower sees says, which one's own place decides."""
-    (_, seen), legal = state["sensor"]["tower"], state["legal"]
-    state["action"] = legal[(len(seen) + round(sum(x + y for _, (x, y, _) in seen.values()))) % len(legal)]
-
-
-TOWER = {"type": "AERIAL_AGENT", "sensor_range": 25.0, "at": [12.0, 14.0, 9.0]}
-ERRORS = {"detection": 0.7, "position_noise_m": 3.0, "false_alarm_rate": 0.8, "delay_turns": 1}
-
-
-@pytest.mark.parametrize("more", [{}, ERRORS, {"delay_turns": 2}])
-def test_a_sensor_at_a_place_in_the_air_shows_agents_on_the_ground_where_none_fly(more):
-    teams = {"red": {"count": 3, "sensors": ["tower"]}, "blue": {"count": 3, "strategy": WALK}}
-    scenario = scene([], teams=teams, sensors={"tower": TOWER | more}, max_turns=6)
-    with (
-        scenario.batch(3, seed=1, strategies={"red": listen}) as games,
-        beyond_core(scenario).batch(3, seed=1, strategies={"red": listen}) as alone,
-    ):
-        while not games.is_over.all():
-            for names in ((), ("tower",)):
-                seen, expected = (played.observe("red").seen(*names) for played in (games, alone))
-                assert all(map(np.array_equal, seen, expected)), names
-            games.step()
-            alone.step()
-        assert [plain(games.result(i)) for i in range(3)] == [plain(alone.result(i)) for i in range(3)]
-        assert games.result(2) == scenario.play(seed=3, strategies={"red": listen})
-
-
-def test_nodes_are_discovered_from_the_air_as_in_games_alone(same_as_one_by_one):
-    kinds = ["AERIAL", "OCCLUDED_AERIAL", "AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT"]
-    eyes = {kind: {"type": kind, "sensor_range": 14.0, "fov": 2.0, "quat": [0.8, 0.0, 0.6, 0.1]} for kind in kinds}
-    found = {"rule": "discover", "with": {"nodes": [3, 7, 12, 18, 24], "score": 1}}
-    for kinds in (["AERIAL"], ["OCCLUDED_AERIAL"], ["AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT"]):
-        same_as_one_by_one(flying(found, drone={"sensors": kinds}, sensors=eyes, max_turns=6), range(2))
-    teams = {"red": {"count": 2, "strategy": WALK, "sensors": ["tower"]}}
-    tower = {"tower": eyes["AERIAL"] | {"at": [12.0, 14.0, 9.0], "quat": [0.7, 0.0, 0.7, 0.0]}}
-    same_as_one_by_one(scene([found], teams=teams, sensors=tower, max_turns=3), range(2))

@@ -5,8 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from batch_scenes import assert_as_alone, plain, scene
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, settings
 
 import gamms
 from gamms.errors import UnknownName
@@ -71,19 +70,6 @@ def remembering(strategies, options=(), max_turns=13):
     for number, agent in enumerate(ctx.agent.agents.values()):
         agent.register_strategy(MADE[strategies[number % len(strategies)]](ctx))
     return ctx
-
-
-names = st.lists(st.sampled_from(sorted(MADE)), min_size=2, max_size=6)
-
-
-@LAWS
-@given(strategies=names, options=st.sampled_from(MOTIONS), turns=st.integers(1, 9))
-def test_games_go_on_in_arrays_with_what_agents_remember(strategies, options, turns):
-    with remembering(strategies, options) as ctx:
-        for _ in range(turns):
-            ctx.game.step()
-        assert any(ctx.game.memories.values()) or any(ctx.game.team_memories.values())
-        check(ctx, rounds=1)
 
 
 def test_games_that_are_reset_begin_with_what_agents_remember():

@@ -8,11 +8,10 @@ from batch_scenes import WALK, assert_as_alone, assert_as_played, plain, scene
 
 from gamms import rl
 from gamms.errors import BadValue
-from gamms.rules import capture_flag, last_team, respawn, tag
+from gamms.rules import tag
 from gamms.scenario import Scenario
 
 NEAR = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
-METRES = {"speed_unit": "metres"}
 
 
 def made(**options):
@@ -28,29 +27,6 @@ def timid(state):
     seen = state["memory"].setdefault("seen", [])
     seen.extend(sorted(state["sensor"]["near"][1]) if "near" in state["sensor"] else ["nobody"])
     state["action"] = state["legal"][len(seen) % len(state["legal"])]
-
-
-def change_agents(ctx):
-    """Create and delete agents by lots, and move those that were created."""
-    draw, agents = ctx.stream("agents", ctx.game.turn), ctx.agent.agents
-    names = sorted(agents)
-    if draw.random() < 0.4:
-        name = f"{('red', 'blue', 'green')[int(draw.integers(3))]}_{int(draw.integers(9))}"
-        if name not in agents:
-            given = {"sensors": {"near": NEAR["near"]}} if draw.random() < 0.5 else {}
-            node = int(draw.integers(25))
-            ctx.agent.create_agent(
-                name, start_node_id=node, team=name[:-2], strategy=timid, born=ctx.game.turn, **given
-            )
-    if draw.random() < 0.4 and len(names) > 1:
-        ctx.agent.delete_agent(names[int(draw.integers(len(names)))])
-    for agent in [*agents.values()]:
-        if getattr(agent, "born", None) is not None and draw.random() < 0.3:
-            agent.born += 1
-            if ctx.game.order is None:
-                agent.current_node_id = int(draw.integers(25))
-        elif draw.random() < 0.05:
-            ctx.game.eliminate(agent)
 
 
 def look_around(ctx):
@@ -81,21 +57,6 @@ def check(scenario, rules, seeds=(3, 1, 2, 8), order=None, strategies=None, **op
                 assert plain(games.result(number)) == plain(result)
                 assert games.result(number).provenance == result.provenance
             return [games.result(number) for number in range(len(seeds))]
-
-
-@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
-@pytest.mark.parametrize(
-    ("settings", "order"), [({}, None), (METRES, None), ({}, [["red"], ["blue", "green"]])], ids=str
-)
-def test_games_create_and_delete_agents_as_they_do_alone(phase, settings, order):
-    rules = [tag("red", "blue"), respawn(2), capture_flag({"red": 0, "blue": 24}), last_team()]
-    called = [(change_agents, phase), (look_around, "after"), (look_around, "before")]
-    results = check(made(settings=settings), [*((rule, "after") for rule in rules), *called], order=order)
-    assert len({len(result.agents) for result in results}) > 1
-
-
-def test_plain_strategies_see_who_comes_and_who_leaves():
-    check(made(), [(change_agents, "before"), (look_around, "deeds")], strategies={"red": timid})
 
 
 def test_an_agent_that_was_deleted_may_be_created_again():

@@ -41,18 +41,6 @@ def check(scenario, strategies=None, rules=(dig,), phase="after", closed=(), tur
             return [games.result(number) for number in range(len(seeds))]
 
 
-@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
-@pytest.mark.parametrize("limit", [{"hops": 2}, {"metres": 21.0}, {"hops": 1, "passing": False}])
-@pytest.mark.parametrize("settings", [{}, {"order": [["blue"], ["red"]]}, {"legal": "any"}])
-def test_distances_are_counted_along_the_roads_that_are_open_in_each_game(limit, settings, phase):
-    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "respawn", **limit}}
-    some = {"rule": "tag", "with": {"taggers": "blue", "tagged": "red", "hops": 1}}
-    results = check(
-        scene([tag, some], settings=settings), rules=(dig,), phase=phase, closed=range(0, 60, 3), stays=True
-    )
-    assert len({tuple(sorted(result.scores.items())) for result in results}) > 1
-
-
 def count_legal(view):
     """Go to the last legal node, or one that is drawn, by how many there are next to others in sight."""
     near = view.seen_nodes("next").mask.sum(axis=-1)
@@ -113,28 +101,6 @@ def tell(ctx):
     """Note how agents have moved."""
     for name, move in ctx.game.moves.items():
         ctx.game.emit("went", agent=name, path=[*move.path], legs=[[*leg] for leg in move.legs])
-
-
-@pytest.mark.parametrize(
-    ("phase", "settings"),
-    [
-        ("before", {"speed_unit": "metres"}),
-        ("after", {"speed_unit": "metres", "decide": "arrival"}),
-        ("deeds", {"speed_unit": "metres", "decide": "arrival", "order": [["blue"], ["red"]]}),
-        ("deeds", {"order": [["red"], ["blue"]]}),
-        ("deeds", {}),
-    ],
-)
-def test_agents_stop_where_their_way_is_closed_and_leave_edges_that_are(phase, settings):
-    speed = {"speed": 7.0 if settings.get("speed_unit") else 2.5}
-    teams = {"red": {"count": 3, "strategy": "gamms.strategies:random_walk", **speed}}
-    teams["blue"] = {"count": 3, "strategy": {"function": "gamms.strategies:patrol", "with": {"nodes": [0, 12, 20]}}}
-    teams["blue"] |= speed
-    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "euclid": 4.0, "then": "respawn"}}
-    fuel = {"rule": "resource", "with": {"name": "fuel", "start": 400, "per_metre": 0.5}}
-    scenario = scene([tag, fuel], teams=teams, settings=settings, conflicts={"capacity": 1})
-    results = check(scenario, rules=(undermine, tell), phase=phase, seeds=range(20, 25), stays=True)
-    assert any(result.agents[name]["blocked"] for result in results for name in result.agents)
 
 
 @gamms.array_strategy

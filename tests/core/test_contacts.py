@@ -91,22 +91,6 @@ def pairs(*args, **kwargs):
 # -- facts ------------------------------------------------------------------------------------------------------------
 
 
-def test_agents_meet_on_a_node_from_when_the_later_one_is_there():
-    game = [(OURS, (0,), (0.0,)), (THEIRS, (1, 0), (0.0, 0.5)), (THEIRS, (1, 0, 1), (0.0, 0.25, 0.5))]
-    assert contacts(game) == [(0, 2, 0.25, 0.0, False, 0, 0), (0, 1, 0.5, 0.0, False, 0, 0)]
-
-
-def test_a_node_that_is_left_at_once_belongs_to_the_turn_before():
-    assert pairs([(OURS, (0,), (0.0,)), (THEIRS, (0, 1), (0.0, 1.0))]) == []
-
-
-def test_an_agent_that_waits_is_on_its_node_from_the_beginning_on_with_and_without_a_distance():
-    game = [(OURS, (0,), (0.0,)), (THEIRS, (0, 0, 1), (0.0, 0.5, 1.0))]
-    assert pairs(game)[0] == (0, 1, 0.0)
-    assert pairs(game, reach={node: {node: 0.0} for node in range(NODES)}, limit=0.0)[0] == (0, 1, 0.0)
-    assert pairs(game, limit=0.0)[0] == (0, 1, 0.0)
-
-
 def test_agents_pass_each_other_only_while_both_are_on_the_edge():
     together = [(OURS, (0, 1), (0.0, 0.5)), (THEIRS, (1, 0), (0.25, 1.0))]
     one_after_the_other = [(OURS, (0, 1), (0.0, 0.5)), (THEIRS, (1, 1, 0), (0.0, 0.5, 1.0))]
@@ -114,17 +98,6 @@ def test_agents_pass_each_other_only_while_both_are_on_the_edge():
     assert contacts(together, crossing=True, at_end=True) == [(0, 1, 1.0, 0.0, True, 1, 0)]
     assert set(pairs(one_after_the_other, crossing=True)) == {(0, 1, 0.5)}  # on the node, as the one comes
     assert pairs(one_after_the_other, crossing=True, at_end=True) == []
-
-
-def test_an_agent_of_both_sides_meets_others_and_not_itself():
-    game = [(OURS + THEIRS, (0,), (0.0,)), (OURS + THEIRS, (0,), (0.0,))]
-    assert sorted(pairs(game)) == [(0, 1, 0.0), (1, 0, 0.0)]
-
-
-def test_paths_count_there_and_back():
-    reach = {0: {0: 0.0, 1: 2.0}, 1: {1: 0.0}, 2: {2: 0.0, 1: 1.0}}
-    game = [(OURS, (1,), (0.0,)), (THEIRS, (0,), (0.0,)), (THEIRS, (2,), (0.0,))]
-    assert [one[:4] for one in contacts(game, reach=reach, limit=2.0)] == [(0, 2, 0.0, 1.0), (0, 1, 0.0, 2.0)]
 
 
 def test_lots_follow_from_both_names_in_their_order():

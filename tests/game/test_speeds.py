@@ -20,19 +20,6 @@ def places(agent, result):
     return [agent.seen[i]["curr_pos"] for i in range(len(agent.seen))] + [result.agents[agent.name]["node"]]
 
 
-def test_a_target_is_walked_to_by_the_shortest_way_with_ties_by_lowest_id(ctx, play):
-    agent = play("a", 0, 15, 15, 15, speed=2)
-    result = ctx.game.run(3)
-    assert places(agent, result) == [0, 2, 7, 15]
-    assert result.agents["a"]["moves"] == 3
-
-
-def test_rules_see_the_way(ctx, play):
-    play("a", 0, 15, speed=3)
-    ctx.game.step()
-    assert ctx.game.moves["a"].path == (0, 1, 2, 3)
-
-
 def test_a_list_or_an_array_is_walked_along_as_far_as_the_speed_goes(ctx, play):
     agent = play("a", 0, [4, 5, 1, 0], [4, 6], np.array([4, 8]), speed=2)
     result = ctx.game.run(3)
@@ -43,28 +30,6 @@ def test_a_list_or_an_array_is_walked_along_as_far_as_the_speed_goes(ctx, play):
 def test_a_list_may_begin_with_the_own_node_and_be_empty(ctx, play):
     agent = play("a", 0, [0, 1, 2], [], [2], speed=5)
     assert places(agent, ctx.game.run(3)) == [0, 2, 2, 2]
-
-
-def test_legal_are_the_nodes_in_reach_own_node_first(ctx, play):
-    agent = play("a", 0, speed=2)
-    ctx.game.step()
-    assert agent.seen[0]["legal"][0] == 0
-    assert sorted(agent.seen[0]["legal"]) == [0, 1, 2, 4, 5, 8]
-
-
-def test_a_part_of_an_edge_counts_while_the_way_goes_on(ctx, play):
-    ctx.game.speed_unit = "metres"
-    agent = play("a", 0, *[3] * 6, speed=7.0)
-    assert places(agent, ctx.game.run(6)) == [0, 0, 1, 2, 2, 3, 3]
-    assert sorted(agent.seen[0]["legal"]) == [0, 1, 4]  # those next to it are, even if they are too far for now
-
-
-def test_an_agent_that_arrives_or_stays_has_nothing_left(ctx, play):
-    ctx.game.speed_unit = "metres"
-    agent = play("a", 0, 1, 1, 2, 2, speed=15.0)
-    result = ctx.game.run(4)
-    assert places(agent, result) == [0, 1, 1, 2, 2]
-    assert agent._block.progress == [None]
 
 
 def test_a_speed_of_zero_stays_and_an_endless_one_goes_anywhere(ctx, play):
@@ -116,13 +81,6 @@ def walk_along(lengths, speed, unit, turns, target=None):
         return found
 
 
-def test_half_an_edge_a_turn_moves_every_second_turn_and_one_and_a_half_moves_one_two_one_two():
-    assert walk_along([10.0] * 9, 0.5, "edges", 6) == [0, 1, 1, 2, 2, 3]
-    assert walk_along([10.0] * 9, 1.5, "edges", 4) == [1, 3, 4, 6]
-    assert walk_along([10.0] * 3, 0.1, "edges", 30)[8::10] == [0, 1, 2]
-    assert walk_along([10.0] * 3, 0.1, "edges", 30)[9::10] == [1, 2, 3]
-
-
 @LAWS
 @given(
     lengths=st.lists(st.sampled_from([0.25, 1.0, 2.5, 7.0, 40.0]), min_size=1, max_size=12),
@@ -142,25 +100,12 @@ def edge_of(ctx, source, target):
     return next(edge.id for edge in edges if (edge.source, edge.target) == (source, target))
 
 
-@pytest.mark.parametrize("second", [5, 4, [5, 5, 6], 99], ids=["stays", "turns", "waits", "an illegal action"])
-def test_an_agent_that_stays_or_turns_begins_its_edge_again(ctx, play, second):
-    agent = play("a", 5, 6, second, 6, 6, 6, speed=0.5)
-    assert places(agent, ctx.game.run(4)) == [5, 5, 5, 5, 6]
-
-
 def test_an_edge_that_is_made_longer_takes_longer(ctx, play):
     ctx.game.speed_unit = "metres"
     agent = play("a", 0, [1], [2], speed=10.0)
     ctx.game.run(1)
     ctx.graph.graph.update_edge({"id": edge_of(ctx, 1, 2), "source": 1, "target": 2, "length": 20.0})
     assert places(agent, ctx.game.run(1)) == [0, 1, 1]
-
-
-def test_an_agent_that_is_blocked_begins_its_edge_again(ctx, play):
-    ctx.game.conflicts = gamms.rules.Conflicts(1)
-    agent = play("a", 5, *[6] * 5, speed=0.75)
-    play("b", 6, 6, 6, 7)
-    assert places(agent, ctx.game.run(5)) == [5, 5, 5, 5, 6, 6]
 
 
 @st.composite

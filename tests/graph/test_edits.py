@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
-from gamms.errors import BadType, BadValue, DuplicateId, GammsError, UnknownName
+from gamms.errors import BadType, BadValue, GammsError, UnknownName
 
 TOO_LARGE = [2**63, -(2**63) - 1, np.uint64(2**64 - 1)]
 BAD_NUMBERS = [("1", TypeError), (None, TypeError), (True, TypeError), (1j, TypeError)]
@@ -52,12 +52,6 @@ def test_a_coordinate_or_length_is_a_finite_number(refused, number, error):
     refused(error, "add_edges", [8, 9], [1, 1], [2, 2], [number] * 2)
 
 
-def test_a_length_is_not_negative(refused):
-    refused(ValueError, "add_edge", EDGE | {"length": -0.5})
-    refused(ValueError, "update_edge", {"id": 1, "length": -0.5})
-    refused(ValueError, "add_edges", [8, 9], [1, 1], [2, 2], [1.0, -0.5])
-
-
 @pytest.mark.parametrize("key", ["id", "x", "y"])
 def test_a_node_needs_its_keys(refused, key):
     data = {"id": 9, "x": 0.0, "y": 0.0, "name": "new"}
@@ -98,29 +92,6 @@ def test_everywhere_is_everywhere_around_any_place(graph, fill, ctx):
     fill(ctx)
     for d in (-1, math.inf):
         assert list(graph.get_nodes(d, math.inf, 0)) == [1, 2, -7, 40]
-
-
-def test_an_update_needs_an_id_that_is_there(refused):
-    refused(ValueError, "update_node", {"x": 1.0})
-    refused(ValueError, "update_edge", {"length": 1.0})
-    refused(KeyError, "update_node", {"id": 99, "x": 1.0})
-    refused(KeyError, "update_edge", {"id": 99, "length": 1.0})
-
-
-def test_an_id_is_taken_once(refused):
-    refused(DuplicateId, "add_node", {"id": 1, "x": 9.0, "y": 9.0, "name": "other"})
-    refused(DuplicateId, "add_edge", EDGE | {"id": 1, "lanes": 9})
-    refused(DuplicateId, "add_nodes", [8, 1], [0.0] * 2, [0.0] * 2)
-    refused(DuplicateId, "add_nodes", [8, 9, 8], [0.0] * 3, [0.0] * 3)
-    refused(DuplicateId, "add_edges", [8, 1], [1, 1], [2, 2])
-    refused(DuplicateId, "add_edges", [8, 8], [1, 1], [2, 2])
-
-
-def test_an_edge_ends_at_nodes_that_are_there(refused):
-    for end in ("source", "target"):
-        refused(UnknownName, "add_edge", EDGE | {end: 99})
-        refused(UnknownName, "update_edge", {"id": 2, "length": 9.0, end: 99, "lanes": 9, "linestring": None})
-    refused(UnknownName, "add_edges", [8, 9], [1, 99], [2, 2])
 
 
 def test_what_is_not_there_is_not_found(refused):
@@ -172,12 +143,6 @@ def test_columns_of_ids_hold_integers(refused, ids):
     refused(TypeError, "positions", ids)
 
 
-def test_a_missing_node_is_removed_silently(graph):
-    revision = graph.revision
-    graph.remove_node(5)
-    assert graph.revision == revision
-
-
 def test_a_callers_dict_is_neither_changed_nor_kept(any_ctx):
     graph = any_ctx.graph.graph
     node, other = {"id": 1, "x": 1, "y": 2, "name": "a"}, {"id": 2, "x": 0.0, "y": 0.0}
@@ -207,15 +172,6 @@ def test_callers_arrays_are_not_kept(graph):
     assert [graph.get_node(id) for id in graph.get_nodes()] == [(0, 0.0, 0.0), (1, 0.0, 0.0), (2, 0.0, 0.0)]
 
 
-def test_removing_a_node_removes_the_edges_at_it(any_ctx, fill):
-    graph = fill(any_ctx)
-    graph.remove_node(2)
-    assert list(graph.get_edges()) == [4]
-    assert list(graph.get_neighbors(1)) == []
-    graph.remove_node(-7)
-    assert list(graph.get_edges()) == []
-
-
 def test_a_missing_node_has_no_neighbors_at_the_call(graph):
     with pytest.raises(KeyError, match="5"):
         graph.get_neighbors(5)
@@ -232,9 +188,3 @@ def test_a_removed_node_has_no_neighborhood_any_more(graph):
         with pytest.raises(KeyError, match=str(id)):
             graph.neighborhoods[id]
     assert list(graph.neighborhoods[1]) == [1]
-
-
-def test_a_loop_makes_a_node_its_own_neighbor(any_ctx, fill):
-    graph = fill(any_ctx)
-    assert list(graph.get_neighbors(-7)) == [-7]
-    assert list(graph.neighborhoods[-7]) == [-7]

@@ -33,28 +33,10 @@ def test_looks_from_many_nodes_past_a_wall_are_not_those_of_a_sensor_that_sees_t
     assert past.sense_many([0]).values.tolist() == list(past.data["nodes"]) != list(through.data["nodes"])
 
 
-def test_a_wall_that_touches_the_target_hides_it_and_one_that_ends_before_it_does_not(ctx, sense):
-    wall(ctx, (1.0, -0.5), (1.0, 0.5))
-    assert 1 not in sense(SensorType.OCCLUDED_MAP)["nodes"]
-    ctx.graph.remove_obstacle_face(1)
-    wall(ctx, (1.001, -0.5), (1.001, 0.5))
-    assert 1 in sense(SensorType.OCCLUDED_MAP)["nodes"]
-
-
-def test_from_inside_a_wall_only_what_the_wall_runs_along_is_seen(ctx, sense):
-    wall(ctx, (0.0, -5.0), (0.0, 5.0))
-    assert list(sense(SensorType.OCCLUDED_MAP)["nodes"]) == [0, 2, 4]
-
-
 @pytest.mark.parametrize(("height", "is_seen"), [(1.6, False), (2.0, False), (2.01, True), (0.4, True), (0.5, False)])
 def test_a_sight_line_passes_over_a_low_wall_and_under_a_bridge(ctx, sense, height, is_seen):
     wall(ctx, (0.5, -0.5), (0.5, 0.5), top=2.0, foot=0.5)
     assert (1 in sense(SensorType.OCCLUDED_MAP, observer_height=height)["nodes"]) == is_seen
-
-
-def test_the_own_node_is_seen_even_inside_a_wall(ctx, sense):
-    wall(ctx, (-0.5, -0.5), (0.5, 0.5))
-    assert list(sense(SensorType.OCCLUDED_MAP)["nodes"]) == [0]
 
 
 def test_range_and_field_of_view_count_as_without_obstacles(ctx, sense):
