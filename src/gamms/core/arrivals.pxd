@@ -9,12 +9,11 @@ from gamms.core.travel cimport TurnPaths
 ctypedef unsigned char u8
 ctypedef long long i64
 
-cdef double SHORT, NOT_BEGUN
+cdef double NOT_BEGUN
 cdef u8 DECIDES, GOES_ON
 cdef i64 ARRIVE, CHOOSE, GO_ON
 
 
-cpdef double short_of(double end) except? -1.0 nogil
 
 
 @cython.final
@@ -70,5 +69,4 @@ cdef int go_on(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1
 @cython.locals(now=double, i=i64, row=i64)
 cdef int arrive(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
 cdef int come_back(Arrivals a, MetreMovers t, i64 row, i64 i) except -1 nogil
-@cython.locals(leg=i64, edge=i64)
 cdef int hold(GameColumns games, MetreMovers t, i64 row, i64 i) except -1 nogil

@@ -16,7 +16,6 @@ from gamms.core.conflicts import resolve
 from gamms.core.rules import GameColumns
 from gamms.core.travel import TurnPaths
 
-SHORT = 1e-9  # the share of an edge between a node and an agent that may not enter it
 NOT_BEGUN = -1.0  # a time
 DECIDES = 1
 GOES_ON = 2
@@ -27,11 +26,6 @@ GO_ON = 5  # resolve conflicts and set out
 PHASES = (ARRIVE, CHOOSE, GO_ON)
 UNBEGUN = NOT_BEGUN
 ASKED = DECIDES
-
-
-def short_of(end: float) -> float:
-    """Return the share of an edge just before an end of it."""
-    return 1.0 - SHORT if end == 1.0 else SHORT
 
 
 class Queue:
@@ -370,16 +364,6 @@ def come_back(a: Arrivals, t: MetreMovers, row: int, i: int) -> int:
 
 def hold(games: GameColumns, t: MetreMovers, row: int, i: int) -> int:
     """Stop an agent just before the node where it arrives."""
-    leg = i * t.trips.most + t.trips.legs[i] - 1
-    edge = t.trips.edges[leg]
-    if t.trips.ends[leg] == 1.0:
-        t.trips.passed[i] -= 1
-    t.trips.ends[leg] = short_of(t.trips.ends[leg])
-    t.trips.node[i] = t.roads.sources[edge]
-    t.trips.edge[i] = edge
-    t.trips.share[i] = t.trips.ends[leg]
-    t.trips.motion[i] = travel.STOPPED
-    t.trips.now[i] = t.trips.until[leg]
-    travel.stand(t.roads, t.trips, i)
+    travel.stop_short(t.roads, t.trips, i)
     games.node[row] = t.trips.node[i]
     return 0

@@ -27,12 +27,11 @@ cdef class MetreMovers(OneEdgeMovers):
     cdef int take_map(self, i64 first) except -1 nogil
     @cython.locals(i=i64, row=i64)
     cdef int decide(self, GameColumns games, i64 game) except -1 nogil
-    @cython.locals(share=double, began_on_edge=bint)
+    @cython.locals(was_on_edge=bint)
     cdef bint is_put(self, GameColumns games, i64 game, i64 i) except -1 nogil
-    @cython.locals(leg=i64)
     cdef bint goes(self, GameColumns games, i64 game, i64 i) except -1 nogil
     cdef i64 goal(self, i64 row) except -1 nogil
-    @cython.locals(row=i64, leg=i64, had_begun=bint, back=i64)
+    @cython.locals(row=i64)
     cdef int stay(self, GameColumns games, i64 game, i64 i) except -1 nogil
     @cython.locals(row=i64)
     cdef int go(self, GameColumns games, i64 game, i64 i) except -1 nogil

@@ -100,16 +100,14 @@ class MetreMovers(OneEdgeMovers):
 
     def is_put(self, games: GameColumns, game: int, i: int) -> bool:
         """Return whether rules have put an agent elsewhere that was about to move, or brought it back."""
-        share = self.trips.begins[i * self.trips.most]
-        began_on_edge = self.trips.legs[i] > 0 and 0.0 < share < 1.0
-        if began_on_edge and games.edge[game * games.agents + i] < 0 and self.part_of[i] >= self.part[game]:
+        was_on_edge = travel.begins_on_edge(self.trips, i) and self.part_of[i] >= self.part[game]
+        if was_on_edge and games.edge[game * games.agents + i] < 0:
             return True
         return moves.is_put(games, self, game, i)
 
     def goes(self, games: GameColumns, game: int, i: int) -> bool:
         """Return whether an agent covers part of an edge."""
-        leg = i * self.trips.most
-        return self.trips.legs[i] > 0 and self.trips.begins[leg] != self.trips.ends[leg]
+        return travel.is_moving(self.trips, i)
 
     def goal(self, row: int) -> int:
         """Return the place where the move of an agent ends, as in `conflicts`."""
@@ -118,14 +116,12 @@ class MetreMovers(OneEdgeMovers):
     def stay(self, games: GameColumns, game: int, i: int) -> int:
         """Undo the move of an agent: it stays at its position for the whole turn, with the map on which it decided."""
         row = game * games.agents + i
-        leg = i * self.trips.most
-        had_begun = self.trips.legs[i] > 0 and 0.0 < self.trips.begins[leg] < 1.0
-        back = self.trips.backs[leg]
-        begin(games, self, row, i)
-        travel.stand(self.roads, self.trips, i)
-        if had_begun:
-            self.trips.backs[leg] = back
-        self.trips.motion[i] = travel.STOPPED
+        if games.edge[row] < 0 or not travel.begins_on_edge(self.trips, i):
+            begin(games, self, row, i)
+            travel.stand(self.roads, self.trips, i)
+            self.trips.motion[i] = travel.STOPPED
+        else:
+            travel.stay(self.trips, i)
         self.start_places[row] = place_of(self, i)
         self.end_places[row] = self.start_places[row]
         self.ends[row] = self.trips.node[i]

@@ -6,7 +6,7 @@ ctypedef long long i64
 cdef extern from "math.h":
     cpdef double fabs(double x) noexcept nogil
 
-cdef double INFINITE, SLACK, LEAST, MOST, ROUNDED
+cdef double INFINITE, SLACK, LEAST, MOST, SHORT, ROUNDED
 cdef i64 FORWARD, BACK, STOPPED
 
 
@@ -112,7 +112,11 @@ cpdef Py_ssize_t shorter_way(RoadEdges roads, i64 edge, double share, double ahe
 cpdef int begin(
     TurnPaths trips, i64 row, i64 node, i64 edge, double share, i64 motion, double now, double speed, i64 left
 ) except -1 nogil
+cpdef int stand_on(TurnPaths trips, i64 row, i64 back) except -1 nogil
 @cython.locals(place=i64)
+cdef int put_new_leg(
+    TurnPaths trips, i64 row, i64 edge, i64 back, double begin, double end, double until
+) except -1 nogil
 cdef int add_leg(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, double begin, double end, double until) except -1 nogil
 @cython.locals(share=double)
 cdef double turns_to_end(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, i64 motion) except? -1.0 nogil
@@ -121,6 +125,13 @@ cdef double stop_before_end(TurnPaths trips, i64 row, i64 motion, double takes) 
 @cython.locals(first=double, takes=double, until=double, stop=double, node=i64, place=i64)
 cdef bint cover(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, i64 motion) except -1 nogil
 cpdef int stand(RoadEdges roads, TurnPaths trips, i64 row) except -1 nogil
+cpdef bint begins_on_edge(TurnPaths trips, i64 row) except -1 nogil
+@cython.locals(first=i64)
+cpdef bint is_moving(TurnPaths trips, i64 row) except -1 nogil
+@cython.locals(first=i64)
+cpdef int stay(TurnPaths trips, i64 row) except -1 nogil
+@cython.locals(leg=i64, edge=i64)
+cpdef int stop_short(RoadEdges roads, TurnPaths trips, i64 row) except -1 nogil
 @cython.locals(first=i64, node=i64, stands=bint, leg=i64, place=i64, last=i64)
 cpdef int go_in_part(TurnPaths trips, i64 row, i64 part, i64 parts) except -1 nogil
 @cython.locals(share=double)
@@ -128,8 +139,9 @@ cpdef double share_at(double begin, double end, double since, double until, doub
 cpdef Py_ssize_t motion_of(double begin, double end) except -1 nogil
 cdef int put_leg(TurnPaths trips, i64 leg, i64 other, double share, double since, double until) except -1 nogil
 cdef int copy_leg(TurnPaths trips, i64 leg, TurnPaths others, i64 other) except -1 nogil
-@cython.locals(number=i64)
 cpdef int copy_trip(TurnPaths trips, i64 row, TurnPaths others, i64 other) except -1 nogil
+@cython.locals(number=i64, place=i64)
+cpdef int add_trip(TurnPaths trips, i64 row, TurnPaths others, i64 other, i64 first) except -1 nogil
 @cython.locals(at=i64, number=i64)
 cpdef Py_ssize_t without_edge(RoadEdges roads, TurnPaths trips, i64 node, i64 count) except -2 nogil
 @cython.locals(speed=double)

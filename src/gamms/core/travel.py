@@ -14,6 +14,7 @@ INFINITE = float("inf")
 SLACK = 1e-9  # of a turn: a path that takes exactly a turn must not fail by rounding
 LEAST = 5e-324  # shares of an edge: bounds for agents under way, against rounding
 MOST = 1.0 - 2.0**-53
+SHORT = 1e-9  # the share of an edge between a node and an agent that may not enter it
 ROUNDED = 1e-12  # of a turn: an arrival this shortly before the end counts as at the end
 FORWARD = 1  # the values of `ir.progress.Motion`
 BACK = 2
@@ -711,11 +712,21 @@ def begin(
     return 0
 
 
+def stand_on(trips: TurnPaths, row: int, back: int) -> int:
+    """Keep an agent at its position on an edge for the rest of the turn; `back` is the edge for turning around."""
+    return put_new_leg(trips, row, trips.edge[row], back, trips.share[row], trips.share[row], 1.0)
+
+
 def add_leg(roads: RoadEdges, trips: TurnPaths, row: int, edge: int, begin: float, end: float, until: float) -> int:
     """Add a leg along a part of an edge, from the current time until `until`."""
+    return put_new_leg(trips, row, edge, back(roads, edge), begin, end, until)
+
+
+def put_new_leg(trips: TurnPaths, row: int, edge: int, back: int, begin: float, end: float, until: float) -> int:
+    """Add a leg along a part of an edge; `back` is the edge for turning around."""
     place = row * trips.most + trips.legs[row]
     trips.edges[place] = edge
-    trips.backs[place] = back(roads, edge)
+    trips.backs[place] = back
     trips.begins[place] = begin
     trips.ends[place] = end
     trips.since[place] = trips.now[row]
@@ -781,11 +792,54 @@ def stand(roads: RoadEdges, trips: TurnPaths, row: int) -> int:
     return 0
 
 
+def begins_on_edge(trips: TurnPaths, row: int) -> bool:
+    """Return whether an agent is on an edge at the start of its path."""
+    return trips.legs[row] > 0 and 0.0 < trips.begins[row * trips.most] < 1.0
+
+
+def is_moving(trips: TurnPaths, row: int) -> bool:
+    """Return whether an agent covers part of an edge."""
+    first = row * trips.most
+    return trips.legs[row] > 0 and trips.begins[first] != trips.ends[first]
+
+
+def stay(trips: TurnPaths, row: int) -> int:
+    """Undo the path of an agent: it stays at its start for the whole turn, on the map on which the path was found."""
+    first = row * trips.most
+    trips.edge[row] = -1
+    trips.share[row] = 0.0
+    if begins_on_edge(trips, row):
+        trips.edge[row] = trips.edges[first]
+        trips.share[row] = trips.begins[first]
+        put_leg(trips, first, first, trips.begins[first], 0.0, 1.0)
+    trips.legs[row] = 1 if trips.edge[row] >= 0 else 0
+    trips.motion[row] = STOPPED
+    trips.passed[row] = 1
+    trips.node[row] = trips.nodes[row * (trips.most + 1)]
+    trips.times[row * (trips.most + 1)] = 0.0
+    return 0
+
+
+def stop_short(roads: RoadEdges, trips: TurnPaths, row: int) -> int:
+    """Stop an agent just before the node at the end of its last leg, for the rest of the turn."""
+    leg = row * trips.most + trips.legs[row] - 1
+    edge = trips.edges[leg]
+    if trips.ends[leg] == 1.0:
+        trips.passed[row] -= 1
+    trips.ends[leg] = 1.0 - SHORT if trips.ends[leg] == 1.0 else SHORT
+    trips.node[row] = roads.sources[edge]
+    trips.edge[row] = edge
+    trips.share[row] = trips.ends[leg]
+    trips.motion[row] = STOPPED
+    trips.now[row] = trips.until[leg]
+    return stand(roads, trips, row)
+
+
 def go_in_part(trips: TurnPaths, row: int, part: int, parts: int) -> int:
     """Fit the path of an agent into one of several equal parts of the turn; until then it waits at its start."""
     first = row * trips.most
     node = row * (trips.most + 1)
-    stands = 0.0 < trips.begins[first] < 1.0
+    stands = begins_on_edge(trips, row)
     for leg in range(first, first + trips.legs[row]):
         trips.since[leg] = (part + trips.since[leg]) / parts
         trips.until[leg] = (part + trips.until[leg]) / parts
@@ -849,17 +903,26 @@ def copy_leg(trips: TurnPaths, leg: int, others: TurnPaths, other: int) -> int:
 
 def copy_trip(trips: TurnPaths, row: int, others: TurnPaths, other: int) -> int:
     """Copy the path of an agent to a row of other trips."""
+    others.legs[other] = 0
+    others.passed[other] = 0
+    return add_trip(trips, row, others, other, 0)
+
+
+def add_trip(trips: TurnPaths, row: int, others: TurnPaths, other: int, first: int) -> int:
+    """Append the legs of an agent, and its nodes from number `first` on, to its path in other trips."""
     others.node[other] = trips.node[row]
     others.edge[other] = trips.edge[row]
     others.share[other] = trips.share[row]
     others.motion[other] = trips.motion[row]
-    others.legs[other] = trips.legs[row]
-    others.passed[other] = trips.passed[row]
+    place = other * others.most + others.legs[other]
     for number in range(trips.legs[row]):
-        copy_leg(trips, row * trips.most + number, others, other * others.most + number)
-    for number in range(trips.passed[row]):
-        others.nodes[other * (others.most + 1) + number] = trips.nodes[row * (trips.most + 1) + number]
-        others.times[other * (others.most + 1) + number] = trips.times[row * (trips.most + 1) + number]
+        copy_leg(trips, row * trips.most + number, others, place + number)
+    place = other * (others.most + 1) + others.passed[other] - first
+    for number in range(first, trips.passed[row]):
+        others.nodes[place + number] = trips.nodes[row * (trips.most + 1) + number]
+        others.times[place + number] = trips.times[row * (trips.most + 1) + number]
+    others.legs[other] += trips.legs[row]
+    others.passed[other] += trips.passed[row] - first
     return 0
 
 

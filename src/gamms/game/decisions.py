@@ -17,7 +17,7 @@ from gamms.errors import BadType, BadValue, GammsError, UnknownAttribute, neares
 from gamms.game.facts import KnownFacts
 from gamms.game.movement.legality import IllegalAction, Legality
 from gamms.game.movement.streets import LegalNodes
-from gamms.game.movement.travel import ResolvedAction
+from gamms.game.movement.travel import GamePaths, ResolvedAction
 from gamms.game.order import PlannedAgents, TurnPart
 from gamms.game.random_streams import ArrayDraws
 from gamms.game.settings import Settings
@@ -216,6 +216,7 @@ class Decisions:
         starts: the node of each agent, by slot.
         ends: the node that each agent moves to, by slot, as a view of an array; see `ends_to_write`.
         actions: slot -> its action, unless it only moves to a node; a new dict for each part.
+        paths: the paths of agents by metres; None: there are none.
         awaited: awaitables to collect.
         written: (slot, changed copy of the team memory) of each agent that changed it.
         failures: (slot, kind, message) of each failure; `close` publishes `written` and `failures` after all decisions.
@@ -226,7 +227,7 @@ class Decisions:
 
     __slots__ = (
         *("_legality", "_phase", "_settings", "actions", "awaited", "ends", "failures"),
-        *("moves", "observe", "slots", "starts", "state", "written"),
+        *("moves", "observe", "paths", "slots", "starts", "state", "written"),
     )
 
     def __init__(
@@ -264,6 +265,7 @@ class Decisions:
         self.starts = starts
         self.moves = moves
         self.actions: dict[int, ResolvedAction] = {}
+        self.paths: GamePaths | None = None
         self.ends: Any = starts if ends is None else ends
         if self.written or self.failures or self.awaited:
             self._forget()
@@ -506,8 +508,14 @@ class Decisions:
             if not is_default:  # an agent for which it is not legal stays
                 self._refuse(i, error)
         else:
-            self.actions[i] = resolved
             self.ends_to_write()[i] = resolved.end
+            if self.slots[i].travels:
+                if self.paths is None:
+                    self.paths = GamePaths(len(self.slots))
+                self._legality.travel.put(self.paths, i)
+                if resolved.heading == () and resolved.deeds is None:
+                    return
+            self.actions[i] = resolved
 
     def _refuse(self, i: int, error: GammsError) -> None:
         """Handle an illegal action: raise the error, or keep the agent on its node, depending on the settings."""

@@ -14,7 +14,7 @@ from gamms.game.messages import Inboxes, Outboxes
 from gamms.game.movement.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
 from gamms.game.movement.legality import Legality
 from gamms.game.movement.moves import Refusals, TurnMoves
-from gamms.game.movement.travel import ResolvedAction
+from gamms.game.movement.travel import GamePaths
 from gamms.game.order import TurnOrder, TurnPart, left_out, note_lost
 from gamms.game.random_streams import DrawTable
 from gamms.game.settings import RuleSet, Settings, refuse_unused
@@ -321,12 +321,14 @@ class TurnEngine:
     def _play_later_parts(self, turn: TurnMoves, first: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
         """Play all parts after the first one; return the moves of the whole turn."""
         parts = len(turn.order.parts)
-        turn = turn.between(first, parts)
+        turn.go_in_part(first, parts, turn.order.parts[first].members)
         for number in range(first + 1, parts):
             if self._state.over is None:
                 self._state.moves = turn  # for those that decide now
-                later = self._play_part(self.order(), number, observers, rules).between(number, parts)
-                turn = turn.on(later.order).then(later, number)
+                later = self._play_part(self.order(), number, observers, rules)
+                later.go_in_part(number, parts, later.order.parts[number].members)
+                turn = turn.on(later.order)
+                turn.then(later, number)
         return turn
 
     def _play_part(self, order: TurnOrder, number: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
@@ -400,24 +402,30 @@ class TurnEngine:
     def _block(self, slot: AgentSlot, why: str) -> None:
         slot.set_blocked(self._state.blocked.add(slot.name, why))
 
-    def _ask(self, order: TurnOrder, part: TurnPart, observers: list[Observer]) -> TurnMoves:
-        """Return the moves that the agents of a part choose.
+    def _ask(
+        self, order: TurnOrder, part: TurnPart, observers: list[Observer], paths: GamePaths | None = None
+    ) -> TurnMoves:
+        """Return the moves that the agents of a part choose; `paths` receives paths by metres.
 
         Agents do not see each other's decisions: while a strategy runs, nothing can change, so all agents observe the
         same state even though each observes just before it decides. If a sensor may look at more than the world, all
         agents observe first.
         """
-        decisions = self.decide(order, part, observers)
+        decisions = self.decide(order, part, observers, paths)
         blocked = self._state.blocked
         # NOTE: no call in each turn (benchmarks: turns)
         if order.has_channels or blocked.known or blocked.stopped or decisions.failures or decisions.written:
             self._publish(order, part, decisions)
-        return TurnMoves(order, decisions.starts, decisions.ends_to_write(), decisions.actions, decisions.moves)
+        ends = decisions.ends_to_write()
+        return TurnMoves(order, decisions.starts, ends, decisions.actions, decisions.moves, decisions.paths)
 
-    def decide(self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer] = ()) -> Decisions:
-        """Return the decisions of the agents of a part, without publishing them."""
+    def decide(
+        self, order: TurnOrder, part: TurnPart, observers: Sequence[Observer] = (), paths: GamePaths | None = None
+    ) -> Decisions:
+        """Return the decisions of the agents of a part, without publishing them; `paths` receives paths by metres."""
         phase = self._phase
         decisions = self._decisions.begin(order.slots, *order.begin())
+        decisions.paths = paths
         if part.paced:
             self._leave_closed_edges(order, part)
         self.asked += 1
@@ -487,40 +495,41 @@ class TurnEngine:
         turn = self._ask(order, TurnPart(slots, resting, self._settings), observers)
         turn.let_stand([i for i in places if i not in going], travel)
         for i, place in going.items():
-            turn.go(i, travel.go_on(place, block.node[slots[i].row], slots[i].speed))
+            travel.go_on(place, block.node[slots[i].row], slots[i].speed)
+            turn.go(i, travel)
         arrivals = Arrivals(turn, block, has_end=self._settings.conflicts is not None)
         asked = Counter[int]()
-        for i in self._give_way(turn, arrivals, part.members, turn.actions):
+        paths = GamePaths(len(slots))
+        for i in self._give_way(turn, arrivals, part.members, turn.paths):
             turn.stop(i)
         for i in part.members:
             arrivals.depart(i)
         try:
             for now, here in arrivals.times():
                 travel.now = now
-                actions = dict[int, ResolvedAction]()
+                later = None
                 if now < 1.0:
-                    actions = self._ask(order, TurnPart(slots, here, self._settings), []).actions
-                losers = self._give_way(turn, arrivals, here, actions)
+                    paths.clear()
+                    later = self._ask(order, TurnPart(slots, here, self._settings), [], paths)
+                losers = self._give_way(turn, arrivals, here, None if later is None else later.paths)
                 for i in here:
                     asked[i] += 1
                     if i in losers:
-                        arrivals.hold(i)
+                        arrivals.hold(i, travel)
                     elif asked[i] >= MOST_ARRIVALS:
                         self._note_illegal(slots[i], WAITS)
-                    elif i in actions and self._continue(turn, actions[i], i):
+                    elif later is not None and self._continue(turn, later, i):
                         arrivals.depart(i)
         finally:
             travel.now = 0.0
             arrivals.close()
         return turn
 
-    def _give_way(
-        self, turn: TurnMoves, arrivals: Arrivals, here: Sequence[int], actions: Mapping[int, ResolvedAction]
-    ) -> set[int]:
+    def _give_way(self, turn: TurnMoves, arrivals: Arrivals, here: Sequence[int], paths: GamePaths | None) -> set[int]:
         """Resolve conflicts; return the slots of the agents that have to stay at their places."""
         if self._settings.conflicts is None:
             return set()
-        before, after = arrivals.places(here, actions)
+        before, after = arrivals.places(here, paths)
         losers = self.losers_between(turn.order, before, after)
         for i, place in losers:
             self._block(turn.slots[i], in_conflict(place))
@@ -539,12 +548,13 @@ class TurnEngine:
         losers = self._losers(order, (before, after), named)
         return [(i, after[i]) for i in losers if before[i] != after[i]]
 
-    def _continue(self, turn: TurnMoves, action: ResolvedAction, i: int) -> bool:
-        """Append the action of an agent that has arrived; return whether it moves on."""
-        if action.deeds:
+    def _continue(self, turn: TurnMoves, later: TurnMoves, i: int) -> bool:
+        """Append the later move of an agent that has arrived; return whether it moves on."""
+        action = later.actions.get(i)
+        if action is not None and action.deeds:
             self._note_illegal(turn.slots[i], NO_DEEDS)
-        turn.go_on(i, action._replace(deeds=None))
-        return bool(action.legs)
+        turn.go_on(i, later)
+        return later.paths is not None and later.paths.num_legs(i) > 0
 
     def _leave_closed_edges(self, order: TurnOrder, part: TurnPart) -> None:
         """Move agents on removed edges to the node that they passed last."""
@@ -595,7 +605,7 @@ class TurnEngine:
 
     def lost(self, turn: TurnMoves) -> tuple[Sequence[int], Sequence[Any]]:
         """Keep the agents where they are that lose conflicts; return their slots, and where they wanted to go."""
-        places = turn.places() if turn.actions else turn.in_core()
+        places = turn.in_core() if turn.paths is None else turn.places()
         return turn.stop_each(self._losers(turn.order, places, turn.named))
 
     def _losers(
@@ -629,7 +639,7 @@ class TurnEngine:
     def _apply_actions(self, turn: TurnMoves, part: TurnPart, block: AgentBlock) -> None:
         """Write positions on edges, headings and flights of a part to the columns of the agents."""
         for i in part.paced:
-            block.set_progress(turn.slots[i].row, turn.actions[i].progress if i in turn.actions else None)
+            block.set_progress(turn.slots[i].row, turn.progress(i))
         for i, action in turn.actions.items():
             slot = turn.slots[i]
             if action.heading != ():

@@ -14,6 +14,7 @@ from gamms.game.block.in_core import CoreColumns
 from gamms.game.block.state import STOPPED, Arrays, GameArrays
 from gamms.game.movement.by_edges import EdgeMovement
 from gamms.game.movement.by_metres import MetricMovement, TravelTerms, seconds_of_turn
+from gamms.game.movement.courses import paths_along, paths_over
 from gamms.game.movement.flights import poses_in, starts_above
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.one_edge import AnyNodeMovement, Legs, Movement, Paths
@@ -336,19 +337,14 @@ def _paths(tracks: Sequence[Track], numbers: IntArray, movement: Movement, start
     """Return the paths of all agents, (1, agents): the tracks of `numbers`; other agents stay at `starts`."""
     shape = (*starts.shape, max((len(track.path) for track in tracks), default=1))
     nodes = np.repeat(starts[..., None], shape[-1], axis=-1)
-    times = np.full(shape, np.inf)
-    times[..., 0] = 0.0
+    times = np.zeros(shape)
     lengths = np.ones(starts.shape, np.int64)
-    waits = np.zeros(starts.shape, np.bool_)
-    rows = movement.streets.rows
     for number, track in zip(numbers.tolist(), tracks, strict=True):
         length = len(track.path)
         lengths[0, number] = length
-        nodes[0, number, :length] = rows(list(track.path))
-        nodes[0, number, length:] = rows(track.path[-1])
-        times[0, number, : len(track.times)] = track.times
-        waits[0, number] = _waits(track)
-    return Paths(nodes, times, lengths, lengths == 1, waits, np.ones_like(waits))
+        nodes[0, number, :length] = movement.streets.rows(list(track.path))
+        times[0, number, :length] = track.times
+    return paths_over(nodes, times, lengths, starts)
 
 
 def _paths_by_metres(
@@ -356,39 +352,25 @@ def _paths_by_metres(
 ) -> Paths:
     """Return the paths of agents that move by meters, including the legs along edges."""
     tracks = [moves.track(i) for i in slots]
-    arrived = [_arrivals(track) for track in tracks]
-    paths = _paths(arrived, numbers, movement, starts)
     shape = (*starts.shape, max((len(track.legs) for track in tracks), default=0))
     row_of = {edge: row for row, edge in enumerate(movement.columns.edge_ids.tolist())}
     legs = Legs(np.full(shape, -1), np.full(shape, -1), *(np.zeros(shape) for _ in range(4)))
-    waits = np.zeros_like(paths.waits)
-    for number, track in zip(numbers.tolist(), tracks, strict=True):
+    waits = np.zeros(starts.shape, np.bool_)
+    edge = np.full(starts.shape, -1)
+    motion = np.full(starts.shape, Motion.STOPPED)
+    for number, i, track in zip(numbers.tolist(), slots, tracks, strict=True):
         waits[0, number] = _waits(track)
         for place, leg in enumerate(track.legs):
             back = -1 if leg.back is None else row_of[leg.back]
             for column, value in zip(legs, (row_of[leg.edge], back, *leg[3:7]), strict=True):
                 column[0, number, place] = value
-    edge = np.full(starts.shape, -1)
-    motion = np.full(starts.shape, Motion.STOPPED)
-    for number, i in zip(numbers.tolist(), slots, strict=True):
-        progress = moves.actions[i].progress if i in moves.actions else None
+        progress = moves.progress(i)
         if progress is not None:
             edge[0, number] = row_of[progress.edge]
             motion[0, number] = progress.motion
-    stays = np.asarray((legs.edge < 0).all(axis=-1))
-    return paths._replace(legs=legs, edge=edge, motion=motion, stays=stays, waits=waits, rests=edge < 0)
+    return paths_along(legs, movement.columns, starts, waits)._replace(edge=edge, motion=motion, rests=edge < 0)
 
 
 def _waits(track: Track) -> bool:
     """Return whether an agent waits on its first node before it leaves."""
     return len(track.path) > 1 and track.path[0] == track.path[1]
-
-
-def _arrivals(track: Track) -> Track:
-    """Return the track of the nodes where legs end, after the start node, which occurs twice if the agent waited."""
-    if not track.legs:
-        return track
-    waits = _waits(track)
-    ends = [leg for leg in track.legs if leg.end in (0.0, 1.0)]
-    nodes = [leg.target if leg.end else leg.source for leg in ends]
-    return Track((*track.path[: 1 + waits], *nodes), (*track.times[: 1 + waits], *(leg.until for leg in ends)))

@@ -680,12 +680,14 @@ class Cursor:
         if self._part is not None:  # the others stay where they are
             acting = np.where(self._core.part_of[numbers] == self._part, numbers, -1)
         actions = {} if courses is None else courses.actions(self._number, acting)
+        paths = None
+        if courses is not None:
+            standing = np.where(acting < 0, numbers, -1)
+            paths = courses.game_paths(self._number, acting, standing, starts[took_part])
         first = ids(starts[took_part]).tolist()
-        if courses is not None and self._part is not None:
-            actions |= courses.standing(self._number, np.where(acting < 0, numbers, -1), first)
         if self._state.flights is not None:
             actions |= self._state.flights.actions(self._number, acting, first)
-        moves = TurnMoves(order, as_ids(first), ids(ends[took_part]).data, actions)
+        moves = TurnMoves(order, as_ids(first), ids(ends[took_part]).data, actions, paths=paths)
         if self._state.deed_log is not None:
             for number, deeds in self._state.deed_log.plain_of(self._number).items():
                 if took_part[number] and self._part in (None, self._core.part_of[number]):
@@ -1165,13 +1167,8 @@ class Cursor:
 
     def _choose_routes(self, routes: Routes, decisions: Decisions, asked: _AskedAgents) -> None:
         """Let agents of the game that the context is pointed at go as they have decided."""
-        number = self._number
-        starts = decisions.starts
-        ends = decisions.ends
         for i, name in asked.members:
-            end = None if ends[i] == starts[i] else ends[i]
-            flies = self._block.kind[self._block.row_of(name)]
-            if not routes.choose(number, self._number_of[name], None if flies else decisions.actions.get(i), end):
+            if not routes.choose(self._number, self._number_of[name], decisions, i):
                 self._leave("chooses a route with an edge that it repeats")
 
     def _take_decisions(self, decisions: Decisions, asked: _AskedAgents) -> None:

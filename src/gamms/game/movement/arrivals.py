@@ -1,12 +1,12 @@
 """Positions during a turn in which agents decide on arrival: who arrives when, and where the others are meanwhile."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
 from gamms.core.arrivals import Queue
 from gamms.game.movement.moves import TurnMoves
-from gamms.game.movement.travel import ResolvedAction, progress_at
+from gamms.game.movement.travel import GamePaths, Travel, progress_at
 from gamms.ir.agents import AgentBlock
 from gamms.typing.game import EdgePlace
 
@@ -39,14 +39,13 @@ class Arrivals:
 
     def depart(self, i: int) -> None:
         """Start the agent of a slot on its move: it goes on, or stands."""
-        action = self._turn.actions.get(i)
-        slot = self._turn.slots[i]
-        if action is None or not action.legs:
+        paths = self._turn.paths
+        leg = None if paths is None else paths.last_leg(i)
+        if leg is None:
             return
-        leg = action.legs[-1]
         self._moved.add(i)
-        self._under_way.depart(slot.row, partial(progress_at, leg))
-        if action.progress is None and (leg.until < 1.0 or self._has_end):
+        self._under_way.depart(self._turn.slots[i].row, partial(progress_at, leg))
+        if leg.end in (0.0, 1.0) and (leg.until < 1.0 or self._has_end):
             self._queue.push(0, i, leg.until)
 
     def times(self) -> Iterator[tuple[float, list[int]]]:
@@ -66,13 +65,12 @@ class Arrivals:
 
     # -- conflicts ------------------------------------------------------------------------------------------------
 
-    def places(self, here: Sequence[int], actions: Mapping[int, ResolvedAction]) -> tuple[list[Any], list[Any]]:
-        """Return the places of all agents (node ids or edges) before and after the actions of some slots."""
+    def places(self, here: Sequence[int], paths: GamePaths | None) -> tuple[list[Any], list[Any]]:
+        """Return the places of all agents (node ids or edges) before and after some slots set out on their paths."""
         before = self._places
         after = self._places.copy()
         for i in here:
-            action = actions.get(i)
-            leg = action.legs[-1] if action is not None and action.legs else None
+            leg = None if paths is None else paths.last_leg(i)
             if leg is None:
                 after[i] = self._turn.ends[i]
             elif leg.begin != leg.end:
@@ -83,13 +81,11 @@ class Arrivals:
         """Set the current places of all agents."""
         self._places = places
 
-    def hold(self, i: int) -> None:
+    def hold(self, i: int, travel: Travel) -> None:
         """Stop the arriving agent of a slot just before the node."""
-        self._turn.stop_short(i)
-        slot = self._turn.slots[i]
-        action = self._turn.actions[i]
-        self._under_way.arrive(slot.row, action.end)
-        self._under_way.depart(slot.row, partial(progress_at, action.legs[-1]))
+        self._turn.stop_short(i, travel.roads)
+        self._under_way.arrive(self._turn.slots[i].row, self._turn.ends[i])
+        self.depart(i)
         self._under_way.pass_time(self._under_way.time)
 
     def close(self) -> None:

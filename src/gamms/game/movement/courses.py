@@ -1,23 +1,22 @@
 """How agents go, and have gone, that do not go along one edge a turn, as functions that the core calls know it."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from gamms.core import moves, rules
+from gamms.game.decisions import Decisions
 from gamms.game.movement.by_edges import EdgeMovement
 from gamms.game.movement.by_metres import MetricMovement
 from gamms.game.movement.one_edge import Legs, Paths
-from gamms.game.movement.travel import EdgeIds, ResolvedAction, TurnPaths
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.game.movement.travel import STAYS, GamePaths, ResolvedAction, RoadIds, TurnPaths
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
-from gamms.typing.game import Leg
 
 _MORE_LEGS = 2  # that a way may have besides those to its nodes
-_STAYS = -1  # how many nodes there are on the way of an agent that stays
 
 
 class Routes:
@@ -45,24 +44,27 @@ class Routes:
         self._chosen: list[tuple[int, int, int]] = []  # row, how many nodes, motion
         self._ids: list[int] = []  # of the nodes, one way after the other
 
-    def choose(self, game: int, agent: int, action: ResolvedAction | None, end: int | None) -> bool:
+    def choose(self, game: int, agent: int, decisions: Decisions, i: int) -> bool:
         """Set the action of an agent in this turn; return whether there is room for its path.
 
         Args:
             game: its number.
             agent: its number.
-            action: what it does; None: it goes to a node that is next to it, or stays.
-            end: this node; None: it stays.
+            decisions: of the agents of the game.
+            i: its slot.
         """
-        count = _STAYS
+        count = STAYS
         motion = int(Motion.FORWARD)
         nodes: Iterable[int] = ()
-        if action is None:
-            nodes = () if end is None else (end,)
-        elif isinstance(self._by, MetricMovement):
-            count, motion, nodes = _along_legs(action)
-        else:
-            nodes = action.path[1:] if action.progress is None else (*action.path[1:], action.progress.target)
+        action = decisions.actions.get(i)
+        if decisions.paths is not None and decisions.paths.maps[i] is not None:
+            count, motion, nodes = decisions.paths.route(i)
+        elif action is not None and action.progress is not None:
+            nodes = *action.path[1:], action.progress.target
+        elif action is not None:
+            nodes = action.path[1:]
+        elif decisions.ends[i] != decisions.starts[i]:
+            nodes = (decisions.ends[i],)
         before = len(self._ids)
         self._ids += nodes
         count = (len(self._ids) - before) or count
@@ -87,21 +89,6 @@ class Routes:
         """Drop the chosen actions."""
         self._chosen.clear()
         self._ids.clear()
-
-
-def _along_legs(action: ResolvedAction) -> tuple[int, int, Iterable[int]]:
-    """Return the number of nodes of a way without nodes, the motion of an agent on an edge, and its next nodes."""
-    legs = action.legs
-    if not legs:
-        return _STAYS, Motion.FORWARD, ()
-    if action.begun is None:
-        return _STAYS, Motion.FORWARD, [leg.target for leg in legs]
-    first = legs[0]
-    progress = action.progress
-    if first.begin == first.end and progress is not None:  # it stands, or is on its way and too slow to get on
-        return (_STAYS if progress.motion == Motion.STOPPED else 0), progress.motion, ()
-    motion = Motion.BACK if first.end < first.begin else Motion.FORWARD
-    return 0, motion, [leg.target for leg in legs[1:]]
 
 
 class EdgeCourses:
@@ -140,9 +127,8 @@ class EdgeCourses:
     def note_places(self, *, are_open: bool) -> None:
         """Do nothing: agents stand on nodes; see `MetreCourses`."""
 
-    def standing(self, game: int, agents: IntArray, nodes: Sequence[int]) -> dict[int, ResolvedAction]:  # noqa: ARG002 - as by metres
-        """Return nothing: agents stand on nodes."""
-        return {}
+    def game_paths(self, game: int, agents: IntArray, others: IntArray, nodes: IntArray) -> None:
+        """Return None: `actions` has the paths."""
 
     def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
         """Return what agents did that did more than to go along one edge, by their places among these; -1: no agent."""
@@ -175,7 +161,7 @@ class EdgeCourses:
         """Return the paths of agents; those that did not take part are where they start."""
         lengths = np.where(took_part, self._lengths[games], 1)
         most = int(lengths.max(initial=1))
-        return _paths(self._nodes[games, :, :most], self._times[games, :, :most], lengths, starts)
+        return paths_over(self._nodes[games, :, :most], self._times[games, :, :most], lengths, starts)
 
 
 class MetreCourses:
@@ -205,13 +191,8 @@ class MetreCourses:
         self.routes = Routes(by, shape, most, most - _MORE_LEGS - 2 * int(part_of.any()))
 
     @cached_property
-    def _ids(self) -> list[int]:
-        ids: list[int] = self._by.columns.node_ids.tolist()
-        return ids
-
-    @cached_property
-    def _edge_ids(self) -> EdgeIds:
-        return EdgeIds(self._by.columns)
+    def _ids(self) -> RoadIds:
+        return RoadIds(self._by.columns)
 
     def columns(self) -> list[np.ndarray[Any, Any]]:
         """Return the columns that it keeps of the last turns."""
@@ -241,31 +222,27 @@ class MetreCourses:
             back[on] = by.backs(edge[on], on[0])
         self._here = edge, by.share.copy(), by.motion.copy(), back
 
-    def standing(self, game: int, agents: IntArray, nodes: Sequence[int]) -> dict[int, ResolvedAction]:
-        """Return what agents of a game do that stand on edges at their noted positions; see `actions`."""
-        edge, share, motion, back = (column[game, agents] for column in self._here)
-        found = {}
-        for place, begun in self._by.progress(np.where(agents < 0, -1, edge), share, motion).items():
-            back_id = None if back[place] < 0 else self._edge_ids[int(back[place])][2]
-            leg = Leg(*begun[:2], begun.edge, begun.share, begun.share, 0.0, 1.0, back_id)
-            node = nodes[place]
-            stopped = begun._replace(motion=Motion.STOPPED)
-            found[place] = ResolvedAction(node, (node,), (), (0.0,), stopped, (leg,), begun)
-        return found
+    def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:  # noqa: ARG002 - as by edges
+        """Return nothing: `game_paths` has the paths."""
+        return {}
 
-    def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
-        """Return what agents did that went along edges, or stood there, by their places among these; -1: no agent."""
+    def game_paths(self, game: int, agents: IntArray, others: IntArray, nodes: IntArray) -> GamePaths:
+        """Return the paths of agents of a game, and of others that stand on edges at their noted positions.
+
+        Args:
+            game: its number.
+            agents: the numbers of the agents; -1: no agent.
+            others: the numbers of the others; likewise.
+            nodes: the rows of the nodes that the others have passed last.
+        """
         trips = self._trips
         rows = game * self._shape[1] + agents
-        found = {}
+        found = GamePaths(len(agents), int(trips.legs.max(initial=0)) + _MORE_LEGS)
         for place in np.flatnonzero((agents >= 0) & (trips.legs[rows] > 0)).tolist():
-            row = int(rows[place])
-            begun = None
-            share = float(trips.begins[row, 0])
-            if 0.0 < share < 1.0:
-                source, target, edge = self._edge_ids[int(trips.edges[row, 0])]
-                begun = Progress(source, target, share, edge, Motion.STOPPED)
-            found[place] = trips.ended(row, self._ids, self._edge_ids, begun)
+            found.take(place, trips.core, int(rows[place]), int(trips.legs[rows[place]]), self._ids)
+        edge, share, _, back = (column[game, others] for column in self._here)
+        for place in np.flatnonzero((others >= 0) & (edge >= 0)).tolist():
+            found.stand(place, (int(nodes[place]), int(edge[place]), float(share[place])), int(back[place]), self._ids)
         return found
 
     def paths(
@@ -297,28 +274,39 @@ class MetreCourses:
         for part, values in zip(parts, (share, share, 0.0, 1.0), strict=True):
             part[stands, 0:1] = np.reshape(values, (-1, 1))
         legs = Legs(edge, back, *parts)
-        arrives = is_leg & ((legs.end == 0.0) | (legs.end == 1.0))
-        stays = np.asarray((edge < 0).all(axis=-1))
-        waits = (self._part_of > 0) & ~stays & (standing is None)
+        waits = (self._part_of > 0) & (edge >= 0).any(axis=-1) & (standing is None)
         if most:
             waits &= (legs.begin[..., 0] == 0.0) | (legs.begin[..., 0] == 1.0)
-        lengths = 1 + waits + arrives.sum(axis=-1)
-        width = int(lengths.max(initial=1))
-        nodes = np.repeat(starts[..., None], width, axis=-1)
-        times = np.zeros((*starts.shape, width))
-        at = np.nonzero(arrives)
-        number = (np.cumsum(arrives, axis=-1) + waits[..., None])[at]
-        columns = self._by.columns
-        edges = legs.edge[at]
-        nodes[(*at[:2], number)] = np.where(legs.end[at] > 0.0, columns.targets[edges], columns.sources[edges])
-        times[(*at[:2], number)] = legs.until[at]
-        if waits.any():
-            times[..., 1] = np.where(waits, legs.since[..., 0], times[..., 1])
         end = np.where(took_part, trips.edge[rows], -1)
         end[stands] = place
         motion = np.where(took_part & (end >= 0), trips.motion[rows], int(Motion.STOPPED))
-        found = _paths(nodes, times, lengths, starts)
-        return found._replace(legs=legs, edge=end, motion=motion, stays=stays, waits=waits, rests=end < 0)
+        return paths_along(legs, self._by.columns, starts, waits)._replace(edge=end, motion=motion, rests=end < 0)
+
+
+def paths_along(legs: Legs, columns: GraphColumns, starts: IntArray, waits: BoolArray) -> Paths:
+    """Return the paths of agents along edges, with nodes to which they came back.
+
+    Args:
+        legs: the edges.
+        columns: the map with these edges.
+        starts: (games, agents) where they begin.
+        waits: (games, agents) who waits there first, and leaves later.
+    """
+    is_leg = legs.edge >= 0
+    arrives = is_leg & ((legs.end == 0.0) | (legs.end == 1.0))
+    lengths = 1 + waits + arrives.sum(axis=-1)
+    width = int(lengths.max(initial=1))
+    nodes = np.repeat(starts[..., None], width, axis=-1)
+    times = np.zeros((*starts.shape, width))
+    at = np.nonzero(arrives)
+    number = (np.cumsum(arrives, axis=-1) + waits[..., None])[at]
+    edges = legs.edge[at]
+    nodes[(*at[:2], number)] = np.where(legs.end[at] > 0.0, columns.targets[edges], columns.sources[edges])
+    times[(*at[:2], number)] = legs.until[at]
+    if waits.any():
+        times[..., 1] = np.where(waits, legs.since[..., 0], times[..., 1])
+    found = paths_over(nodes, times, lengths, starts)
+    return found._replace(legs=legs, stays=np.asarray(~is_leg.any(axis=-1)), waits=waits)
 
 
 def paths_in_parts(starts: IntArray, ends: IntArray, part_of: IntArray, parts: int) -> Paths:
@@ -337,11 +325,11 @@ def paths_in_parts(starts: IntArray, ends: IntArray, part_of: IntArray, parts: i
     begin = part_of / parts
     end = (part_of + 1) / parts
     times = np.broadcast_to(np.stack((begin, np.where(waits, begin, end), end), axis=-1), nodes.shape).copy()
-    return _paths(nodes, times, lengths, starts)
+    return paths_over(nodes, times, lengths, starts)
 
 
-def _paths(nodes: IntArray, times: FloatArray, lengths: IntArray, starts: IntArray) -> Paths:
-    """Return paths of which so many nodes count."""
+def paths_over(nodes: IntArray, times: FloatArray, lengths: IntArray, starts: IntArray) -> Paths:
+    """Return paths over nodes, of which so many count; the agent may wait on the first one, which then comes twice."""
     counts = np.arange(nodes.shape[-1]) < lengths[..., None]
     last = np.take_along_axis(nodes, lengths[..., None] - 1, -1)
     nodes = np.where(counts, nodes, last)

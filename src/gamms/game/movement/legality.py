@@ -133,7 +133,7 @@ class Legality:
         self._ids: tuple[StreetGraph | None, tuple[int, ...]] = None, ()  # a map, and the ids of its nodes
 
     def resolve(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
-        """Return the move that an action leads to.
+        """Return the move that an action leads to; the path of an agent by metres is then in `travel`.
 
         Raises:
             GammsError: the action is malformed or not legal; the message says why.
@@ -164,14 +164,16 @@ class Legality:
         return resolved._replace(heading=heading, deeds=deeds)
 
     def travelled(self, mover: AgentSlot, here: int, wanted: int | list[int] | None) -> ResolvedAction:
-        """Return the move of an agent by metres: toward a node, along a list of nodes, or None to stop."""
+        """Find the path of an agent by metres: toward a node, along a list of nodes, or None to stop."""
         travel = self.travel
         place = travel.place(mover.row)
         if wanted is None:
-            return travel.stay(place, here)
-        if isinstance(wanted, list):
-            return travel.along(place, here, mover.speed, wanted)
-        return travel.towards(mover.row, place, here, mover.speed, wanted)
+            travel.stay(place, here)
+        elif isinstance(wanted, list):
+            travel.along(place, here, mover.speed, wanted)
+        else:
+            travel.towards(mover.row, place, here, mover.speed, wanted)
+        return ResolvedAction(travel.end, (here,))
 
     def is_open(self, track: Track) -> bool:
         """Return whether all edges of a legal move still exist."""

@@ -10,16 +10,16 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from gamms.core import travel as core
 from gamms.core.agents import MoveColumns
-from gamms.core.arrivals import short_of
 from gamms.core.block import stop_moves
-from gamms.game.movement.travel import ResolvedAction, Travel
+from gamms.game.movement.travel import GamePaths, ResolvedAction, RoadMap, Travel
 from gamms.game.order import TurnOrder
 from gamms.ir.agents import AgentBlock, moves_of
 from gamms.ir.columns import copied_column
-from gamms.ir.progress import Motion, Progress
+from gamms.ir.progress import Progress
 from gamms.typing.agent_engine import IAgent
-from gamms.typing.game import Deed, EdgePlace, Leg, Move, Track
+from gamms.typing.game import Deed, EdgePlace, Move, Track
 
 T = TypeVar("T")
 
@@ -64,9 +64,21 @@ class Refusals:
 
 
 class TurnMoves:
-    """The moves of one turn by slot, and by name for rules and resolvers."""
+    """The moves of one turn by slot, and by name for rules and resolvers.
 
-    __slots__ = ("_by_name", "_moves", "actions", "ends", "order", "slots", "starts")
+    Args:
+        order: the agents.
+        starts, ends: the nodes where the move of each agent begins and ends.
+        actions: slot -> its action, unless it only moves to a node.
+        moves: the starts and ends as arrays of the core; None: not known yet.
+        paths: the paths of agents by metres; None: there are none.
+
+    Attributes:
+        order, starts, ends, actions, paths: see the arguments.
+        slots: the slots of the agents.
+    """
+
+    __slots__ = ("_by_name", "_moves", "actions", "ends", "order", "paths", "slots", "starts")
 
     def __init__(
         self,
@@ -75,12 +87,14 @@ class TurnMoves:
         ends: memoryview,
         actions: dict[int, ResolvedAction],
         moves: MoveColumns | None = None,
+        paths: GamePaths | None = None,
     ) -> None:
         self.order = order
         self.starts = starts
         self.ends = ends
         self.actions = actions
         self._moves = moves
+        self.paths = paths
         self.slots = order.slots
         self._by_name: dict[str, Move] | None = None
 
@@ -113,12 +127,12 @@ class TurnMoves:
         order.block = block
         order.structure_version = -1  # versions of the copy are numbered independently
         order.slots = self.slots.of_agents(agents, twin_of)
-        return TurnMoves(order, self.starts, self.ends, self.actions)
+        return TurnMoves(order, self.starts, self.ends, self.actions, paths=self.paths)
 
     def are_steps(self, block: AgentBlock) -> bool:
         """Return whether all living agents took part on the ground, each along at most one edge."""
         order = self.order
-        if block.travellers or order.whole.on_ground is not None:
+        if self.paths is not None or block.travellers or order.whole.on_ground is not None:
             return False
         if order.structure_version != block.structure.version and not self._have_all_living(block):
             return False
@@ -155,11 +169,13 @@ class TurnMoves:
         """Return the start and end place of each agent, by slot: a node id, or an edge."""
         starts: list[Any] = list(self.starts)
         ends: list[Any] = list(self.ends)
-        for i, action in self.actions.items():
-            if action.legs and action.begun is not None:
-                starts[i] = EdgePlace(action.begun.edge)
-            if action.legs and action.progress is not None:
-                ends[i] = EdgePlace(action.progress.edge)
+        for i in range(len(starts)):
+            begun = None if self.paths is None else self.paths.begun(i)
+            progress = None if self.paths is None else self.paths.progress(i)
+            if begun is not None:
+                starts[i] = EdgePlace(begun.edge)
+            if progress is not None:
+                ends[i] = EdgePlace(progress.edge)
         return starts, ends
 
     def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
@@ -180,48 +196,40 @@ class TurnMoves:
 
     def track(self, i: int) -> Track:
         """Return the nodes, times and legs of the move of a slot."""
+        track = None if self.paths is None else self.paths.track(i)
+        if track is not None:
+            return track
         action = self.actions.get(i)
         if action is not None:
-            return Track(action.path, action.times or _evenly(len(action.path)), action.legs)
+            return Track(action.path, action.times or _evenly(len(action.path)))
         start = self.starts[i]
         end = self.ends[i]
         return Track((start,), (0.0,)) if start == end else Track((start, end), (0.0, 1.0))
 
     # -- turns in which agents decide at each arrival ---------------------------------------------------------------
 
-    def go(self, i: int, action: ResolvedAction) -> None:
-        """Set the action of the agent of a slot."""
-        self.actions[i] = action
-        self.ends[i] = action.end
+    def go(self, i: int, travel: Travel) -> None:
+        """Set the path of the agent of a slot to the one that was found last."""
+        self.paths = self.paths or GamePaths(len(self.slots))
+        travel.put(self.paths, i)
+        self.ends[i] = travel.end
 
-    def go_on(self, i: int, later: ResolvedAction) -> None:
-        """Append an action to the move of an agent that has arrived."""
-        first = self.actions[i]
-        self.go(
-            i,
-            later._replace(
-                path=first.path + later.path[1:],
-                times=first.times + later.times[1:],
-                legs=first.legs + later.legs,
-                heading=first.heading if later.heading == () else later.heading,
-                begun=first.begun,
-                deeds=first.deeds,
-            ),
-        )
+    def go_on(self, i: int, later: "TurnMoves") -> None:
+        """Append a later move to the move of an agent that has arrived."""
+        action = later.actions.get(i)
+        if action is not None and action.heading != ():
+            first = self.actions.get(i) or ResolvedAction(self.ends[i], (self.starts[i],))
+            self.actions[i] = first._replace(heading=action.heading)
+        if self.paths is not None and later.paths is not None:
+            self.paths.append(i, later.paths)
+            self.ends[i] = later.ends[i]
 
-    def stop_short(self, i: int) -> None:
+    def stop_short(self, i: int, roads: RoadMap) -> None:
         """Stop an agent just before the node at the end of its last leg, for the rest of the turn."""
-        action = self.actions[i]
-        leg = action.legs[-1]
-        short = leg._replace(end=short_of(leg.end))
-        stands = short._replace(begin=short.end, since=leg.until, until=1.0)
-        passed = len(action.path) - (leg.end == 1.0)  # on the edge again, its node is the one passed before
-        progress = Progress(leg.source, leg.target, short.end, leg.edge, Motion.STOPPED)
-        legs = (*action.legs[:-1], short, *([stands] if leg.until < 1.0 else []))
-        path = action.path[:passed]
-        times = action.times[:passed]
+        assert self.paths is not None  # noqa: S101 - it arrives
         self.order.blocked[i] += 1
-        self.go(i, action._replace(end=path[-1], path=path, times=times, legs=legs, progress=progress))
+        core.stop_short(roads.map, self.paths.core, i)
+        self.ends[i] = self.paths.end(i)
 
     def was_put(self, i: int) -> bool:
         """Return whether an agent on the end node of its move got there otherwise: it flew, or a rule placed it."""
@@ -234,7 +242,7 @@ class TurnMoves:
             return action is not None and action.position not in (None, slot.agent.prev_position)
         if not slot.travels:
             return False
-        ended = None if action is None else action.progress
+        ended = self.progress(i)
         now = block.progress[block.row_of(slot.name)] if slot.name in block.rows else ended
         return (now and now[:-1]) != (ended and ended[:-1])  # the last field, its motion, does not count
 
@@ -242,10 +250,9 @@ class TurnMoves:
         """Keep the agent of a slot at its start; return whether it would have moved."""
         here = self.starts[i]
         action = self.actions.get(i)
-        goes = self.ends[i] != here
+        goes = self.ends[i] != here or (self.paths is not None and self.paths.is_moving(i))
         if action is not None:
-            goes = goes or len(action.path) > 1 or action.position is not None
-            goes = goes or (action.progress is not None if action.begun is None else any(map(_moves, action.legs)))
+            goes = goes or len(action.path) > 1 or action.position is not None or action.progress is not None
         if goes:
             self.order.blocked[i] += 1
             self._stay(i, here)
@@ -255,7 +262,7 @@ class TurnMoves:
         """Keep the agents of slots at their starts; return the slots and the ends of those that would have moved."""
         if not len(losers):
             return losers, losers
-        if self.actions:
+        if self.actions or self.paths is not None:
             _, ends = self.places()
             wanted = [(i, ends[i]) for i in losers]  # before `stop` changes the ends
             stopped = [(i, end) for i, end in wanted if self.stop(i)]
@@ -272,15 +279,11 @@ class TurnMoves:
         self.starts = copied_column(self.starts)
         self.ends = copied_column(self.ends)
         self._moves = None
-        put = {
-            i
-            for i, action in self.actions.items()
-            if action.begun is not None and block.on_edge(self.slots[i].row) is None
-        }
-        for i in put:
-            self.actions[i] = self.actions[i]._replace(begun=None)
-        for i in put.union(compress(count(), map(ne, self.starts, nodes))):
+        began_on = [] if self.paths is None else [i for i in range(len(nodes)) if self.paths.begun(i) is not None]
+        left = {i for i in began_on if block.on_edge(self.slots[i].row) is None}
+        for i in left.union(compress(count(), map(ne, self.starts, nodes))):
             self.starts[i] = nodes[i]
+            self._take_path(i, None, i)
             self._stay(i, nodes[i])
 
     def refuse_deed(self, i: int, kind: str) -> None:
@@ -290,23 +293,31 @@ class TurnMoves:
 
     def _stay(self, i: int, node: int) -> None:
         self.ends[i] = node
+        if self.paths is not None and self.paths.maps[i] is not None:
+            core.stay(self.paths.core, i)
         action = self.actions.get(i)
         if action is not None:
-            begun = action.begun and action.begun._replace(motion=Motion.STOPPED)
-            legs = () if begun is None else (action.legs[0]._replace(end=begun.share, since=0.0, until=1.0),)
-            stays = action._replace(end=node, path=(node,), times=(), progress=begun, legs=legs, position=None)
-            self.actions[i] = stays
+            self.actions[i] = action._replace(end=node, path=(node,), times=(), progress=None, position=None)
         self._by_name = None
+
+    def progress(self, i: int) -> Progress | None:
+        """Return the position of the agent of a slot on an edge when its move ends; None: it is on a node."""
+        if self.slots[i].travels:
+            return None if self.paths is None else self.paths.progress(i)
+        action = self.actions.get(i)
+        return None if action is None else action.progress
 
     # -- turns with several parts ----------------------------------------------------------------------------------
 
     def let_stand(self, paced: Iterable[int], travel: Travel) -> None:
-        """Set the action "stand" for agents of slots on an edge that do not act in this part of the turn."""
+        """Let agents of slots stand that are on an edge, and do not act in this part of the turn."""
         for i in paced:
             slot = self.slots[i]
-            place = travel.place(slot.row) if slot.travels and i not in self.actions else None
+            has_path = self.paths is not None and self.paths.maps[i] is not None
+            place = travel.place(slot.row) if slot.travels and not has_path else None
             if place is not None and travel.roads.on(place.edge) is not None:
-                self.go(i, travel.stay(place, self.starts[i]))
+                travel.stay(place, self.starts[i])
+                self.go(i, travel)
 
     def on(self, order: TurnOrder) -> "TurnMoves":
         """Return the moves for another order; agents that are new in it stay."""
@@ -328,79 +339,68 @@ class TurnMoves:
         ends[there] = np.asarray(self.ends)[before]
         number = dict(zip(before.tolist(), there.tolist(), strict=True)) if self.actions else {}
         actions = {number[j]: self.actions[j] for j in sorted(self.actions) if j in number}
-        return TurnMoves(order, starts.data, ends.data, actions)
+        found = TurnMoves(order, starts.data, ends.data, actions)
+        for i, j in zip(there.tolist(), before.tolist(), strict=True):
+            found._take_path(i, self.paths, j)
+        return found
 
     def in_parts(self, parts: Sequence[Sequence[Any]]) -> "TurnMoves":
-        """Return the same moves, each made in the part of the turn of the agent's team."""
-        turn = self
+        """Fit each move into the part of the turn of the agent's team; return this object."""
         teams = self.order.all_teams()
         for number, part in enumerate(parts):
-            members = [i for i, team in enumerate(teams) if team in part]
-            turn = turn.between(number, len(parts), members)
-        return turn
+            self.go_in_part(number, len(parts), [i for i, team in enumerate(teams) if team in part])
+        return self
 
-    def between(self, number: int, parts: int, members: Sequence[int] | None = None) -> "TurnMoves":
-        """Return the same moves, but those of some slots within one of several equal parts of the turn.
-
-        Args:
-            number: the number of the part.
-            parts: the number of parts.
-            members: the slots; None: all.
-        """
-        actions = dict(self.actions)
-        for i in self.order.whole.members if members is None else members:
-            start = self.starts[i]
-            end = self.ends[i]
-            path, times, legs = self.track(i)
-            if len(path) > 1 or start != end or legs:
-                action = actions.get(i, ResolvedAction(end, path))
+    def go_in_part(self, number: int, parts: int, members: Iterable[int]) -> None:
+        """Fit the moves of some slots into one of several equal parts of the turn; until then the agents wait."""
+        paths = self.paths
+        for i in members:
+            if paths is not None and paths.maps[i] is not None:
+                if paths.num_legs(i):
+                    core.go_in_part(paths.core, i, number, parts)
+                continue
+            path, times, _ = self.track(i)
+            if len(path) > 1 or self.starts[i] != self.ends[i]:
+                action = self.actions.get(i, ResolvedAction(self.ends[i], path))
                 scaled = tuple([(number + time) / parts for time in times])
-                if number:  # it waits on its node, or on its edge
-                    path, scaled = (path, scaled[1:]) if action.begun else ((path[0], *path), scaled)
+                if number:  # it waits on its node
+                    path = path[0], *path
                     scaled = 0.0, *scaled
-                legs = _between(legs, action.begun, action.progress, number, parts)
-                actions[i] = action._replace(path=path, times=scaled, legs=legs)
-        return TurnMoves(self.order, self.starts, self.ends, actions)
+                self.actions[i] = action._replace(path=path, times=scaled)
+        self._by_name = None
 
-    def then(self, later: "TurnMoves", part: int) -> "TurnMoves":
-        """Return these moves combined with those of a later part of the turn; both have the same order."""
+    def then(self, later: "TurnMoves", part: int) -> None:
+        """Add the moves of a later part of the turn; both have the same order."""
         parts = later.order.parts
         starts = copied_column(self.starts)
         ends = copied_column(self.ends)
-        actions = dict(self.actions)
         for i in parts[part].members:
             action = later.actions.get(i)
-            if later.starts[i] != ends[i]:  # a rule has put it there in its part of the turn, and it gave up its move
-                actions.pop(i, None)
+            is_put = later.starts[i] != ends[i]  # by a rule in its part of the turn, and it gave up its move
+            if is_put:
+                self.actions.pop(i, None)
                 action = action and action._replace(end=ends[i], path=(ends[i],), times=())
             else:
                 ends[i] = later.ends[i]
             if action is not None:
-                actions[i] = action
+                self.actions[i] = action
+            self._take_path(i, None if is_put else later.paths, i)
         for i in chain.from_iterable(one.members for one in parts[part + 1 :]):
-            action = later.actions.get(i)
-            if action is None or not action.legs:  # it does not stand on an edge any more, if it did
-                actions.pop(i, None)
+            self.actions.pop(i, None)
+            self._take_path(i, later.paths, i)  # it may stand on an edge
             starts[i] = ends[i] = later.starts[i]
-        return TurnMoves(self.order, starts, ends, actions)
+        self.starts = starts
+        self.ends = ends
+        self._moves = None
+        self._by_name = None
 
-
-def _moves(leg: Leg) -> bool:
-    return leg.begin != leg.end
-
-
-def _between(
-    legs: tuple[Leg, ...], begun: Progress | None, progress: Progress | None, number: int, parts: int
-) -> tuple[Leg, ...]:
-    """Return legs within one of several equal parts of the turn; before and after it, the agent stands."""
-    if not legs:  # it is on a node, or the game counts edges and has no legs
-        return ()
-    scaled = [leg._replace(since=(number + leg.since) / parts, until=(number + leg.until) / parts) for leg in legs]
-    if begun is not None and number:
-        scaled.insert(0, legs[0]._replace(end=begun.share, since=0.0, until=number / parts))
-    if progress is not None and number + 1 < parts:
-        scaled.append(legs[-1]._replace(begin=progress.share, since=(number + 1) / parts, until=1.0))
-    return tuple(scaled)
+    def _take_path(self, i: int, paths: GamePaths | None, other: int) -> None:
+        """Let the agent of a slot have the path of another slot in other paths."""
+        if paths is not None and paths.maps[other] is not None:
+            self.paths = self.paths or GamePaths(len(self.slots))
+            self.paths.take(i, paths.core, other, paths.num_legs(other), paths.maps[other])
+        elif self.paths is not None:
+            self.paths.maps[i] = None
 
 
 @lru_cache(maxsize=256)
@@ -412,6 +412,6 @@ def _evenly(nodes: int) -> tuple[float, ...]:
 def _is_step(action: ResolvedAction) -> bool:
     """Return whether an action moves along one edge to another node during the whole turn, or stays."""
     path = action.path
-    if action.times or action.legs or action.begun or action.progress:
+    if action.times or action.progress:
         return False
     return len(path) == 1 or (len(path) == 2 and path[0] != path[1])  # otherwise it moves along a loop

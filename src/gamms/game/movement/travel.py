@@ -1,13 +1,15 @@
 """Travel by metres: maps and paths in the form of `gamms.core.travel`, and moves of the game of a context by ids.
 
 `map_of`, `ReachableNodes` and `TurnPaths` hold the data of the core, for one game or many, with rows of nodes and
-edges. `Travel` finds legal nodes and moves of agents in the game of a context, by ids.
+edges. `Travel` finds legal nodes and paths of agents in the game of a context, and `GamePaths` holds these paths: their
+ids are only looked up when somebody reads them.
 """
 
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
+from itertools import accumulate
 from math import nan
 from typing import Any, NamedTuple
 
@@ -21,7 +23,7 @@ from gamms.ir.agents import Position, Quat
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.progress import Motion, Progress
 from gamms.typing.context import HostContext
-from gamms.typing.game import Leg
+from gamms.typing.game import Leg, Track
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import Line, OnEdge, placed
 
@@ -30,6 +32,13 @@ _REMEMBERED = 64  # the number of stored nodes on the path of each agent, 16 byt
 _MORE_LEGS = 3  # legs that a path may have in addition to its nodes
 ENDLESS = 1 << 32  # edges: more than any path has
 _MOTIONS = tuple(Motion)
+_FIRST_ROOM = 8  # legs
+_OF_LEGS = ("edges", "backs", "begins", "ends", "since", "until")
+_COLUMNS = (
+    *("node", "edge", "motion", "left", "legs", "passed", "share", "now", "speed", "pace"),
+    *(*_OF_LEGS, "nodes", "times", "route"),
+)
+STAYS = -1  # the number of nodes on the route of an agent that stays
 
 
 def map_of(
@@ -76,6 +85,22 @@ class ReachableNodes:
         self.core = core.ReachSearch(self.nodes.data, self.times.data, listed, heap, places, floats[1].data, rank, seen)
 
 
+class RoadIds:
+    """The ids of the nodes and edges of one revision of a graph.
+
+    Args:
+        columns: the columns of the graph.
+
+    Attributes:
+        ids: node ids by row.
+        edge_ids: ids of the edges by row.
+    """
+
+    def __init__(self, columns: GraphColumns) -> None:
+        self.ids: list[int] = columns.node_ids.tolist()
+        self.edge_ids = EdgeIds(columns)
+
+
 class TurnPaths:
     """The paths of agents through a turn, written by the core; see `core.TurnPaths` for the columns.
 
@@ -89,59 +114,190 @@ class TurnPaths:
     """
 
     def __init__(self, rows: int, most: int, route: int | None = None) -> None:
-        states = np.zeros((6, rows), np.int64)
-        shares = np.zeros((4, rows))
-        self.node, self.edge, self.motion, self.left, self.legs, self.passed = states
-        self.share, self.now, self.speed, self.pace = shares
-        self.most = most
-        self.edges = np.zeros((rows, most), np.int64)
-        self.backs = np.zeros((rows, most), np.int64)
-        self.nodes = np.zeros((rows, most + 1), np.int64)
-        parts = np.zeros((4, rows, most))
-        self.times = np.zeros((rows, most + 1))
-        self.route = np.zeros(most if route is None else route, np.int64)
-        self.begins, self.ends, self.since, self.until = parts
-        columns = (*states, *shares, self.edges, self.backs, *parts, self.nodes, self.times, self.route)
-        views: list[Any] = [column.reshape(-1).data for column in columns]
+        views = _columns_of(rows, most, most if route is None else route)
+        arrays = dict(zip(_COLUMNS, map(np.asarray, views), strict=True))
+        self.node = arrays["node"]
+        self.edge = arrays["edge"]
+        self.share = arrays["share"]
+        self.motion = arrays["motion"]
+        self.legs = arrays["legs"]
+        self.passed = arrays["passed"]
+        self.edges, self.backs, self.begins, self.ends, self.since, self.until = (
+            arrays[name].reshape(rows, most) for name in _OF_LEGS
+        )
+        self.nodes = arrays["nodes"].reshape(rows, most + 1)
+        self.times = arrays["times"].reshape(rows, most + 1)
+        self.route = arrays["route"]
+        self.core = core.TurnPaths(most, *views)
+
+
+def _columns_of(rows: int, most: int, route: int) -> list[Any]:
+    """Return memory for the columns of `core.TurnPaths`, in the order of its arguments."""
+    # NOTE: slices of two pieces of memory, because each turn of a game has columns of its own (benchmarks: travel).
+    each = [rows] * 6
+    legs = [rows * most] * 4
+    nodes = rows * (most + 1)
+    ints = _cut(np.int64, [*each, *legs[:2], nodes, route])
+    floats = _cut(np.float64, [*each[:4], *legs, nodes])
+    return [*ints[:6], *floats[:4], *ints[6:8], *floats[4:8], ints[8], floats[8], ints[9]]
+
+
+def _cut(kind: type[np.number[Any]], sizes: Sequence[int]) -> list[Any]:
+    """Return pieces of zeros of these sizes."""
+    memory = np.zeros(sum(sizes), kind).data
+    ends = list(accumulate(sizes))
+    return [memory[end - size : end] for end, size in zip(ends, sizes, strict=True)]
+
+
+class GamePaths:
+    """The paths of the agents of one game through a turn, by slot.
+
+    Args:
+        agents: the number of agents.
+        most: the number of legs of an agent for which there is room at first.
+
+    Attributes:
+        maps: the ids of the map on which each path was found; None: the agent has no path, but stays on its node.
+        core: the form of the core.
+    """
+
+    def __init__(self, agents: int, most: int = _FIRST_ROOM) -> None:
+        self.maps: list[RoadIds | None] = [None] * agents
+        self._make_room(most)
+
+    def _make_room(self, most: int) -> None:
+        """Allocate memory for `most` legs of each agent."""
+        views = _columns_of(len(self.maps), most, 0)
+        self._most = most
         self.core = core.TurnPaths(most, *views)
         # NOTE: items of memoryviews are numbers of Python, which arrays make in twice the time (benchmarks: travel).
+        self._node = views[0]
         self._edge = views[1]
         self._motion = views[2]
-        self._counts = views[4]
+        self._legs = views[4]
         self._passed = views[5]
         self._share = views[6]
-        self._legs = views[10:16]
+        self._of_legs = views[10:16]
         self._nodes = views[16]
         self._times = views[17]
 
-    def ended(self, row: int, ids: Sequence[int], edge_ids: "EdgeIds", begun: Progress | None) -> "ResolvedAction":
-        """Return the path that the core has written for an agent.
+    def take(self, i: int, paths: core.TurnPaths, row: int, legs: int, roads: RoadIds | None) -> None:
+        """Copy the path of an agent from other paths.
 
         Args:
-            row: the row of the agent.
-            ids: node ids by row.
-            edge_ids: edge ids by row.
-            begun: the agent's position on an edge at the start; None: it was on a node.
+            i: its slot.
+            paths: the other paths,
+            row: and its row there.
+            legs: the number of its legs.
+            roads: the ids of the map.
         """
+        self._reserve(legs)
+        core.copy_trip(paths, row, self.core, i)
+        self.maps[i] = roads
+
+    def clear(self) -> None:
+        """Drop all paths."""
+        self.maps = [None] * len(self.maps)
+
+    def stand(self, i: int, place: tuple[int, int, float], back: int, roads: RoadIds) -> None:
+        """Let an agent stand on an edge, at a place given by its node, its edge and its share of the edge.
+
+        Args:
+            i: its slot.
+            place: the place; rows.
+            back: the row of the edge for turning around; -1: none.
+            roads: the ids of the map.
+        """
+        core.begin(self.core, i, *place, Motion.STOPPED, 0.0, nan, 0)
+        core.stand_on(self.core, i, back)
+        self.maps[i] = roads
+
+    def append(self, i: int, later: "GamePaths") -> None:
+        """Append the later path of an agent, from the node where its path ends; it may have none."""
+        if later.maps[i] is not None:
+            self._reserve(self._legs[i] + later._legs[i])
+            core.add_trip(later.core, i, self.core, i, 1)
+
+    def _reserve(self, legs: int) -> None:
+        """Make room for so many legs of an agent, and those for which it stands before and after them."""
+        if legs + _MORE_LEGS > self._most:
+            before = self.core
+            self._make_room(2 * legs + _MORE_LEGS)
+            for i, roads in enumerate(self.maps):
+                if roads is not None:
+                    core.copy_trip(before, i, self.core, i)
+
+    # -- one agent --------------------------------------------------------------------------------------------------
+
+    def is_moving(self, i: int) -> bool:
+        """Return whether an agent covers part of an edge."""
+        return self.maps[i] is not None and core.is_moving(self.core, i)
+
+    def num_legs(self, i: int) -> int:
+        """Return the number of legs of an agent."""
+        return 0 if self.maps[i] is None else self._legs[i]
+
+    def end(self, i: int) -> int:
+        """Return the id of the node that an agent with a path passes last."""
+        roads = self.maps[i]
+        assert roads is not None  # noqa: S101 - it has a path
+        node: int = roads.ids[self._node[i]]
+        return node
+
+    def begun(self, i: int) -> Leg | None:
+        """Return the first leg of an agent if it begins on an edge."""
+        if self.maps[i] is None or not core.begins_on_edge(self.core, i):
+            return None
+        return self.legs_of(i)[0]
+
+    def progress(self, i: int) -> Progress | None:
+        """Return the position of an agent on an edge when its path ends; None: it is on a node."""
+        roads = self.maps[i]
+        if roads is None or self._edge[i] < 0:
+            return None
+        source, target, id = roads.edge_ids[self._edge[i]]
+        return Progress(source, target, self._share[i], id, _MOTIONS[self._motion[i]])
+
+    def track(self, i: int) -> Track | None:
+        """Return the track of an agent; None: it has no path."""
+        roads = self.maps[i]
+        if roads is None:
+            return None
+        first = i * (self._most + 1)
+        last = first + self._passed[i]
+        ids = roads.ids
+        path = [ids[node] for node in self._nodes[first:last]]
+        return Track(tuple(path), tuple(self._times[first:last]), tuple(self.legs_of(i)))
+
+    def last_leg(self, i: int) -> Leg | None:
+        """Return the last leg of an agent; None: it has none."""
+        return self.legs_of(i, self._legs[i] - 1)[0] if self.num_legs(i) else None
+
+    def legs_of(self, i: int, begin: int = 0) -> list[Leg]:
+        """Return the legs of an agent with a path, from number `begin` on."""
         # NOTE: loops without generators, because each agent goes a way in each turn (benchmarks: travel).
-        edges, backs, begins, ends, since, until = self._legs
+        edges, backs, begins, ends, since, until = self._of_legs
+        edge_ids = self.maps[i].edge_ids  # type: ignore[union-attr] # it has legs
         legs = list[Leg]()
-        first = row * self.most
-        for place in range(first, first + self._counts[row]):
+        for place in range(i * self._most + begin, i * self._most + self._legs[i]):
             source, target, id = edge_ids[edges[place]]
             back = None if backs[place] < 0 else edge_ids[backs[place]][2]
-            leg = Leg(source, target, id, begins[place], ends[place], since[place], until[place], back)
-            legs.append(leg)
-        first += row  # a path has one node more than legs
-        last = first + self._passed[row]
-        path = [ids[node] for node in self._nodes[first:last]]
-        progress = None
-        edge = self._edge[row]
-        if edge >= 0:
-            source, target, id = edge_ids[edge]
-            progress = Progress(source, target, self._share[row], id, _MOTIONS[self._motion[row]])
-        passed = tuple(self._times[first:last])
-        return ResolvedAction(path[-1], tuple(path), (), passed, progress, tuple(legs), begun)
+            legs.append(Leg(source, target, id, begins[place], ends[place], since[place], until[place], back))
+        return legs
+
+    def route(self, i: int) -> tuple[int, int, list[int]]:
+        """Return the path of an agent as `core.ChosenRoutes` takes it: a count, a motion and the ids of nodes.
+
+        The count is for an agent that passes no more nodes.
+        """
+        legs = self.legs_of(i)
+        targets = [leg.target for leg in legs]
+        if not targets or not core.begins_on_edge(self.core, i):
+            return STAYS, Motion.FORWARD, targets
+        motion = self._motion[i]
+        if not core.is_moving(self.core, i):  # it stands, or is on its way and too slow to get on
+            return (STAYS if motion == Motion.STOPPED else 0), motion, []
+        return 0, core.motion_of(legs[0].begin, legs[0].end), targets[1:]
 
 
 EdgesAt = tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray]]
@@ -220,7 +376,7 @@ class StoredPaths:
         goal[:] = np.where((goal >= 0) & (first >= 0), first + goal % nodes, -1)
 
 
-class PathFinder:
+class PathFinder(RoadIds):
     """The nodes of one revision of a graph by id, and the shortest paths of the agents of one game.
 
     Args:
@@ -228,14 +384,13 @@ class PathFinder:
         costs: (edges,) the costs by which agents choose paths.
 
     Attributes:
-        ids: node ids by row.
         reach: working memory, with the nodes found last.
     """
 
     def __init__(self, columns: GraphColumns, costs: FloatArray) -> None:
+        super().__init__(columns)
         self._columns = columns
         self._costs = costs
-        self.ids: list[int] = columns.node_ids.tolist()
         self._row_of = {id: row for row, id in enumerate(self.ids)}
         self.reach = ReachableNodes(len(self.ids))
         self._found = self.reach.nodes.data
@@ -295,7 +450,6 @@ class RoadMap(PathFinder):
 
     Attributes:
         map: the form of the core.
-        edge_ids: edge ids by row.
     """
 
     def __init__(
@@ -305,7 +459,6 @@ class RoadMap(PathFinder):
         self._graph = graph
         self.map = map_of(columns, self._costs, seconds, turn_seconds)
         self._edge_row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
-        self.edge_ids = EdgeIds(columns)
         self._lines: dict[int, Line] = {}  # by the id of an edge
 
     def on(self, edge: int) -> int | None:
@@ -350,12 +503,10 @@ class ResolvedAction(NamedTuple):
     """A checked action of one agent: its move and its deeds."""
 
     end: int  # node id
-    path: tuple[int, ...]  # node ids, from the agent's node to the end
+    path: tuple[int, ...]  # node ids, from the agent's node to the end; by metres, see `GamePaths`
     heading: Any = ()  # the new heading (cos, sin), None to follow moves again, () for no change
     times: tuple[float, ...] = ()  # the time at each node of the path, from 0 to 1; (): evenly spaced
-    progress: Progress | None = None  # the position on an edge beyond the end of the path
-    legs: tuple[Leg, ...] = ()  # by metres
-    begun: Progress | None = None  # by metres, the position on an edge before the turn
+    progress: Progress | None = None  # the part of an edge beyond the end of the path that it has covered
     position: Position | None = None  # of an agent that flies
     quat: Quat | None = None
     deeds: Mapping[str, dict[str, Any]] | None = None  # deed -> field -> value
@@ -370,7 +521,7 @@ def progress_at(leg: Leg, time: float) -> Progress | None:
 
 
 class Travel:
-    """Finds the moves of agents in a game by metres.
+    """Finds the paths of agents in a game by metres: the last one that it has found can be read.
 
     Args:
         ctx: the context, for its graph and agents.
@@ -379,6 +530,8 @@ class Travel:
     Attributes:
         now: the time in the turn, from 0 to 1, at which agents decide.
     """
+
+    _written: TurnPaths
 
     def __init__(self, ctx: HostContext, settings: Settings) -> None:
         self._ctx = ctx
@@ -438,27 +591,34 @@ class Travel:
 
     # -- moves ----------------------------------------------------------------------------------------------------
 
-    def stay(self, place: Progress | None, here: int) -> ResolvedAction:
-        """Return the move of an agent that stops at its position, on an edge or a node."""
-        if place is None:
-            return ResolvedAction(here, (here,), (), (self.now,))
+    @property
+    def end(self) -> int:
+        """The id of the node that the agent passes last."""
+        return self.roads.ids[int(self._written.node[0])]
+
+    def put(self, paths: GamePaths, i: int) -> None:
+        """Add the path to those of a game, as the path of the agent of a slot."""
+        paths.take(i, self._trips, 0, int(self._written.legs[0]), self.roads)
+
+    def stay(self, place: Progress | None, here: int) -> None:
+        """Find the path of an agent that stops at its position, on an edge or a node."""
         roads = self.roads
-        self._begin(roads, place._replace(motion=Motion.STOPPED), here, None)
+        self._begin(roads, place and place._replace(motion=Motion.STOPPED), here, None)
         core.stand(roads.map, self._trips, 0)
-        return self._ended(roads, place)
 
-    def go_on(self, place: Progress, here: int, speed: float | None) -> ResolvedAction:
-        """Return the move of an agent that continues to the end of its edge."""
-        return self._go(self.roads, place, here, speed, place.motion, 0)
+    def go_on(self, place: Progress, here: int, speed: float | None) -> None:
+        """Find the path of an agent that continues to the end of its edge."""
+        self._go(self.roads, place, here, speed, place.motion, 0)
 
-    def along(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> ResolvedAction:
-        """Return the move along a route of nodes, as far as the turn allows.
+    def along(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> None:
+        """Find the path along a route of nodes, as far as the turn allows.
 
         Raises:
             BadValue: an edge of the route is missing, or the agent would have to turn around on a one-way road.
         """
         if not route:
-            return self.stay(place, here)
+            self.stay(place, here)
+            return
         roads = self.roads
         nodes = route[1:] if route[0] == here else route
         at = here
@@ -477,12 +637,10 @@ class Travel:
         flaw = core.without_edge(roads.map, self._trips, roads.row(at), len(nodes))
         if flaw >= 0:
             raise BadValue(f"No edge leads from node {[at, *nodes][flaw]} to node {nodes[flaw]}.")
-        return self._go(roads, place, here, speed, motion, len(nodes))
+        self._go(roads, place, here, speed, motion, len(nodes))
 
-    def towards(
-        self, agent: int, place: Progress | None, here: int, speed: float | None, target: int
-    ) -> ResolvedAction:
-        """Return the move of an agent along the shortest path toward a node, as far as the turn allows.
+    def towards(self, agent: int, place: Progress | None, here: int, speed: float | None, target: int) -> None:
+        """Find the shortest path of an agent toward a node, as far as the turn allows.
 
         Raises:
             BadValue: there is no path.
@@ -496,7 +654,6 @@ class Travel:
                 raise BadValue(str(NoPath(here, target)))
             may_turn = core.back(roads.map, roads.of(place)) >= 0
             raise no_way(here, place.target, target, is_paced=speed is not None, may_turn=may_turn)
-        return self._ended(roads, place)
 
     def _refuse_far(self, here: int, target: int) -> None:
         near = self._ctx.graph.graph.neighborhoods[here]
@@ -521,15 +678,10 @@ class Travel:
 
     def _go(
         self, roads: RoadMap, place: Progress | None, here: int, speed: float | None, motion: int, count: int
-    ) -> ResolvedAction:
-        """Return the move along the first `count` nodes of the route in the core."""
+    ) -> None:
+        """Go along the first `count` nodes of the route in the core."""
         self._begin(roads, place, here, speed)
         core.go(roads.map, self._trips, 0, motion, count)
-        return self._ended(roads, place)
-
-    def _ended(self, roads: RoadMap, begun: Progress | None) -> ResolvedAction:
-        """Return the path that the core has written."""
-        return self._written.ended(0, roads.ids, roads.edge_ids, begun)
 
 
 def no_way(here: int, end: int, target: int, *, is_paced: bool, may_turn: bool) -> BadValue:
