@@ -61,6 +61,7 @@ def test_a_carried_flag_glides_with_its_carrier_and_leaves_a_square(game):
     agent = game.agent.get_agent("r0")
     agent.get_state()["action"] = 8
     agent.set_state()
+    game.visual.simulate()
     game.visual.drawing.motion.begin_turn()
     share = {name: artist for name, artist in game.visual.artists.shown().items() if name == "flags"}
     half = ArtistGroup(game, share).commands(0.5)

@@ -58,6 +58,7 @@ def test_agents_glide_along_the_street_by_its_length(plain):
     agent = plain.agent.get_agent("red_0")
     agent.get_state()["action"] = 2
     agent.set_state()
+    plain.visual.simulate()
     plain.visual.drawing.motion.begin_turn()
     where = [plain.visual.drawing.position_of("red_0", share) for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
     np.testing.assert_allclose(where, [(10, 0), (11, 2.5), (12, 5), (11, 7.5), (10, 10)])
@@ -66,13 +67,16 @@ def test_agents_glide_along_the_street_by_its_length(plain):
 def test_where_no_street_leads_agents_glide_straight(plain):
     agent = plain.agent.get_agent("red_0")
     agent.prev_node_id, agent.current_node_id = 2, 0
+    plain.visual.simulate()
     plain.visual.drawing.motion.begin_turn()
     assert plain.visual.drawing.position_of("red_0", 0.5) == pytest.approx((5, 5))
 
 
 def test_who_did_not_move_since_does_not_glide_again(plain):
     move(plain, "red_0", 1)
+    plain.visual.simulate()
     plain.visual.drawing.motion.begin_turn()
+    plain.visual.simulate()
     plain.visual.drawing.motion.begin_turn()
     assert plain.visual.drawing.position_of("red_0", 0.5) == (10, 0)
 

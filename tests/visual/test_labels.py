@@ -171,7 +171,7 @@ def test_agents_that_part_glide_apart_without_a_jump(square):
         agent.register_strategy(lambda state: state.update(action=state["curr_pos"] + (state["name"] == "ben")))
     before = centers(square, 1.0)
     square.game.step()
-    square.visual.drawing.motion.begin_turn_once()
+    square.visual.drawing.motion.begin_turn()
     steps = [before, *(centers(square, share) for share in np.linspace(0.0, 1.0, 50))]
     assert np.abs(np.diff(steps, axis=0)).max() < 3.0
     assert np.allclose(steps[0], steps[1])

@@ -150,8 +150,7 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
         ctx.record.components.apply(OpCodes(kind).name, data, lenient=True)
     drawing = getattr(ctx.visual, "drawing", None)  # a custom visual engine may have none
     if drawing is not None:
-        drawing.turns.forget(events=len(ctx.game.events))
-        drawing.events.go_to_turn()
+        drawing.turns.jump()
 
 
 def strategies_of(then: DetachedState, given: Strategies) -> dict[str, Any]:

@@ -185,6 +185,7 @@ class WindowNames:
     def _toggle_waiting_simulation(self, is_waiting: bool) -> None:
         """Begin to show a turn, or end it; `update` shows its frames."""
         if is_waiting:
+            self.drawing.turns.end_turn()
             self.drawing.motion.begin_turn()
             self.pace.begin_turn()
         else:

@@ -362,7 +362,7 @@ class Drawing:
         self.turns = PastTurns(ctx)
         self.carriers = SensorCarriers(ctx)
         self.motion = LastMoves(ctx, self.turns)
-        self.events = TurnEvents(ctx, self.turns)
+        self.events = TurnEvents(ctx)
         self.viewpoint = Viewpoint(ctx, self.motion.position_of)
         self.team_colors: Mapping[str, Rgb] = {}
         self.sides: Sequence[str | None] = ()

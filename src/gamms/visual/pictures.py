@@ -52,7 +52,7 @@ class Pictures(Guarded):
     def add_turn(self) -> None:
         """Add the turn that was just played to the films that are being made."""
         if self._films and not self._ctx.is_terminated():
-            self._drawing.motion.begin_turn_once()
+            self._drawing.motion.begin_turn()
             for film in tuple(self._films):
                 film.add_turn()
 

@@ -147,7 +147,7 @@ class RecordedDrawings:
         if is_still:
             return None
         motion = drawing_of(self._ctx).motion
-        motion.begin_turn_once()
+        motion.begin_turn()
         return ArtistGroup(self._ctx, {name: artist}).commands(0.0).to_plain() if motion.moves.rows else None
 
 

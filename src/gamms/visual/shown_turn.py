@@ -4,7 +4,7 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import chain, islice, takewhile
+from itertools import islice, takewhile
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -91,16 +91,9 @@ def as_turns(trails: object) -> int:
     return turns
 
 
-# How a turn ended: the names of the agents, the nodes or points they were at, the number of the turn, how many events
-# there were; and names, places and number of events when it began. One tuple, because two would be searched for garbage
-# in every turn.
-_Turn = tuple[Sequence[str], Sequence[Any], int, int, Sequence[str], Sequence[Any], int]
-
-
-def _by_name(turn: _Turn) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return name -> where each agent was at the begin of a turn, and at its end."""
-    names, places, _, _, was, before, _ = turn
-    return dict(zip(was, before, strict=True)), dict(zip(names, places, strict=True))
+# How a turn ended: the names of the agents, the nodes or points they were at, and the number of the turn; and names and
+# places when it began. One tuple, because two would be searched for garbage in every turn.
+_Turn = tuple[Sequence[str], Sequence[Any], int, Sequence[str], Sequence[Any]]
 
 
 class PastTurns:
@@ -119,7 +112,6 @@ class PastTurns:
         self.count = 0
         self._names: Sequence[str] | None = None  # of agents; their number bounds the entries
         self._state: Any = None  # of the game
-        self._events = 0  # how many there were when turns were forgotten
 
     def end_turn(self) -> None:
         """Store the end of a turn."""
@@ -129,27 +121,32 @@ class PastTurns:
         state = self._state
         if state is None and ctx.current_game is not None:
             state = self._state = ctx.current_game.internals.state
-        number = events = 0
-        if state is not None:
-            number = state.turn
-            events = len(state.events)
+        number = 0 if state is None else state.turn
         names, places = ctx.agent.positions.noted()
         if last is None or number < last[2]:  # or the game was reset
-            last = self._begin(names, is_reset=last is not None)
+            if last is not None:
+                self.forget()
+            last = names, ctx.agent.positions.previous_places, 0, names, ()
         if names is not self._names:
             self._names = names
             self.entries = deque(self.entries, min(max(_MOST_PLACES // max(len(names), 1), 1), MOST_TURNS))
-        self.latest = now = names, places, number, events, last[0], last[1], last[3]
+        self.latest = now = names, places, number, last[0], last[1]
         self.entries.append(now)
         if not number:
             self.count += 1
 
-    def forget(self, past: Iterable[MovedAgents] = (), events: int = 0) -> None:
-        """Forget all turns, and restart with these positions before the next turn, after this number of events."""
+    def forget(self) -> None:
+        """Forget all turns, and restart with the present positions before the next turn."""
         self.latest = None
-        self._events = events
+        self.entries.clear()
+
+    def jump(self, past: Iterable[MovedAgents] = ()) -> None:
+        """Forget all turns but these moves: the next turn begins at the present positions."""
         self.entries.clear()
         self.entries.extend(past)
+        names, places = self._ctx.agent.positions.noted()
+        game = self._ctx.current_game
+        self.latest = names, places, 0 if game is None else game.turn, names, places
 
     def forget_those_of_another_game(self) -> None:
         """Forget all turns if the game was reset since."""
@@ -157,13 +154,6 @@ class PastTurns:
         last = self.latest
         if last is not None and (0 if game is None else game.turn) < last[2]:
             self.forget()
-
-    def _begin(self, names: Sequence[str], *, is_reset: bool) -> _Turn:
-        """Return how things were before the first turn that is noted."""
-        if is_reset:
-            self.forget()
-        before = self._ctx.agent.positions.previous_places
-        return names, before, 0, self._events, names, before, self._events
 
 
 class LastMoves:
@@ -177,7 +167,6 @@ class LastMoves:
         self._ctx = ctx
         self._turns = turns
         self.moves = _NO_MOVES
-        self._steps: dict[str, Step] = {}
         self._now: tuple[float, FloatArray] | None = None  # where all that moved are after a share
         self._columns: GraphColumns | None = None
         self._sorted: IntArray = np.empty(0, np.int64)  # node rows by id
@@ -189,72 +178,40 @@ class LastMoves:
         """Return the moves of up to `turns` last turns, the latest first."""
         self._turns.forget_those_of_another_game()
         entries = self._turns.entries
-        places = range(max(len(entries) - turns, 0), len(entries))
-        recent = [place for place in places if not isinstance(entries[place], MovedAgents)]
-        placed = self._placed_since(entries[recent[0]]) if recent else set()
-        for place in recent:
+        for place in range(max(len(entries) - turns, 0), len(entries)):
             entry = entries[place]
             if not isinstance(entry, MovedAgents):
-                was, now = _by_name(entry)
-                number = entry[2]
-                steps = {name: (was.get(name, at), at) for name, at in now.items() if (number, name) not in placed}
-                entries[place] = self.moves_between({}, steps)
+                entries[place] = self.moves_between(self._steps_of(entry))
         return [moves for moves in reversed(entries) if isinstance(moves, MovedAgents)][:turns]
 
-    def _placed_since(self, entry: _Turn | MovedAgents) -> set[tuple[int, str]]:
-        """Return the turn and the name of each agent that was put elsewhere in a turn or later."""
-        game = self._ctx.current_game
-        if game is None or isinstance(entry, MovedAgents):
-            return set()
-        later = takewhile(lambda event: event["turn"] >= entry[2], reversed(game.events))
-        return {(event["turn"], event["agent"]) for event in later if event["kind"] == "respawned"}
-
-    def begin_turn_once(self) -> None:
+    def begin_turn(self) -> None:
         """Look up how each agent moved, unless that was done since the turn ended."""
         latest = self._turns.latest
-        if latest is not None and latest is not self._shown:
-            self.begin_turn()
-
-    def begin_turn(self) -> None:
-        """Look up how each agent moved; one whose move is that of the turn before has not moved since."""
-        positions = self._ctx.agent.positions
-        before = positions.previous_places
-        now = positions.places
-        for row in positions.on_edges:
-            now[row] = positions.nodes[row]
-        steps: dict[str, Step] = dict(zip(positions.names, zip(before, now, strict=True), strict=True))
-        steps |= self._travels(steps)
-        moves = self.moves_between(self._steps, steps)
-        self.show_end(steps)
-        self.moves = moves
-
-    def _travels(self, steps: Mapping[str, Step]) -> dict[str, Step]:
-        """Return the moves of the last turn that began or ended on an edge, but for agents that were put elsewhere."""
-        last = self._turns.entries[-1] if self._turns.entries else None
-        if last is None or isinstance(last, MovedAgents):
-            return {}
-        listed = (places for places in (last[5], last[1]) if isinstance(places, list))  # arrays hold nodes alone
-        if not any(type(place) is Progress for place in chain.from_iterable(listed)):
-            return {}
-        was, now = _by_name(last)
-        found = {name: (was.get(name, at), at) for name, at in now.items() if name in steps}
-        return {
-            name: (before, after)
-            for name, (before, after) in found.items()
-            if isinstance(after, Progress)
-            or (isinstance(before, Progress) and (steps[name][0] != after or before.source == after))
-        }
-
-    def show_end(self, steps: dict[str, Step]) -> None:
-        """Show agents where they are, after these last moves, which are over."""
-        self._shown = self._turns.latest
-        self._steps = steps
+        if latest is self._shown:
+            return
+        self._shown = latest
         self._now = None
         self.moves = _NO_MOVES
+        if latest is not None:
+            positions = self._ctx.agent.positions
+            previous = dict(zip(positions.names, positions.previous_places, strict=True))
+            steps = self._steps_of(latest).items()
+            # An agent whose previous node is its node was put there.
+            self.moves = self.moves_between({name: step for name, step in steps if previous.get(name) != step[1]})
 
-    def moves_between(self, before: Mapping[str, Step], steps: Mapping[str, Step]) -> MovedAgents:
-        """Return how agents moved in a turn, by the last move of each before and after it."""
-        moved = {name: step for name, step in steps.items() if step[0] != step[1] and before.get(name) != step}
+    def _steps_of(self, turn: _Turn) -> dict[str, Step]:
+        """Return where each agent was at the begin and at the end of a turn, but for agents that were put elsewhere."""
+        names, places, number, names_before, places_before = turn
+        was = dict(zip(names_before, places_before, strict=True))
+        game = self._ctx.current_game
+        later = takewhile(lambda event: event["turn"] >= number, reversed(() if game is None else game.events))
+        placed = {one["agent"] for one in later if one["kind"] == "respawned" and one["turn"] == number}
+        steps = zip(names, places, strict=True)
+        return {name: (was.get(name, place), place) for name, place in steps if name not in placed}
+
+    def moves_between(self, steps: Mapping[str, Step]) -> MovedAgents:
+        """Return how agents moved in a turn, by the places of each before and after it."""
+        moved = {name: step for name, step in steps.items() if step[0] != step[1]}
         others = {name: step for name, step in moved.items() if any(isinstance(end, tuple) for end in step)}
         lines_of = {
             name: self._travelled(*step)
@@ -390,72 +347,52 @@ class LastMoves:
 class TurnEvents:
     """The events of `ctx.game`, or of its replay, in the displayed turn."""
 
-    def __init__(self, ctx: IContext, turns: PastTurns) -> None:
+    def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
-        self._turns = turns
-        self._begin = self._end = 0
-        self._shown: _Turn | None = None  # the turn of `_begin` and `_end`
-        self._eliminated: frozenset[str] | None = None  # of the last turn, once they are asked for
+        self._key: tuple[int, int] | None = None  # the turn and the number of events of the following
+        self._eliminated = frozenset[str]()
         self._ends: dict[str, bool] | None = None  # of all agents that went out, once they are asked for
-
-    def go_to_turn(self) -> None:
-        """After a jump to a turn, use the last events with its number as the events of the turn."""
-        game = self._ctx.current_game
-        events = () if game is None else game.events
-        self._shown = self._turns.latest
-        self._eliminated = self._ends = None
-        self._begin = self._end = len(events)
-        while game is not None and self._begin and events[self._begin - 1].get("turn") == game.turn:
-            self._begin -= 1
-
-    def of_kind(self, kind: str) -> list[dict[str, Any]]:
-        """Return the events of that kind in the last turn."""
-        return [event for event in self.of_turn() if event.get("kind") == kind]
 
     def of_turn(self) -> list[dict[str, Any]]:
         """Return the events of the last turn."""
-        return list(self._all()[self._begin : self._end])
-
-    def _all(self) -> Sequence[dict[str, Any]]:
-        """Return all events; the events of the last turn are from `_begin` to `_end`."""
-        game = self._ctx.current_game
-        latest = self._turns.latest
-        events: Sequence[dict[str, Any]] = () if game is None else game.events
-        if latest is not None and latest is not self._shown:
-            self._shown = latest
-            self._eliminated = self._ends = None
-            self._begin = latest[6]
-            self._end = latest[3]
-        if len(events) < self._end:  # the game was reset
-            self._begin = self._end = 0
-            self._eliminated = self._ends = None
-        return events
+        return list(self._latest(1))[::-1]
 
     def of_turns(self, kind: str, turns: int) -> list[dict[str, Any]]:
         """Return the events of a kind in the last turns, up to a limit, the latest first."""
-        events = self._all()
+        return [event for event in self._latest(turns) if event.get("kind") == kind]
+
+    def _latest(self, turns: int) -> Iterator[dict[str, Any]]:
         game = self._ctx.current_game
-        first = 0 if game is None else game.turn - turns
-        latest = (events[place] for place in reversed(range(self._end)))
-        return [one for one in takewhile(lambda one: one["turn"] > first, latest) if one.get("kind") == kind]
+        if game is not None and game.turn:
+            first = game.turn - turns
+            yield from takewhile(lambda event: event["turn"] > first, reversed(game.events))
 
     def eliminated(self) -> frozenset[str]:
         """Return the names of the agents that went out of the game in the last turn."""
-        if self._eliminated is None or self._turns.latest is not self._shown:
-            names = (event.get("agent") for event in self.of_kind("eliminated"))
-            self._eliminated = frozenset(name for name in names if isinstance(name, str))
+        self._renew()
         return self._eliminated
+
+    def _renew(self) -> None:
+        """Look again who went out, if a turn was played or undone since."""
+        game = self._ctx.current_game
+        key = (0, 0) if game is None else (game.turn, len(game.events))
+        if key != self._key:
+            self._key = key
+            names = (event.get("agent") for event in self.of_turns("eliminated", 1))
+            self._eliminated = frozenset(name for name in names if isinstance(name, str))
+            self._ends = None
 
     def out(self) -> dict[str, bool]:
         """Return the agents that are out of the game, and for each whether it went out because it had arrived."""
         positions = self._ctx.agent.positions
         missing = {positions.names[row] for row in positions.inactive}
-        if not missing:
+        game = self._ctx.current_game
+        if not missing or game is None:
             return {}
-        events = self._all()
+        self._renew()
         if self._ends is None:
             last = {"arrive": dict[str, int](), "eliminated": dict[str, int]()}  # agent -> its last turn with it
-            for event in islice(events, self._end):
+            for event in game.events:
                 if event.get("kind") in last and isinstance(event.get("agent"), str):
                     last[event["kind"]][event["agent"]] = event["turn"]
             self._ends = {name: last["arrive"].get(name) == turn for name, turn in last["eliminated"].items()}

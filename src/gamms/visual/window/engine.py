@@ -16,7 +16,7 @@ from gamms.errors import BadType, BadValue, MissingFile, UnknownName
 from gamms.ir.draw import DrawCommands
 from gamms.text import shown
 from gamms.typing import ArtistType, IContext, ISensor
-from gamms.typing.recorder import IPlayback
+from gamms.typing.recorder import IPlayback, Step
 from gamms.typing.visualization_engine import AgentVisual, GraphVisual, IVisualizationEngine, SensorVisual
 from gamms.visual.appearance import Color, GraphData, color_group
 from gamms.visual.artist import Artist, ArtistGroup
@@ -237,7 +237,7 @@ class WindowEngine(WindowNames, PictureEngine):
             self.quit()
         if self.ctx.is_terminated():
             return
-        self.drawing.motion.begin_turn_once()
+        self.drawing.motion.begin_turn()
         self._count_turn()
         self._renew_fog()
         self._caption()
@@ -394,13 +394,11 @@ class WindowEngine(WindowNames, PictureEngine):
         overlay = self.overlay
         motion = self.drawing.motion
         turn = playback.turn
-        game = self.ctx.current_game
         first = max(turn - overlay.most_trails, 0)
         steps = [playback.steps(one) for one in range(first, turn + 1)] if turn else [{}]
-        moves = [motion.moves_between(before, after) for before, after in pairwise(steps)]
-        self.drawing.turns.forget(moves, 0 if game is None else len(game.events))
-        motion.show_end(steps[-1])
-        self.drawing.events.go_to_turn()
+        moves = [motion.moves_between(_new_steps(before, after)) for before, after in pairwise(steps)]
+        self.drawing.turns.jump(moves)
+        motion.begin_turn()
         overlay.turns = turn
         overlay.is_over = turn >= playback.turns
         self._is_fresh = True
@@ -608,6 +606,11 @@ class WindowEngine(WindowNames, PictureEngine):
             "_waiting_agent_name": None if asked is None else asked.name,
         }
         artist.set_visible(asked is not None)
+
+
+def _new_steps(before: dict[str, Step], after: dict[str, Step]) -> dict[str, Step]:
+    """Return the last moves of agents that were not their last ones before."""
+    return {name: step for name, step in after.items() if before.get(name) != step}
 
 
 def _held(image: object) -> str:
