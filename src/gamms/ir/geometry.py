@@ -63,21 +63,29 @@ def seamed(rings: Sequence[FloatArray]) -> FloatArray:
     return line[:-1]
 
 
-def joined_lines(points: FloatArray, offsets: IntArray, groups: IntArray) -> list[tuple[int, FloatArray]]:
-    """Return the lines of each group, joined where two lines meet, as (group, points).
+def straight_parts(
+    points: FloatArray, offsets: IntArray, groups: IntArray, tolerance: float
+) -> tuple[IntArray, FloatArray]:
+    """Return the straight parts of lines, joined where two lines of a group meet.
 
     Args:
         points: (points, 2)
         offsets: (lines + 1,)
         groups: (lines,) integers from 0, without gaps.
+        tolerance: by which points of a line may be beside its straight parts.
+
+    Returns:
+        The group (parts,) of each part, and its ends (parts, 2, 2).
     """
     import shapely
 
     lines = shapely.linestrings(points, indices=np.repeat(np.arange(len(groups)), np.diff(offsets)))
     order = np.argsort(groups, kind="stable")
     bundles = shapely.multilinestrings(lines[order], indices=groups[order])
-    parts, owner = shapely.get_parts(shapely.line_merge(bundles), return_index=True)
-    return [(group, shapely.get_coordinates(part)) for group, part in zip(owner.tolist(), parts, strict=True)]
+    joined, owner = shapely.get_parts(shapely.line_merge(bundles), return_index=True)
+    corners, line = shapely.get_coordinates(shapely.simplify(joined, tolerance), return_index=True)
+    first = np.flatnonzero(line[1:] == line[:-1])
+    return owner[line[first]], np.stack([corners[first], corners[first + 1]], axis=1)
 
 
 def line_strings(points: FloatArray, lines: "np.ndarray[Any, np.dtype[np.int64]]") -> "list[LineString]":

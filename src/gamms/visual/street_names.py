@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.ir.geometry import joined_lines
+from gamms.ir.geometry import straight_parts
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.typing import IContext
 from gamms.visual.appearance import Rgb, Rgba, inks
@@ -25,7 +25,7 @@ _AGAIN_PX = 500.0  # from a name to the same one
 _MOST_AGAIN = 100  # names of one straight part
 _ROOM_PX = 10.0  # of a street beyond each end of its name
 _CLEAR_PX = 4.0  # around a name
-_STRAIGHT = 0.12  # radians: largest difference between directions in a straight part
+_STRAIGHT_M = 2.0  # metres by which a street may be beside its name
 _UPRIGHT = 0.2  # so far across, as a share of how far down, a name still reads upwards
 _LONGEST_NAME = 60  # letters
 
@@ -132,28 +132,12 @@ def _straight_parts(columns: GraphColumns) -> _StraightParts:
     texts, group = np.unique([names[row] for row in rows.tolist()], return_inverse=True)
     classes = np.zeros(len(texts), np.int64)
     np.maximum.at(classes, group, classes_of(columns)[rows])
-    found = list[tuple[int, float, str, FloatArray]]()
-    for one, points in joined_lines(*polylines(columns, rows), group):
-        for part in _split(points):
-            length = float(np.hypot(*(part[1] - part[0])))
-            found.append((-int(classes[one]), -length, str(texts[one]), part))
-    found.sort(key=lambda one: one[:3])
-    ends = np.array([part for _, _, _, part in found])
-    words = [text for _, _, text, _ in found]
-    return _StraightParts(words, ends[:, 0], ends[:, 1], np.array([words_width(text, STREET_PX) for text in words]))
-
-
-def _split(points: FloatArray) -> Iterator[FloatArray]:
-    """Yield both ends (2, 2) of each straight part of a polyline."""
-    ways = np.diff(points, axis=0)
-    headings = np.arctan2(ways[:, 1], ways[:, 0]).tolist()
-    begin = 0
-    for at, heading in enumerate(headings):
-        turn = (heading - headings[begin] + np.pi) % (2 * np.pi) - np.pi
-        if abs(turn) > _STRAIGHT:
-            yield points[[begin, at]]
-            begin = at
-    yield points[[begin, -1]]
+    owner, ends = straight_parts(*polylines(columns, rows), group, _STRAIGHT_M)
+    lengths = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+    order = np.lexsort((owner, -lengths, -classes[owner]))
+    widths = np.array([words_width(text, STREET_PX) for text in texts.tolist()])
+    words = texts[owner[order]].tolist()
+    return _StraightParts(words, ends[order, 0], ends[order, 1], widths[owner[order]])
 
 
 def _first_text(value: object) -> str:
