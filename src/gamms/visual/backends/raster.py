@@ -5,7 +5,8 @@
 
 from collections.abc import Callable, Iterator
 from functools import lru_cache
-from itertools import pairwise
+from itertools import pairwise, starmap
+from math import ceil
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +25,6 @@ _BEYOND_PX = 8.0  # lines are clipped this far outside the picture
 _LARGEST_STAMP_PX = 96.0
 _OPAQUE = 255
 _STEPS = 4  # positions of a stamp within a pixel
-_BITS = (10, 10, 11, 2, 2, 8, 8, 8)  # bits of a stamp's radius, width, reach, two steps, red, green and blue
 _CORNER_PX = 4.0  # maximum distance between the corners of round ends
 _SAME = 1e-3  # share of the radius: largest difference between the two sizes of a disc
 
@@ -233,36 +233,27 @@ def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: Flo
     reach = np.ceil(radius + width / 2) + 1
     corner = centers - reach[:, None]
     whole = np.floor(corner)
-    step = np.minimum(((corner - whole) * _STEPS).astype(np.int64), _STEPS - 1)
-    look = np.zeros(len(centers), np.int64)  # all properties of a stamp, in the bits of one number
-    sizes = np.rint(np.column_stack([radius, width, reach]) * 10).astype(np.int64)
-    for column, bits in zip((*sizes.T, *step.T, *color.T[:3].astype(np.int64)), _BITS, strict=True):
-        look = look << bits | column
+    steps = ((corner - whole) * _STEPS).astype(np.int64).tolist()
+    sizes = np.rint(np.column_stack([radius, width]) * 10).astype(np.int64).tolist()
+    looks = zip(map(tuple, sizes), map(tuple, steps), map(tuple, color.tolist()), strict=True)
     x, y = whole.astype(np.int64).T.tolist()
-    for alpha, begin, end in _stretches(color[:, 3]):
-        looks = look[begin:end].tolist()
-        stamps = {one: _stamp(one, alpha) for one in set(looks)}
-        places = zip(x[begin:end], y[begin:end], strict=True)
-        # NOTE: never a list of pairs, which triggers the garbage collector (first frame of 100,000 edges).
-        canvas.stamps(zip(map(stamps.__getitem__, looks), places, strict=True))
+    # NOTE: never a list of pairs, which triggers the garbage collector (first frame of 100,000 edges).
+    canvas.stamps(zip(starmap(_stamp, looks), zip(x, y, strict=True), strict=True))
 
 
 @lru_cache(maxsize=8192)
-def _stamp(look: int, alpha: int) -> Any:
-    """Return a circle as a surface; `look` has the position within the pixel and the color, see `_BITS`."""
-    parts = []
-    for bits in _BITS[::-1]:
-        parts.append(look & ((1 << bits) - 1))
-        look >>= bits
-    blue, green, red, down, right, reach, width, radius = parts
-    side = 2 * reach // 10 + 1
-    x, y = (reach / 10 + (step + 0.5) / _STEPS for step in (right, down))
-    patch = disc(x, y, *_ring(radius / 10, width / 10), side, side)
+def _stamp(size: tuple[int, int], steps: tuple[int, int], color: Rgba) -> Any:
+    """Return a circle as a surface: its radius and width in tenths of pixels, and its position within a pixel."""
+    radius, width = (tenths / 10 for tenths in size)
+    reach = ceil(radius + width / 2) + 1
+    x, y = (reach + (step + 0.5) / _STEPS for step in steps)
+    side = 2 * reach + 1
     full = np.zeros((side, side), np.uint8)
+    patch = disc(x, y, *_ring(radius, width), side, side)
     if patch is not None:
         rows, columns = patch.coverage.shape
         full[patch.top : patch.top + rows, patch.left : patch.left + columns] = patch.coverage
-    return stamp(full, (red, green, blue, alpha))
+    return stamp(full, color)
 
 
 def disc(x: float, y: float, outer: float, inner: float, width: int, height: int) -> Patch | None:
