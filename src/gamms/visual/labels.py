@@ -39,9 +39,10 @@ _BULLET_PX = 3.5  # radius
 _INDENT_PX = 11.0
 # from the discs to the label; a line leads to the last of these places
 _GAPS_PX = 3.0, 12.0, 28.0
+_NEAR_PLACES = len(SIDES) * (len(_GAPS_PX) - 1)  # without a line
 _CORNER = 0.5**0.5  # share of the distance at corners, where a disc does not fill its square
 _DOTS_PX = 5.0  # from a label to other discs
-_APART_PX = 2.0  # from a label to signs and other labels
+_AROUND = np.array([-2.0, -2.0, 2.0, 2.0])  # from a label to signs and other labels
 _MOST_COUNTED = 5000  # agents; with more, agents at one place are not counted
 # the number of legible names, and the page pixels that each needs
 _MOST_AUTO = 30
@@ -152,17 +153,22 @@ class Labels:
         # Labels that were there before stay, so they choose first.
         knots.sort(key=lambda knot: looks[knot[0]].name not in self._places)
         signs = sign_boxes(ctx, artists, camera, fine)
-        space = _FreeSpace(page, np.vstack([signs, np.array(taken).reshape(-1, 4)]), len(knots))
+        occupied = np.vstack([signs, np.array(taken).reshape(-1, 4)])
         found = list[Label]()
         before = self._places
         self._places = {}
         for knot in knots:
             name = looks[knot[0]].name
             label = _shortened([lines[row] for row in knot])
-            place = _place(dots, knot, label, space, before.get(name, -1))
+            places = _places(dots, knot, label)
+            boxes = np.vstack([occupied + _AROUND, np.delete(dots.boxes(_DOTS_PX), knot, axis=0)])
+            place = _first_free(places, page, boxes, before.get(name, -1))
             if place is not None:
-                self._places[name], box, leader = place
-                found.append(Label(label, box, leader))
+                occupied = np.vstack([occupied, places[place]])
+                self._places[name] = place
+                left, top, right, bottom = places[place].tolist()
+                leader = _leader(dots, knot[0], places[place]) if place >= _NEAR_PLACES else []
+                found.append(Label(label, (left, top, right, bottom), leader))
         return found
 
 
@@ -272,35 +278,15 @@ def _indent(lines: list[LabelLine]) -> float:
 # -- where they go ------------------------------------------------------------------------------------------------
 
 
-class _FreeSpace:
-    """The page, and what is already on it.
-
-    Args:
-        page: where labels may be.
-        boxes: (boxes, 4) of signs and panels.
-        more: the maximum number of boxes that are added.
-    """
-
-    def __init__(self, page: Rectangle, boxes: FloatArray, more: int) -> None:
-        self._page = np.array(page)
-        self._count = len(boxes)
-        self._boxes = np.vstack([boxes, np.empty((more, 4))])
-
-    def first_free(self, places: FloatArray, dots: FloatArray, before: int) -> int | None:
-        """Return the earlier place, else the first of `places` (places, 4), that is free of these dots and of boxes."""
-        margin = np.array([-_APART_PX, -_APART_PX, _APART_PX, _APART_PX])
-        boxes = np.vstack([self._boxes[: self._count] + margin, dots])
-        boxes = boxes[are_hit(boxes, np.concatenate([places[:, :2].min(axis=0), places[:, 2:].max(axis=0)])[None])]
-        is_inside = (places[:, :2] >= self._page[:2]).all(axis=1) & (places[:, 2:] <= self._page[2:]).all(axis=1)
-        free = np.flatnonzero(is_inside & ~are_hit(places, boxes)).tolist()
-        if before in free:
-            return before
-        return free[0] if free else None
-
-    def take(self, box: FloatArray) -> None:
-        """Mark a box (4,) as occupied."""
-        self._boxes[self._count] = box
-        self._count += 1
+def _first_free(places: FloatArray, page: Rectangle, boxes: FloatArray, before: int) -> int | None:
+    """Return the place before, else the first of `places` (places, 4), that is on the page and hits no box."""
+    around = np.concatenate([places[:, :2].min(axis=0), places[:, 2:].max(axis=0)])
+    boxes = boxes[are_hit(boxes, around[None])]
+    is_inside = (places[:, :2] >= page[:2]).all(axis=1) & (places[:, 2:] <= page[2:]).all(axis=1)
+    free = np.flatnonzero(is_inside & ~are_hit(places, boxes)).tolist()
+    if before in free:
+        return before
+    return free[0] if free else None
 
 
 def are_hit(boxes: FloatArray, others: FloatArray) -> BoolArray:
@@ -311,31 +297,23 @@ def are_hit(boxes: FloatArray, others: FloatArray) -> BoolArray:
     return is_hit
 
 
-def _place(
-    dots: AgentDots, knot: list[int], lines: list[LabelLine], space: _FreeSpace, before: int
-) -> tuple[int, Rectangle, list[tuple[float, float]]] | None:
-    """Return the place of a label beside discs, its box and its leader; None if no place is free."""
+def _places(dots: AgentDots, knot: list[int], lines: list[LabelLine]) -> FloatArray:
+    """Return where a label may stand beside discs, (places, 4)."""
     own = dots.boxes()[knot]
     low = own[:, :2].min(axis=0)
     high = own[:, 2:].max(axis=0)
     width = _indent(lines) + max(words_width(words, LABEL_PX) for words, _ in lines)
     size = np.array([width, EM * LABEL_PX + (len(lines) - 1) * _LINE_PX])
-    places = beside((low + high) / 2, (high - low) / 2, size)
-    others = np.delete(dots.boxes(_DOTS_PX), knot, axis=0)
-    place = space.first_free(places, others, before)
-    if place is None:
-        return None
-    box = places[place]
-    space.take(box)
-    left, top, right, bottom = box.tolist()
-    leader = list[tuple[float, float]]()
-    if place >= len(SIDES) * (len(_GAPS_PX) - 1):
-        nearest = dots.centers[knot[0]]
-        end = np.clip(nearest, box[:2], box[2:])
-        way = end - nearest
-        begin = nearest + way * (dots.radii[knot[0]] / np.hypot(*way))
-        leader = [(float(x), float(y)) for x, y in (begin, end)]
-    return place, (left, top, right, bottom), leader
+    return beside((low + high) / 2, (high - low) / 2, size)
+
+
+def _leader(dots: AgentDots, row: int, box: FloatArray) -> list[tuple[float, float]]:
+    """Return the line from a disc to a distant label."""
+    center = dots.centers[row]
+    end = np.clip(center, box[:2], box[2:])
+    way = end - center
+    begin = center + way * (dots.radii[row] / np.hypot(*way))
+    return [(float(x), float(y)) for x, y in (begin, end)]
 
 
 def beside(middle: FloatArray, half: FloatArray, size: FloatArray) -> FloatArray:

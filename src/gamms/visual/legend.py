@@ -1,6 +1,6 @@
 """Legends, and values of nodes or edges as colors with a legend."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass
 from math import cos, pi, sin
@@ -241,10 +241,14 @@ class Pen:
         camera: the camera of the picture.
         fine: the number of camera pixels per 1/96 inch.
         ink: the color of texts.
+
+    Attributes:
+        camera: the camera of the picture.
+        commands: what was drawn.
     """
 
     def __init__(self, camera: Camera, fine: float, ink: Rgb) -> None:
-        self._camera = camera
+        self.camera = camera
         self._ink = ink
         self.commands = Commands()
         self._scale = camera.scale / fine
@@ -265,7 +269,7 @@ class Pen:
 
     def _place(self, x: float, y: float) -> tuple[float, float]:
         left, top = (begin + self._zoom * way for begin, way in zip(self._begin, (x, y), strict=True))
-        return self._camera.left + left / self._scale, self._camera.top - top / self._scale
+        return self.camera.left + left / self._scale, self.camera.top - top / self._scale
 
     def rectangle(self, x: float, y: float, width: float, height: float, color: AnyColor) -> None:
         """Fill a rectangle from its upper left corner."""
@@ -315,102 +319,63 @@ def _draw_rows(pen: Pen, block: LegendRows, top: float) -> None:
     for number, row in enumerate(_shown(block)):
         middle = top + (number + 0.5) * _LINE_PX
         color = pen.faint if row.color == SIGN and row.sign != _DISC else row.color
-        _SIGNS.get(row.sign, _disc)(pen, _SWATCH_PX + 1.0, middle, color)
+        _draw_sign(pen, row.sign, _SWATCH_PX + 1.0, middle, color)
         pen.text(row.name, _NAME_PX, middle, _FONT_PX)
         if row.value:
             pen.text(row.value, end - words_width(row.value, _FONT_PX), middle, _FONT_PX)
 
 
-def _disc(pen: Pen, x: float, y: float, color: Rgb) -> None:
-    pen.circle(x, y, _SWATCH_PX + 1.5, _RIM)
-    pen.circle(x, y, _SWATCH_PX, color)
+class _SignPart(NamedTuple):
+    """A part of a sign: a circle, or a line or polygon through points to the right and down; pixels."""
+
+    width: float = 0.0  # 0 = filled
+    radius: float = 0.0
+    points: tuple[tuple[float, float], ...] = ()
+    alpha: int = 255
+    color: Rgb | None = None  # None: that of the row
 
 
-def _field(pen: Pen, x: float, y: float, color: Rgb) -> None:
-    pen.circle(x, y, _SWATCH_PX + 1.0, (*color, 50))
-    pen.circle(x, y, _SWATCH_PX + 1.0, (*color, 150), 1.0)
+def _ring(radius: float, width: float = 2.0) -> _SignPart:
+    return _SignPart(width, radius)
 
 
-def _flag(pen: Pen, x: float, y: float, color: Rgb) -> None:
-    pen.line([(x - 4.0, y + 8.0), (x - 4.0, y - 8.0)], color, 2.0)
-    pen.polygon([(x - 4.0, y - 8.0), (x + 7.0, y - 4.5), (x - 4.0, y - 1.0)], color)
+def _line(width: float, *points: tuple[float, float], alpha: int = 255) -> _SignPart:
+    return _SignPart(width, points=points, alpha=alpha)
 
 
-def _cross(pen: Pen, x: float, y: float, color: Rgb) -> None:
-    for side in (-1.0, 1.0):
-        pen.line([(x - 5.0, y - 5.0 * side), (x + 5.0, y + 5.0 * side)], color, 2.5)
-
-
-def _check(pen: Pen, x: float, y: float, color: Rgb) -> None:
-    pen.line([(x - 6.0, y + 0.5), (x - 2.0, y + 5.0), (x + 6.0, y - 5.0)], color, 2.5)
-
-
-def _goal(pen: Pen, x: float, y: float, color: Rgb) -> None:
-    for radius in (5.5, 2.0):
-        pen.circle(x, y, radius, color, 1.5)
-    for right, down in ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)):
-        pen.line([(x + 5.5 * right, y + 5.5 * down), (x + 9.0 * right, y + 9.0 * down)], color, 1.5)
-
-
-def _tag(pen: Pen, x: float, y: float, color: Rgb) -> None:
-    pen.circle(x, y, 7.0, color, 1.5)
-    for side in (-1.0, 1.0):
-        pen.line([(x - 3.5, y - 3.5 * side), (x + 3.5, y + 3.5 * side)], color, 1.5)
-
-
-def _arc(pen: Pen, x: float, y: float, color: Rgb) -> None:
-    pen.circle(x, y, _SWATCH_PX - 0.5, color, 1.0)
-    _timer(pen, x, y, color)
-
-
-def _timer(pen: Pen, x: float, y: float, color: Rgb) -> None:
-    radius = _SWATCH_PX - 0.5
-    quarters = [(x + radius * sin(step * pi / 16), y - radius * cos(step * pi / 16)) for step in range(13)]
-    pen.line(quarters, color, 3.5)
-
-
-def _base(pen: Pen, x: float, y: float, color: Rgb) -> None:
-    corners = ((1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0))
-    pen.line([(x + 6.0 * right, y + 6.0 * down) for right, down in corners], color, 2.0)
-
-
-def _plus(pen: Pen, x: float, y: float, color: Rgb) -> None:
-    pen.line([(x - _SWATCH_PX, y), (x + _SWATCH_PX, y)], color, 2.0)
-    pen.line([(x, y - _SWATCH_PX), (x, y + _SWATCH_PX)], color, 2.0)
-
-
-def _square(pen: Pen, x: float, y: float, color: Rgb) -> None:
-    corners = ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.0, 1.0))
-    pen.line([(x + _SWATCH_PX * right, y + _SWATCH_PX * down) for right, down in corners], color, 2.0)
-
-
-def _gauge(pen: Pen, x: float, y: float, color: Rgb) -> None:
-    for end, alpha in ((8.0, 90), (2.0, 255)):
-        pen.line([(x - 8.0, y), (x + end, y)], (*color, alpha), 5.0)
-
-
-_SIGNS: dict[str, Callable[[Pen, float, float, Rgb], None]] = {
-    _DISC: _disc,
-    "ring": lambda pen, x, y, color: pen.circle(x, y, _SWATCH_PX - 0.5, color, 2.0),
-    "dot": lambda pen, x, y, color: pen.circle(x, y, 3.5, (*color, 200)),
-    "field": _field,
-    "line": lambda pen, x, y, color: pen.line([(x - 8.0, y), (x + 8.0, y)], (*color, 150), 4.0),
-    "curve": lambda pen, x, y, color: pen.line(
-        [(x + dx, y + dx * dx / 12 - 3.0) for dx in range(-8, 9, 2)], color, 2.0
-    ),
-    "band": lambda pen, x, y, color: pen.line([(x - 6.0, y), (x + 6.0, y)], (*color, 90), 9.0),
-    "flag": _flag,
-    "cross": _cross,
-    "tick": _check,
-    "tag": _tag,
-    "goal": _goal,
-    "arc": _arc,
-    "base": _base,
-    "plus": _plus,
-    "timer": _timer,
-    "square": _square,
-    "gauge": _gauge,
+_TIMER = _line(3.5, *((6.5 * sin(step * pi / 16), -6.5 * cos(step * pi / 16)) for step in range(13)))
+_SIGNS = {
+    _DISC: (_SignPart(radius=_SWATCH_PX + 1.5, color=_RIM), _SignPart(radius=_SWATCH_PX)),
+    "ring": (_ring(6.5),),
+    "dot": (_SignPart(radius=3.5, alpha=200),),
+    "field": (_SignPart(radius=8.0, alpha=50), _SignPart(1.0, 8.0, alpha=150)),
+    "line": (_line(4.0, (-8.0, 0.0), (8.0, 0.0), alpha=150),),
+    "curve": (_line(2.0, *((x, x * x / 12 - 3.0) for x in range(-8, 9, 2))),),
+    "band": (_line(9.0, (-6.0, 0.0), (6.0, 0.0), alpha=90),),
+    "flag": (_line(2.0, (-4.0, 8.0), (-4.0, -8.0)), _line(0.0, (-4.0, -8.0), (7.0, -4.5), (-4.0, -1.0))),
+    "cross": (_line(2.5, (-5.0, 5.0), (5.0, -5.0)), _line(2.5, (-5.0, -5.0), (5.0, 5.0))),
+    "tick": (_line(2.5, (-6.0, 0.5), (-2.0, 5.0), (6.0, -5.0)),),
+    "tag": (_ring(7.0, 1.5), _line(1.5, (-3.5, 3.5), (3.5, -3.5)), _line(1.5, (-3.5, -3.5), (3.5, 3.5))),
+    "goal": (_ring(6.5), _ring(3.0)),
+    "arc": (_ring(6.5, 1.0), _TIMER),
+    "base": (_line(2.0, (6.0, 6.0), (6.0, -6.0), (-6.0, -6.0), (-6.0, 6.0), (6.0, 6.0)),),
+    "plus": (_line(2.0, (-7.0, 0.0), (7.0, 0.0)), _line(2.0, (0.0, -7.0), (0.0, 7.0))),
+    "timer": (_TIMER,),
+    "square": (_line(2.0, (0.0, 7.0), (7.0, 0.0), (0.0, -7.0), (-7.0, 0.0), (0.0, 7.0)),),
+    "gauge": (_line(5.0, (-8.0, 0.0), (8.0, 0.0), alpha=90), _line(5.0, (-8.0, 0.0), (2.0, 0.0))),
 }
+
+
+def _draw_sign(pen: Pen, sign: str, x: float, y: float, color: Rgb) -> None:
+    for part in _SIGNS.get(sign, _SIGNS[_DISC]):
+        ink = (*(part.color or color), part.alpha)
+        points = [(x + right, y + down) for right, down in part.points]
+        if part.radius:
+            pen.circle(x, y, part.radius, ink, part.width)
+        elif part.width:
+            pen.line(points, ink, part.width)
+        else:
+            pen.polygon(points, ink)
 
 
 def _draw_title(pen: Pen, title: str, top: float) -> float:
