@@ -1,7 +1,7 @@
 """Captions: sentences for events and for the end of a game, shared by films, windows and commands."""
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from gamms.ir.events import DECISIONS
@@ -19,10 +19,12 @@ LINE_PX = 25.0
 _FONT_PX = 21.0
 _ASIDE_PX = 26.0
 _SPOT_PX = 5.0
+INDENT_PX = 4.0 * _SPOT_PX  # of the words behind a dot
 _CARD_PX = 26.0
 _TITLE_PX = 34.0
 _PAD_PX = 24.0
 _TITLE_SPOT_PX = 8.0
+_BEHIND_SPOT_PX = 3.0 * _TITLE_SPOT_PX  # where the title begins
 _LONGEST = 90  # letters
 _LAST = "starts again"  # which rules may note before others see why
 _SENTENCES = {  # kind of event -> the field with the subject, and the predicate
@@ -201,22 +203,41 @@ def draw_caption_bar(
     words = f"turn {as_text(bar.turn)}" + (f" · {bar.scores}" if scores and bar.scores else "")
     pen.text(shortened(words, _FONT_PX, width), left, top + 0.5 * LINE_PX, _FONT_PX)
     begin = left + max(words_width(words, _FONT_PX), words_width("turn 0000", _FONT_PX)) + _ASIDE_PX
-    room = left + width - begin - 4 * _SPOT_PX
-    newest = max((line.turns for line in bar.lines), default=0)
-    for number, line in enumerate(bar.lines[:lines] if room > _ASIDE_PX else ()):
+    room = left + width - begin - INDENT_PX
+    if room > _ASIDE_PX:
+        draw_captions(pen, bar.lines[:lines], (begin, top, room), faint)
+
+
+def draw_captions(pen: Pen, lines: Sequence[CaptionLine], at: tuple[float, float, float], faint: Rgb) -> None:
+    """Draw captions with dots in the colors of their teams; `at` is as for `draw_caption_bar`."""
+    left, top, room = at
+    newest = max((line.turns for line in lines), default=0)
+    for number, line in enumerate(lines):
         middle = top + (number + 0.5) * LINE_PX
         ink = None if line.turns == newest else faint
         if line.color is not None:
-            pen.circle(begin + _SPOT_PX, middle, _SPOT_PX, line.color)
-        pen.text(shortened(line.words, _FONT_PX, room), begin + 4 * _SPOT_PX, middle, _FONT_PX, ink)
+            pen.circle(left + _SPOT_PX, middle, _SPOT_PX, line.color)
+        pen.text(shortened(line.words, _FONT_PX, room), left + INDENT_PX, middle, _FONT_PX, ink)
+
+
+def captions_width(lines: Sequence[CaptionLine], room: float) -> float:
+    """Return the width of captions with their dots, in the available space."""
+    return INDENT_PX + max(words_width(shortened(line.words, _FONT_PX, room), _FONT_PX) for line in lines)
+
+
+def card_size(card: ResultCard) -> tuple[float, float]:
+    """Return the width and height of a card."""
+    width = max(_title_width(card), *(words_width(line, _FONT_PX) for line in card.lines)) + 2 * _PAD_PX
+    return width, _TITLE_PX + _CARD_PX * len(card.lines) + 1.6 * _PAD_PX
+
+
+def _title_width(card: ResultCard) -> float:
+    return words_width(card.title, _TITLE_PX) + (0.0 if card.color is None else _BEHIND_SPOT_PX)
 
 
 def draw_card(pen: Pen, card: ResultCard, center: tuple[float, float], ground: Rgb, faint: Rgb) -> None:
     """Draw how a game ended on a card around a point."""
-    spot = 0.0 if card.color is None else 3.0 * _TITLE_SPOT_PX
-    title = words_width(card.title, _TITLE_PX) + spot
-    width = max(title, *(words_width(line, _FONT_PX) for line in card.lines)) + 2 * _PAD_PX
-    height = _TITLE_PX + _CARD_PX * len(card.lines) + 1.6 * _PAD_PX
+    width, height = card_size(card)
     x, y = center
     edge = 1.0
     left = x - width / 2
@@ -224,9 +245,11 @@ def draw_card(pen: Pen, card: ResultCard, center: tuple[float, float], ground: R
     pen.rectangle(left - edge, top - edge, width + 2 * edge, height + 2 * edge, (*faint, 255))
     pen.rectangle(left, top, width, height, (*ground, 255))
     middle = top + 0.8 * _PAD_PX + 0.5 * _TITLE_PX
+    begin = x - _title_width(card) / 2
     if card.color is not None:
-        pen.circle(x - title / 2 + _TITLE_SPOT_PX, middle, _TITLE_SPOT_PX, card.color)
-    pen.text(card.title, x - title / 2 + spot, middle, _TITLE_PX)
+        pen.circle(begin + _TITLE_SPOT_PX, middle, _TITLE_SPOT_PX, card.color)
+        begin += _BEHIND_SPOT_PX
+    pen.text(card.title, begin, middle, _TITLE_PX)
     for number, line in enumerate(card.lines):
         down = top + 0.8 * _PAD_PX + _TITLE_PX + (number + 0.6) * _CARD_PX
         pen.text(line, x - words_width(line, _FONT_PX) / 2, down, _FONT_PX, faint if number == 0 else None)

@@ -280,7 +280,7 @@ class Overlay(Guarded):
         if isinstance(question, NodeChoice):
             self._paint_choices(canvas, question)
         if card is not None:
-            self.hud.paint_card(canvas, *card)
+            self.hud.paint_card(canvas, card)
         found = self.pointed_at()
         if found is not None:
             self.hud.paint_facts(canvas, *found, foot)

@@ -5,12 +5,21 @@ from functools import lru_cache
 from typing import Any
 
 from gamms.typing import IContext
-from gamms.visual.appearance import Rgb, Rgba
+from gamms.visual.appearance import Rgba
 from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import Camera, Point
-from gamms.visual.captions import CaptionLine
-from gamms.visual.font import shortened, words_width
+from gamms.visual.captions import (
+    INDENT_PX,
+    LINE_PX,
+    CaptionLine,
+    ResultCard,
+    captions_width,
+    card_size,
+    draw_captions,
+    draw_card,
+)
+from gamms.visual.font import words_width
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.themes import Theme
 from gamms.visual.window.input import HELP
@@ -24,8 +33,6 @@ _PAD_PX = 10
 _SMALL_PX = 17
 _PROMPT_PX = 56
 _ABOVE_NOTE_PX = 14
-_TITLE_PX = 32
-_SPOT_PX = 18
 BADGE_PX = 24
 _FOOT_PX = 64  # of the window, where it asks and names the source of the map
 _HINT = "F1: keys"
@@ -85,24 +92,16 @@ class Hud:
         self, canvas: Canvas, captions: Sequence[CaptionLine], foot_px: int, *, has_prompt: bool
     ) -> None:
         """Paint the captions in the lower left corner, above foot and prompt; earlier turns are faint."""
-        widest = canvas.width - 2 * (EDGE_PX + _PAD_PX) - _SPOT_PX
-        lines = [shortened(line.words, FONT_PX, widest) for line in captions]
-        width, height = _size(tuple(lines))
+        room = canvas.width - 2 * (EDGE_PX + _PAD_PX) - INDENT_PX
+        width = round(captions_width(captions, room)) + 2 * _PAD_PX
+        height = round(LINE_PX * len(captions)) + _PAD_PX
         low = self.taken[-1][1] if has_prompt else canvas.height - max(foot_px, _ABOVE_NOTE_PX)
-        left = EDGE_PX
         top = round(low) - EDGE_PX - height
-        newest = max(line.turns for line in captions)
-        panel = plain_panel(width + _SPOT_PX, height, self.theme.card, self.theme.border)
-        canvas.surface.blit(panel, (left, top))
-        for row, (words, line) in enumerate(zip(lines, captions, strict=True)):
-            y = top + _PAD_PX + row * _LINE_PX
-            spot = _SPOT_PX * 2 // 3
-            if line.color is not None:
-                dot = plain_panel(spot, spot, (*line.color, 255), radius=spot // 2)
-                canvas.surface.blit(dot, (left + _PAD_PX, y + 2))
-            ink = self.theme.ink if line.turns == newest else self.theme.faint
-            canvas.text(words, left + _PAD_PX + _SPOT_PX, y, FONT_PX, ink)
-        self.taken.append(_box(left, top, width + _SPOT_PX, height))
+        canvas.surface.blit(plain_panel(width, height, self.theme.card, self.theme.border), (EDGE_PX, top))
+        pen = _screen_pen(canvas, self.theme)
+        draw_captions(pen, captions, (EDGE_PX + _PAD_PX, top + _PAD_PX / 2, room), self.theme.faint[:3])
+        pen.paint(canvas)
+        self.taken.append(_box(EDGE_PX, top, width, height))
 
     def _foot(self, canvas: Canvas, words: str, *, is_right: bool = False) -> None:
         """Write small print in a lower corner."""
@@ -130,29 +129,18 @@ class Hud:
         left, top = min(inside, key=lambda at: sum(_overlap(_box(at[0], at[1], width, height), box) for box in taken))
         self._panel(canvas, lines, left, top)
 
-    def paint_card(self, canvas: Canvas, title: str, color: Rgb | None, lines: Sequence[str]) -> None:
-        """Paint how a game ended in the upper middle: a title with a spot of a team's color, and lines."""
-        lines = _wrapped(tuple(map(_short, lines)), canvas.width)
-        title = _short(title)
-        spot = 0 if color is None else _SPOT_PX + _PAD_PX
-        width, height = _size(lines) if lines else (0, 2 * _PAD_PX)
-        width = max(width, text_px(title, _TITLE_PX) + spot + 2 * _PAD_PX) + 2 * _PAD_PX
-        height += _TITLE_PX + 2 * _PAD_PX
-        left = (canvas.width - width) // 2
-        top = max((canvas.height - height) // 5, EDGE_PX)
+    def paint_card(self, canvas: Canvas, card: ResultCard) -> None:
+        """Paint how a game ended in the upper middle; in a small window, below all lines."""
+        width, height = card_size(card)
+        left = (canvas.width - width) / 2
+        top = max((canvas.height - height) / 5, EDGE_PX)
         upper = [box for box in self.taken if box[1] < canvas.height / 2]
-        if any(_overlap(_box(left, top, width, height), box) for box in upper):  # in a small window: below all lines
-            top = round(max(box[3] for box in upper)) + EDGE_PX
-        canvas.surface.blit(plain_panel(width, height, (*self.theme.card[:3], 245), self.theme.border), (left, top))
-        begin = (canvas.width - text_px(title, _TITLE_PX) - spot) // 2
-        if color is not None:
-            dot = plain_panel(_SPOT_PX, _SPOT_PX, (*color, 255), radius=_SPOT_PX // 2)
-            canvas.surface.blit(dot, (begin, top + 2 * _PAD_PX - 2))
-        canvas.text(title, begin + spot, top + 2 * _PAD_PX - 1, _TITLE_PX, self.theme.ink)
-        for row, line in enumerate(lines):
-            middle = (canvas.width - text_px(line, FONT_PX)) // 2
-            y = top + 3 * _PAD_PX + _TITLE_PX + row * _LINE_PX
-            canvas.text(line, middle, y, FONT_PX, self.theme.faint if row == 0 else self.theme.ink)
+        if any(_overlap(_box(left, top, width, height), box) for box in upper):
+            top = max(box[3] for box in upper) + EDGE_PX
+        pen = _screen_pen(canvas, self.theme)
+        center = canvas.width / 2, top + height / 2
+        draw_card(pen, card, center, self.theme.card[:3], self.theme.faint[:3])
+        pen.paint(canvas)
         self.taken.append(_box(left, top, width, height))
 
     def _panel(
@@ -270,11 +258,22 @@ class WindowLegend:
         canvas.fill(behind)
         card = plain_panel(self.width - EDGE_PX, self.height - EDGE_PX, theme.card, theme.border)
         canvas.surface.blit(card, (0, EDGE_PX))
-        camera = Camera(canvas.width, canvas.height, 0.0, 0.0, 1.0)
-        pen = Pen(camera, 1.0, theme.ink[:3])
+        pen = _screen_pen(canvas, theme)
         self._legend.draw(pen, EDGE_PX, 2 * EDGE_PX, None)
-        Painting(pen.commands.freeze()).paint(canvas, camera)
+        pen.paint(canvas)
         return canvas.surface
+
+
+class _ScreenPen(Pen):
+    """Draws in pixels of the window."""
+
+    def paint(self, canvas: Canvas) -> None:
+        """Paint what was drawn."""
+        Painting(self.commands.freeze()).paint(canvas, self.camera)
+
+
+def _screen_pen(canvas: Canvas, theme: Theme) -> _ScreenPen:
+    return _ScreenPen(Camera(canvas.width, canvas.height, 0.0, 0.0, 1.0), 1.0, theme.ink[:3])
 
 
 _FINER = 4  # pixels in which a panel is drawn for one of its own
