@@ -96,7 +96,7 @@ def test_a_territory_of_more_nodes_than_there_is_memory_for_is_drawn_where_there
 
 def test_of_very_many_flags_and_territories_only_some_are_drawn(game):
     game.game.data["flags"] = {"bases": dict.fromkeys(range(10**5), 0), "carriers": {}}
-    game.game.data["territories"] = {f"land {number}": {"red": "0..9"} for number in range(10**5)}
+    game.game.data["territories"] = {"territory": {f"team {number}": "0..9" for number in range(10**5)}}
     assert 500 < len(game.visual.draw_commands()) < 5_000
 
 

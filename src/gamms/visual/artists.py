@@ -196,7 +196,6 @@ class Artists(Guarded):
         self.declared = {}
         self._proposed: dict[str, IArtist] = {}
         self.is_graph_declared = False
-        self._is_replayed = False  # whether the declarations are from a recording, in which rules also drew
         self._default: dict[Theme, DefaultScene] = {}
         self.edits = 0
         self.drawings = RecordedDrawings(ctx)
@@ -257,15 +256,15 @@ class Artists(Guarded):
         return {"eliminated": marks}
 
     def _of_default(self, scene: "DefaultScene | None", *, sensors: bool) -> dict[str, IArtist]:
-        """Return the default scene unless the graph was declared; in a replay of such a game, the drawings of rules."""
-        if self.is_graph_declared and not self._is_replayed:
+        """Return the default scene unless the graph was declared."""
+        if self.is_graph_declared:
             return {}
         if scene is None:
             from gamms.visual.default_scene import DefaultScene
 
             theme = self._drawing.theme
             scene = self._default[theme] = self._default.get(theme) or DefaultScene(self._ctx, theme)
-        return scene.of_rules() if self.is_graph_declared else scene.artists(self.declared, sensors=sensors)
+        return scene.artists(self.declared, sensors=sensors)
 
     # -- declared --------------------------------------------------------------------------------------------
 
@@ -551,7 +550,6 @@ class Artists(Guarded):
         self.declared |= new
         self._declare_graph(is_declared=is_declared)
         self._drawing.team_colors = colors | self._own_colors
-        self._is_replayed = True
         self.edits += 1
         return new
 

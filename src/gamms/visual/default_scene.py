@@ -1,8 +1,7 @@
 """The default scene, for scenarios that do not declare their graph: gray streets, shaded buildings, colored agents.
 
 Agents have the colors of their teams, or their own. What few sensors see is drawn in the colors of the living
-agents that carry them, below the agents. Flags, territories and the tags of this turn are drawn, and a legend shows
-the teams.
+agents that carry them, below the agents. Tags and messages of this turn are drawn, and a legend shows the teams.
 """
 
 from collections.abc import Iterable, Mapping
@@ -25,26 +24,7 @@ from gamms.visual.drawers.agents import render_looks
 from gamms.visual.drawers.graph import longer_side, obstacles_to_draw, render_base_map
 from gamms.visual.drawers.marks import render_tags
 from gamms.visual.drawers.messages import has_messages, render_messages
-from gamms.visual.drawers.rules import (
-    TerritoryDrawer,
-    flags_in,
-    goals_in,
-    render_flags,
-    render_goals,
-    territories_in,
-)
 from gamms.visual.drawers.sensors import render_rings, render_sight, render_sights, sparse
-from gamms.visual.drawers.standings import (
-    COOLDOWNS,
-    DISCOVERED,
-    HELD,
-    RESOURCES,
-    counted_in,
-    render_amounts,
-    render_cooldowns,
-    render_discovered,
-    render_held,
-)
 from gamms.visual.drawers.streets import has_tunnels, median, render_tunnels
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import SIGN, LegendRow, LegendRows, legend_only
@@ -67,12 +47,6 @@ _VIEWS = (  # attribute of a view, text in the legend, sign
     ("lines", "edge in view", "line"),
     ("nodes", "node in view", "dot"),
     ("agents", "agent in view", "ring"),
-)
-_COUNTED = (
-    (HELD, render_held, Layer.GOALS),
-    (DISCOVERED, render_discovered, Layer.GOALS),
-    (RESOURCES, render_amounts, Layer.FLAGS),
-    (COOLDOWNS, render_cooldowns, Layer.FLAGS),
 )
 RING = 1.7  # of a sensed agent, in radii of its disc
 # of a wall: in radii of agents, and at most in metres
@@ -103,7 +77,6 @@ class DefaultScene:
         self._agents: dict[str, IArtist] = {}
         self._colors: dict[str, Rgb] = {}  # of agents, by name
         self._views: dict[str, Artist] = {}  # of sensors
-        self._territories: dict[str, TerritoryDrawer] = {}  # they keep polylines of territories
         self._tags = Artist(ctx, render_tags, Layer.TAGS)
         self._legend = legend_of_teams(ctx)
 
@@ -121,7 +94,7 @@ class DefaultScene:
             if artist.get_drawer() is render_sensor:
                 data_of(artist)["_defaults"] = sizes_of_sights(self._mark)
         seen = self._sensors(declared) if sensors else {}
-        return self._map | self._agents | seen | self.of_rules() | {"legend": self._legend}
+        return self._map | self._agents | seen | self._of_game() | {"legend": self._legend}
 
     @property
     def _mark(self) -> float:
@@ -134,22 +107,11 @@ class DefaultScene:
         self._most = most
         return self._mark != before
 
-    def of_rules(self) -> dict[str, IArtist]:
-        """Return the artists of rule data, which is all that a replay has, by the names that rules use."""
+    def _of_game(self) -> dict[str, IArtist]:
+        """Return the artists of tags and messages, which may come without a rule that declares them."""
         artists: dict[str, IArtist] = {"tags": self._tags}
-        if goals_in(self._ctx):
-            artists["goals"] = Artist(self._ctx, render_goals, Layer.GOALS)
-        for group, drawer, layer in _COUNTED:
-            if counted_in(self._ctx, group):
-                artists[group] = Artist(self._ctx, drawer, layer)
-        for name in territories_in(self._ctx):
-            drawer = self._territories.setdefault(name, TerritoryDrawer(name))
-            artists[name] = Artist(self._ctx, drawer, Layer.TERRITORIES)
         if has_messages(self._ctx):
             artists["messages"] = Artist(self._ctx, render_messages, Layer.MESSAGES)
-        for key in flags_in(self._ctx):
-            artists[key] = flags = Artist(self._ctx, render_flags, Layer.FLAGS)
-            flags.data = {"key": key}
         return artists
 
     def _renew_map(self) -> None:
