@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 import gamms
 from gamms.agent import AgentType
 from gamms.ir.draw import DrawKind
+from gamms.ir.geometry import are_within
 from gamms.sensor import SensorType
 from gamms.strategies import random_walk
-from gamms.visual.camera import inside
 
 SENSORS = 15
 QUIET = {"level": "CRITICAL"}
@@ -129,7 +129,7 @@ def test_the_field_of_an_occluded_sensor_ends_at_the_walls(yard, kind):
         nodes = yard.graph.columns().xy
         near = np.hypot(*(nodes - (45.0, 50.0)).T) < 29.0  # not on the rim
         is_free = yard.graph.visible(np.array([45.0, 50.0, 1.6]), np.column_stack([nodes, np.full(len(nodes), 1.6)]))
-        assert inside(nodes[near], outline).tolist() == is_free[near].tolist()
+        assert are_within(nodes[near], outline).tolist() == is_free[near].tolist()
         assert 20 < int((near & ~is_free).sum()) < int(near.sum()) / 2
 
 

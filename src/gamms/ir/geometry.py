@@ -36,6 +36,14 @@ def union_of(outlines: Sequence[FloatArray]) -> "list[Polygon]":
     return [part for part in parts if isinstance(part, shapely.Polygon)]
 
 
+def are_within(points: FloatArray, corners: FloatArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
+    """Return which points (points, 2) are inside a polygon (corners, 2), and not on its border."""
+    import shapely
+
+    found: np.ndarray[Any, np.dtype[np.bool_]] = shapely.contains_xy(shapely.Polygon(corners), points)
+    return found
+
+
 def rings_of(polygon: "Polygon") -> list[FloatArray]:
     """Return the rings of a Polygon, each (corners + 1, 2): the outer ring, then its holes in opposite direction."""
     import shapely

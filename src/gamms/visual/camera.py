@@ -34,18 +34,6 @@ def extent(starts: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray
     return low, high
 
 
-def inside(points: FloatArray, corners: FloatArray) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
-    """Return which points (points, 2) are in a polygon (corners, 2), by crossings of a ray to the right."""
-    x, y = points.T[:, :, None]
-    begin = corners
-    end = np.roll(corners, -1, axis=0)
-    crosses = (begin[:, 1] > y) != (end[:, 1] > y)
-    rise = np.where(crosses, end[:, 1] - begin[:, 1], 1.0)
-    is_left = x < begin[:, 0] + (y - begin[:, 1]) / rise * (end[:, 0] - begin[:, 0])
-    is_inside: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (crosses & is_left).sum(axis=1) % 2 == 1
-    return is_inside
-
-
 def clipped(
     starts: FloatArray, ends: FloatArray, low: tuple[float, float], high: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:

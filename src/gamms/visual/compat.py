@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 
 from gamms.arguments import as_float
+from gamms.ir.geometry import are_within
 from gamms.ir.graph import FloatArray
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.visual.artists import Artists
 from gamms.visual.backends.pygame_backend import load
-from gamms.visual.camera import Point, WindowCamera, clipped, inside
+from gamms.visual.camera import Point, WindowCamera, clipped
 from gamms.visual.drawing import Drawing
 from gamms.visual.window.display import FrameTiming, window_surface
 from gamms.visual.window.input import Question
@@ -94,7 +95,7 @@ class RenderManager(WindowCamera):
         """Return whether a filled polygon is wholly outside; one around everything that is seen is not."""
         corners = np.asarray(points, np.float64).reshape(-1, 2)
         is_crossed = self._is_crossed(corners, np.roll(corners, -1, axis=0))
-        return not (is_crossed or inside(np.array([(self._x, self._y)]), corners).any())
+        return not (is_crossed or are_within(np.array([(self._x, self._y)]), corners).any())
 
     def check_rectangle_culled(self, x: float, y: float, width: float, height: float) -> bool:
         """Return whether a rectangle of `render_rectangle`, from its top-left corner in pixels, is wholly outside."""

@@ -51,7 +51,12 @@ class Patch(NamedTuple):
     top: int
 
 
-def _image_module() -> Any:
+def image_module() -> Any:
+    """Return Pillow's module of images.
+
+    Raises:
+        MissingExtra: Pillow is not installed.
+    """
     with needing("Painting a picture", "viz"):
         from PIL import Image
     return Image
@@ -72,7 +77,7 @@ def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> 
     Returns:
         The coverage; None outside of the picture.
     """
-    image_module = _image_module()
+    module = image_module()
     from PIL import ImageDraw
 
     low = np.maximum(np.floor(points.min(axis=0)), 0.0)
@@ -80,7 +85,7 @@ def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> 
     if (low >= high).any():
         return None
     columns, rows = ((high - low) * _FINER).astype(np.int64).tolist()
-    image = image_module.new("L", (columns, rows))
+    image = module.new("L", (columns, rows))
     pen = ImageDraw.Draw(image)
     corners = np.clip(np.rint((points - low) * _FINER - 0.5), -_FARTHEST, _FARTHEST).ravel().tolist()
     for begin, end in pairwise((2 * offsets).tolist()):
@@ -91,7 +96,7 @@ def polygons(points: FloatArray, offsets: IntArray, width: int, height: int) -> 
 
 def text_coverage(words: str, font_px: int, angle: float = 0.0, *, has_halo: bool = False) -> ByteArray:
     """Return the coverage of text around its middle, turned counter-clockwise by degrees, maybe with its halo."""
-    image_module = _image_module()
+    module = image_module()
     from PIL import ImageDraw, ImageFont
 
     finer = max(min(_FINER, _MOST_LETTER_PX // font_px), 1)
@@ -100,7 +105,7 @@ def text_coverage(words: str, font_px: int, angle: float = 0.0, *, has_halo: boo
     width = words_width(words, font_px)
     columns = ceil(width) + 2 * room
     rows = ceil(font_px * EM) + 2 * room
-    image = image_module.new("L", (columns * finer, rows * finer))
+    image = module.new("L", (columns * finer, rows * finer))
     pen = ImageDraw.Draw(image)
     x = (columns - width) / 2
     baseline = (rows - font_px * EM) / 2 + ASCENT * font_px * EM
@@ -109,7 +114,7 @@ def text_coverage(words: str, font_px: int, angle: float = 0.0, *, has_halo: boo
         pen.text((x * finer, baseline * finer), letter, fill=255, font=font, anchor="ls", stroke_width=stroke)
         x += words_width(letter, font_px)
     if angle:
-        image = image.rotate(angle, image_module.Resampling.BICUBIC, expand=True)
+        image = image.rotate(angle, module.Resampling.BICUBIC, expand=True)
     return np.asarray(image.reduce(finer))
 
 
@@ -119,13 +124,13 @@ def text_coverage(words: str, font_px: int, angle: float = 0.0, *, has_halo: boo
 def png_file(pixels: ByteArray, dpi: float) -> bytes:
     """Return a PNG file of RGB pixels (height, width, 3) with its paper size."""
     data = io.BytesIO()
-    _image_module().fromarray(pixels).save(data, "PNG", dpi=(dpi, dpi))
+    image_module().fromarray(pixels).save(data, "PNG", dpi=(dpi, dpi))
     return data.getvalue()
 
 
 def pixels_of(file: bytes) -> ByteArray:
     """Return the RGB pixels (height, width, 3) of an image file."""
-    return np.asarray(_image_module().open(io.BytesIO(file)).convert("RGB"))
+    return np.asarray(image_module().open(io.BytesIO(file)).convert("RGB"))
 
 
 def image_size(path: str) -> tuple[int, int]:
@@ -135,7 +140,7 @@ def image_size(path: str) -> tuple[int, int]:
         OSError: not an image.
         MissingExtra: Pillow is not installed.
     """
-    module = _image_module()
+    module = image_module()
     # the caller knows the allowed number of pixels
     most = module.MAX_IMAGE_PIXELS
     module.MAX_IMAGE_PIXELS = None
@@ -157,7 +162,7 @@ class Gif:
     """
 
     def __init__(self, path: Path, width: int, height: int, fps: float) -> None:
-        self._image = _image_module()
+        self._image = image_module()
         self._fps = fps
         self._size = width, height
         self._file = path.open("wb")

@@ -21,7 +21,7 @@ from gamms.errors import BadValue, MissingExtra
 from gamms.ir.graph import FloatArray
 from gamms.limits import refuse_above
 from gamms.visual.appearance import PAPER, Rgb, Rgba, is_dark
-from gamms.visual.backends.pillow_backend import ByteArray, Patch, PixelArray, image_size, text_coverage
+from gamms.visual.backends.pillow_backend import ByteArray, Patch, PixelArray, image_module, image_size, text_coverage
 from gamms.visual.camera import extent
 from gamms.visual.font import EM, warn_of_boxes, words_width
 
@@ -77,6 +77,7 @@ class Canvas:
 
     def __init__(self, width: int, height: int, surface: "Surface | None" = None, paper: Rgb = PAPER) -> None:
         self._pygame = load()
+        image_module()  # so that a film without Pillow does not begin
         self.width = width
         self.height = height
         self._paper = paper

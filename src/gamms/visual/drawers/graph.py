@@ -5,13 +5,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.ir.geometry import seamed
+from gamms.ir.geometry import are_within, seamed
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import COLOR_TYPES, OTHER_OBSTACLE, BoolArray, ObstacleColumns
 from gamms.ir.scenery import SceneryKind
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, GraphData, Rgb, Rgba, rgba
-from gamms.visual.camera import inside
 from gamms.visual.drawers.streets import median, polylines
 from gamms.visual.drawing import Drawing, drawing_of
 from gamms.visual.legend import ColoredValues
@@ -210,7 +209,7 @@ def _is_within(outline: _Outline, other: _Outline) -> bool:
         if min(mine) < min(around) or max(mine) > max(around):
             return False
     corners = np.array(outline)
-    return bool(inside((corners + np.roll(corners, -1, axis=0)) / 2, np.array(other)).all())
+    return bool(are_within((corners + np.roll(corners, -1, axis=0)) / 2, np.array(other)).all())
 
 
 _STEPS = 6  # distinct tones
