@@ -1,9 +1,13 @@
 """The table in CONTRIBUTING.md is true: a test changes, in a copy, the files that a row names, and the change works."""
 
+import base64
+import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import gamms
@@ -26,6 +30,12 @@ def changed(folder, *changes):
 def printed(source, folder, program):
     environment = {**os.environ, "PYTHONPATH": str(source), "PYTHONDONTWRITEBYTECODE": "1"}
     return subprocess.check_output([sys.executable, "-c", program], cwd=folder, env=environment, text=True).strip()
+
+
+def data_of_page(folder):
+    """Return what `page.html` in a folder shows, as the bytes that its viewer reads."""
+    [data] = re.findall(r'class="recording">([^<]*)<', (folder / "page.html").read_text())
+    return zlib.decompress(base64.b64decode(data))
 
 
 BATTERY = """    Column(
@@ -72,6 +82,7 @@ with gamms.create_context(seed=1) as ctx:
     except gamms.errors.BadType as error:
         print(error)
 with gamms.recorder.open("game.ggr") as recording:
+    recording.save("page.html")
     print([recording.state(turn).agents["battery"].tolist() for turn in range(3)])
     with recording.resume(2) as ctx:
         print([agent.battery for agent in ctx.agent.create_iter()])
@@ -80,7 +91,9 @@ with gamms.create_context() as ctx:
         pass
     print([agent.battery for agent in ctx.agent.create_iter()])
 """
-    assert printed(source, tmp_path, program).splitlines() == [
+    printed_lines = printed(source, tmp_path, program).splitlines()
+    assert all(text in data_of_page(tmp_path) for text in (b"battery", b"0.75", b"0.875"))
+    assert printed_lines == [
         "0.5 0.25",
         "0.5",
         "battery must be a number, not 'full' (str).",
@@ -310,7 +323,6 @@ def test_a_rule_with_its_event_and_its_drawing_is_one_file(tmp_path):
     source = changed(tmp_path)
     (source / "gamms" / "rules" / "flares.py").write_text(FLARES.lstrip())
     program = f"""{GAMES}
-import base64, re, zlib
 from gamms.rules.flares import flares
 
 with opened() as ctx:
@@ -327,16 +339,55 @@ with gamms.recorder.open("game.ggr") as recording:
     print(next(event["node"] for event in recording.events() if event["kind"] == "flare"))
 live, replayed = open("live.svg").read(), open("replayed.svg").read()
 print(live == replayed, live.count("#010203"))
-[data] = re.findall(r'class="recording">([^<]*)<', open("page.html").read())
-print(b"lights" in zlib.decompress(base64.b64decode(data)))
 """
-    assert printed(source, tmp_path, program).splitlines() == [
-        "the rule 'flares' {}",
-        "True True",
-        "6",
-        "True 1",
-        "True",
-    ]
+    assert printed(source, tmp_path, program).splitlines() == ["the rule 'flares' {}", "True True", "6", "True 1"]
+    assert b"lights" in data_of_page(tmp_path)
+
+
+CURFEW = '''
+
+
+@shown_as_called
+def curfew(turns: int) -> Rule:
+    """Make a rule that ends the game after a number of turns, won by nobody."""
+
+    def curfew(ctx: Context) -> None:
+        if ctx.game.turn >= turns:
+            ctx.game.end("time limit", truncated=True)
+
+    core_form = in_core("time_limit", turns, None)
+    return declared(curfew, RuleSpec(rank=Rank.END, core_form=core_form, drawer=_draw_curfew))
+
+
+def _draw_curfew(ctx: Context, _: dict[str, Any]) -> None:
+    ctx.visual.render_circle(1.0, 1.0, 0.3, (1, 2, 3))
+'''
+
+
+def test_a_rule_of_gamms_is_a_function_and_its_name(tmp_path):
+    source = changed(
+        tmp_path,
+        ("rules/__init__.py", "reach, time_limit\n", "reach, time_limit, curfew\n"),
+        ("rules/__init__.py", '    "discover",\n', '    "curfew",\n    "discover",\n'),
+    )
+    with (source / "gamms" / "rules" / "endings.py").open("a") as file:
+        file.write(CURFEW)
+    program = f"""{GAMES}
+with opened() as ctx:
+    ctx.game.add(gamms.rules.curfew(3))
+    in_batch_and_alone(ctx, lambda ctx: [agent.current_node_id for agent in ctx.agent.agents.values()])
+walkers = {{"count": 2, "strategy": "gamms.strategies:random_walk"}}
+little = {{"map": {{"grid": {{"rows": 3, "columns": 3}}}}, "teams": {{"red": walkers}}}}
+game = gamms.scenario.Scenario(**little, rules=[{{"rule": "curfew", "with": {{"turns": 2}}}}])
+result = game.play(record="game.ggr")
+print(result.turns, result.reason)
+with gamms.recorder.open("game.ggr") as recording:
+    recording.save("last.svg")
+    recording.save("page.html")
+print(open("last.svg").read().count("#010203"))
+"""
+    assert printed(source, tmp_path, program).splitlines() == ["None {}", "True True", "2 time limit", "1"]
+    assert b"curfew" in data_of_page(tmp_path)
 
 
 RESOLVER = '''
@@ -349,12 +400,15 @@ def shortest_name() -> Resolver:
 
 def test_a_resolver_of_conflicts_is_one_function_which_the_core_plays(tmp_path):
     before = "\n\ndef _by_key("
-    source = changed(tmp_path, ("rules/conflicts.py", before, RESOLVER + before))
+    source = changed(
+        tmp_path,
+        ("rules/conflicts.py", before, RESOLVER + before),
+        ("rules/__init__.py", "by_rank, nobody\n", "by_rank, nobody, shortest_name\n"),
+        ("rules/__init__.py", '    "tag",\n', '    "shortest_name",\n    "tag",\n'),
+    )
     program = f"""{GAMES}
-from gamms.rules.conflicts import shortest_name
-
 with opened() as ctx:
-    ctx.game.conflicts = gamms.rules.Conflicts(capacity=1, resolve=shortest_name())
+    ctx.game.conflicts = gamms.rules.Conflicts(capacity=1, resolve=gamms.rules.shortest_name())
     in_batch_and_alone(ctx, lambda ctx: [agent.current_node_id for agent in ctx.agent.agents.values()])
     ctx.record.start("game")
     ctx.game.run(6)
@@ -362,8 +416,11 @@ with opened() as ctx:
     nodes = [agent.current_node_id for agent in ctx.agent.agents.values()]
 with gamms.recorder.open("game.ggr") as recording:
     print(recording.state(6).agents["node"].tolist() == nodes)
+walkers = {{name: {{"count": 1, "strategy": "gamms.strategies:random_walk"}} for name in ("red", "blue")}}
+little = {{"map": {{"grid": {{"rows": 2, "columns": 2}}}}, "teams": walkers, "max_turns": 3}}
+print(gamms.scenario.Scenario(**little, conflicts={{"resolve": "shortest_name"}}).play().turns)
 """
-    assert printed(source, tmp_path, program).splitlines() == ["None {}", "True True", "True"]
+    assert printed(source, tmp_path, program).splitlines() == ["None {}", "True True", "True", "3"]
 
 
 WIND = """
@@ -450,6 +507,65 @@ drawn, shown = open("now.svg").read(), open("now.xhtml").read()
 print(drawn.count("#010203"), shown.count("#010203"), shown.endswith(drawn))
 """
     assert printed(source, tmp_path, program) == "1 1 True"
+
+
+LINES = '''
+"""Recordings as text: a line for each turn, a list of agents and nodes in turn."""
+
+import json
+
+
+class LinesEncoder:
+    """Writes the moves of each turn in a line."""
+
+    has_drawings = False
+    is_current = True
+    values = blocks = 0
+
+    def __init__(self, output, _header):
+        self._output = output
+
+    def begin(self, session, *, is_final):
+        pass
+
+    def add(self, logs):
+        for log in logs:
+            moves = [item for item in log if isinstance(item, int)]
+            self._output.append(json.dumps(moves).encode() + b"\\n")
+
+    def keyframe(self, keyframe):
+        pass
+
+    def flush(self):
+        pass
+
+    def close(self):
+        self._output.close()
+'''
+
+
+def test_a_format_of_recordings_is_an_encoder(tmp_path):
+    source = changed(
+        tmp_path,
+        ("recorder/encoders.py", "3: Version3Encoder}\n", "3: Version3Encoder, 4: LinesEncoder}\n"),
+        (
+            "recorder/encoders.py",
+            "from gamms.recorder.formats.writer",
+            "from gamms.recorder.formats.lines import LinesEncoder\nfrom gamms.recorder.formats.writer",
+        ),
+    )
+    (source / "gamms" / "recorder" / "formats" / "lines.py").write_text(LINES.lstrip())
+    program = f"""{GAMES}
+with opened() as ctx:
+    ctx.record.start("game", version=4)
+    ctx.game.run(3)
+    ctx.record.stop()
+    print([agent.current_node_id for agent in ctx.agent.agents.values()])
+print(open("game.ggr").read().splitlines()[-1])
+"""
+    nodes, moves = map(json.loads, printed(source, tmp_path, program).splitlines())
+    assert moves
+    assert [nodes[number] for number in moves[::2]] == moves[1::2]
 
 
 NORTH = """

@@ -498,10 +498,10 @@ class Builder:
             of_edges = {_as_node(edge, "conflicts.edge_capacity"): number for edge, number in of_edges.items()}
         if isinstance(given.resolve, schema.PriorityOrder):
             resolve = rules.by_priority(given.resolve.by_priority)
-        elif given.resolve in ("at_random", "nobody"):
-            resolve = getattr(rules, given.resolve)()
-        else:
+        elif ":" in given.resolve:
             resolve = self.library.get(given.resolve, path)
+        else:
+            resolve = getattr(rules, given.resolve)()
         conflicts: IConflicts = rules.Conflicts(
             capacity, given.among, edge_capacity=of_edges, allow_swaps=given.allow_swaps, resolve=resolve
         )

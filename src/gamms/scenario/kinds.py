@@ -10,6 +10,7 @@ from types import NoneType
 from typing import Annotated, Any, get_args, get_origin
 
 from gamms.arguments import annotations_of
+from gamms.scenario.code import RULES, first_of, needs, offered
 from gamms.scenario.documents import ScenarioError
 from gamms.typing.game import AerialState, State
 
@@ -21,7 +22,6 @@ _ARTICLES = {
     "sensor": "the function of a sensor",
 }
 _FIRST = {"state": "strategy", "states": "plan", "arrays": "plan"}
-_NAMES = ("by_priority", "at_random", "nobody")
 
 
 def kind_of(function: Callable[..., Any], first: str) -> str | None:
@@ -50,6 +50,13 @@ def kind_of(function: Callable[..., Any], first: str) -> str | None:
     return "strategy" if arguments[0] in (State, AerialState) else "team strategy"
 
 
+def resolvers() -> list[str]:
+    """Return the names of the resolvers of conflicts that GAMMS offers, by_priority first."""
+    functions = offered(RULES).items()
+    made = [name for name, one in functions if kind_of(one, first_of(one)) == "resolver" and not needs(one)]
+    return ["by_priority", *made]
+
+
 def check_kind(kind: str | None, wanted: str, name: str, path: str) -> None:
     """Check that a function of GAMMS has the kind that its place in a scenario needs.
 
@@ -62,7 +69,7 @@ def check_kind(kind: str | None, wanted: str, name: str, path: str) -> None:
     found = "no such function" if kind is None else _ARTICLES[kind.removeprefix("team ")]
     hint = " It belongs into conflicts.resolve." if kind == "resolver" else ""
     if wanted == "resolver":
-        hint = f" Write {', '.join(_NAMES)}, without a module, or name a function of your own."
+        hint = f" Write {', '.join(resolvers())}, without a module, or name a function of your own."
     if kind == wanted:
         raise ScenarioError(path, f"{name} makes {found}, but is not one itself.{hint}")
     raise ScenarioError(path, f"{name} is {found}, and {_ARTICLES[wanted]} belongs here.{hint}")

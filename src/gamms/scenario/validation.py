@@ -28,7 +28,7 @@ from gamms.scenario.code import (
     plain_defaults,
 )
 from gamms.scenario.documents import MOST_BYTES, ScenarioError, at, joined
-from gamms.scenario.kinds import check_kind, check_parameter, kind_of
+from gamms.scenario.kinds import check_kind, check_parameter, kind_of, resolvers
 from gamms.scenario.placement import members
 from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full
 from gamms.sensor.catalog import KINDS
@@ -39,7 +39,6 @@ from gamms.typing.sensor_engine import SensorType
 
 _MOST_FILES = 500
 _FEW = 20  # names that are compared or listed
-_RESOLVERS = ("by_priority", "at_random", "nobody")
 
 
 class NamedCode(NamedTuple):
@@ -236,7 +235,7 @@ def code_in(spec: Spec) -> Iterator[NamedCode]:
     for number, rule in enumerate(spec.rules):
         yield from _code("rule", ("rules", number), rule)
     resolve = spec.conflicts.resolve if spec.conflicts else None
-    if isinstance(resolve, str) and resolve not in _RESOLVERS:
+    if isinstance(resolve, str) and ":" in resolve:
         yield from _code("resolver", ("conflicts", "resolve"), resolve)
     yield from _code_among(("facts",), spec.facts)
     yield from _code_among(("data",), spec.data)
@@ -291,12 +290,10 @@ def check_code(spec: Spec, sources: CodeSources) -> list[CodeReference]:
     Raises:
         ScenarioError: some code does not exist, or does not take its parameters.
     """
+    _check_resolver(spec)
     found = []
     known: dict[tuple[str | int, ...], Function] = {}  # functions of GAMMS, by the keys that lead to them
     for one in code_in(spec):
-        if one.what == "resolver" and ":" not in one.reference:
-            hint = nearest(one.reference, _RESOLVERS)
-            raise ScenarioError(one.path, f"there is no resolver {one.reference!r}.{hint}")
         found.append(find(one.reference, sources, one.path, short=one.short))
         function = offered_function(one.reference, one.short)
         if function is not None:
@@ -308,6 +305,14 @@ def check_code(spec: Spec, sources: CodeSources) -> list[CodeReference]:
     maps.map_file(spec.map, sources.folder)
     maps.mode_of(spec.map, sources.folder)
     return found
+
+
+def _check_resolver(spec: Spec) -> None:
+    """Check the name of a resolver of GAMMS."""
+    resolve = spec.conflicts.resolve if spec.conflicts else None
+    if isinstance(resolve, str) and ":" not in resolve and resolve not in resolvers():
+        hint = nearest(resolve, resolvers()) or f" There are: {', '.join(resolvers())}."
+        raise ScenarioError("conflicts.resolve", f"there is no resolver {resolve!r}.{hint}")
 
 
 def _check_kind(one: NamedCode, function: Function, known: Mapping[tuple[str | int, ...], Function]) -> None:

@@ -17,6 +17,7 @@ from gamms.ir import events as kinds
 from gamms.ir.events import Log, events_of
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.messages import ARRIVALS
+from gamms.ir.schema import RECORDED_NUMBERS
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import reporting_damage
 from gamms.recorder.sensed import Look, looks_of, parts_of
@@ -42,6 +43,7 @@ _OF_ONE = {  # kinds of events that change the facts about the agent that they n
     kinds.AGENT_STRATEGY,
     kinds.AGENT_SENSOR_REGISTER,
     kinds.AGENT_SENSOR_DEREGISTER,
+    *(one.event.code for one in RECORDED_NUMBERS if one.event is not None),
 }
 _OF_ALL = {kinds.SNAPSHOT, kinds.AGENT_CREATE, kinds.AGENT_DELETE, kinds.SENSORS, kinds.AGENT_ATTRIBUTE}
 
@@ -370,7 +372,8 @@ class AgentFacts:
             facts["Sensors", as_text(sensor)] = as_text(self._state.sensors.get(sensor_id, {}).get("type", ""))
         memories: dict[str, Any] = {"Memory": game.memories.get(name)}
         memories["Memory of the team"] = None if team is None else game.team_memories.get(team)
-        memories["Attributes"] = columns["attributes"][row]
+        numbers = {one.name: columns[one.name][row].item() for one in RECORDED_NUMBERS}
+        memories["Attributes"] = {**numbers, **columns["attributes"][row]}
         for heading, values in memories.items():
             if isinstance(values, Mapping):
                 pairs = list(values.items())[:_MOST_ROWS]
