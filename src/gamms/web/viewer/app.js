@@ -102,7 +102,7 @@ export class App {
       setTimeout(() => this.readOn(), 0);
       return;
     }
-    this.controls.renew();
+    this.#resize(); // now that the captions are known
     this.settings.renew();
     this.panel.renew(true);
     this.needsPaint = true;
@@ -284,12 +284,14 @@ export class App {
     this.needsPaint = true;
   }
 
-  /** Return what cards cover of the upper corners of the only view. */
+  /** Return what cards cover of the upper corners of the only view, and captions of the lower left one. */
   covered() {
-    if (!this.isWide || this.views.length > 1) return [];
-    const area = this.views[0].canvas.getBoundingClientRect(), cards = [this.controls.head, this.settings.element, this.player?.element];
+    if (this.views.length > 1) return [];
+    const area = this.views[0].canvas.getBoundingClientRect(), cards = [this.controls.head, ...(this.isWide ? [this.settings.element, this.player?.element] : [])];
     const boxes = cards.flatMap((card) => (card?.offsetHeight ? [card.getBoundingClientRect()] : []));
-    return boxes.map((box) => ({ left: box.left - area.left, right: box.right - area.left, bottom: box.bottom - area.top }));
+    const upper = boxes.map((box) => ({ left: box.left - area.left, right: box.right - area.left, top: 0, bottom: box.bottom - area.top }));
+    const { width, height } = this.controls.captionRoom(), bottom = area.height - this.views[0].scene.camera.insets.bottom;
+    return width ? [...upper, { left: 0, right: width, top: bottom - height, bottom: area.height }] : upper;
   }
 
   /** @param {number} now */

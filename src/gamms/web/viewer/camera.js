@@ -3,7 +3,7 @@
 const CLOSEST = 40; // how far beyond the scale at which all is seen one can zoom, in typical edges across the view
 const MARGIN = 0.05;
 
-/** @typedef {{left: number, right: number, bottom: number}} Covered pixels, from the upper edge on */
+/** @typedef {{left: number, right: number, top: number, bottom: number}} Covered pixels; cards at the upper edge have top 0, those at the lower one the height as bottom */
 
 export class Camera {
   /** @param {{left: number, bottom: number, right: number, top: number}} box what is seen at first @param {number} unit */
@@ -17,7 +17,7 @@ export class Camera {
     this.isFitted = true;
     this.insets = { left: 0, top: 0, right: 0, bottom: 0 };
     this.belowPx = 0; // for marks below the map
-    /** @type {Covered[]} */ this.covered = []; // by cards at the upper corners
+    /** @type {Covered[]} */ this.covered = []; // by cards in the corners
   }
 
   /** @param {number} width @param {number} height CSS pixels */
@@ -27,16 +27,17 @@ export class Camera {
     if (this.isFitted) this.fit();
   }
 
-  /** Show the whole map as large as it can be, clear of what covers the edges and the upper corners of the view. */
+  /** Show the whole map as large as it can be, clear of what covers the edges and the corners of the view. */
   fit() {
     const { insets, covered } = this, middle = this.width / 2, isLeft = (/** @type {Covered} */ one) => one.left + one.right < 2 * middle;
     const lefts = [insets.left, ...covered.filter(isLeft).map((one) => one.right)];
     const rights = [insets.right, ...covered.filter((one) => !isLeft(one)).map((one) => this.width - one.left)];
-    const tops = [insets.top, ...covered.map((one) => one.bottom)];
+    const tops = [insets.top, ...covered.filter((one) => one.top <= 0).map((one) => one.bottom)];
+    const bottoms = [insets.bottom, ...covered.filter((one) => one.top > 0).map((one) => this.height - one.top)];
     let most = 0, best = insets;
-    for (const left of lefts) for (const right of rights) for (const top of tops) {
-      this.#fitInto({ left, right, top, bottom: insets.bottom });
-      if (this.scale > most && covered.every((one) => this.#isClearOf(one))) [most, best] = [this.scale, { left, right, top, bottom: insets.bottom }];
+    for (const left of lefts) for (const right of rights) for (const top of tops) for (const bottom of bottoms) {
+      this.#fitInto({ left, right, top, bottom });
+      if (this.scale > most && covered.every((one) => this.#isClearOf(one))) [most, best] = [this.scale, { left, right, top, bottom }];
     }
     this.#fitInto(best);
     this.isFitted = true;
@@ -44,8 +45,8 @@ export class Camera {
 
   /** @param {Covered} one */
   #isClearOf(one) {
-    const [left, top] = this.toScreen(this.box.left, this.box.top), [right] = this.toScreen(this.box.right, this.box.top);
-    return right < one.left || left > one.right || top > one.bottom;
+    const [left, top] = this.toScreen(this.box.left, this.box.top), [right, bottom] = this.toScreen(this.box.right, this.box.bottom);
+    return right < one.left || left > one.right || top > one.bottom || bottom + this.belowPx < one.top;
   }
 
   /** @param {{left: number, top: number, right: number, bottom: number}} insets */

@@ -6,6 +6,7 @@ import { THEMES } from "./themes.js";
 const SPEEDS = [0.5, 1, 2, 4, 8, 16, 32, 64];
 const CAPTION_TURNS = 8; // for which a line is shown
 const MOST_LINES = 3;
+const CAPTION_PX = 27, LETTER_PX = 7, MOST_CAPTION_PX = 480; // the height of a caption, the width of a letter and of a caption
 
 /** @typedef {import("./app.js").App} App */
 
@@ -111,6 +112,12 @@ export class Controls {
     }));
     const ending = replay.timeline.captions.filter((one) => one.isMajor).pop();
     this.end.textContent = isOver && ending !== undefined && ending.turn === replay.state.turn ? ending.words : "";
+  }
+
+  /** Return how many pixels captions take at most, from the left edge and up from the scale bar. */
+  captionRoom() {
+    const longest = this.app.views[0].replay.timeline.captions.reduce((most, one) => Math.max(most, one.words.length), 0);
+    return { width: longest && Math.min(60 + LETTER_PX * longest, MOST_CAPTION_PX), height: 30 + CAPTION_PX * MOST_LINES };
   }
 
   #renewCaptions() {

@@ -1,4 +1,4 @@
-// Links to a moment of a replay: the address names the turn, the agent and the fog, `#turn=359&agent=blue_2&fog=red`.
+// Links to a moment of a replay: the address names the turn, the agent and the fog, `#turn=359&agent=blue_2&fog=red`; `&play` plays on from there.
 const RESTS_MS = 300; // browsers refuse many changes of an address in a row
 
 /** Show the moment that the address names, and let the address name the moment that is shown. @param {import("./app.js").App} app */
@@ -24,6 +24,7 @@ function readAddress(app) {
     app.seek(turn);
   }
   if (agent !== null) app.select(agent);
+  if (named.has("play")) app.play();
 }
 
 /** @param {import("./app.js").App} app */
