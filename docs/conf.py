@@ -66,6 +66,7 @@ _PLAYING = (
     '<img class="only-light" src="_replays/gallery/\\3.png" alt="\\1">'
     '<img class="only-dark" src="_replays/gallery/\\3_dark.png" alt="\\1"></a>\n```'
 )
+_FRONT = re.compile(r"^!\[[^\]]*\]\(demo\.svg\)$", re.MULTILINE)  # of the front page, where the site shows a replay
 _FRAME = (
     '```{{raw}} html\n<iframe class="replay" src="{to_root}_replays/{name}" title="Replay of a game" loading="lazy">'
     "</iframe>\n```"
@@ -97,6 +98,8 @@ def complete(_: Sphinx, docname: str, source: list[str]) -> None:
     to_root = "../" * docname.count("/")
     source[0] = pages.LINK.sub(lambda match: _within(page, match), source[0])
     source[0] = _STILL.sub(_PLAYING, source[0])
+    if docname == "index":
+        source[0] = _FRONT.sub(_FRAME.format(to_root="", name="gallery/capture_the_flag.html#turn=80&play"), source[0])
     source[0] = _INDEX.sub(_index_entries, source[0])
     source[0] = pages.REPLAY.sub(lambda match: _FRAME.format(to_root=to_root, name=f"{docname}/{match[1]}"), source[0])
     if _FOR_CONTRIBUTORS.match(docname):
