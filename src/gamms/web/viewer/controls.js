@@ -6,7 +6,7 @@ import { THEMES } from "./themes.js";
 const SPEEDS = [0.5, 1, 2, 4, 8, 16, 32, 64];
 const CAPTION_TURNS = 8; // for which a line is shown
 const MOST_LINES = 3;
-const CAPTION_PX = 27, LETTER_PX = 7, MOST_CAPTION_PX = 480; // the height of a caption, the width of a letter and of a caption
+const CAPTION_PX = 27, LETTER_PX = 7, MOST_CAPTION_PX = 380; // the height of a caption, the width of a letter and of a caption
 
 /** @typedef {import("./app.js").App} App */
 
