@@ -284,14 +284,15 @@ export class App {
     this.needsPaint = true;
   }
 
-  /** Return what cards cover of the upper corners of the only view, and captions of the lower left one. */
+  /** Return what cards cover of the upper corners of views, which have one scale, and captions of the lower left one. */
   covered() {
-    if (this.views.length > 1) return [];
-    const area = this.views[0].canvas.getBoundingClientRect(), cards = [this.controls.head, ...(this.isWide ? [this.settings.element, this.player?.element] : [])];
+    const cards = [this.controls.head, ...(this.isWide ? [this.settings.element, this.player?.element] : [])];
     const boxes = cards.flatMap((card) => (card?.offsetHeight ? [card.getBoundingClientRect()] : []));
-    const upper = boxes.map((box) => ({ left: box.left - area.left, right: box.right - area.left, top: 0, bottom: box.bottom - area.top }));
-    const { width, height } = this.controls.captionRoom(), bottom = area.height - this.views[0].scene.camera.insets.bottom;
-    return width ? [...upper, { left: 0, right: width, top: bottom - height, bottom: area.height }] : upper;
+    const areas = this.views.map(({ canvas }) => canvas.getBoundingClientRect());
+    const upper = areas.flatMap((area) => boxes.filter((box) => box.left < area.right && box.right > area.left)
+      .map((box) => ({ left: box.left - area.left, right: box.right - area.left, top: 0, bottom: box.bottom - area.top })));
+    const { width, height } = this.controls.captionRoom(), bottom = areas[0].height - this.views[0].scene.camera.insets.bottom;
+    return width ? [...upper, { left: 0, right: width, top: bottom - height, bottom: areas[0].height }] : upper;
   }
 
   /** @param {number} now */

@@ -2,6 +2,7 @@
 
 const CLOSEST = 40; // how far beyond the scale at which all is seen one can zoom, in typical edges across the view
 const MARGIN = 0.05;
+const LEAST_SHARE = 0.75; // of its scale that the map keeps, or captions may cover it
 
 /** @typedef {{left: number, right: number, top: number, bottom: number}} Covered pixels; cards at the upper edge have top 0, those at the lower one the height as bottom */
 
@@ -27,20 +28,26 @@ export class Camera {
     if (this.isFitted) this.fit();
   }
 
-  /** Show the whole map as large as it can be, clear of what covers the edges and the corners of the view. */
+  /** Show the whole map as large as it can be, clear of what covers the edges and the corners of the view; of captions if it stays large. */
   fit() {
-    const { insets, covered } = this, middle = this.width / 2, isLeft = (/** @type {Covered} */ one) => one.left + one.right < 2 * middle;
+    const upper = this.#clearOf(this.covered.filter((one) => one.top <= 0)), clear = this.#clearOf(this.covered);
+    this.#fitInto(clear.scale < LEAST_SHARE * upper.scale ? upper : clear);
+    this.isFitted = true;
+  }
+
+  /** Return the insets that keep the map clear of cards, and its scale. @param {Covered[]} covered */
+  #clearOf(covered) {
+    const { insets } = this, isLeft = (/** @type {Covered} */ one) => one.left + one.right < this.width;
     const lefts = [insets.left, ...covered.filter(isLeft).map((one) => one.right)];
     const rights = [insets.right, ...covered.filter((one) => !isLeft(one)).map((one) => this.width - one.left)];
     const tops = [insets.top, ...covered.filter((one) => one.top <= 0).map((one) => one.bottom)];
     const bottoms = [insets.bottom, ...covered.filter((one) => one.top > 0).map((one) => this.height - one.top)];
-    let most = 0, best = insets;
+    let best = { ...insets, scale: 0 };
     for (const left of lefts) for (const right of rights) for (const top of tops) for (const bottom of bottoms) {
       this.#fitInto({ left, right, top, bottom });
-      if (this.scale > most && covered.every((one) => this.#isClearOf(one))) [most, best] = [this.scale, { left, right, top, bottom }];
+      if (this.scale > best.scale && covered.every((one) => this.#isClearOf(one))) best = { left, right, top, bottom, scale: this.scale };
     }
-    this.#fitInto(best);
-    this.isFitted = true;
+    return best;
   }
 
   /** @param {Covered} one */
