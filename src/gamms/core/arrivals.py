@@ -160,7 +160,7 @@ def play(games: GameColumns, a: Arrivals, game: int) -> int:
 
 
 def play_phase(games: GameColumns, a: Arrivals, t: MetreMovers, phase: int, game: int) -> int:
-    """Play a phase of the moves of a turn, with how agents go kept between: `ARRIVE`, `CHOOSE` or `GO_ON`.
+    """Play a phase of the moves of a turn: `ARRIVE`, `CHOOSE` or `GO_ON`; paths are kept between phases.
 
     The phases repeat until `now` is infinite. When `ARRIVE` ends, agents are shown where they are at that time.
     """
@@ -186,7 +186,7 @@ def play_phase(games: GameColumns, a: Arrivals, t: MetreMovers, phase: int, game
 
 
 def show(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
-    """Write where the agents of this part of the turn are at the time of arrivals to the columns of the games."""
+    """Write the positions of this part's agents at the time of arrivals to the columns of the games."""
     now = a.now[game]
     for i in range(games.agents):
         row = game * games.agents + i
@@ -306,7 +306,7 @@ def depart(a: Arrivals, t: MetreMovers, game: int, i: int) -> int:
 
 
 def go_on(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
-    """Let the agents that have decided go on, but for those that lose conflicts or have arrived too often."""
+    """Continue the agents that have decided, unless they lose conflicts or have arrived too often."""
     give_way(games, a, t, game)
     for i in range(games.agents):
         row = game * games.agents + i
@@ -333,7 +333,7 @@ def go_on(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
 
 
 def arrive(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
-    """Move the agents that arrive next to their nodes, at the time when they do; after the last, end the moves."""
+    """Move the agents that arrive next to their nodes; after the last arrivals, end the moves."""
     now = a.queue.first_time(game)
     a.now[game] = now
     for i in range(games.agents):

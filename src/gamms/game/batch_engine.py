@@ -64,7 +64,7 @@ _ARRIVE, _CHOOSE, _GO_ON = PHASES_AT_ARRIVALS
 
 
 class StrategyGroup(NamedTuple):
-    """Agents that one array function decides for."""
+    """The agents for which one array function decides."""
 
     name: str
     agents: IntArray  # numbers in the roster
@@ -76,8 +76,8 @@ class LearnerActions(NamedTuple):
 
     Attributes:
         actions: (games, agents of the roster) numbers of legal nodes; those of dead agents do not count.
-        is_given: (agents,) which agents take them.
-        deeds: deed -> which of these agents do it, (games, given agents), and its fields; see `ArrayView.do`.
+        is_given: (agents,) a mask of the agents that take them.
+        deeds: deed -> a mask of the agents that do it, (games, given agents), and its fields; see `ArrayView.do`.
     """
 
     actions: IntArray
@@ -89,22 +89,22 @@ class GamesOnOneMap:
     """The games of a batch that are on one map: their rules, and the functions that are called between phases.
 
     Args:
-        game: at its start, on the map.
-        state: of all games of the batch, as they are on this map.
+        game: the game at its start, on the map.
+        state: the state of all games of the batch, on this map.
         block: the columns that the games on all maps share.
-        games: (games,) those that are on the map at first.
-        own: what differs between the games from their start.
+        games: (games,) the games that begin on the map.
+        own: the differences between the games from their start.
 
     Attributes:
         game, state: see above.
         before, deeds: the rules of the phases "before" and "deeds".
         acts: whether functions are called between decisions and moves.
         leaves_out: whether the order of play leaves out the team of an agent.
-        core: plays them.
+        core: plays the games in the core.
         cursor: calls plain functions; None: there are none.
 
     Raises:
-        GammsError: a rule or the conflicts cannot be played in the core, or not from where the game is.
+        GammsError: the core cannot play a rule or the conflicts, or cannot continue them from the state of the game.
     """
 
     def __init__(
@@ -178,7 +178,7 @@ class GamesOnOneMap:
 
     @property
     def asks_functions(self) -> bool:
-        """Whether functions decide for agents, or agents observe by sensors that are called."""
+        """Whether functions decide for agents, or sensors of agents are called."""
         return len(self._groups) > 0 or bool((self._is_asked | self._observing).any())
 
     @property
@@ -191,7 +191,7 @@ class GamesOnOneMap:
         return [*(group.form for group in self._groups), *filter(None, rules), *plain]
 
     def checkpoints(self, *, is_given: bool) -> Iterator[Callable[[], None]]:
-        """Yield a function that takes back what happens from now on, where functions may raise after rules or moves.
+        """Yield a function that undoes all later changes, if functions may raise after rules or moves.
 
         `is_given` says whether actions come from outside.
         """
@@ -203,12 +203,12 @@ class GamesOnOneMap:
             yield self.state.checkpoint(self.core.moves)
 
     def asks_at_arrivals(self, *, is_given: bool) -> bool:
-        """Return whether functions are called where agents arrive, or actions from outside are taken there."""
+        """Return whether functions, or actions from outside, decide for agents on arrival."""
         return self._at_arrivals and (is_given or self.asks_functions or self._has_conflicts)
 
     @property
     def at_rest(self) -> BoolArray | None:
-        """Which agents decide for certain as a turn begins, (all games, agents); None: all."""
+        """A mask of the agents that certainly decide when a turn begins, (all games, agents); None: all."""
         if not self._at_arrivals:
             return None
         games, agents = self.state.node.shape
@@ -216,7 +216,7 @@ class GamesOnOneMap:
         return at_rest
 
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
-        """Begin games on this map, with other seeds, their agents on these nodes, (games, agents)."""
+        """Begin games on this map with new seeds; their agents start on these nodes, (games, agents)."""
         self.state.reset(games, seeds, self.state.streets.rows(start))
         self._initial.put(self.state, self._block, games)
         self._put_own(games)
@@ -224,7 +224,7 @@ class GamesOnOneMap:
             self.cursor.forget(games)
 
     def _put_own(self, games: IntArray) -> None:
-        """Begin games with the scores, events and open roads that are theirs alone."""
+        """Set the scores, events and open roads that differ between games at their start."""
         state = self.state
         for number in games.tolist():
             game = np.array([number])
@@ -241,10 +241,10 @@ class GamesOnOneMap:
                 state.events.begin(game, [dict(event) for event in values.events])
 
     def refuse_unlisted(self, games: IntArray) -> None:
-        """Refuse to play games in which an agent lives whose team the order of play leaves out.
+        """Refuse games with a living agent whose team the order of play leaves out.
 
         Raises:
-            BadValue: there is one.
+            BadValue: there is such an agent.
         """
         lives = self.state.alive[games] & self._unlisted
         if lives.any():
@@ -273,13 +273,13 @@ class GamesOnOneMap:
         numbers: LearnerActions | None,
         here: BoolArray | None = None,
     ) -> None:
-        """Take what agents are given besides their moves, which are in the block.
+        """Take the given deeds, messages and flights of agents; their moves are in the block already.
 
         Args:
-            games: that are played.
-            given: team -> what its agents do, in place of what their strategies decide.
-            numbers: what other agents do.
-            here: (all games, agents) which agents decide now; None: all.
+            games: the games that are played.
+            given: team -> the actions of its agents, which replace their decisions.
+            numbers: the actions of other agents.
+            here: (all games, agents) a mask of the agents that decide now; None: all.
         """
         state = self.state
         actions = self._block.given
@@ -296,7 +296,7 @@ class GamesOnOneMap:
                 self._take_acts_of(games, state.roster.members(team), wanted, here)
 
     def _take_acts_of(self, games: IntArray, agents: IntArray, given: OutsideActions, here: BoolArray | None) -> None:
-        """Take the deeds and messages that agents are given, and note their actions."""
+        """Take the given deeds and messages of agents, and note their actions."""
         view = asked_view(self.state, games, agents, here)
         if self.cursor is not None:
             self.cursor.note_given(view)
@@ -304,10 +304,10 @@ class GamesOnOneMap:
         self._take_acts(view)
 
     def takes_block(self, is_given: BoolArray) -> BoolArray:
-        """Return which agents take the actions in the block, (agents,): those of functions, and those that are given.
+        """Return a mask of the agents whose actions are in the block, (agents,): from functions or from outside.
 
         Args:
-            is_given: (agents,) which agents have an action from outside.
+            is_given: (agents,) a mask of the agents with an action from outside.
         """
         takes = is_given | self._is_asked
         for group in self._groups:
@@ -315,13 +315,13 @@ class GamesOnOneMap:
         return takes
 
     def decide(self, games: IntArray, part: int, is_given: BoolArray, here: BoolArray | None = None) -> None:
-        """Write the actions of agents of a part of the turn for which functions decide into the block.
+        """Write the actions that functions choose for agents, in a part of the turn, into the block.
 
         Args:
-            games: that are played.
-            part: of the turn.
-            is_given: (agents,) which agents have an action from outside.
-            here: (all games, agents) which agents decide now; None: all.
+            games: the games that are played.
+            part: the part of the turn.
+            is_given: (agents,) a mask of the agents with an action from outside.
+            here: (all games, agents) a mask of the agents that decide now; None: all.
         """
         actions = self._block.given
         if not self.core.arrival:
@@ -349,7 +349,7 @@ class GamesOnOneMap:
                     self._drawn[rows] = view.draw.count
 
     def _actions(self, view: ArrayView, group: StrategyGroup) -> IntArray:
-        """Return the actions that an array function gives; agents that fly stay on the node below them."""
+        """Return the actions of an array function; flying agents stay on the node below them."""
         given = group.form(view)
         if not view.flies:
             return view._checked(given, group.name)
@@ -358,7 +358,7 @@ class GamesOnOneMap:
         return np.zeros_like(view.node)
 
     def _fly_as_given(self, games: IntArray, which: BoolArray) -> None:
-        """Let agents fly that are given flights, or hover without, in a part of the turn."""
+        """Set the given flights of agents in a part of the turn; agents without one hover."""
         roster = self.state.roster
         agents = np.flatnonzero(which & roster.flies)
         if not len(agents):
@@ -370,7 +370,7 @@ class GamesOnOneMap:
         self._fly(ArrayView(self.state, games, agents), offsets[:, agents])
 
     def _fly(self, view: ArrayView, offsets: FloatArray) -> None:
-        """Let the agents of a view fly so far, (games, agents, 3), and by their speeds at most."""
+        """Set the displacements of the agents of a view, (games, agents, 3), limited by their speeds."""
         state = self.state
         flights = self.state.flights
         assert flights is not None  # noqa: S101 - these fly
@@ -386,7 +386,7 @@ class GamesOnOneMap:
                 self.note_unsent(Failure.illegal(game, agent, f"{type(error).__name__}: {error}"), turn)
 
     def fly(self, games: IntArray, part: int) -> None:
-        """Let agents fly in a part of the turn, in which the others have moved."""
+        """Move the flying agents in a part of the turn, after the others have moved."""
         state = self.state
         flights = self.state.flights
         nearest = self.game.ctx.graph.graph.nearest_node
@@ -400,7 +400,7 @@ class GamesOnOneMap:
         state.placed[those] |= has_flown
 
     def _call_each(self, games: IntArray, part: int, is_given: BoolArray, here: BoolArray | None) -> None:
-        """Call plain functions that decide, and the sensors that are called in each turn, game by game."""
+        """Call deciding plain functions, and sensors that are called in each turn, game by game."""
         are_next = self.core.part_of == part
         asked = np.flatnonzero(self._is_asked & are_next & ~is_given)
         observing = np.flatnonzero(self._observing & are_next & (is_given | ~self._is_asked))
@@ -417,7 +417,7 @@ class GamesOnOneMap:
             raise
 
     def leave_closed_edges(self, games: IntArray, part: int) -> None:
-        """Put agents of a part of the turn that are on closed edges back on the nodes that they passed last."""
+        """Move agents on closed edges, in a part of the turn, to the nodes that they passed last."""
         by = self.state.movement
         if not isinstance(by, MetricMovement):
             return
@@ -429,24 +429,24 @@ class GamesOnOneMap:
             self.state.now.clear()
 
     def begin_arrivals(self, games: IntArray) -> None:
-        """Begin a part of the turn of some games in which functions are called where agents arrive."""
+        """Begin a part of the turn in some games, in which functions are called on arrival."""
         self.core.begin_arrivals(games)
         self._drawn = np.zeros(self.state.node.shape, np.int64)
         if self.cursor is not None:
             self.cursor.begin_arrivals()
 
     def give_way_at_arrivals(self, games: IntArray) -> None:
-        """Let agents that have arrived stop that lose conflicts by a function."""
+        """Stop the arrived agents that lose conflicts decided by a function."""
         if self.cursor is not None and self._has_conflicts and len(games):
             self.cursor.give_way_at_arrivals(games)
 
     def note_losers(self, games: IntArray) -> None:
-        """Let agents know that conflicts have stopped them where they arrived."""
+        """Tell agents that conflicts have stopped them on arrival."""
         if self.cursor is not None:
             self.cursor.note_losers(games)
 
     def _by_roads(self, games: IntArray) -> Iterator[IntArray]:
-        """Yield the games for which an array function is called at once: those in which the same roads are open."""
+        """Yield groups of games with the same open roads, for which an array function is called together."""
         roads = self.state.roads
         if not roads.are_closed:
             yield games
@@ -455,7 +455,7 @@ class GamesOnOneMap:
             yield games[places]
 
     def _by_beginning(self, games: IntArray) -> Iterator[IntArray]:
-        """Yield the games in which agents have moved in the batch, and those in which they have not."""
+        """Yield the games in which agents have moved in the batch, then the other games."""
         if self._initial.last_turn is None:
             yield games
             return
@@ -463,7 +463,7 @@ class GamesOnOneMap:
         yield from filter(len, (games[has_moved], games[~has_moved]))
 
     def _take_acts(self, view: ArrayView) -> None:
-        """Take what the agents of a view do besides moving."""
+        """Take the deeds and messages of the agents of a view."""
         state = self.state
         if state.radio is not None:
             state.radio.post(view._outboxes or ())
@@ -480,14 +480,14 @@ class GamesOnOneMap:
             self.cursor.note_undone(flaw)
 
     def send(self, games: IntArray) -> None:
-        """Send messages between agents of these games, all of which have moved."""
+        """Send the messages of these games, in which all agents have moved."""
         radio = self.state.radio
         if radio is not None and radio.is_sending and len(games):
             for some in self._by_roads(games):
                 radio.send(some, _scene_of(self.game, self.state, radio, some))
 
     def check(self, games: IntArray, part: int) -> None:
-        """Let rules refuse moves and deeds of a part of the turn."""
+        """Call the rules that may refuse moves and deeds of a part of the turn."""
         self.core.note_places(are_open=False)
         if self._has_checks and self.cursor is not None and len(games):
             self.cursor.check(games, part)
@@ -508,7 +508,7 @@ class GamesOnOneMap:
         return games[np.array(are_other, np.bool_)]
 
     def stop(self, games: IntArray, changed: IntArray, part: int) -> None:
-        """Let agents stay whose way was closed, in games whose roads have changed, or that lose by a function."""
+        """Keep agents in place whose path was closed, or that lose conflicts decided by a function."""
         self.core.note_places(are_open=True)
         if self.cursor is not None and len(changed):
             self.cursor.cut_off(changed, part)
@@ -516,7 +516,7 @@ class GamesOnOneMap:
             self.cursor.give_way(games, part)
 
     def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
-        """Call a rule that is a function for some games; see `Cursor.call`."""
+        """Call a rule function for some games; see `Cursor.call`."""
         if not len(games):
             return
         if named.spec.array_form is None:
@@ -568,15 +568,15 @@ class BatchEngine:
 
     Args:
         games: the game at its start on each map.
-        movements: how agents go on each map.
-        seeds: of the games.
-        map_of: (games,) the number of the map that each is on.
-        start: the ids of the nodes where agents begin, (games, agents).
+        movements: the movement of agents on each map.
+        seeds: the seeds of the games.
+        map_of: (games,) the number of each game's map.
+        start: the ids of the start nodes, (games, agents).
         rosters: the agents on each map.
-        own: on each map, what differs between the games from their start.
+        own: the differences between the games on each map from their start.
 
     Raises:
-        GammsError: a rule or the conflicts cannot be played in the core, or not from where the game is.
+        GammsError: the core cannot play a rule or the conflicts, or cannot continue them from the state of the game.
     """
 
     def __init__(
@@ -626,7 +626,7 @@ class BatchEngine:
         self._on = [np.flatnonzero(is_on) for is_on in self._is_on]
 
     def _each(self, which: BoolArray) -> Iterator[tuple[GamesOnOneMap, IntArray]]:
-        """Yield each map with those of its games that are chosen by a mask, (games,)."""
+        """Yield each map with its games that a mask selects, (games,)."""
         are_all = bool(which.all())
         for one, games in zip(self._maps, self._on, strict=True):
             yield one, games if are_all else games[which[games]]
@@ -650,7 +650,7 @@ class BatchEngine:
 
     @property
     def may_leave(self) -> bool:
-        """Whether functions are called, because of which games may have to be played in contexts of their own."""
+        """Whether functions are called, which may move games to contexts of their own."""
         return self.calls_each or len(self.functions) > 0
 
     @property
@@ -665,7 +665,7 @@ class BatchEngine:
         return any(one.cursor is not None for one in self._maps)
 
     def release(self) -> None:
-        """Have the contexts as they were before plain functions were called."""
+        """Restore the contexts as they were before plain functions were called."""
         for one in self._maps:
             if one.cursor is not None:
                 one.cursor.release()
@@ -674,10 +674,10 @@ class BatchEngine:
         """Begin games again.
 
         Args:
-            games: their numbers.
-            seeds: one for each of them.
-            maps: (games,) the numbers of the maps that they are on from now on.
-            nodes: (games, agents) the ids of the nodes where agents begin.
+            games: the numbers of the games.
+            seeds: one seed for each of these games.
+            maps: (games,) the numbers of their maps from now on.
+            nodes: (games, agents) the ids of the start nodes.
         """
         self._map_of[games] = maps
         self._find_games()
@@ -689,21 +689,21 @@ class BatchEngine:
 
     @property
     def is_over(self) -> BoolArray:
-        """Which games have ended, (games,)."""
+        """Whether each game has ended, (games,)."""
         over = ~self._state.is_going
         return over if self._last is None else over | (self._state.turn >= self._last)
 
     @property
     def playing(self) -> BoolArray:
-        """Which games are played here and are not over, (games,)."""
+        """Whether each game is played here and is not over, (games,)."""
         return ~(self.is_over | self._state.is_apart)
 
     # -- playing ------------------------------------------------------------------------------------------------
 
     def play(self, turns: int, threads: int) -> int:
-        """Play so many turns of the games that are not over; return how many were played at most.
+        """Play a number of turns of the games that are not over; return the largest number played.
 
-        Only where there are no array functions.
+        Only for games without array functions.
         """
         if self._leaves_out:  # who may be dead
             self.step({})
@@ -725,10 +725,10 @@ class BatchEngine:
         """Play one turn of all games that are not over.
 
         Args:
-            given: team -> what its agents do, in place of what their strategies decide.
-            numbers: what agents do that follow neither these nor their strategies.
-            threads: how many play.
-            only: (games,) which games are played; None: all.
+            given: team -> the actions of its agents, which replace their decisions.
+            numbers: the actions of agents that follow neither `given` nor their strategies.
+            threads: the number of threads.
+            only: (games,) a mask of the games to play; None: all.
             play_others: plays the turn of the games in contexts of their own; its argument says why some of these games
                 have not played this turn here.
 
@@ -757,7 +757,7 @@ class BatchEngine:
     def _play_turn(
         self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None, threads: int
     ) -> None:
-        """Play one turn of some games; those of all maps come to the end of a phase before the next begins."""
+        """Play one turn of some games, phase by phase on all maps together."""
         self._state.failures.clear()
         for log in self._logs_of_turn:
             log.begin_turn()
@@ -798,10 +798,10 @@ class BatchEngine:
         """Take the actions that are given.
 
         Args:
-            playing: (games,) which are played.
-            given: team -> what its agents do, in place of what their strategies decide.
-            numbers: what other agents do.
-            here: (games, agents) which agents decide now; None: all.
+            playing: (games,) a mask of the games that are played.
+            given: team -> the actions of its agents, which replace their decisions.
+            numbers: the actions of other agents.
+            here: (games, agents) a mask of the agents that decide now; None: all.
         """
         if numbers is not None:
             self._block.given[:] = np.where(self._state.roster.flies, 0, numbers.actions)
@@ -828,7 +828,7 @@ class BatchEngine:
             one.decide(games, part, is_given, here)
 
     def _take_moves(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], here: BoolArray | None) -> None:
-        """Write moves that were given into the block, if they are legal; `here` is as in `_take`."""
+        """Write given moves into the block, if they are legal; see `_take` for `here`."""
         for state, games in self._by_legal_moves(playing) if given else ():
             for team, wanted in given.items():
                 agents = state.roster.members(team)
@@ -838,7 +838,7 @@ class BatchEngine:
                 self._block.given[np.ix_(games, agents)] = moves
 
     def _by_legal_moves(self, playing: BoolArray) -> list[tuple[GameArrays, IntArray]]:
-        """Return the games in which one table has all legal moves, with their state."""
+        """Return groups of games whose legal moves are in one table, with their states."""
         if self._of_all_maps is None or any(one.state.roads.are_closed for one in self._maps):
             return [(one.state, games) for one, games in self._each(playing)]
         return [(self._of_all_maps, np.flatnonzero(playing))]
@@ -851,15 +851,15 @@ class BatchEngine:
         threads: int,
         ask: Callable[[BoolArray, int], None] | None,
     ) -> None:
-        """Let agents decide and move, part by part; of each game those from the first part on that was not played.
+        """Play the decisions and moves of each game part by part, from its first unplayed part on.
 
         Args:
-            playing: (games,) which are played.
+            playing: (games,) a mask of the games that are played.
             first: (games,) the first part that was not played.
-            is_given: (agents,) which agents have an action from outside.
-            threads: how many play.
-            ask: asks functions where agents arrive in some games, in a part of the turn; None: they decide there in the
-                core, or do not decide at arrivals.
+            is_given: (agents,) a mask of the agents with an action from outside.
+            threads: the number of threads.
+            ask: calls functions on arrival, in some games and a part of the turn; None: only the core decides on
+                arrival.
         """
         begun = self._state.turn * self._num_parts
         flights = self._state.flights
@@ -893,13 +893,13 @@ class BatchEngine:
         """Carry out the decisions of agents in a part of the turn; record failed actions and unsent messages.
 
         Args:
-            playing: (games,) which are played.
-            part: of the turn.
-            play: lets them do it in the core.
-            is_later: whether they decide at arrivals, when deeds were done.
+            playing: (games,) a mask of the games that are played.
+            part: the part of the turn.
+            play: plays the decisions in the core.
+            is_later: whether these are decisions on arrival, after the deeds of the turn.
 
         Raises:
-            IllegalAction: they cannot do something, and `on_illegal` is "raise".
+            IllegalAction: an action is illegal, and `on_illegal` is "raise".
         """
         if self._state.flights is not None and not is_later:
             members = self._maps[0].core.part_of == part
@@ -923,13 +923,13 @@ class BatchEngine:
     def _play_arrivals(
         self, playing: BoolArray, part: int, play: Callable[[int], None], ask: Callable[[BoolArray, int], None]
     ) -> None:
-        """Let agents of a part of the turn set out, and ask them again where they arrive, until the turn is over.
+        """Start the agents of a part of the turn, and ask them again on each arrival until the turn is over.
 
         Args:
-            playing: (games,) which are played.
-            part: of the turn.
+            playing: (games,) a mask of the games that are played.
+            part: the part of the turn.
             play: plays a phase in the core.
-            ask: asks functions in some games, in a part of the turn.
+            ask: calls functions in some games and a part of the turn.
         """
         for one, games in self._each(playing):
             one.begin_arrivals(games)
@@ -960,24 +960,24 @@ class BatchEngine:
                 one.core.end_arrivals(is_played=is_played)
 
     def _has_gone_on(self, turning: tuple[int, int, Any]) -> bool:
-        """Return whether an agent of a game that has chosen a heading where it has arrived was not stopped there."""
+        """Return whether an agent that has chosen a heading on arrival was not stopped there."""
         game, agent, _ = turning
         losers = self._maps[self._map_of[game]].core.losers(np.array([game]))
         return not losers[0, agent] and (game, agent) not in self._block.waiting
 
     def _arriving(self, playing: BoolArray) -> BoolArray:
-        """Return in which of some games agents arrive, or set out, (games,)."""
+        """Return a mask of the games in which agents arrive or set out, (games,)."""
         arriving = np.zeros_like(playing)
         for one, games in self._each(playing):
             arriving[one.core.arriving(games)] = True
         return arriving
 
     def _act(self, playing: BoolArray, part: int, play: Callable[[int], None]) -> None:
-        """Call the functions between the decisions of agents and their moves, and let agents move then.
+        """Call the functions between decisions and moves, then move the agents.
 
         Args:
-            playing: (games,) which are played.
-            part: of the turn.
+            playing: (games,) a mask of the games that are played.
+            part: the part of the turn.
             play: plays a phase in the core.
         """
         for one, games in self._each(playing) if self._acts else ():
@@ -1005,7 +1005,7 @@ class BatchEngine:
             self._radio.end_turn()
 
     def _admit(self, part: int) -> list[Failure]:
-        """Admit the messages of agents of a part of the turn; return what is wrong with the others.
+        """Admit the valid messages of a part of the turn; return the errors of the others.
 
         Raises:
             IllegalAction: a message cannot be sent, and `on_illegal` is "raise".
@@ -1024,7 +1024,7 @@ class BatchEngine:
         return error
 
     def _call_before(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions]) -> BoolArray:
-        """Call the rules before the turn; return which games go on."""
+        """Call the rules before the turn; return a mask of the games that go on."""
         self._take_moves(playing, given, self._maps[0].at_rest)
         for one, games in self._each(playing):
             one.check_given(games, given)
@@ -1043,11 +1043,11 @@ class BatchEngine:
         """Play games in the core.
 
         Args:
-            playing: (games,) which are played.
-            until: (games,) until so many parts of the turns of each game are played.
-            takes: (agents,) of each map which agents take the actions in the block; None: none do.
-            threads: how many play.
-            phase: of a part of the turn, see `gamms.core.turn`; None: all of them.
+            playing: (games,) a mask of the games that are played.
+            until: (games,) the number of parts of turns after which each game stops.
+            takes: for each map, a mask of the agents whose actions are in the block, (agents,); None: no agents.
+            threads: the number of threads.
+            phase: the phase of a part of the turn, see `gamms.core.turn`; None: all phases.
         """
         cores = [one.core for one in self._maps]
         np.multiply(self._is_on, np.where(playing, until, 0), out=self._block.until)
@@ -1071,11 +1071,11 @@ class BatchEngine:
         return self._maps[number].state
 
     def state_in(self, game: int) -> GameArrays:
-        """Return what is known of the games, as they are on the map of a game."""
+        """Return the state of the games on the map of a game."""
         return self._maps[int(self._map_of[game])].state
 
     def by_map(self, games: IntArray) -> Iterator[tuple[GameArrays, IntArray]]:
-        """Yield the state of the games on each map, and those of some games that are on it."""
+        """Yield the state of each map, with the given games that are on it."""
         for number, one in enumerate(self._maps):
             some = games[self._map_of[games] == number]
             if len(some):
@@ -1097,7 +1097,7 @@ class BatchEngine:
         return ArrayView(self._maps[number].state, self._on[number], agents)
 
     def over(self, game: int) -> dict[str, Any] | None:
-        """Return how a game has ended; None: it goes on."""
+        """Return the reason, winner and truncation of a game's end; None: it goes on."""
         known = self._state.over[game]
         is_late = self._last is not None and self._state.turn[game] >= self._last
         return {"reason": "max_turns", "winner": None, "truncated": True} if known is None and is_late else known
@@ -1107,7 +1107,7 @@ class BatchEngine:
         return {key: numbers.copy() for key, numbers in self._state.scores.items()}
 
     def turns(self) -> IntArray:
-        """Return how many turns were played, (games,)."""
+        """Return the number of turns played, (games,)."""
         return self._state.turn.copy()
 
     def result(self, game: int) -> Result:
@@ -1155,7 +1155,7 @@ class BatchEngine:
 
 
 def _observing(game: PlayedGame, roster: AgentTable) -> BoolArray:
-    """Return whose sensors are called in each turn, (agents,): maybe those of agents that differ between games."""
+    """Return a mask of the agents whose sensors are called in each turn, perhaps only in some games, (agents,)."""
     are_created = first_called(game, roster) is not None
     are_called = [len(called_each_turn(agent)) > 0 for agent in roster.agents]
     found: BoolArray = np.array(are_called, np.bool_) | (roster.varies & are_created)
@@ -1163,16 +1163,16 @@ def _observing(game: PlayedGame, roster: AgentTable) -> BoolArray:
 
 
 def movement_in_core(game: PlayedGame, roster: AgentTable, more_edges: ClosedEdges) -> Movement:
-    """Return how the agents of a game move in the core, where rules may close and open roads.
+    """Return the movement of a game's agents in the core, where rules may close and open roads.
 
-    `more_edges` are edges that are only in other games when they begin.
+    `more_edges` are edges that only other games have at their start.
     """
     may_change = first_called(game, roster) is not None or any(map(is_function, called_rules(game, roster)))
     return movement_of(game, roster, may_reopen=may_change, is_detached=may_change, more_edges=more_edges)
 
 
 def decides_at_arrivals(movement: Movement) -> bool:
-    """Return whether agents decide where they arrive."""
+    """Return whether agents decide on arrival."""
     return isinstance(movement, MetricMovement) and movement.terms.decides_at_arrivals
 
 
@@ -1183,7 +1183,7 @@ def errs(agent: IAgent) -> bool:
 
 
 def _groups(roster: AgentTable, settings: Mapping[str, Any]) -> list[StrategyGroup]:
-    """Return the array functions that decide for all games at once, each with all agents that have the same."""
+    """Return the array functions that decide for all games at once, each with its agents."""
     plans: Mapping[Any, Plan] = settings["plans"]
     found: dict[Hashable, list[int]] = {}
     for number, agent in enumerate(roster.agents):
@@ -1201,13 +1201,13 @@ def _groups(roster: AgentTable, settings: Mapping[str, Any]) -> list[StrategyGro
 
 
 def _scene_of(game: PlayedGame, state: GameArrays, radio: MessageTraffic, games: IntArray) -> MessagePositions:
-    """Return where the agents of some games are when all have moved.
+    """Return the positions of the agents of some games after all moves.
 
     Args:
-        game: in a context that has the map of these games.
-        state: of all games.
-        radio: of all games.
-        games: their numbers; the same roads are open in all of them.
+        game: a game in a context with the map of these games.
+        state: the state of all games.
+        radio: the messages of all games.
+        games: the numbers of the games; all have the same open roads.
     """
     streets, movement, shared = state.world(games)
     columns = streets.columns

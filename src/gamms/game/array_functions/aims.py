@@ -68,7 +68,7 @@ def _path_ahead(graph: IGraph, here: int, target: int, legal: Sequence[int]) -> 
 
 
 class Aims:
-    """The actions that lead agents of a single game toward nodes, as strategies go step by step.
+    """Finds the actions that lead agents of a single game toward nodes, as strategies do.
 
     Args:
         graph: the graph.
@@ -113,7 +113,7 @@ class Aims:
         return _FIRST + len(self._actions) - 1
 
     def are_known(self, actions: IntArray) -> BoolArray:
-        """Return which actions `towards` has returned."""
+        """Return a mask of the actions that `towards` has returned."""
         return (actions >= _FIRST) & (actions < _FIRST + len(self._actions))
 
     def action(self, number: int) -> int | list[int] | None:

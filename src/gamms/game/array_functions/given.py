@@ -24,10 +24,10 @@ class OutsideActions(NamedTuple):
 
     Attributes:
         moves: numbers of legal nodes, (games, agents).
-        deeds: deed -> which agents do it, (games, agents), and its fields; see `ArrayView.do`.
-        messages: channel -> which agents send, the body, and to whom; see `ArrayView.send`.
-        flights: how far agents that fly go, map units, (games, agents, 3); None: they hover.
-        may_stay: whether agents stay whose moves are no numbers of legal nodes; else such moves are refused.
+        deeds: deed -> a mask of the agents that do it, (games, agents), and its fields; see `ArrayView.do`.
+        messages: channel -> a mask of the senders, the body, and the recipients; see `ArrayView.send`.
+        flights: the displacements of flying agents, map units, (games, agents, 3); None: they hover.
+        may_stay: whether agents with illegal moves stay; else illegal moves are refused.
     """
 
     moves: IntArray
@@ -37,7 +37,7 @@ class OutsideActions(NamedTuple):
     may_stay: bool = False
 
     def moves_in(self, view: ArrayView, moves: IntArray) -> IntArray:
-        """Return moves of the agents of a view, of which those that are not legal may be to stay."""
+        """Return the moves of the agents of a view; with `may_stay`, illegal moves become 0."""
         if not self.may_stay:
             return moves
         return np.where((moves >= 0) & (moves < view.counts), moves, 0)
@@ -55,16 +55,16 @@ class OutsideActions(NamedTuple):
 
 
 def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied: bool) -> OutsideActions:
-    """Return the actions of a team as they were given to `Batch.step`.
+    """Return the checked actions of a team from an argument of `Batch.step`.
 
     Args:
         value: integers, or a dict of moves, deeds and messages.
         team: the team.
         shape: games and agents.
-        is_copied: whether its arrays are copied, because they are kept.
+        is_copied: whether to copy its arrays, because they are logged.
 
     Raises:
-        UnknownName (KeyError), BadType, BadValue: they are none.
+        UnknownName (KeyError), BadType, BadValue: the value is not a set of actions.
     """
     by = f"team {shown(team)}"
     if value is None:
@@ -98,7 +98,7 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied
 
 
 def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
-    """Return flights of so many games and agents as they were given."""
+    """Return given flights as a checked array of these numbers of games and agents."""
     flights = as_array(given, what, "numbers")
     if flights.shape != (*shape, 3) or flights.dtype.kind == "b" or not np.isfinite(flights).all():
         raise BadValue(
@@ -109,7 +109,7 @@ def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
 
 
 def as_kept(moves: IntArray) -> IntArray:
-    """Return a copy of moves; numbers of legal nodes take a byte each where that fits."""
+    """Return a copy of moves, in single bytes if the numbers fit."""
     return moves.astype(np.min_scalar_type(moves.max())) if moves.size and moves.min() >= 0 else moves.copy()
 
 
@@ -118,9 +118,9 @@ def _as_mask(where: object, shape: tuple[int, int], what: str) -> BoolArray:
 
 
 class OutsideActor:
-    """Makes agents of a game take given actions in place of the decisions of their strategies and plans.
+    """Replaces the decisions of strategies and plans in one game by given actions.
 
-    Its plans stay from turn to turn until `end`: the turn engine works out again who is asked when plans change.
+    Its plans stay until `end`, because each change of plans makes the turn engine compute again which agents it asks.
     """
 
     def __init__(self, game: PlayedGame, roster: AgentTable) -> None:
@@ -129,7 +129,7 @@ class OutsideActor:
         self._taking: dict[Hashable, _OutsideStrategy] = {}
 
     def take(self, given: Mapping[Hashable, OutsideActions], number: int) -> None:
-        """Replace the given actions from now on by those of a game of the batch, by team."""
+        """Use the actions of a game of the batch, by team, from now on."""
         if given.keys() != self._taking.keys():
             self.end()
             plans = self._game.plans
@@ -140,7 +140,7 @@ class OutsideActor:
             one.number = number
 
     def end(self) -> None:
-        """Give decisions back to strategies and plans, also after a reset, as the first plans are part of the start."""
+        """Restore the strategies and plans, also in the start to which a reset returns."""
         plans = self._game.plans
         if any(isinstance(plan.function, _OutsideStrategy) for plan in plans.values()):
             own = {
@@ -152,7 +152,7 @@ class OutsideActor:
 
 
 def _one_of(value: Any, number: int, agent: int) -> Any:  # Any: what a caller has given
-    """Return the value for one agent of a game; it is one for all, or an array that broadcasts to (games, agents)."""
+    """Return the value for one agent, from one value for all or an array that broadcasts to (games, agents)."""
     if not isinstance(value, np.ndarray) or not value.ndim:
         return value.item() if isinstance(value, np.ndarray | np.generic) else value
     one = value[number, agent] if value.ndim > 1 else value[agent]
@@ -160,9 +160,9 @@ def _one_of(value: Any, number: int, agent: int) -> Any:  # Any: what a caller h
 
 
 class _OutsideStrategy:
-    """A plan by which agents of a team, if they are alive, take actions; in place of a plan of the game or of none.
+    """A plan that sets the given actions of a team's living agents; it may replace a plan of the game.
 
-    Those that were not there from the start follow their strategies, or stay.
+    Agents that rules have created follow their strategies, or stay.
     """
 
     given: OutsideActions
@@ -185,7 +185,7 @@ class _OutsideStrategy:
                 agents[name].strategy(state)
 
     def _act(self, state: dict[str, Any], i: int, speed: float | None) -> None:
-        """Carry out the action of an agent at an index of the columns."""
+        """Set the action of the agent at an index of the columns."""
         moves, deeds, messages, flights, may_stay = self.given
         number = self.number
         do = {
@@ -214,7 +214,7 @@ class _OutsideStrategy:
         state["action"] = {"node_id": legal[move], "do": do} if do else legal[move]
 
     def _plain_fields(self, deed: str, fields: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the fields of a deed of one agent as scalar forms have them."""
+        """Return the fields of a deed of one agent as plain values."""
         declared = self._game.settings()["deeds"].get(deed, {})
         plain = dict[str, Any]()
         for key, value in fields.items():
@@ -228,6 +228,6 @@ class _OutsideStrategy:
 
 
 def flown(flight: Sequence[float], speed: float | None, do: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the action of an agent that flies by so many map units, and by its speed at most."""
+    """Return the action for a displacement in map units, limited by the agent's speed."""
     action = {"direction": flight, "distance": min(hypot(*flight), speed or 0.0)}
     return {**action, "do": do} if do else action

@@ -118,7 +118,7 @@ class GameLog(ABC, Generic[P]):
     """A log of all games: noted as arrays of many games, and written out for each game when it is read.
 
     Args:
-        num_games: of the batch.
+        num_games: the number of games in the batch.
     """
 
     def __init__(self, num_games: int) -> None:
@@ -210,9 +210,9 @@ class ComingAgent(NamedTuple):
     """An agent that is in no game of a batch at the start, but has a row.
 
     Attributes:
-        name, team, type, speed: of the agent.
+        name, team, type, speed: the properties of the agent.
         strategy: its strategy, of which only the array form counts.
-        sensors: those that agents of this name carry in some game, by name.
+        sensors: the sensors that agents of this name carry in some game, by name.
         is_reserved: whether the caller has reserved the row; else a rule has created the agent.
         is_known: whether a rule has created the agent in some game; else it is like another agent of its team.
     """
@@ -244,10 +244,10 @@ class ComingAgent(NamedTuple):
         return is_same and forms[0] == forms[1] and sensors_of(agent).keys() <= self.sensors.keys()
 
     def joined(self, agent: IAgent) -> "ComingAgent":
-        """Return this agent such that an agent that was created, maybe in another game, can take its row.
+        """Return a copy of this agent whose row can also hold another agent of its name, maybe in another game.
 
         Raises:
-            BadValue: they differ in a way that one row cannot hold.
+            BadValue: the agents differ in a way that one row cannot hold.
         """
         known = agent.team, agent.type, agent.speed, agent.strategy
         found = ComingAgent(self.name, *known, {**self.sensors, **sensors_of(agent)}, self.is_reserved)
@@ -264,7 +264,7 @@ class NewAgents(GammsError):
     """Rules have created agents that have no rows in a batch.
 
     Attributes:
-        agents: these agents.
+        agents: the created agents.
     """
 
     def __init__(self, agents: Sequence[IAgent]) -> None:
@@ -306,7 +306,7 @@ class AgentTable(NamedTuple):
 
         Args:
             agents: the agents of the start.
-            coming: the others.
+            coming: the agents that may come.
             varying: the names of agents that are deleted in some game, and created again.
         """
         named: dict[str, Any] = {agent.name: agent for agent in sorted(agents, key=lambda agent: agent.name)}
@@ -345,7 +345,7 @@ class AgentTable(NamedTuple):
         """Return the roster with rows for agents that were created.
 
         Args:
-            agents: these agents.
+            agents: the created agents.
             likely: agents that probably come later; others of their names may come instead.
 
         Raises:
@@ -368,7 +368,7 @@ class AgentTable(NamedTuple):
     def first_nodes(self, game: PlayedGame) -> list[int]:
         """Return the ids of the start nodes of a game's agents; for flying agents, the nodes nearest to the starts.
 
-        Those that may come have any node.
+        The nodes of agents that may come are arbitrary.
         """
         nearest = game.ctx.graph.graph.nearest_node
         found = list[int]()

@@ -1,4 +1,4 @@
-"""Plays the games of a batch in the core: those of which every part is a function of it.
+"""Plays the games of a batch in the core.
 
 `StrategySpec.core_form` is the number by which `gamms.core.moves` knows a strategy.
 `RuleSpec.core_form` is a function that makes the rule that `gamms.core.rules` plays.
@@ -50,14 +50,14 @@ _FIRST_ROOM = 1024  # events
 
 
 class CompiledRule(NamedTuple):
-    """A rule in the core, as its events have it.
+    """The data of a rule of the core that its events refer to.
 
     Attributes:
         is_scored: whether each of its events scores for the team of the agent.
-        has_floats: whether the points are no integers.
-        flags: the teams whose flags it has, by number.
-        reason, winner, truncated: of the end of a game; the winner may be `ONE_THAT_SHOWS`. Without a reason, it is
-            that teams have reached their goals.
+        has_floats: whether some points are not integers.
+        flags: the teams that own its flags, by number.
+        reason, winner, truncated: the end of a game; the winner may be `ONE_THAT_SHOWS`. Without a reason, the reason
+            names the teams that have reached their goals.
     """
 
     is_scored: bool = False
@@ -69,18 +69,18 @@ class CompiledRule(NamedTuple):
 
 
 class RuleBuilder:
-    """What the rules of one thread and one map are made with.
+    """The data from which the rules of one thread and one map are built.
 
     Attributes:
         state: of all games.
-        thread: its number.
+        thread: the number of the thread.
         games, events, steps, pieces: see `gamms.core.rules`.
-        columns: of the agents of one game: nodes, times and lengths of their tracks.
-        legs: of the same; none in games that count edges.
+        columns: the nodes, times and lengths of the tracks of one game's agents.
+        legs: the legs of these agents; empty in games that count edges.
         by_metres: whether the games are by metres.
-        home: (all games, agents) where agents come back; -1: they have not come yet.
-        rules: of the numbers that events have, what they are of.
-        agents_in: columns of numbers of agents that are kept, -1 for none; they may have been loaded.
+        home: (all games, agents) the nodes where agents respawn; -1: not in the game yet.
+        rules: the rule of each rule number in events.
+        agents_in: stored columns of agent numbers, -1 for none; they may have been loaded.
     """
 
     def __init__(
@@ -117,12 +117,12 @@ class RuleBuilder:
         self.agents_in: list[IntArray] = []
 
     def number(self, *played: CompiledRule) -> int:
-        """Return the first of the numbers of a rule, one for each of its parts."""
+        """Number the parts of a rule; return the first number."""
         self.rules += played
         return len(self.rules) - len(played)
 
     def tracks(self, sides: memoryview, *, at_end: bool) -> contacts.Tracks:
-        """Return the tracks of the agents of a game, of these sides."""
+        """Return the tracks of the agents of a game, with these sides."""
         return contacts.Tracks(len(self.state.roster.names), self._most_nodes, *self.columns, sides, at_end=at_end)
 
     def visitors(self, *, at_end: bool) -> rules.Visitors:
@@ -132,12 +132,12 @@ class RuleBuilder:
         return rules.Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(None, air=False), sides)
 
     def plays(self, teams: Collection[Hashable] | None, *, air: bool = True) -> Any:
-        """Return which agents are of these teams, 1 or 0; None: of any. `air` says whether those that fly are, too."""
+        """Return 1 for each agent of these teams, else 0; None: all teams. `air` includes flying agents."""
         roster = self.state.roster
         return flat(roster.plays_for(teams) & (air | ~roster.flies), np.int64)
 
     def refuse_unknown_agents(self) -> None:
-        """Refuse numbers that rules have kept, or that were loaded, and that are those of no agents."""
+        """Refuse stored or loaded agent numbers without an agent."""
         agents = len(self.state.roster.names)
         for column in self.agents_in:
             if column.min(initial=-1) < -1 or column.max(initial=-1) >= agents:
@@ -154,27 +154,26 @@ class RuleBuilder:
 
 
 class CoreColumns:
-    """The columns that the core writes, of the games on all maps, a row for each game.
+    """The columns that the core writes for the games on all maps, with a row for each game.
 
     Args:
-        states: of the games, one for each map; they share all columns that do not depend on the map.
+        states: the state of the games on each map; they share all columns that do not depend on the map.
         map_of: (games,) the number of the map that each game is on; it may change.
 
     Attributes:
-        given: (games, agents) the numbers of the legal nodes that agents go to that are given them; -1: they go along
-            routes.
-        start, went, takes_part: (games, agents) where agents were before they moved, where they went, and who did.
-        ends: (games, agents) where agents go in the part of a turn that is under way.
-        wanted: (games, agents) where agents wanted to go that conflicts have stopped, as these compare places.
-        held: (games, agents) which agents may not do what they have decided.
-        until: (maps, games) until so many parts of the turns of each game on a map are played.
-        part: (games,) how many parts of the turn that is under way were played.
-        over: (games,) which games have ended.
+        given: (games, agents) the given actions, as numbers of legal nodes; -1: the agent follows a route.
+        start, went, takes_part: (games, agents) the nodes before and after the moves, and whether the agent took part.
+        ends: (games, agents) the end nodes of the moves in the current part of a turn.
+        wanted: (games, agents) the places that agents stopped by conflicts wanted to reach, as numbered in conflicts.
+        held: (games, agents) whether the agent's decision is cancelled.
+        until: (maps, games) the number of parts of turns after which each game on a map stops.
+        part: (games,) the number of parts played in the current turn.
+        over: (games,) whether each game has ended.
         score: (games, teams)
-        rules: of the numbers that events have, what they are of.
-        events: of each thread.
-        illegal: what agents have decided in the last phase that the core could not do, by game and agent.
-        waiting: the games and agents that have arrived too often in the last phase.
+        rules: the rule of each rule number in events.
+        events: the events of each thread.
+        illegal: decisions of the last phase that the core could not execute, by game and agent.
+        waiting: the agents, by game, that have arrived too often in the last phase.
     """
 
     def __init__(self, states: Sequence[GameArrays], map_of: IntArray) -> None:
@@ -210,18 +209,18 @@ class CoreColumns:
         self.part[games] = 0
 
     def events_of(self, thread: int) -> rules.Events:
-        """Return where a thread notes events."""
+        """Return the events of a thread."""
         while len(self.events) <= thread:
             self.events.append(rules.Events(_FIRST_ROOM))
         return self.events[thread]
 
     def give(self) -> None:
-        """Let the core know which games are over, and the scores."""
+        """Write which games are over, and the scores, for the core."""
         np.logical_not(self._state.is_going, out=self.over)
         put_scores(self._state, self.score)
 
     def take_in(self) -> None:
-        """Let the state of the batch have what has happened."""
+        """Copy the results of the core to the state of the batch."""
         np.equal(self.over, 0, out=self._state.is_going)
         wrong: list[tuple[Failure, int]] = []
         self.illegal = []
@@ -274,7 +273,7 @@ class CoreColumns:
         return reason_of_goals(dict.fromkeys(teams[number] for number in members))
 
     def _note_scores(self, noted: CoreEvents) -> None:
-        """Take scores, and in which order they were first set."""
+        """Take the scores, and the order in which they were first set."""
         score = self.score
         teams = self._state.roster.teams
         is_scored = np.array([one.is_scored for one in self.rules], np.bool_)
@@ -292,7 +291,7 @@ class CoreColumns:
         self._state.scores.take(teams, score, first.reshape(score.shape), are_floats.reshape(score.shape))
 
     def _note_wrong(self, wrong: list[tuple[Failure, int]]) -> None:
-        """Note what agents have decided wrongly, as the core has found it in turns of these numbers."""
+        """Note the invalid decisions that the core has found in turns of these numbers."""
         decided = self._state.failures
         for failure, _ in wrong:
             self._states[self._map_of[failure.game]].tell(failure)
@@ -324,7 +323,7 @@ def _of_failure(pair: tuple[Failure, int]) -> tuple[int, int]:
 
 
 def put_scores(state: GameArrays, score: FloatArray) -> None:
-    """Write the scores of all games as the core takes them, (games, teams)."""
+    """Write the scores of all games to the columns of the core, (games, teams)."""
     for number, team in enumerate(state.roster.teams):
         column = state.scores.get(team)
         score[:, number] = 0.0 if column is None or column.dtype == object else column
@@ -336,12 +335,12 @@ def reason_of_goals(teams: Iterable[Hashable]) -> str:
 
 
 def ints(number: int) -> Any:  # memoryviews are not subscriptable
-    """Return memory for integers, as the core takes it."""
+    """Return integers as a buffer for the core."""
     return np.zeros(number, np.int64).data
 
 
 def floats(number: int) -> Any:
-    """Return memory for floats, as the core takes it."""
+    """Return floats as a buffer for the core."""
     return np.zeros(number).data
 
 
@@ -352,12 +351,12 @@ def memory_of(column: np.ndarray[Any, Any]) -> Any:
 
 
 def core_form_of(game: PlayedGame, roster: AgentTable, number: int) -> int | None:
-    """Return the number by which the core knows what decides for an agent, None: it does not play that.
+    """Return the core's number for the strategy or plan of an agent; None: the core does not play it.
 
     Args:
-        game: at its start.
-        roster: its agents; one without a strategy stays.
-        number: of the agent.
+        game: the game at its start.
+        roster: the agents; an agent without a strategy stays.
+        number: the number of the agent.
     """
     settings = game.settings()
     agent = roster.agents[number]
@@ -390,12 +389,12 @@ def conflicts_in_core(game: PlayedGame, roster: AgentTable) -> Conflicts | None:
 
 
 def is_function(rule: NamedRule) -> bool:
-    """Return whether a rule is a function that is called, of arrays or of the context, and no rule of the core."""
+    """Return whether a rule is called as a function of arrays or of the context, not played by the core."""
     return rule.spec.is_array_function or rule.spec.core_form is None
 
 
 def called_rules(game: PlayedGame, roster: AgentTable) -> list[NamedRule]:
-    """Return the rules of a game as a batch calls them; the core has no form of some where agents leave the nodes."""
+    """Return the rules of a game as a batch calls them; some have no core form where agents leave the nodes."""
     settings, called = game.settings(), as_called(game.rules)
     by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
     leaves_nodes = by_metres or bool(roster.flies.any())
@@ -422,18 +421,16 @@ class CoreGames:
     """The games of a batch on one map, in the core.
 
     Args:
-        game: at its start.
-        state: of all games, which turns change.
+        game: the game at its start.
+        state: the state of all games, which turns change.
         block: the columns that the games on all maps share.
-        is_apart: whether rules are played when all agents of all games have moved, because functions are called
-            between them.
+        is_apart: whether rules run after all games have moved, because functions are called between them.
 
     Attributes:
         has_functions: whether functions are called between its phases.
-        part_of: (agents,) the part of the turn in which each decides and moves, in the order of play.
-        num_parts: how many parts a turn has.
-        arrival: how often agents have arrived in this part of the turn, where functions are called then; None: they
-            are not.
+        part_of: (agents,) the part of the turn in which each agent decides and moves, in the order of play.
+        num_parts: the number of parts of a turn.
+        arrival: the number of arrivals in this part of the turn, if functions are called on arrival; else None.
     """
 
     arrival: int | None = None
@@ -478,25 +475,25 @@ class CoreGames:
         self._made.append(self._player())
 
     def last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
-        """Return where agents of some games were before they moved, where they went, and which took part."""
+        """Return the nodes before and after the last moves in some games, and a mask of the agents that took part."""
         block = self._block
         start, went, takes_part = self._last or (block.start, block.went, block.takes_part)
         return start[games], went[games], takes_part[games] > 0
 
     def note_places(self, *, are_open: bool) -> None:
-        """Note where agents are that are about to move; `are_open` says that the edges noted last are open."""
+        """Store the positions of agents that are about to move; `are_open`: the edges stored last are still open."""
         self._here = self._state.node.copy()
         if self.courses is not None:
             self.courses.note_places(are_open=are_open)
 
     def next_moves(self, games: IntArray, part: int) -> tuple[IntArray, IntArray, BoolArray]:
-        """Return the same of agents that are about to move in a part of the turn."""
+        """Return the same as `last_moves` for agents that are about to move in a part of the turn."""
         block, here = self._block, self._here[games]
         goes = (self.part_of == part) & (block.held[games] == 0)
         return here, np.where(goes, block.ends[games], here), block.takes_part[games] > 0
 
     def enter(self, game: int, agent: int, node: int) -> None:
-        """Let an agent be in a game from now on, on a node."""
+        """Add an agent to a game, on a node."""
         state, block = self._state, self._block
         row = int(state.streets.rows(node))
         state.is_there[game, agent] = True
@@ -508,7 +505,7 @@ class CoreGames:
             state.flights.enter(game, agent)
 
     def leave(self, game: int, agent: int, node: int) -> None:
-        """Let an agent that is deleted be no more in a game; its last node was this one."""
+        """Remove a deleted agent from a game, and store its last node."""
         state = self._state
         state.is_there[game, agent] = state.alive[game, agent] = False
         state.start[game, agent] = -1
@@ -516,14 +513,14 @@ class CoreGames:
         state.movement.clear(game, agent)
 
     def _find_homes(self) -> None:
-        """Let agents come back where they began, or stay where they are if they came later."""
+        """Set where agents respawn: their start nodes, or their current nodes if they came later."""
         state = self._state
         if self._has_own_homes:
             here = np.where(state.is_there, state.node, -1)
             self._home[:] = np.where(state.start >= 0, state.start, here)
 
     def hold(self, game: int, agent: int) -> None:
-        """Keep an agent from what it has decided."""
+        """Cancel the decision of an agent."""
         self._block.held[game, agent] = 1
 
     def note_conflict(self, game: int, agent: int, place: int | EdgePlace) -> None:
@@ -551,30 +548,30 @@ class CoreGames:
         self.arrival = 0
 
     def arriving(self, games: IntArray) -> IntArray:
-        """Return the games, of some, in which agents arrive or set out; views then show the time."""
+        """Return the given games in which agents arrive or set out; views then show the time."""
         now = self._arrivals.now
         goes_on = games[now[games] < np.inf]
         self._state.movement.now[goes_on] = now[goes_on]
         return goes_on
 
     def deciding(self, games: IntArray) -> BoolArray:
-        """Return which agents of some games decide now, (games, agents)."""
+        """Return a mask of the agents that decide now, (games, agents)."""
         is_before_end = self._arrivals.now[games] < 1.0
         found: BoolArray = (self._arrivals.comes[games] == arrivals.ASKED) & is_before_end[:, None]
         return found
 
     def losers(self, games: IntArray) -> BoolArray:
-        """Return which agents of some games have lost conflicts now, (games, agents)."""
+        """Return a mask of the agents that have lost conflicts now, (games, agents)."""
         found: BoolArray = self._arrivals.loses[games] > 0
         return found
 
     def places(self, game: int) -> tuple[list[int | EdgePlace], list[int | EdgePlace]]:
-        """Return where moves of all agents of a game begin and end now."""
+        """Return the current start and end places of all moves of a game."""
         found = [[self._place_of(row) for row in rows[game].tolist()] for rows in self._ends]
         return found[0], found[1]
 
     def note_late_deeds(self, games: IntArray, agents: IntArray) -> None:
-        """Note that agents have decided to do deeds at arrivals, one for each of these games."""
+        """Record agents that want to do deeds on arrival, one for each of these games."""
         self._arrivals.late[games, agents] = 1
 
     def forget_late_deeds(self, game: int, agent: int) -> None:
@@ -582,7 +579,7 @@ class CoreGames:
         self._arrivals.late[game, agent] = 0
 
     def end_arrivals(self, *, is_played: bool) -> None:
-        """Put agents back where the part of the turn began; they move when it ends, if it was played."""
+        """Put agents back to where the part of the turn began; if it was played, they move at its end."""
         block, by = self._block, self._state.movement
         for column, before in zip((self._state.node, by.edge, by.share, by.motion), self._before, strict=True):
             column[:] = before
@@ -595,30 +592,30 @@ class CoreGames:
         self._state.now.clear()
 
     def num_played_parts(self, game: int) -> int:
-        """Return how many parts of the turn that is under way were played in a game."""
+        """Return the number of parts of the current turn that were played in a game."""
         return int(self._block.part[game])
 
     @property
     def moves(self) -> tuple[np.ndarray[Any, Any], ...]:
-        """The columns of the last moves, how many parts of a turn were played, and where agents wanted to go."""
+        """The columns of the last moves, the numbers of played parts, and the places that agents wanted to reach."""
         block = self._block
         courses = () if self.courses is None else self.courses.columns()
         return block.start, block.went, block.takes_part, block.part, block.wanted, *courses
 
     @property
     def courses(self) -> EdgeCourses | MetreCourses | None:
-        """How agents go that do not go along one edge a turn, where functions are called; None: there are none."""
+        """The paths of agents that do not move along one edge per turn, if functions are called; else None."""
         return None if self._columns is None else self._columns.courses
 
     def paths(self, games: IntArray) -> Paths | None:
-        """Return how agents of some games have gone in their last turns; None: all along one edge at once, or none."""
+        """Return the paths of the last turns of some games; None: all agents moved along at most one edge, at once."""
         starts, ends, took_part = self.last_moves(games)
         if self.courses is not None:
             return self.courses.paths(games, starts, took_part)
         return None if self.num_parts == 1 else paths_in_parts(starts, ends, self.part_of, self.num_parts)
 
     def wanted(self, game: int, agent: int) -> int | EdgePlace:
-        """Return the node or the edge to which an agent wanted to go that a conflict has stopped."""
+        """Return the node or edge that an agent stopped by a conflict wanted to reach."""
         return self._place_of(int(self._block.wanted[game, agent]))
 
     def _place_of(self, row: int) -> int | EdgePlace:
@@ -628,10 +625,11 @@ class CoreGames:
         return int(columns.node_ids[row]) if beyond < 0 else EdgePlace(int(columns.edge_ids[beyond]))
 
     def prepare(self, is_given: BoolArray | None, threads: int) -> None:
-        """Prepare to play the games that `CoreColumns.until` says.
+        """Prepare to play the games that `CoreColumns.until` selects.
 
         Args:
-            is_given: (agents,) which agents take the actions in the block; the others decide themselves; None: all do.
+            is_given: (agents,) a mask of the agents whose actions are in the block; the others decide. None: all
+                decide.
             threads: how many play.
         """
         while len(self._made) < threads:
@@ -647,14 +645,14 @@ class CoreGames:
             self._by_steps.take_memories(self._games)
 
     def _take_roads(self) -> None:
-        """Let agents move, find ways and meet on the roads that are open in each game."""
+        """Set the open roads of each game for moves, paths and contacts."""
         roads = self._state.roads
         if (self._tables is not None or roads.are_closed) and self._tables is not roads.tables:
             self._tables = roads.tables
             self._give_roads(roads, self._tables)
 
     def _give_roads(self, roads: OpenRoads, tables: RoadTables) -> None:
-        """Let all threads play on the maps of these tables."""
+        """Set the maps of these tables for all threads."""
         self._first_node[:] = tables.first
         for weight, search in roads.searches:
             search.take(*roads.arcs_of(tables.maps, weight, reverse=False))
@@ -669,7 +667,7 @@ class CoreGames:
             self._columns.take_roads(tables, streets)
 
     def play_part(self, thread: int, begin: int, end: int, phase: int | None) -> None:
-        """Play those of the games from `begin` to `end - 1` that are on this map, or a phase; None: all phases."""
+        """Play the games `begin` to `end - 1` that are on this map, in one phase; None: all phases."""
         player = self._made[thread][0]
         if phase is None:
             turn.play_aside(player, begin, end)
@@ -677,12 +675,12 @@ class CoreGames:
             turn.play_phases_aside(player, phase, begin, end)
 
     def finish(self) -> None:
-        """Let the state of the batch have what agents remember of the games that were played."""
+        """Copy the memories of agents in the played games to the state of the batch."""
         if self._by_steps is not None:
             self._by_steps.give_memories(self._games)
 
     def play_rules(self, games: IntArray) -> Iterator[NamedRule]:
-        """Apply the rules of some games that have moved; yield each function where it has its turn."""
+        """Apply the rules of some games that have moved; yield each rule function when it is due."""
         if not self.has_functions:
             return
         numbers = flat(games, np.int64)
@@ -700,7 +698,7 @@ class CoreGames:
                     self._follow(games, *before)
 
     def _follow(self, games: IntArray, node: IntArray, stops: IntArray) -> None:
-        """Place agents that fly where they began that rules of the core have respawned."""
+        """Place flying agents that rules of the core have respawned at their starts."""
         state, flights = self._state, self._state.flights
         assert flights is not None  # noqa: S101 - some fly
         rows = np.ix_(games, flights.agents)
@@ -710,7 +708,7 @@ class CoreGames:
         state.previous[back] = node[back]
 
     def _player(self) -> tuple[turn.Player, RuleBuilder]:
-        """Make what one more thread plays with."""
+        """Make the data for one more thread."""
         state, roster, block = self._state, self._state.roster, self._block
         columns = self._columns = self._columns or self._new_columns()
         games = rules.GameColumns(
@@ -776,7 +774,7 @@ class CoreGames:
         return turn.Player(games, movers, at_arrivals, first, self._until.data), making
 
     def _made_rules(self, making: RuleBuilder) -> list[Any]:
-        """Return functions, and the first of the rules of the core between them, each chain as one."""
+        """Return the rule functions, and between them the first rule of each chain of core rules."""
         parts: list[Any] = []
         for are_functions, several in groupby(self._rules, is_function):
             if are_functions:
@@ -788,7 +786,7 @@ class CoreGames:
         return parts
 
     def _new_columns(self) -> EdgeColumns | MetreColumns | None:
-        """Return what threads share in games that do not go along one edge a turn."""
+        """Return the shared columns of games whose agents do not move along one edge per turn."""
         by, go_by_steps = self._state.movement, any(self._steps)
         keeps_courses = self._keeps_courses or self.num_parts > 1
         if isinstance(by, MetricMovement):
@@ -805,7 +803,7 @@ class CoreGames:
         return None
 
     def _conflicting(self) -> tuple[conflicts.Contests | None, conflicts.MoveRequests | None]:
-        """Return what finds those who give way; None: there are no conflicts."""
+        """Return the contests that find the losers of conflicts; None: there are no conflicts."""
         if self._conflicts is None:
             return None, None
         state, roster, columns = self._state, self._state.roster, self._columns

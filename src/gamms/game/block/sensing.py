@@ -1,7 +1,7 @@
-"""What the sensors of agents show in the games of a batch: plain ones by the core, all others by their own code.
+"""The data of sensors in the games of a batch: the core computes plain sensors, all others run their own code.
 
-A plain sensor shows the agents of some teams that are within a radius of its agent. Any other is asked in a context
-that is pointed at the game, once for each agent that carries it.
+A plain sensor shows the agents of some teams that are within a radius of its agent. Any other sensor is called in a
+context that is pointed at the game, once for each agent that carries it.
 """
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -103,7 +103,7 @@ class VisibleNodes(NamedTuple):
 
 
 def _mask_of_pairs(shape: tuple[int, ...], pairs: tuple[IntArray, ...], use: str) -> BoolArray:
-    """Return a mask that is true at these places; `use` says in a message what to use where it would be too large."""
+    """Return a mask that is true for these pairs; `use` names the alternative in an error."""
     if np.prod(shape, dtype=np.float64) > _MOST_PAIRS:
         raise TooLarge(f"A mask of {shape} is too large. Use the pairs: {use}.")
     found = np.zeros(shape, np.bool_)
@@ -112,7 +112,7 @@ def _mask_of_pairs(shape: tuple[int, ...], pairs: tuple[IntArray, ...], use: str
 
 
 def names_of(agents: Sequence[IAgent], numbers: IntArray, kinds: Collection[SensorType]) -> list[str]:
-    """Return the names of the sensors of some agents of a roster that are of some kinds."""
+    """Return the names of the sensors of some kinds that some agents carry."""
     carried = [sensors_of(agents[number]) for number in numbers.tolist()]
     return sorted({name for one in carried for name, sensor in one.items() if sensor.type in kinds})
 
@@ -123,9 +123,9 @@ def turns_with_agent(sensor: ISensor) -> bool:
 
 
 def noted_sensors(agent: IAgent) -> list[str]:
-    """Return the sensors of an agent that show agents, that which counts first.
+    """Return the sensors of an agent that show agents, in order of precedence.
 
-    Of what several sensors show, the last one on the ground counts, else the first one in the air.
+    If several sensors show an agent, the last one on the ground counts, else the first one in the air.
     """
     carried = sensors_of(agent)
     ground = [name for name, one in carried.items() if one.type in ON_GROUND]
@@ -133,9 +133,9 @@ def noted_sensors(agent: IAgent) -> list[str]:
 
 
 def noted_node_sensors(agent: IAgent, *, varies: bool) -> list[str]:
-    """Return the sensors of an agent that show nodes and may show others in other games from the same node.
+    """Return the sensors of an agent that show nodes, and may show different nodes in other games from the same node.
 
-    That is what turns with the agent, what shows the nodes to which open roads lead, and all if they vary by game.
+    These are sensors that turn with the agent, sensors of neighbors, and all sensors if they vary by game.
     """
     nodes = {name: one for name, one in sensors_of(agent).items() if one.type in SHOWING_NODES}
     return [name for name, one in nodes.items() if varies or one.type is SensorType.NEIGHBOR or turns_with_agent(one)]
@@ -155,12 +155,12 @@ def called_each_turn(agent: IAgent) -> list[str]:
 
 
 def note_sensors(state: GameArrays, agents: Sequence[int], *, with_nodes: bool) -> None:
-    """Note which sensors of some agents are asked in a context that is pointed at their games.
+    """Record which sensors of some agents are called in a context that is pointed at their games.
 
     Args:
-        state: of the games.
-        agents: numbers in the roster.
-        with_nodes: whether maps may be others, and agents turned; in the core they are not.
+        state: the state of the games.
+        agents: the agents' numbers in the roster.
+        with_nodes: whether to include sensors of nodes, because maps or headings may differ between games.
     """
     roster = state.roster
     are_few = len(state.roster.names) <= MOST_LOOKING
@@ -186,15 +186,15 @@ def seen(
     names: Sequence[str],
     axes: Callable[[], FloatArray],
 ) -> VisibleAgentPairs:
-    """Return which agents some agents see.
+    """Return the agents that some agents see.
 
     Args:
-        state: of the games.
+        state: the state of the games.
         games: their numbers.
-        agents: their numbers in the roster.
-        asked: (games, agents) which of them are asked.
-        names: of the sensors, which show their own agents then if they look from a fixed place; none: all.
-        axes: returns where all agents are, (games, all agents, 2).
+        agents: the observers' numbers in the roster.
+        asked: (games, agents) a mask of the observers.
+        names: names of sensors; a named sensor at a fixed place also shows its own agent. None given: all sensors.
+        axes: returns the positions of all agents, (games, all agents, 2).
 
     Raises:
         UnknownName (KeyError): no agent carries such a sensor that shows agents.
@@ -224,7 +224,7 @@ def _seen_in_core(
     names: Sequence[str],
     axes: Callable[[], FloatArray],
 ) -> Iterator[tuple[IntArray, ...]]:
-    """Yield columns of the games, agents, others and nodes that plain sensors show."""
+    """Yield columns (games, agents, others, nodes) of the agents that plain sensors show."""
     key = "plain", tuple(names), tuple(state.noted)
     if key not in state.shared:
         looking = [number not in state.noted for number in range(len(state.roster.names))]
@@ -256,7 +256,7 @@ def _seen_in_core(
 def _sighted(
     state: GameArrays, names: Sequence[str], who: tuple[IntArray, IntArray], asked: BoolArray
 ) -> Iterator[tuple[IntArray, ...]]:
-    """Yield the same columns of what was noted, of one agent that first which counts."""
+    """Yield the same columns of recorded sightings, in order of precedence."""
     for at, game in enumerate(who[0].tolist()):
         for column, agent in enumerate(who[1].tolist()):
             sights = state.sighted.get((game, agent), {}) if asked[at, column] else {}
@@ -272,19 +272,19 @@ def _sighted(
 def seen_nodes(
     state: GameArrays, games: IntArray, agents: IntArray, node: IntArray, asked: BoolArray, names: Sequence[str]
 ) -> VisibleNodes:
-    """Return which nodes some agents see; see `seen`.
+    """Return the nodes that some agents see; see `seen`.
 
     Args:
-        state: of the games.
+        state: the state of the games.
         games: their numbers.
-        agents: their numbers in the roster.
-        node: where they are, rows (games, agents).
-        asked: (games, agents) which of them are asked.
-        names: of the sensors; none: all.
+        agents: the observers' numbers in the roster.
+        node: (games, agents) the rows of the observers' nodes.
+        asked: (games, agents) a mask of the observers.
+        names: names of sensors. None given: all sensors.
 
     Raises:
         UnknownName (KeyError): no agent carries such a sensor that shows nodes.
-        BadValue: a sensor is of a class of its own.
+        BadValue: a sensor is of a user's class.
         TooLarge: the agents see more than 268 million nodes together.
     """
     known = names_of(state.roster.agents, agents, SHOWING_NODES)
@@ -320,7 +320,7 @@ def _shows_nodes(agent: IAgent, name: str) -> bool:
 def _nodes_shown(
     state: GameArrays, games: IntArray, number: int, name: str, node: IntArray, asked: BoolArray
 ) -> tuple[IntArray, IntArray]:
-    """Return what a sensor of an agent shows in the games in which it is asked: columns of games and rows of nodes."""
+    """Return the nodes that an agent's sensor shows in the asked games: columns of games and rows of nodes."""
     agent = state.roster.agents[number]
     at = np.flatnonzero(asked)
     if name in state.noted_nodes.get(number, ()):
@@ -349,7 +349,7 @@ def _nodes_shown(
 
 
 def covered(state: GameArrays, games: IntArray, agents: IntArray, node: IntArray, asked: BoolArray) -> BoolArray:
-    """Return on which nodes sensors on the ground would show agents with some probability, (games, agents, nodes)."""
+    """Return a mask of the nodes where ground sensors may show agents, (games, agents, nodes)."""
     found = np.zeros((*node.shape, state.streets.num_nodes), np.bool_)
     if state.look is not None and not state.noted.keys().isdisjoint(agents.tolist()):
         state.look(games)
@@ -382,13 +382,13 @@ def rows_covered(state: GameArrays, sensor: ISensor, node_id: int, owner: str) -
 def note_sights(
     state: GameArrays, ctx: HostContext, look: Callable[[IAgent, Sequence[str]], dict[str, Any]], number: int
 ) -> None:
-    """Note what sensors show in the game of a context.
+    """Record the data of sensors in the game of a context.
 
     Args:
         state: of all games.
         ctx: the context.
-        look: returns what some sensors of an agent show it, as `state["sensor"]` has it.
-        number: of the game.
+        look: returns the data of some sensors of an agent, as in `state["sensor"]`.
+        number: the number of the game.
     """
     names = {name: i for i, name in enumerate(state.roster.names)}
     for i in {**state.noted, **state.noted_nodes}:
@@ -420,12 +420,12 @@ def _nodes_in(data: list[int] | Mapping[str, Any]) -> list[int]:
 
 
 def look(game: PlayedGame, state: GameArrays, pointed: PointedContext, games: IntArray) -> None:
-    """Note what sensors show in the games that were not looked at since something changed.
+    """Call sensors in the games whose sensor data are out of date.
 
     Args:
-        game: whose context is pointed at games.
-        state: of all games of the batch.
-        pointed: points the context.
+        game: the game whose context is pointed at other games.
+        state: the state of all games of the batch.
+        pointed: points the context at games.
         games: their numbers.
     """
     known: set[int] = state.now.setdefault("looked", set())

@@ -32,7 +32,7 @@ _REMEMBERED = {"follow": {"at": -1}, "wander": {"target": -1, "left": 0}}  # by 
 
 
 def always_act(steps: Sequence[CoreStep]) -> bool:
-    """Return whether an agent acts in any case that decides by some steps; `chase`, say, may give no action."""
+    """Return whether steps always choose an action; `chase`, for example, may choose none."""
     if not steps:
         return False
     first = steps[0]
@@ -49,7 +49,7 @@ def _looks(steps: Sequence[CoreStep]) -> bool:
 
 
 def _plain_look(sensor: ISensor) -> AgentLook | None:
-    """Return how a sensor shows the agents of some teams that are within a radius of its agent; None: it does not."""
+    """Return the form of a plain sensor, which shows agents of some teams within a radius; None: it is not plain."""
     look: AgentLook | None = sensor.in_arrays() if hasattr(sensor, "in_arrays") else None
     if look is None or not look.is_plain:
         return None
@@ -57,15 +57,15 @@ def _plain_look(sensor: ISensor) -> AgentLook | None:
 
 
 def has_plain_looks(agent: IAgent) -> bool:
-    """Return whether `looks_of` has all that the sensors of an agent show of others."""
+    """Return whether all sensors of an agent that show agents are plain."""
     sensors = getattr(agent, "sensors", {}).values()
     return all(_plain_look(sensor) is not None for sensor in sensors if sensor.type in ON_GROUND | IN_AIR)
 
 
 def looks_of(roster: AgentTable, looking: Sequence[bool], names: Sequence[str] = ()) -> tuple[Any, Any, Any]:
-    """Return the plain sensors of the agents of a roster that look, of these names or all, as the core takes them.
+    """Return the plain sensors of a roster's agents, of these names or all, in the form of the core.
 
-    That is `begins`, `squares` and `shows` of `strategies.SensorTable`.
+    These are `begins`, `squares` and `shows` of `strategies.SensorTable`.
     """
     looks: list[list[AgentLook]] = [[] for _ in roster.agents]
     for agent, own in [
@@ -90,7 +90,7 @@ def made_looks(state: GameArrays, looking: Sequence[bool]) -> strategies.SensorT
 
 
 def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
-    """Return what agents of the game of a context remember of steps, as `StrategySteps` keeps it."""
+    """Return the memories of strategy steps of a context's agents, in the form of `StrategySteps`."""
     found: dict[Hashable, Arrays] = {}
     names = state.roster.names
 
@@ -108,7 +108,7 @@ def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) 
 
 
 def can_read(steps: Sequence[CoreStep], memory: Mapping[Any, Any], find: Callable[[int], Any]) -> bool:
-    """Return whether an agent's memory of steps is as these write it; `find` raises if a node is not on the map."""
+    """Return whether an agent's memory has the form that these steps write; `find` raises for unknown nodes."""
     remembered = [step for step in steps if step.key and step.key in memory]
     return all(_numbers_of(step, memory[step.key], find) is not None for step in remembered)
 
@@ -119,7 +119,7 @@ def _unremembered(kind: str, agents: int, games: int) -> Arrays:
 
 
 def _numbers_of(step: CoreStep, known: Any, row_of: Callable[[int], Any]) -> tuple[Any, ...] | None:
-    """Return what an agent remembers of a step, as its columns have it; None: the step has not written that."""
+    """Return an agent's memory of a step, as numbers in its columns; None: the step has not written it."""
     try:
         if step.kind == "follow":
             return (range(len(step.nodes or ()) + 1)[as_int(known, "the next stop")],)
@@ -134,7 +134,7 @@ class StrategySteps:
 
     Args:
         state: of all games.
-        steps: of each agent, in the order of the roster; none of one that has none.
+        steps: the steps of each agent, in the order of the roster; empty for an agent without steps.
     """
 
     def __init__(self, state: GameArrays, steps: Sequence[Sequence[CoreStep]]) -> None:
@@ -179,7 +179,7 @@ class StrategySteps:
         )
 
     def of_thread(self, games: rules.GameColumns, thread: int) -> strategies.Strategies:
-        """Return the strategies as a thread of a number plays them."""
+        """Return the strategies for the thread of this number."""
         if thread == len(self._ways):
             arcs = self._state.roads.arcs_of(self._maps, "length", reverse=True)
             self._ways.append(PathTables(self._state.streets.columns.node_ids, arcs, _MOST_BYTES))
@@ -188,7 +188,7 @@ class StrategySteps:
         return strategies.Strategies(games, self._steps, self._ways[thread].core, self._looks, keys, memory)
 
     def take_memories(self, games: IntArray) -> None:
-        """Take what agents remember in some games from the state of the batch."""
+        """Read the memories of agents in some games from the state of the batch."""
         nodes = self._state.streets.num_nodes
         for column, (key, name) in enumerate(self._columns):
             step = self._remembered[key]
@@ -199,7 +199,7 @@ class StrategySteps:
             self._memory[column, games] = known
 
     def give_memories(self, games: IntArray) -> None:
-        """Write what agents remember in these games into the state of the batch."""
+        """Write the memories of agents in these games to the state of the batch."""
         for column, (key, name) in enumerate(self._columns):
             self._kept(key)[name][games] = self._memory[column, games]
 
@@ -208,7 +208,7 @@ class StrategySteps:
         return self._state.keep(("memory", key), make)
 
     def take_roads(self, tables: RoadTables) -> None:
-        """Let agents find ways on the roads that are open in each game."""
+        """Set the open roads of each game for the search of paths."""
         moved = tables.moved(self._maps)
         self._maps = tables.maps
         arcs = self._state.roads.arcs_of(self._maps, "length", reverse=True)

@@ -30,7 +30,7 @@ NO_LEGS = contacts.Legs(0, *[memoryview(array("q"))] * 5, *[memoryview(array("d"
 
 
 def most_legs(by: MetricMovement) -> int:
-    """Return how many legs an agent has in a turn at most: a way has each edge once, unless it decides on its way."""
+    """Return the maximum number of legs of an agent in a turn: each edge once, unless it decides on its way."""
     fastest = float(by.paces.max(initial=0.0, where=~np.isnan(by.paces))) * by.terms.turn_seconds * (1.0 + _ROUNDED)
     if by.terms.decides_at_arrivals:
         shortest = float(by.columns.lengths.min(initial=np.inf))
@@ -41,14 +41,14 @@ def most_legs(by: MetricMovement) -> int:
 
 
 def _refuse_too_long(legs: int, kept: int) -> None:
-    """Refuse ways of agents through a turn that would not fit into memory.
+    """Refuse paths through a turn that would not fit into memory.
 
     Args:
-        legs: of the agents of a game at most, or nodes that they pass.
-        kept: those of all games, if functions may ask for them.
+        legs: the maximum number of legs of a game's agents, or of nodes that they pass.
+        kept: the same for all games, if functions may ask for them.
 
     Raises:
-        TooLarge: they would not.
+        TooLarge: the paths do not fit.
     """
     refuse_above(
         _BYTES_PER_LEG * legs + _BYTES_PER_KEPT * kept,
@@ -57,7 +57,7 @@ def _refuse_too_long(legs: int, kept: int) -> None:
 
 
 def most_nodes(by: EdgeMovement) -> int:
-    """Return how many nodes an agent passes in a turn at most, the one where it is included."""
+    """Return the maximum number of nodes that an agent passes in a turn, its own included."""
     return 3 + int(by.paces.max(initial=0.0, where=~np.isnan(by.paces)))
 
 
@@ -66,11 +66,11 @@ class ThreadTravel(NamedTuple):
 
     Attributes:
         movers: the agents, and how they move.
-        arrivals: the same as they decide where they arrive, if they do so.
-        course: how they have gone.
-        tracks, legs: the columns of that, as contacts take them: nodes, times and lengths of tracks.
-        most: nodes that an agent passes.
-        most_legs: of an agent.
+        arrivals: the movers that decide on arrival, if they do so.
+        course: the paths of the agents.
+        tracks, legs: the columns of these paths for contacts.
+        most: the maximum number of nodes that an agent passes.
+        most_legs: the maximum number of legs of an agent.
     """
 
     movers: moves.OneEdgeMovers
@@ -83,7 +83,7 @@ class ThreadTravel(NamedTuple):
 
 
 def in_parts(movers: moves.OneEdgeMovers, agents: int) -> ThreadTravel:
-    """Return what one thread plays games with whose agents go along one edge, each in its part of the turn."""
+    """Return the data of one thread for games along one edge per turn, in several parts."""
     nodes: Any = np.zeros(agents * 3, np.int64).data
     times: Any = np.zeros(agents * 3).data
     lengths: Any = np.zeros(agents, np.int64).data
@@ -92,19 +92,19 @@ def in_parts(movers: moves.OneEdgeMovers, agents: int) -> ThreadTravel:
 
 
 def _remembered(rows: int) -> int:
-    """Return how many nodes on its way each of so many agents remembers."""
+    """Return the number of nodes of its path that each agent remembers, for a number of agents."""
     return max(8, min(_LONGEST, _MOST_REMEMBERED // max(rows, 1)))
 
 
 class EdgeColumns:
-    """Columns of games along several edges a turn, which all threads share.
+    """The columns that all threads share in games along several edges per turn.
 
     Args:
         state: of all games.
-        by: how agents go.
-        part_of: (agents,) the part of the turn in which each goes.
-        go_by_steps: whether some agents decide by steps, which may lead far.
-        keeps_courses: whether functions are called, which may ask how agents have gone.
+        by: the movement of the agents.
+        part_of: (agents,) the part of the turn in which each agent moves.
+        go_by_steps: whether some agents decide by strategy steps, whose targets may be far.
+        keeps_courses: whether functions are called, which may ask for the paths of agents.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class EdgeColumns:
         self._maps: list[RoadMap | None] = [None]  # see `RoadTables`
 
     def take_roads(self, tables: RoadTables, streets: moves.LegalMoves) -> None:
-        """Let agents go and find paths on the roads that are open in each game."""
+        """Set the open roads of each game for moves and paths."""
         moved = tables.moved(self._maps)
         self._maps = tables.maps
         edges_at = self._by.all_roads.edges_at(self._maps)
@@ -145,7 +145,7 @@ class EdgeColumns:
         columns: Mapping[str, Any],
         events: rules.Events,  # noqa: ARG002
     ) -> ThreadTravel:
-        """Return what one thread plays with; see `MetreColumns`."""
+        """Return the data of one thread; see `MetreColumns`."""
         by = self._by
         most = self._most
         reach = ReachableNodes(by.streets.num_nodes)
@@ -180,7 +180,7 @@ class ArrivalColumns:
 
     Attributes:
         now: (games,) the time of the last arrivals.
-        comes, late, loses: (games, agents) who arrives, who has decided to do deeds, and who has lost a conflict.
+        comes, late, loses: (games, agents) whether the agent arrives, wants to do deeds, and has lost a conflict.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
@@ -192,7 +192,7 @@ class ArrivalColumns:
         self.loses = self._columns[1]
 
     def thread(self, travelers: by_metres.MetreMovers, *, has_end: bool) -> arrivals.Arrivals:
-        """Return what one thread plays with; `has_end` says whether arrivals at the end of a turn count."""
+        """Return the data of one thread; `has_end` says whether arrivals at the end of a turn count."""
         columns: list[Any] = [self.comes, self.late, self._columns]
         views = [one.reshape(-1).data for one in columns]
         now: Any = self.now.data
@@ -200,21 +200,21 @@ class ArrivalColumns:
 
 
 class MetreColumns:
-    """Columns of games by metres, which all threads share.
+    """The columns that all threads share in games by metres.
 
     Args:
         state: of all games.
-        by: how agents go.
-        part_of: (agents,) the part of the turn in which each goes.
-        go_by_steps: whether some agents decide by steps, which may lead far.
-        keeps_courses: whether functions are called, which may ask how agents have gone.
+        by: the movement of the agents.
+        part_of: (agents,) the part of the turn in which each agent moves.
+        go_by_steps: whether some agents decide by strategy steps, whose targets may be far.
+        keeps_courses: whether functions are called, which may ask for the paths of agents.
         has_conflicts: whether agents may stop each other.
 
     Attributes:
-        arrivals: of agents that decide at these; None: they do not.
-        courses: how agents go in all games, if functions are called.
-        on_edges: where agents are, as `rules.GameColumns` has it.
-        ends: the places where moves begin and end, as conflicts compare them, (games, agents) each; None: nodes.
+        arrivals: the columns of decisions on arrival; None: agents do not decide on arrival.
+        courses: the paths of agents in all games, if functions are called.
+        on_edges: the positions of agents on edges, see `rules.GameColumns`.
+        ends: the start and end places of moves, as numbered in conflicts, (games, agents) each; None: nodes.
     """
 
     def __init__(
@@ -254,7 +254,7 @@ class MetreColumns:
         self._memories = StoredPaths(by.columns, by.terms.costs, rows, _remembered(rows), edges_at)
 
     def take_roads(self, tables: RoadTables, streets: moves.LegalMoves) -> None:  # noqa: ARG002 - as by edges
-        """Let agents go and find paths on the roads that are open in each game."""
+        """Set the open roads of each game for moves and paths."""
         moved = tables.moved(self._maps)
         self._maps = tables.maps
         all_roads = self._by.all_roads
@@ -268,12 +268,12 @@ class MetreColumns:
             paths.take_maps(edges_at, moved)
 
     def _refuse_too_long(self, kept: int) -> None:
-        """Refuse ways of agents that would not fit into memory, so many times those of all games."""
+        """Refuse paths that would not fit into memory, given the number of copies for all games."""
         rows = self._shape[0] * self._shape[1]
         _refuse_too_long(self._agents * self._most, rows * self._most * kept)
 
     def keep_courses(self) -> None:
-        """Keep how agents go in all games between arrivals, because functions are called there."""
+        """Keep the paths of agents in all games between arrivals, because functions are called on arrival."""
         if self._kept is None:
             self._refuse_too_long(2)
             self._kept = TurnPaths(self._shape[0] * self._shape[1], self._most, 0)
@@ -283,19 +283,19 @@ class MetreColumns:
             at_arrivals.keep_paths(self._kept.core)
 
     def _known(self) -> travel.LegalCache:
-        """Return room for the legal nodes that a thread remembers."""
+        """Return memory for the legal nodes that a thread remembers."""
         speeds, kinds = np.unique(self._by.paces, return_inverse=True)
         tables: Any = np.zeros((2, len(speeds) * self._by.streets.num_nodes), np.int64)
         room: Any = np.empty(_MOST_LEGAL, np.int64)
         return travel.LegalCache(flat(kinds, np.int64), tables[0].data, tables[1].data, room.data)
 
     def thread(self, movers: tuple[Any, ...], columns: Mapping[str, Any], events: rules.Events) -> ThreadTravel:
-        """Return what one thread plays with.
+        """Return the data of one thread.
 
         Args:
-            movers: the arguments of `moves.OneEdgeMovers`,
-            columns: and its keyword arguments.
-            events: receives what agents cannot do.
+            movers: the positional arguments of `moves.OneEdgeMovers`.
+            columns: its keyword arguments.
+            events: receives illegal actions.
         """
         by = self._by
         most = self._most

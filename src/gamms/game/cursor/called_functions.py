@@ -1,4 +1,4 @@
-"""Which plain functions of a game are called game by game."""
+"""Find the plain functions of a game that are called game by game."""
 
 from collections.abc import Callable, Iterator
 from itertools import chain
@@ -24,7 +24,7 @@ def functions_of_rules(game: PlayedGame, roster: AgentTable) -> Iterator[Callabl
 
 
 def has_function_of_conflicts(game: PlayedGame, roster: AgentTable) -> bool:
-    """Return whether a function decides conflicts, and not ranks that all agents have."""
+    """Return whether a function decides conflicts, rather than ranks of the agents."""
     return game.settings()["conflicts"] is not None and conflicts_in_core(game, roster) is None
 
 
@@ -39,7 +39,7 @@ def is_plain_rule(rule: NamedRule) -> bool:
 
 
 def keys_in_core(game: PlayedGame, roster: AgentTable) -> Iterator[str]:
-    """Yield the keys of `ctx.game.data` and the facts of rules that the core plays, or that are called in arrays."""
+    """Yield the keys of `ctx.game.data` and of facts that belong to rules of the core or of arrays."""
     called = called_rules(game, roster)
     if any(one.spec.is_array_function for one in called):
         yield KEPT
@@ -52,7 +52,7 @@ def keys_in_core(game: PlayedGame, roster: AgentTable) -> Iterator[str]:
 
 
 def asked_of(game: PlayedGame, roster: AgentTable) -> list[int]:
-    """Return the numbers of the agents whose strategies, or the plans of whose teams, are called game by game."""
+    """Return the numbers of the agents whose strategies or team plans are called game by game."""
     are_created = first_called(game, roster) is not None  # by a function
     found = []
     for number, agent in enumerate(roster.agents):

@@ -100,8 +100,8 @@ class _StartValues(NamedTuple):
     """The values with which games begin; see `GameState`.
 
     Attributes:
-        turn, moves, counts, blocked: how many turns were played, and what is known of agents in them.
-        memories, team_memories: what agents and teams remember.
+        turn, moves, counts, blocked: the number of turns played, and the data of agents in them.
+        memories, team_memories: the memories of agents and teams.
         private_facts: the facts of agents and those of teams.
     """
 
@@ -123,11 +123,11 @@ class _StartValues(NamedTuple):
 
 
 class _StreamPositions(NamedTuple):
-    """How far random streams and sensors of agents of a game are in the turn, where they are asked again in it.
+    """The positions of agents' random streams and sensors in a turn, for agents that are asked again.
 
     Attributes:
-        streams: by names of agents; see `AgentSlot.marks`.
-        looks: of each sensor that counts its looks; see `DetectionModel.mark`.
+        streams: the marks by names of agents; see `AgentSlot.marks`.
+        looks: the marks of the sensors that count their looks; see `DetectionModel.mark`.
     """
 
     streams: dict[str, tuple[Any, Any]]
@@ -135,12 +135,12 @@ class _StreamPositions(NamedTuple):
 
 
 class _LivingOrder(NamedTuple):
-    """The order of a turn of the agents that live in a game.
+    """The turn order of the living agents of a game.
 
     Attributes:
         order: the order.
         table: the keys of their draws.
-        asked: by numbers in the roster of agents that are asked, and of others that observe.
+        asked: the asked agents, by the numbers of agents that are asked and of others that observe.
     """
 
     order: TurnOrder
@@ -154,10 +154,10 @@ class _PopulationCaches:
 
     Attributes:
         lasts: the last states of agents, and the last data of sensors, each a list of one item.
-        notices: of the sensors that count their looks.
+        notices: the detection models of sensors that count their looks.
         sees_world_only: whether all sensors that are called look only at the graph and the agents.
-        are_plain: whether all sensors do, and show the same whenever they are asked.
-        living_of: returns the order of the agents that live, by row, and know the same facts or not.
+        are_plain: whether this holds, and repeated calls in a turn return the same data.
+        living_of: returns the order of the living agents, by their rows and whether all know the same facts.
     """
 
     lasts: list[list[Any]]
@@ -175,13 +175,13 @@ class Cursor:
     in a context of its own, and all turns that follow.
 
     Args:
-        game: at its start, whose context is pointed at games.
-        pointed: points the context.
-        state: of all games.
-        core: plays them.
+        game: the game at its start, whose context is pointed at other games.
+        pointed: points the context at games.
+        state: the state of all games.
+        core: plays the games in the core.
         asked: the numbers in the roster of agents whose strategies and plans are called.
         observing: the numbers of agents whose sensors are called in each turn.
-        first_values: what each game begins with; empty: all begin with the same.
+        first_values: the start values of each game; empty: all games begin with the same.
         has_array_functions: whether array functions are called, too.
 
     Attributes:
@@ -262,7 +262,7 @@ class Cursor:
 
     @property
     def number(self) -> int:
-        """The number of the game that the context is pointed at; -1: of none."""
+        """The number of the game that the context is pointed at; -1: none."""
         return self._number
 
     @property
@@ -273,7 +273,7 @@ class Cursor:
     # -- the context --------------------------------------------------------------------------------------------
 
     def _begin(self) -> None:
-        """Let the context be pointed at games, unless it is already."""
+        """Prepare the context to be pointed at games, unless it is already."""
         if self._has_begun:
             return
         values = self._values
@@ -343,12 +343,12 @@ class Cursor:
         return GuardedDict({}, None, self._leave, what)
 
     def _leave(self, what: str) -> NoReturn:
-        """Let the game leave that the context is pointed at, because of what a function does, in words."""
+        """Move the current game to a context of its own; the argument says why, in words."""
         self._why = self._why or f"a plain function {what}"
         raise LeavesSharedContext(self._why)
 
     def _let_leave(self) -> None:
-        """Stop playing the game that the context is pointed at, and restore the context."""
+        """Stop playing the current game here, and restore the context."""
         self._state.leave(np.array([self._number]), self._why)
         self._why = ""
         turns = self._turns
@@ -366,7 +366,7 @@ class Cursor:
         return means, graph.obstacle_revision, graph.storage.has_placed
 
     def _take_shown(self) -> None:
-        """Take the agents that the context shows from now on."""
+        """Read the agents that the context has from now on."""
         population = self._pointed.population
         self._population = population
         self._block = population.block
@@ -378,7 +378,7 @@ class Cursor:
         self._forget_looks()
 
     def _caches_of(self, population: Population) -> _PopulationCaches:
-        """Return what follows from the agents of the context, which are these."""
+        """Return the values derived from the agents of the context, which are these."""
         if population not in self._known_caches:
             self._known_caches[population] = self._new_caches(population.agents.members)
         return self._known_caches[population]
@@ -399,12 +399,12 @@ class Cursor:
         return _PopulationCaches(lasts, notices, sees_world_only, are_plain, lru_cache(1024)(self._new_living))
 
     def _refuse_changes(self) -> None:
-        """Let the game leave if a function has changed a value that all games share."""
+        """Move the game to a context of its own if a function has changed a value that all games share."""
         if self._what_is_fixed() != self._fixed:
             self._leave("changes the map, settings, rules or collectors")
 
     def _have_left(self, games: IntArray) -> bool:
-        """Let all of some games leave if a function has changed the attributes of agents that they share."""
+        """Move games to contexts of their own if a function has changed attributes of agents that they share."""
         if not self._are_shared or is_same(self._shared_attributes, self._first_attributes):
             return False
         self._state.leave(games, "a plain function changes the __dict__ of agents")
@@ -453,7 +453,7 @@ class Cursor:
             yield number
 
     def _each_that_stays(self, games: IntArray) -> Iterator[int]:
-        """Point the context at each of some games, but for those that have left, and yield the place of the game."""
+        """Point the context at each of some games that have not left, and yield the index of the game."""
         places = np.flatnonzero(~np.isin(games, [*self._state.leaving]))
         first = 0
         while first < len(places):
@@ -465,14 +465,14 @@ class Cursor:
                     break
 
     def _show_facts(self, own: dict[str, Any] | None) -> None:
-        """Let the facts be those of a game; None: those that were published before the batch."""
+        """Show the facts of a game; None: the facts published before the batch."""
         self._facts_own = own
         self._facts_shown = self._first_facts if own is None else own
         self._facts.clear()
         self._facts.update(self._facts_shown)
 
     def _show_attributes_of(self, number: int) -> None:
-        """Let the agents have the attributes that they have in a game."""
+        """Show the attributes of agents in a game."""
         attributes = self._attributes[number]
         if attributes is None and not self._are_shared:
             attributes = [copied_values(own) for own in self._first_attributes]
@@ -482,20 +482,20 @@ class Cursor:
             self._show_attributes(attributes)
 
     def _show_attributes(self, attributes: list[dict[str, Any]]) -> None:
-        """Let the agents have these attributes of the caller's."""
+        """Set the custom attributes of the agents."""
         for agent, own in zip(self._agents, attributes, strict=True):
             agent.__dict__ = own
         self._attributes_shown = attributes
 
     def _own_attributes(self) -> None:
-        """Let the game have attributes of its own before one is read that may change in place."""
+        """Give the game its own attributes before one is read that may change in place."""
         if self._attributes[self._number] is None:
             own = copied(self._attributes_shown)
             self._attributes[self._number] = own
             self._show_attributes(own)
 
     def _take_attributes(self) -> None:
-        """Keep the attributes that a function has set in a game."""
+        """Store the attributes that a function has set in a game."""
         if self._attributes[self._number] is None:
             self._attributes[self._number] = self._attributes_shown
             self._shared_attributes = copied(self._first_attributes)
@@ -528,7 +528,7 @@ class Cursor:
             self._inboxes.pop(number, None)
 
     def _first_rng(self, number: int) -> Generator | None:
-        """Return `ctx.rng` of a game that begins; None: it begins when it is used."""
+        """Return `ctx.rng` of a new game; None: it is created on first use."""
         state = None if self._start is None else self._start.rng_of(self._state.seeds[number])
         if state is None:
             return None
@@ -547,14 +547,14 @@ class Cursor:
         return collectors
 
     def _take_living(self, alive: bytes) -> None:
-        """Let the agents that live now take turns."""
+        """Use the turn order of the agents that live now."""
         self._alive = alive
         self._is_public = not any(self._private_shown or self._nothing_private)
         self._living = self._cached.living_of(alive, self._is_public)
         self._turns.take_order(self._living.order)
 
     def _new_living(self, _: bytes, is_public: bool) -> _LivingOrder:  # noqa: ARG002 - on which the order depends
-        """Return the order of the agents that live now, which know the same facts or not."""
+        """Return the order of the agents that live now; they may know the same facts or not."""
         return _LivingOrder(self._turns.order(), self._turns.draw_table, {})
 
     def _order_of(self, population: Population, took_part: BoolArray) -> TurnOrder:
@@ -648,7 +648,7 @@ class Cursor:
         self._leave("reads ctx.game.memories")
 
     def _make_moves(self) -> TurnMoves | None:
-        """Return how agents have moved in the last turn of the game, or are about to move; None: there was none."""
+        """Return the moves of the last turn of the game, or the moves about to be made; None: there are none."""
         part = self._part
         games = np.array([self._number])
         if part is not None:
@@ -664,7 +664,7 @@ class Cursor:
 
     @property
     def _moment(self) -> tuple[int, int | None]:
-        """How many turns were played, and the part in which agents are about to move; None: none."""
+        """The number of turns played, and the part in which agents are about to move; None: no part."""
         return int(self._state.turn[self._number]), self._part
 
     def _moves_between(self, starts: IntArray, ends: IntArray, took_part: BoolArray) -> TurnMoves:
@@ -697,7 +697,7 @@ class Cursor:
     # -- before agents move ---------------------------------------------------------------------------------------
 
     def check(self, games: IntArray, part: int) -> None:
-        """Let rules refuse moves and deeds of a part of the turn in each of these games."""
+        """Call the rules that may refuse moves and deeds of a part of the turn, in each of these games."""
         self._call_each(self._check, games, part=part)
 
     def _check(self) -> None:
@@ -718,7 +718,7 @@ class Cursor:
         self._refuse_other_agents("the check of a rule")
 
     def cut_off(self, games: IntArray, part: int) -> None:
-        """Let agents stay whose way was closed in these games."""
+        """Keep agents in place whose path was closed in these games."""
         self._call_each(self._cut_off, games, part=part)
 
     def _cut_off(self) -> None:
@@ -729,7 +729,7 @@ class Cursor:
             self._note_undone(self._number, agent, CLOSED)
 
     def give_way(self, games: IntArray, part: int) -> None:
-        """Let agents stay that lose conflicts, by a function, in these games."""
+        """Keep agents in place that lose conflicts decided by a function, in these games."""
         self._call_each(self._give_way, games, part=part)
 
     def _give_way(self) -> None:
@@ -741,11 +741,11 @@ class Cursor:
         self._refuse_other_agents("the function of conflicts")
 
     def begin_arrivals(self) -> None:
-        """Begin a part of the turn in which agents are asked where they arrive."""
+        """Begin a part of the turn in which agents are asked on arrival."""
         self._marks = {}
 
     def give_way_at_arrivals(self, games: IntArray) -> None:
-        """Let agents that have arrived stop that lose conflicts, by a function, in these games."""
+        """Stop arrived agents that lose conflicts decided by a function, in these games."""
         self._call_each(self._give_way_at_arrivals, games)
 
     def _give_way_at_arrivals(self) -> None:
@@ -758,7 +758,7 @@ class Cursor:
         self._refuse_other_agents("the function of conflicts")
 
     def note_losers(self, games: IntArray) -> None:
-        """Tell agents that conflicts have stopped them where they arrived."""
+        """Tell agents that conflicts have stopped them on arrival."""
         for at, agent in np.argwhere(self._core.losers(games)).tolist():
             game = int(games[at])
             self._note_undone(game, agent, in_conflict(self._core.wanted(game, agent)))
@@ -782,7 +782,7 @@ class Cursor:
         self._call_each(lambda: named.rule(self._ctx), games, what, part=part)
 
     def collect(self, games: IntArray) -> None:
-        """Call the collectors in those of these games in which they are due."""
+        """Call the collectors in the games in which they are due."""
         turns = self._state.turn[games]
         is_due = np.zeros(len(games), np.bool_)
         for every in self._periods:
@@ -794,7 +794,7 @@ class Cursor:
         self._collectors[self._number].collect(self._values.turn, self._ctx, lambda: self._game.agents)
 
     def collected(self, game: int) -> dict[str, dict[str, list[Any]]]:
-        """Return what was collected in a game, by the names of collectors."""
+        """Return the collected values of a game, by the names of collectors."""
         return self._collectors[game].tables()
 
     def _call_each(
@@ -803,10 +803,10 @@ class Cursor:
         """Call a function while the context is pointed at each of these games in turn.
 
         Args:
-            function: that is called.
-            games: their numbers.
-            what: the function, in words; "": its errors say that.
-            part: of the turn in which agents are about to move; None: they are not.
+            function: the function to call.
+            games: the numbers of the games.
+            what: the function in words, for errors; "": its errors name it themselves.
+            part: the part of the turn in which agents are about to move; None: they are not.
         """
         turns = self._turns
         self._begin()
@@ -833,7 +833,7 @@ class Cursor:
         self._state.now.clear()
 
     def _call(self, function: Callable[[], object]) -> None:
-        """Call a function in the game that the context is pointed at, and take what it has changed."""
+        """Call a function in the current game, and store its changes."""
         table = self._living.table
         begun = table.begun
         try:
@@ -852,7 +852,7 @@ class Cursor:
                 raise
 
     def _forget_asking(self) -> None:
-        """Forget what a function has asked sensors for, as if it had not."""
+        """Undo the sensor calls of a function."""
         if not self._cached.are_plain:
             self._leave("asks sensors that err, or of classes of their own")
         self._forget_looks()
@@ -896,7 +896,7 @@ class Cursor:
         return self._pointed.has_other_agents()
 
     def _take_rng(self) -> None:
-        """Keep the random stream of a game."""
+        """Store the random stream of a game."""
         rng = self._own_of_ctx["_rng"]
         self._rngs[self._number] = rng
         if rng is not None and self._has_drawn:
@@ -906,7 +906,7 @@ class Cursor:
         """Store the agents that a function has created or deleted for its game.
 
         Returns:
-            The block with what the function has done; None: some agents have no rows, and games have to begin again.
+            The block with the changes of the function; None: some agents have no rows, and games have to begin again.
         """
         number = self._number
         before = self._population
@@ -942,7 +942,7 @@ class Cursor:
         return found.block
 
     def _refuse_other_forms(self, changed: Sequence[Any], first: Mapping[Any, tuple[Any, Any]]) -> None:
-        """Leave the core if agents have other strategies now, and functions of arrays have decided for them."""
+        """Leave the core if agents for which array functions decided have other strategies now."""
         for agent in changed:
             if strategy_spec_of(agent.strategy).array_form is not strategy_spec_of(first[agent][0]).array_form:
                 self._leave("changes a strategy to or from an array strategy")
@@ -959,12 +959,12 @@ class Cursor:
             self._leave("changes ctx.game.messages")
 
     def _take_roads(self) -> None:
-        """Store the roads that a function has left open for its game."""
+        """Store the open roads of the game after a function call."""
         if not self._pointed.take_roads(self._number):
             self._leave("changes more of the map than which roads are open")
 
     def _note_events(self, entries: Sequence[dict[str, Any]]) -> None:
-        """Count the agents that events stop which a function has added to the log of a game."""
+        """Count the stops of agents by events that a function has added to the log of a game."""
         state = self._state
         numbers = self._number_of
         for entry in entries:
@@ -983,10 +983,10 @@ class Cursor:
         columns.put(np.array([self._number]), scores)
 
     def _take_agents(self, journal: Journal, changed: AgentBlock | None) -> None:
-        """Write where agents are that were put elsewhere, and who lives.
+        """Write the nodes of agents that were placed elsewhere, and which agents live.
 
         Args:
-            journal: what a function has done.
+            journal: the changes that a function has made.
             changed: the agents, if it has created or deleted some; else None.
         """
         state = self._state
@@ -1061,7 +1061,7 @@ class Cursor:
         Args:
             view: the agents.
             observing: the numbers of other agents, whose sensors are called.
-            here: (all games, all agents) which of these do so, where they arrive now; None: all do.
+            here: (all games, all agents) a mask of the agents that arrive now; None: all agents decide.
         """
         state = self._state
         agents = view.agents
@@ -1102,13 +1102,13 @@ class Cursor:
         return view.action_to(wanted)
 
     def note_given(self, view: ArrayView) -> None:
-        """Note that agents were given actions in place of their own."""
+        """Record that agents got actions from outside."""
         names = self._state.roster.names
         for at, i in np.argwhere(view.mask).tolist():
             self._undone.get(view.games[at], {}).pop(names[view.agents[i]], None)
 
     def _ask(self, asked: _AskedAgents) -> list[int]:
-        """Return the nodes to which agents of the game that the context is pointed at go."""
+        """Return the nodes to which agents of the current game move."""
         memories = self._memories[self._number]
         for name, template in asked.templates:
             template["memory"] = memories[name]
@@ -1134,7 +1134,7 @@ class Cursor:
         return [found[i] for i in asked.places]
 
     def _decide_at_arrival(self, asked: _AskedAgents) -> Decisions:
-        """Return the decisions of agents, which may have decided in the same turn before."""
+        """Return the decisions of agents that may have decided before in the same turn."""
         number = self._number
         turns = self._turns
         slots = self._living.order.slots
@@ -1152,27 +1152,27 @@ class Cursor:
         return decisions
 
     def _take_what_sensors_change(self) -> None:
-        """Write what sensors of the user's own have changed before agents have decided."""
+        """Write the changes that custom sensors made before agents decided."""
         if self._journal.log or self._journal.progressed or self._values.over is not self._over:
             self._leave("that is a sensor changes agents or ends the game")
         self._take()
         self._refuse_changes()
 
     def _choose_flights(self, flights: Flights, decisions: Decisions, asked: _AskedAgents) -> None:
-        """Let agents of the game that the context is pointed at fly as they have decided."""
+        """Store the flights that agents of the current game have chosen."""
         for i, name in asked.members:
             action = decisions.actions.get(i)
             if action is not None and (action.position is not None or action.quat is not None):
                 flights.choose(self._number, self._number_of[name], action.position, action.quat)
 
     def _choose_routes(self, routes: Routes, decisions: Decisions, asked: _AskedAgents) -> None:
-        """Let agents of the game that the context is pointed at go as they have decided."""
+        """Store the routes that agents of the current game have chosen."""
         for i, name in asked.members:
             if not routes.choose(self._number, self._number_of[name], decisions, i):
                 self._leave("chooses a route with an edge that it repeats")
 
     def _take_decisions(self, decisions: Decisions, asked: _AskedAgents) -> None:
-        """Take the decisions that are not nodes to go to."""
+        """Store the decisions other than moves to nodes."""
         for action in decisions.actions.values():
             if self._core.courses is None and len(action.path) > 2:
                 self._leave("chooses a route over other nodes")
@@ -1196,7 +1196,7 @@ class Cursor:
             self._state.failures.append((Failure(self._number, self._number_of[named[i]], kind, message), turn))
 
     def _take_deeds(self, decisions: Decisions, asked: _AskedAgents) -> None:
-        """Take what agents of the game that the context is pointed at do besides moving."""
+        """Store the deeds of agents of the current game."""
         for i, name in asked.members:
             action = decisions.actions.get(i)
             agent = self._number_of[name]
@@ -1207,7 +1207,7 @@ class Cursor:
                 self._deeds.append((self._number, agent, order, kind, fields))
 
     def _take_messages(self, radio: MessageTraffic, decisions: Decisions, asked: _AskedAgents) -> None:
-        """Take what agents of the game that the context is pointed at send."""
+        """Store the messages that agents of the current game send."""
         failed = decisions.failed
         slots = self._living.order.slots
         number = self._number
@@ -1219,14 +1219,14 @@ class Cursor:
         radio.post_checked(number, messages, flaws)
 
     def note_closed_edges(self, games: IntArray, agents: IntArray, edges: IntArray) -> None:
-        """Let agents know that they have left edges, which were closed."""
+        """Tell agents that they have left closed edges."""
         columns = self._state.movement.columns
         ends = columns.node_ids[columns.sources[edges]], columns.node_ids[columns.targets[edges]]
         for game, agent, source, target in zip(*(one.tolist() for one in (games, agents, *ends)), strict=True):
             self._note_undone(game, agent, closed_edge(source, target))
 
     def note_undone(self, failure: Failure) -> None:
-        """Let an agent that is asked know in its next turn what it did wrong in this one."""
+        """Tell an asked agent, in its next turn, why its action failed in this one."""
         self._note_undone(failure.game, failure.agent, failure.message)
 
     def _note_undone(self, game: int, agent: int, why: str) -> None:
@@ -1236,12 +1236,12 @@ class Cursor:
             undone[name] = f"{undone[name]}; {why}" if name in undone else why
 
     def _asked(self, agents: IntArray, observing: IntArray) -> _AskedAgents:
-        """Return the living ones of agents that are asked, and of others that only observe."""
+        """Return the living agents that are asked, and the living agents that only observe."""
         which = agents.tobytes(), observing.tobytes()
         return kept_in(self._living.asked, which, lambda: self._new_asked(agents, observing))
 
     def _new_asked(self, agents: IntArray, observing: IntArray) -> _AskedAgents:
-        """Return the same; `_asked` remembers it, because the same agents are asked in each turn."""
+        """Return the result of `_asked`, which caches it, because the same agents are asked in each turn."""
         order = self._living.order
         names = self._state.roster.names
         named = [names[number] for number in agents.tolist()]
@@ -1290,7 +1290,7 @@ class Cursor:
         return self._pointed.departed[game]
 
     def checkpoint(self) -> Callable[[], None]:
-        """Return a function that takes back all that happens from now on."""
+        """Return a function that undoes all later changes."""
         undo = self._state.checkpoint(self._core.moves)
         facts = [*self._facts_of]
         private_facts = [one and copied(one) for one in self._private_facts]

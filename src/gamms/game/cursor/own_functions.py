@@ -134,7 +134,7 @@ class FunctionsPerGame:
         differs: whether rules, facts, data or attributes of agents differ with the seed, too.
 
     Attributes:
-        first: what each game begins with; empty: all begin with the same.
+        first: the start values of each game; empty: all games begin with the same.
         maps: the map that each game begins with; None: that of the first seed.
         more_edges: edges that are not on the map of the first seed, but may be on those of other seeds.
     """
@@ -249,7 +249,7 @@ class FunctionsPerGame:
         self._game.internals.restore_rules([self._of_games(rule) for rule in self._first_rules])
 
     def _of_games(self, rule: NamedRule) -> NamedRule:
-        """Return a rule that calls that of each game, if these are others, or if it is a function of arrays."""
+        """Return a rule that calls the rule of each game, if the rules differ or are functions of arrays."""
         own = self._rules.get(rule.name)
         if own is None or not (rule.spec.is_array_function or any(one not in (None, rule.rule) for one in own.of_game)):
             return rule

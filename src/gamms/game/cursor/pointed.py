@@ -33,12 +33,12 @@ _OF_ALL = (
 
 
 class GuardedDict(dict[Any, Any]):
-    """A dict of a game with keys whose values only the core has; if a function reads one, its game leaves.
+    """A dict of a game, some of whose values only the core has; if a function reads one, its game leaves.
 
     Args:
-        values: of the other keys.
-        keys: whose values the core has; None: all.
-        leave: lets the game leave the shared context, and says why.
+        values: the values of the other keys.
+        keys: the keys whose values only the core has; None: all.
+        leave: moves the game to a context of its own; called with the reason.
         what: the dict, in words.
     """
 
@@ -73,8 +73,8 @@ class StartOfGame:
     Args:
         read: returns the value of a field of the game.
         replace_data: sets `ctx.game.data`.
-        began: returns where agents began.
-        leave: lets the game leave the shared context, and says why.
+        began: returns the start places of agents.
+        leave: moves the game to a context of its own; called with the reason.
     """
 
     def __init__(
@@ -91,15 +91,15 @@ class StartOfGame:
 
     @property
     def snapshot(self) -> "StartOfGame":
-        """The object that says where agents began."""
+        """The object with the start places of agents."""
         return self
 
     def places_of(self, _: object) -> dict[str, Any]:
-        """Return where agents began."""
+        """Return the start places of agents."""
         return self._began()
 
     def place_of(self, agent: IAgent) -> Any:
-        """Return where an agent is that has come later."""
+        """Return the place of an agent that came later."""
         return getattr(agent, "position", agent.current_node_id)
 
     def __getattr__(self, name: str) -> NoReturn:
@@ -110,7 +110,7 @@ class StartOfGame:
 
 
 class PointedState(GameState):
-    """The state of the game that a context is pointed at; some fields are made when they are read."""
+    """The state of the game that a context is pointed at; some fields are computed when they are read."""
 
     __slots__ = ()
 
@@ -136,18 +136,18 @@ class Population:
     """A set of agents, with their sensors, that the context has in some games.
 
     Args:
-        game: in whose context they are now.
-        state: of all games of the batch.
-        before: the set before; None: this is that of the start.
+        game: the game whose context has them now.
+        state: the state of all games of the batch.
+        before: the previous set; None: this is the set of the start.
 
     Attributes:
         agents, sensors: the agents and the sensors.
-        block: of the agents.
+        block: the block of the agents.
         numbers: the number in the roster of each agent, by row.
-        flying: the places, among the flying agents of the batch, of those that fly.
-        rows_in_air: their rows.
-        first_headings: the headings that agents have if none is known of them, by row.
-        journal: what functions change.
+        flying: the indices of its flying agents among all flying agents of the batch.
+        rows_in_air: the rows of its flying agents.
+        first_headings: the default headings of agents, by row.
+        journal: records the changes of functions.
     """
 
     def __init__(self, game: PlayedGame, state: GameArrays, before: "Population | None" = None) -> None:
@@ -167,7 +167,7 @@ class Population:
         self.journal = self.renew_journal()
 
     def renew_journal(self) -> Journal:
-        """Return a new journal, which the block has from now on."""
+        """Give the block a new journal, and return it."""
         self.journal = Journal(self.block.names)
         self.block.journal = self.journal
         return self.journal
@@ -187,15 +187,15 @@ class PointedContext:
     """A context that is pointed at each game of a batch in turn: it then has the agents, turn and seed of that game.
 
     Args:
-        game: at its start, in a context in which nothing else is played.
-        state: of all games.
+        game: the game at its start, in a context in which nothing else is played.
+        state: the state of all games.
 
     Attributes:
         population: the agents of the context.
-        population_of: those of each game; None: those of the start.
-        headings: those that agents have, by their numbers, where they are not those of the start; None: unknown.
-        alive: which agents of the context live, by row, as bytes; empty: unknown.
-        delayed_looks: what sensors are still to report in each game.
+        population_of: the agents of each game; None: the agents of the start.
+        headings: the headings that differ from the start, by the numbers of agents; None: unknown.
+        alive: whether each agent of the context lives, by row, as bytes; empty: unknown.
+        delayed_looks: the pending reports of sensors in each game.
         departed: the agents that were deleted in each game; see `GameState`.
         moved: game -> a moment, and the agents whose moves functions see then; others were created or deleted since.
     """
@@ -218,7 +218,7 @@ class PointedContext:
         self.alive = b""
 
     def forget(self, games: IntArray) -> None:
-        """Let some games begin again, with the agents of the start, and what sensors were to report at first."""
+        """Reset some games to the agents and the pending reports of the start."""
         for number in games.tolist():
             self.delayed_looks[number] = copied(self._looks_at_start)
             self.departed[number] = {**self._departed_at_start}
@@ -226,7 +226,7 @@ class PointedContext:
             self.moved.pop(number, None)
 
     def checkpoint(self) -> Callable[[], None]:
-        """Return a function that takes back all that happens from now on."""
+        """Return a function that undoes all later changes."""
         delayed_looks = [{**looks} for looks in self.delayed_looks]
         departed = [{**one} for one in self.departed]
         populations = [*self.population_of]
@@ -274,7 +274,7 @@ class PointedContext:
 
     @contextmanager
     def showing(self, population: Population) -> Iterator[None]:
-        """Let the context have another set of agents, and then again what it has now, which may be changed."""
+        """Show another set of agents within the block, then the present set again, which may be changed."""
         agent = self._game.ctx.agent.storage
         sensor = self._game.ctx.sensor.storage
         agents = agent.share()
@@ -304,7 +304,7 @@ class PointedContext:
         return self._first
 
     def part_from_others(self) -> None:
-        """Let the context have a set of agents of its own, if their strategies or sensors were changed."""
+        """Give the context its own set of agents, if strategies or sensors were changed."""
         sensors = self._game.ctx.sensor.storage.share()
         known = self.population.sensors
         are_same = sensors is known or (sensors.sensors, sensors.keywords) == (known.sensors, known.keywords)
@@ -342,7 +342,7 @@ class PointedContext:
             self.release()
 
     def by_population(self, games: IntArray) -> IntArray:
-        """Return the places of some games such that games with the same agents follow each other."""
+        """Return the indices of some games, ordered so that games with the same agents follow each other."""
         numbers = dict[Population | None, int]()
         each = [numbers.setdefault(self.population_of[game], len(numbers)) for game in games.tolist()]
         return np.argsort(each, kind="stable")
@@ -353,7 +353,7 @@ class PointedContext:
             yield from self._each_with(population, np.array([*some], np.int64))
 
     def _each_with(self, population: Population, games: IntArray) -> Iterator[int]:
-        """Do the same for games with the same agents."""
+        """Do the same as `each` for games with the same agents."""
         state = self._state
         block = population.block
         numbers = population.numbers
@@ -396,13 +396,13 @@ class PointedContext:
             yield number
 
     def _show_numbers(self, number: int) -> None:
-        """Let agents have the additional numbers that they have in a game."""
+        """Show the additional numbers of agents in a game."""
         shown = self.population
         for name, column in self._state.numbers.items():
             np.asarray(getattr(shown.block, name))[:] = column[number, shown.numbers]
 
     def _nodes_of(self, population: Population, games: IntArray) -> PointedColumns:
-        """Return where agents are and were before in some games, in the order of their rows."""
+        """Return the current and previous nodes of agents in some games, in the order of their rows."""
         state = self._state
         node, previous = (
             np.ascontiguousarray(state.streets.ids_of(column[games][:, population.numbers]), np.int64).reshape(-1).data
@@ -411,7 +411,7 @@ class PointedContext:
         return PointedColumns(population.block, node, previous)
 
     def _show_poses(self, number: int) -> None:
-        """Let agents fly where they do in a game, and be turned as they are there."""
+        """Show the positions and rotations of flying agents in a game."""
         flights = self._state.flights
         headings = self._state.headings[number]
         shown = self.population
@@ -423,7 +423,7 @@ class PointedContext:
         shown.block.heading[:] = [headings.get(agent, first) for agent, first in each]
 
     def _placed(self, games: IntArray) -> BoolArray:
-        """Return which agents rules have put where they are, (games, agents), without those that have flown there."""
+        """Return a mask of agents that rules have placed, (games, agents), without agents that flew there."""
         placed: BoolArray = self._state.placed[games]
         flights = self._state.flights
         if flights is not None:
@@ -431,12 +431,12 @@ class PointedContext:
         return placed
 
     def show_lives(self, alive: bytes) -> None:
-        """Let the agents of the context live that lived in some game, by row."""
+        """Set which agents of the context are alive, by row."""
         show_lives(self.population.block, alive)
         self.alive = alive
 
     def _show_roads(self, roads: RoadMap | None) -> None:
-        """Let those roads be open in the context that are in a game; None: those of the start."""
+        """Open and close roads as in a game; None: as at the start."""
         if roads is not self._roads or self.has_changed_map():
             self._game.ctx.graph.storage.restore(self._first_map if roads is None else roads.snapshot)
             self._note_map(roads)
@@ -455,7 +455,7 @@ class PointedContext:
         """Close or open roads in some games.
 
         Args:
-            games: their numbers.
+            games: the numbers of the games.
             verb: the name of the method of `ctx.graph`.
             edges: ids.
 

@@ -161,7 +161,7 @@ class SeparateGames:
 
     @contextmanager
     def undoing_after_error(self) -> Iterator[None]:
-        """Let all games be as they were before, and where they were, if the block raises."""
+        """Restore all games, and the engines that play them, if the block raises."""
         known = {*self.reasons}
         had_contexts = {*self._games}
         snapshots = {number: self._games[number].snapshot() for number in self.going if number in self._games}
@@ -200,7 +200,7 @@ class SeparateGames:
 
     @contextmanager
     def _played(self, number: int, game: PlayedGame) -> Iterator[None]:
-        """Note what becomes of a game in the block, and say in errors which game raised them."""
+        """Record the changes of a game in the block, and name the game in errors."""
         try:
             with self._playing(number, game):
                 yield
@@ -233,7 +233,7 @@ class SeparateGames:
         self._unobserved.add(number)
 
     def observe(self, numbers: Iterable[int]) -> None:
-        """Write into the columns what agents of some games observe.
+        """Write the observations of agents of some games into the columns.
 
         Raises:
             BadValue: an agent is at or next to a node that is not in the columns.
@@ -254,12 +254,12 @@ class SeparateGames:
 
 
 def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
-    """Write into the columns of a batch what agents of a game in a context of its own observe.
+    """Write the observations of a game in a context of its own into the columns of a batch.
 
     Args:
-        state: of all games.
+        state: the state of all games.
         game: the game.
-        number: of the game.
+        number: the number of the game.
 
     Raises:
         UnknownName (KeyError): an agent is at or next to a node that is not in the columns.
@@ -302,7 +302,7 @@ def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
 
 
 def _roads_of(state: GameArrays, game: PlayedGame) -> RoadMap | None:
-    """Return the map of a game, if it differs from the start in nothing but open roads; None: it has other nodes."""
+    """Return the map of a game, if only its open roads differ from the start; None: it has other nodes."""
     try:
         return state.roads.map_with(*game.ctx.graph.storage.roads())
     except (BadValue, UnknownName):

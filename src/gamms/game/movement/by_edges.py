@@ -22,14 +22,14 @@ class EdgeMovement(PacedMovement):
     """Agents that go along several edges in a turn, or parts of one, by their speeds in edges.
 
     Args:
-        streets: of the map.
-        speeds: of the agents in the order of the roster; None: along one edge.
+        streets: the graph of the map.
+        speeds: the speeds of agents in the order of the roster; None: one edge per turn.
         whole, closed: see `Movement`.
 
     Attributes:
-        paces: (agents,) speeds, none more than there are nodes; NaN: along one edge.
-        begun: (games, agents) the row of the node to which an agent has covered part of the edge; -1: to none.
-        covered: (games, agents) how much of it.
+        paces: (agents,) the speeds, at most the number of nodes; NaN: one edge per turn.
+        begun: (games, agents) the row of the node at the end of a partly covered edge; -1: none.
+        covered: (games, agents) the covered share of this edge.
     """
 
     remembers = ("begun", "covered")
@@ -46,23 +46,23 @@ class EdgeMovement(PacedMovement):
         super().__init__(streets, np.array(paces, np.float64), whole, closed)
 
     def begin(self, shape: tuple[int, int]) -> None:
-        """Reserve memory for so many games and agents."""
+        """Reserve memory for these numbers of games and agents."""
         super().begin(shape)
         self.begun = np.full(shape, -1)
         self.covered = np.zeros(shape)
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
-        """Let agents have covered nothing of an edge."""
+        """Reset the covered parts of edges."""
         self.begun[games, agents] = -1
         self.covered[games, agents] = 0.0
 
     def put_on(self, games: IntArray, agent: int, place: Progress) -> None:
-        """Let an agent have covered part of an edge in some games."""
+        """Set the covered part of an agent's edge in some games."""
         self.begun[games, agent] = self.streets.rows([place.target])
         self.covered[games, agent] = place.share
 
     def on_edges(self, game: int, node: IntArray) -> dict[int, Progress]:
-        """Return what agents of a game, on these nodes (agents,), have covered of edges, by their numbers."""
+        """Return the covered parts of edges of a game's agents on these nodes, (agents,), by their numbers."""
         agents = np.flatnonzero(self.begun[game] >= 0)
         ids = self.streets.ids
         each = ids(node[agents]), ids(self.begun[game, agents]), self.covered[game, agents]
@@ -96,7 +96,7 @@ class EdgeMovement(PacedMovement):
         return self._listed(len(node), lambda first, rows, counts: core.list_each(walks, first, rows, counts))
 
     def most_legal(self, limit: int) -> int:
-        """Return how many nodes are legal at most; if no speed is a fraction, no agent is on an edge."""
+        """Return the maximum number of legal nodes; if all speeds are integers, no agent is on an edge."""
         streets = self.streets
         most = 1
         nodes = np.arange(streets.num_nodes)

@@ -1,6 +1,6 @@
-"""Travel by metres in many games at once: where agents are on edges, and what they cover in a turn.
+"""Travel by metres in many games at once: the positions of agents on edges, and their legal nodes.
 
-`gamms.core.travel` says how each agent goes; here is what strategies of arrays decide, and the columns of games.
+`gamms.core.travel` moves each agent; this module has the columns of games.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,14 +23,14 @@ _AT_ONCE = 1 << 12  # nodes at which the most legal ones are looked for
 
 
 class TravelTerms(NamedTuple):
-    """By what agents travel.
+    """The costs and times by which agents travel.
 
     Attributes:
-        weight: of the edges, by which they choose paths.
-        costs: (edges,) by that weight.
-        seconds: (edges,) that each takes at least; None: edges have no speed of their own.
-        turn_seconds: how long a turn lasts, in the time of speeds.
-        decides_at_arrivals: whether agents go on until they arrive, and decide there; see `arrivals`.
+        weight: the edge weight by which agents choose paths.
+        costs: (edges,) the costs by this weight.
+        seconds: (edges,) the minimum travel time of each edge; None: edges have no speed limits.
+        turn_seconds: the duration of a turn, in the time unit of speeds.
+        decides_at_arrivals: whether agents decide on arrival; see `arrivals`.
     """
 
     weight: str
@@ -41,7 +41,7 @@ class TravelTerms(NamedTuple):
 
     @classmethod
     def of(cls, game: PlayedGame, streets: StreetGraph) -> "TravelTerms":
-        """Return those of a game by metres; `streets` has all roads that may be open."""
+        """Return the terms of a game by metres; `streets` has all roads that may be open."""
         settings = game.settings()
         weight = settings["weight"]
         is_by_seconds = settings["speed_unit"] == "metres_per_second"
@@ -51,26 +51,26 @@ class TravelTerms(NamedTuple):
 
 
 def seconds_of_turn(settings: Mapping[str, Any]) -> float | None:
-    """Return how long a turn of a game lasts, in the time of speeds by metres; None: speeds count edges."""
+    """Return the duration of a turn of a game, in the time unit of speeds; None: speeds count edges."""
     lasts: dict[str, float | None] = {"edges": None, "metres": 1.0, "metres_per_second": settings["turn_seconds"]}
     return lasts[settings["speed_unit"]]
 
 
 class MetricMovement(PacedMovement):
-    """Agents that are anywhere on edges, and go as far in a turn as their speeds in metres say.
+    """Agents that may be anywhere on edges, and move by speeds in metres.
 
     Args:
-        streets: of the map.
-        speeds: of the agents in the order of the roster; None: along one edge in a turn.
-        terms: by what they travel.
+        streets: the graph of the map.
+        speeds: the speeds of agents in the order of the roster; None: one edge per turn.
+        terms: the costs and times of travel.
         whole, closed: see `Movement`.
 
     Attributes:
-        paces: (agents,) speeds; NaN: along one edge in a turn.
+        paces: (agents,) the speeds; NaN: one edge per turn.
         edge: (games, agents) the rows of the edges that agents are on; -1: they are on their nodes.
-        share: (games, agents) of the edge that is behind them.
-        motion: (games, agents) how they move there, see `ir.progress.Motion`.
-        now: (games,) of the turn, from 0 to 1: when the agents that are asked decide.
+        share: (games, agents) the share of the edge behind each agent.
+        motion: (games, agents) the motion on the edge, see `ir.progress.Motion`.
+        now: (games,) the time in the turn, from 0 to 1, at which the asked agents decide.
     """
 
     leaves_nodes = True
@@ -91,11 +91,11 @@ class MetricMovement(PacedMovement):
 
     @cached_property
     def map(self) -> core.RoadEdges:
-        """The map as the core takes it."""
+        """The map in the form of the core."""
         return self.new_map()
 
     def new_map(self) -> core.RoadEdges:
-        """Return the map as the core takes it, for one thread."""
+        """Return the map in the form of the core, for one thread."""
         terms = self.terms
         leaving, _ = self.all_roads.edges_at([self._on])
         return map_of(self.columns, terms.costs, terms.seconds, terms.turn_seconds, leaving)
@@ -105,7 +105,7 @@ class MetricMovement(PacedMovement):
 
         Args:
             games: the numbers of the games.
-            members: (games, agents) which agents leave their edges.
+            members: (games, agents) a mask of the agents that leave their edges.
         """
         at, agents = np.nonzero(members & (self.edge[games] >= 0))
         edges = self.edge[games[at], agents]
@@ -119,7 +119,7 @@ class MetricMovement(PacedMovement):
         return ReachableNodes(self.streets.num_nodes)
 
     def begin(self, shape: tuple[int, int]) -> None:
-        """Reserve memory for so many games and agents, all of which are on nodes."""
+        """Reserve memory for these numbers of games and agents, with all agents on nodes."""
         super().begin(shape)
         self.edge = np.full(shape, -1)
         self.share = np.zeros(shape)
@@ -127,12 +127,12 @@ class MetricMovement(PacedMovement):
         self.now = np.zeros(shape[0])
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
-        """Let agents be on their nodes."""
+        """Put agents on their nodes."""
         self.edge[games, agents] = -1
         self.share[games, agents] = 0.0
 
     def put_on(self, games: IntArray, agent: int, place: Progress) -> None:
-        """Let an agent be on an edge in some games."""
+        """Put an agent on an edge in some games."""
         rows = np.flatnonzero(self.columns.edge_ids == place.edge)
         if not len(rows):  # the edge was removed
             return
@@ -141,7 +141,7 @@ class MetricMovement(PacedMovement):
         self.motion[games, agent] = place.motion
 
     def on_edges(self, game: int, node: IntArray) -> dict[int, Progress]:  # noqa: ARG002 - as `Movement`
-        """Return where on edges agents of a game are, by their numbers."""
+        """Return the positions on edges of a game's agents, by their numbers."""
         return self.progress(self.edge[game], self.share[game], self.motion[game])
 
     def progress(self, edge: IntArray, share: FloatArray, motion: IntArray) -> dict[int, Progress]:
@@ -193,7 +193,7 @@ class MetricMovement(PacedMovement):
         return self._listed(len(node), list_from)
 
     def most_legal(self, limit: int) -> int:
-        """Return how many nodes are legal at most: on an edge, fewer than from both its ends together."""
+        """Return the maximum number of legal nodes; on an edge, there are fewer than from both its ends together."""
         columns = self.streets.columns
         most = 1
         nodes = self.streets.num_nodes
@@ -216,7 +216,7 @@ class MetricMovement(PacedMovement):
     # -- positions ------------------------------------------------------------------------------------------------
 
     def places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:
-        """Return where agents are."""
+        """Return the positions of agents."""
         columns = self.columns
         edge = self.on_edge(which)
         share = self.share[which]
@@ -230,6 +230,6 @@ class MetricMovement(PacedMovement):
         return Places(ids, self.offsets(which), xy)
 
     def offsets(self, which: tuple[IntArray, IntArray]) -> FloatArray:
-        """Return how far along their edges agents are, map units."""
+        """Return the distances of agents along their edges, map units."""
         edge = self.on_edge(which)
         return np.where(edge >= 0, self.share[which] * self.columns.lengths[edge], 0.0)

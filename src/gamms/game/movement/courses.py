@@ -1,4 +1,4 @@
-"""How agents go, and have gone, that do not go along one edge a turn, as functions that the core calls know it."""
+"""Paths of agents that do not move along one edge per turn, for functions that are called between phases."""
 
 from collections.abc import Iterable
 from functools import cached_property
@@ -20,16 +20,16 @@ _MORE_LEGS = 2  # that a way may have besides those to its nodes
 
 
 class Routes:
-    """The ways that plain functions choose for agents in a turn.
+    """The routes that plain functions choose for agents in a turn.
 
     Args:
-        by: how agents go.
-        shape: how many games and agents there are.
-        room: for how many nodes of a way there is memory.
-        longest: how many nodes a way has at most.
+        by: the movement of the agents.
+        shape: the numbers of games and agents.
+        room: the number of nodes of a route for which memory is reserved.
+        longest: the maximum number of nodes of a route.
 
     Attributes:
-        core: as the core reads them.
+        core: the routes in the form of the core.
     """
 
     def __init__(self, by: EdgeMovement | MetricMovement, shape: tuple[int, int], room: int, longest: int) -> None:
@@ -48,8 +48,8 @@ class Routes:
         """Set the action of an agent in this turn; return whether there is room for its path.
 
         Args:
-            game: its number.
-            agent: its number.
+            game: the number of the game.
+            agent: the number of the agent.
             decisions: of the agents of the game.
             i: its slot.
         """
@@ -92,17 +92,17 @@ class Routes:
 
 
 class EdgeCourses:
-    """How agents that count edges go in all games, and have gone in their last turns.
+    """The routes of agents with speeds in edges in all games, and their paths in the last turns.
 
     Args:
-        by: how agents go.
-        ahead, covered: (games, agents) the nodes to which they cover part of an edge in their turn, and how much of it.
-        most: how many nodes an agent passes in a turn at most.
-        part_of: (agents,) the part of the turn in which each goes.
+        by: the movement of the agents.
+        ahead, covered: (games, agents) the node at the end of each partly covered edge, and the covered share.
+        most: the maximum number of nodes that an agent passes in a turn.
+        part_of: (agents,) the part of the turn in which each agent moves.
 
     Attributes:
-        core: how they have gone, as the core writes it.
-        routes: how they go.
+        core: the paths that the core has written.
+        routes: the chosen routes.
     """
 
     def __init__(self, by: EdgeMovement, ahead: IntArray, covered: FloatArray, most: int, part_of: IntArray) -> None:
@@ -120,7 +120,7 @@ class EdgeCourses:
         self.routes = Routes(by, shape, most, most)
 
     def columns(self) -> list[np.ndarray[Any, Any]]:
-        """Return the columns that it keeps of the last turns."""
+        """Return the stored columns of the last turns."""
         most = int(self._lengths.max(initial=1))
         return [self._lengths, self._nodes[..., :most], self._times[..., :most]]
 
@@ -131,7 +131,7 @@ class EdgeCourses:
         """Return None: `actions` has the paths."""
 
     def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
-        """Return what agents did that did more than to go along one edge, by their places among these; -1: no agent."""
+        """Return the actions of agents that did more than move along one edge, by their indices; -1: no agent."""
         nodes = self._nodes[game, agents]
         lengths = self._lengths[game, agents]
         ahead = self._ahead[game, agents]
@@ -158,24 +158,24 @@ class EdgeCourses:
         took_part: BoolArray,
         standing: BoolArray | None = None,  # noqa: ARG002 - as by metres
     ) -> Paths:
-        """Return the paths of agents; those that did not take part are where they start."""
+        """Return the paths of agents; agents that did not take part stay at their starts."""
         lengths = np.where(took_part, self._lengths[games], 1)
         most = int(lengths.max(initial=1))
         return paths_over(self._nodes[games, :, :most], self._times[games, :, :most], lengths, starts)
 
 
 class MetreCourses:
-    """How agents go by metres in all games, and have gone in their last turns.
+    """The routes of agents by metres in all games, and their paths in the last turns.
 
     Args:
-        by: how agents go.
-        shape: how many games and agents there are.
-        most: how many legs an agent has in a turn at most.
-        part_of: (agents,) the part of the turn in which each goes.
+        by: the movement of the agents.
+        shape: the numbers of games and agents.
+        most: the maximum number of legs of an agent in a turn.
+        part_of: (agents,) the part of the turn in which each agent moves.
 
     Attributes:
-        core: how they have gone, as the core writes it.
-        routes: how they go.
+        core: the paths that the core has written.
+        routes: the chosen routes.
     """
 
     def __init__(self, by: MetricMovement, shape: tuple[int, int], most: int, part_of: IntArray) -> None:
@@ -195,7 +195,7 @@ class MetreCourses:
         return RoadIds(self._by.columns)
 
     def columns(self) -> list[np.ndarray[Any, Any]]:
-        """Return the columns that it keeps of the last turns."""
+        """Return the stored columns of the last turns."""
         trips = self._trips
         legs = int(trips.legs.max(initial=0))
         passed = int(trips.passed.max(initial=1))
@@ -206,9 +206,9 @@ class MetreCourses:
         return [*each, *of_legs, trips.nodes[:, :passed], trips.times[:, :passed]]
 
     def note_places(self, *, are_open: bool) -> None:
-        """Note the positions of agents that are about to move; those on closed edges are on nodes.
+        """Store the positions of agents that are about to move; agents on closed edges are on nodes.
 
-        `are_open` says that the edges noted last are open, even if functions have closed them since.
+        `are_open` says that the edges stored last are open, even if functions have closed them since.
         """
         by = self._by
         if are_open:
@@ -230,7 +230,7 @@ class MetreCourses:
         """Return the paths of agents of a game, and of others that stand on edges at their noted positions.
 
         Args:
-            game: its number.
+            game: the number of the game.
             agents: the numbers of the agents; -1: no agent.
             others: the numbers of the others; likewise.
             nodes: the rows of the nodes that the others have passed last.
@@ -248,13 +248,13 @@ class MetreCourses:
     def paths(
         self, games: IntArray, starts: IntArray, took_part: BoolArray, standing: BoolArray | None = None
     ) -> Paths:
-        """Return the paths of agents, with nodes to which they came back; those that did not take part stay.
+        """Return the paths of agents, with nodes to which they came back; agents that did not take part stay.
 
         Args:
             games: the numbers of the games.
-            starts: (games, agents) where agents were before.
-            took_part: (games, agents) whose paths were kept.
-            standing: (games, agents) where agents are about to move, those that stand in this part of the turn; None:
+            starts: (games, agents) the nodes before the moves.
+            took_part: (games, agents) a mask of the agents whose paths were stored.
+            standing: (games, agents) a mask of the agents that stand in this part of the turn, before its moves; None:
                 agents have moved.
         """
         trips = self._trips
@@ -313,10 +313,10 @@ def paths_in_parts(starts: IntArray, ends: IntArray, part_of: IntArray, parts: i
     """Return the paths of agents along one edge, each in its part of the turn, (games, agents).
 
     Args:
-        starts: of their moves.
-        ends: likewise.
+        starts: the starts of the moves.
+        ends: the ends of the moves.
         part_of: (agents,) the parts in which they move.
-        parts: how many there are.
+        parts: the number of parts.
     """
     goes = starts != ends
     waits = part_of > 0

@@ -24,10 +24,10 @@ class Flights:
         agents: (flying agents,) their numbers in the roster, ascending.
         start, position, previous_position: (games, flying agents, 3) map units: where each began, is, and was before
             its last flight.
-        quat: (games, flying agents, 4) how it is turned.
+        quat: (games, flying agents, 4) the rotation of each.
         wanted, turned: (games, flying agents, 3), (games, flying agents, 4) the position and the rotation that it has
             chosen in its last part of a turn; NaN: none.
-        has_flown: (games, flying agents) whether that has led it elsewhere.
+        has_flown: (games, flying agents) whether the last flight has changed the position.
     """
 
     def __init__(self, roster: AgentTable, games: int) -> None:
@@ -41,7 +41,7 @@ class Flights:
 
     @property
     def remembered(self) -> dict[str, FloatArray]:
-        """The columns that the next turns follow from, by name."""
+        """The columns that determine later turns, by name."""
         return {name: getattr(self, name) for name in ("position", "previous_position", "quat")}
 
     @property
@@ -53,10 +53,10 @@ class Flights:
         """Reset the flights of games that begin.
 
         Args:
-            games: their numbers.
-            starts: (games, flying agents, 3) where the agents begin.
-            poses: of the agents in the game that is played; an agent that is at its start there is so in all games.
-            has_flown: whether they have just come there by a flight.
+            games: the numbers of the games.
+            starts: (games, flying agents, 3) the start positions.
+            poses: the poses in the played game; an agent at its start there is at its start in all games.
+            has_flown: whether the agents have just arrived by a flight.
         """
         self.start[games] = starts
         self.wanted[games] = np.nan
@@ -77,7 +77,7 @@ class Flights:
     # -- the context of one game --------------------------------------------------------------------------------
 
     def poses(self, game: int) -> list[Pose]:
-        """Return where the agents are in a game, and how they are turned."""
+        """Return the positions and rotations of the agents in a game."""
         each = zip(
             self.position[game].tolist(), self.previous_position[game].tolist(), self.quat[game].tolist(), strict=True
         )
@@ -132,8 +132,8 @@ class Flights:
         """Begin a part of a turn: the chosen flights become the wanted ones.
 
         Args:
-            games: those that are played.
-            members: (agents,) which agents of the roster move in this part.
+            games: the games that are played.
+            members: (agents,) a mask of the agents of the roster that move in this part.
             is_first: whether it is the first part of the turn.
         """
         which = np.ones(len(self.agents), np.bool_) if is_first else members[self.agents]
@@ -158,11 +158,11 @@ class Flights:
         self.wanted[games[at], k] = np.nan
 
     def move(self, games: IntArray, members: BoolArray) -> tuple[IntArray, IntArray]:
-        """Let agents of a part of the turn turn and fly as they want; return the games and numbers of those that fly.
+        """Execute the wanted rotations and flights of a part of the turn; return the games and numbers of the agents.
 
         Args:
-            games: those that are played.
-            members: (games, agents of the roster) which agents live and move in this part.
+            games: the games that are played.
+            members: (games, agents of the roster) a mask of the living agents that move in this part.
         """
         at, k = np.nonzero(members[:, self.agents] & ~np.isnan(self.turned[games, :, 0]))
         self.quat[games[at], k] = self.turned[games[at], k]
@@ -174,7 +174,7 @@ class Flights:
         return games[at], self.agents[k]
 
     def put_back(self, games: IntArray, agents: IntArray) -> None:
-        """Place agents where they began, or leave them where they are if they came later; those on the ground stay."""
+        """Place flying agents at their starts; agents that came later stay where they are."""
         for game, agent in zip(games.tolist(), agents.tolist(), strict=True):
             k = int(np.searchsorted(self.agents, agent))
             if k < len(self.agents) and self.agents[k] == agent:
@@ -191,7 +191,7 @@ class Flights:
     # -- views ----------------------------------------------------------------------------------------------------
 
     def xyz(self, games: IntArray, agents: IntArray) -> tuple[BoolArray, FloatArray]:
-        """Return which of some agents fly, (agents,), and the positions of these, (games, those that fly, 3)."""
+        """Return a mask of the flying agents, (agents,), and their positions, (games, flying agents, 3)."""
         flies = np.isin(agents, self.agents)
         return flies, self.position[np.ix_(games, np.searchsorted(self.agents, agents[flies]))]
 
@@ -213,11 +213,11 @@ def poses_in(block: AgentBlock, rows: Sequence[int | None], starts: Sequence[Pos
 
 
 def starts_above(below: FloatArray, starts: FloatArray, first: FloatArray) -> FloatArray:
-    """Return where agents begin that fly, (games, agents, 3): at the same heights in all games.
+    """Return the start positions of flying agents, (games, agents, 3), at the same heights in all games.
 
     Args:
         below: (games, agents, 2) the places of the nodes above which they begin.
-        starts: (agents, 3) where they begin in the game that is played.
+        starts: (agents, 3) the start positions in the played game.
         first: (agents, 2) the places of the nodes below these.
     """
     found = np.tile(starts, (len(below), 1, 1))

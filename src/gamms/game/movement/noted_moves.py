@@ -48,7 +48,7 @@ class MovementWithNotes(Movement):
     """The movement of agents in games of which some are noted.
 
     Args:
-        movement: of the agents in the other games.
+        movement: the movement of agents in the other games.
         noted: the moves in the noted games.
     """
 
@@ -65,7 +65,7 @@ class MovementWithNotes(Movement):
 
     @cached_property
     def width(self) -> int:
-        """How many actions there are; see `Movement`."""
+        """The number of actions; see `Movement`."""
         return self._movement.width
 
     def _those(self, node: IntArray, which: tuple[IntArray, IntArray]) -> tuple[BoolArray, tuple[IntArray, IntArray]]:

@@ -26,7 +26,7 @@ _ROOM = 1 << 12  # nodes that the core lists at once, besides those of one agent
 
 
 class Places(NamedTuple):
-    """Where agents are that may be on edges; arrays begin with the games and the agents."""
+    """Positions of agents that may be on edges; the first axes of arrays are games and agents."""
 
     edge: IntArray  # (games, agents, 3)  ids of the nodes that it leads from and to, and its own; -1 on a node
     offset_m: FloatArray  # (games, agents)  metres along it
@@ -34,13 +34,13 @@ class Places(NamedTuple):
 
 
 class Legs(NamedTuple):
-    """What agents cover of edges in a turn, one part after the other, (games, agents, most); see `typing.game.Leg`.
+    """The parts of edges that agents cover in a turn, in order, (games, agents, most); see `typing.game.Leg`.
 
     Attributes:
         edge: rows of edges; -1: there is no such leg.
-        back: rows of the edges by which one turned round on each when the turn was played; -1: by none.
+        back: rows of the edges for turning around on each edge, when the turn was played; -1: none.
         begin, end: shares of the edge.
-        since, until: of the turn.
+        since, until: times in the turn.
     """
 
     edge: IntArray
@@ -55,15 +55,15 @@ class Paths(NamedTuple):
     """The nodes that agents pass in a turn, and when; of the shape (games, agents, most).
 
     Attributes:
-        nodes: rows of nodes, where the agent begins first; behind the last one that again.
-        times: of the turn, from 0 to 1, when they are reached; behind the last one infinite.
-        lengths: (games, agents) how many nodes there are.
-        stays: (games, agents) who is on the first node from 0 to 1.
-        waits: (games, agents) who is on the first node until the second time, and leaves it then.
-        rests: (games, agents) who is on the last node from when it is reached to 1.
-        legs: in games by metres.
+        nodes: rows of nodes, beginning with the start node; after the last node, it is repeated.
+        times: the times at these nodes, from 0 to 1; infinite after the last node.
+        lengths: (games, agents) the number of nodes.
+        stays: (games, agents) whether the agent is on the first node from 0 to 1.
+        waits: (games, agents) whether the agent is on the first node until the second time, and leaves it then.
+        rests: (games, agents) whether the agent is on the last node from its arrival to 1.
+        legs: the legs, in games by metres.
         edge: in games by metres, (games, agents): the row of the edge that an agent is on at the end; -1: on its node.
-        motion: likewise, how it moves there, see `ir.progress.Motion`.
+        motion: in games by metres, (games, agents): its motion on the edge, see `ir.progress.Motion`.
     """
 
     nodes: IntArray
@@ -81,18 +81,18 @@ class Movement:
     """Agents that go along one edge in a turn, or stay.
 
     Args:
-        streets: of the map.
-        whole: of the map on which closed roads are open, too, behind all others; None: none is closed.
-        closed: these roads.
+        streets: the graph of the map.
+        whole: the graph with all roads open, closed ones after all others; None: no road is closed.
+        closed: the closed roads.
 
     Attributes:
-        streets, whole, closed: as given.
-        all_roads: which are open in each game.
-        is_plain: whether legal are the own node and its neighbours, as `streets` has them, whatever the game.
-        leaves_nodes: whether agents may be elsewhere than on nodes.
-        turn_seconds: how long a turn lasts, in the time of speeds by metres; None: speeds count edges.
-        remembers: the names of arrays (games, agents) that say what agents have covered of an edge.
-        roads: of the games; None: in all of them those are open that are in `streets`.
+        streets, whole, closed: the arguments of these names.
+        all_roads: the open roads of each game.
+        is_plain: whether the legal nodes are the own node and its neighbors in `streets`, in every game.
+        leaves_nodes: whether agents may be off the nodes.
+        turn_seconds: the duration of a turn, in the time unit of speeds by metres; None: speeds count edges.
+        remembers: the names of the arrays (games, agents) with the covered parts of edges.
+        roads: the open roads of the games; None: the roads in `streets` are open in all games.
     """
 
     is_plain = True
@@ -118,12 +118,12 @@ class Movement:
 
     @property
     def columns(self) -> GraphColumns:
-        """The graph whose edges have the rows of `edge`: all that may be open in a game."""
+        """The graph that numbers the edges in `edge`: all edges that may be open in a game."""
         return self.whole.columns
 
     @cached_property
     def lines(self) -> Lines:
-        """The polylines of these edges."""
+        """The polylines of the edges of `columns`."""
         return Lines(self.columns)
 
     def on_edge(self, which: tuple[IntArray, IntArray]) -> IntArray:
@@ -137,7 +137,7 @@ class Movement:
 
     @cached_property
     def width(self) -> int:
-        """How many actions there are: as many as nodes are legal at most, for any agent of the game, wherever it is.
+        """The number of actions: the maximum number of legal nodes of any agent, at any place.
 
         Raises:
             BadValue: more than 4096.
@@ -153,7 +153,7 @@ class Movement:
         return most
 
     def on(self, roads: RoadMap) -> Self:
-        """Return how the same agents go in games that have a map of their own."""
+        """Return the movement of the same agents on another map."""
         own = copy(self)
         own.roads = None
         own.streets = roads.streets
@@ -165,27 +165,27 @@ class Movement:
         return own
 
     def at_start(self) -> Self:
-        """Return how the same agents go in games that have the map of the start."""
+        """Return the movement of the same agents on the map of the start."""
         own = copy(self)
         own.roads = None
         return own
 
     def most_legal(self, limit: int) -> int:
-        """Return how many nodes are legal at most; a number above the limit where there are more than that."""
+        """Return the maximum number of legal nodes; above the limit, any number above it."""
         return int(self.streets.counts.max(initial=1))
 
     def begin(self, shape: tuple[int, int]) -> None:
-        """Reserve memory for so many games and agents, all of which are on nodes."""
+        """Reserve memory for these numbers of games and agents, with all agents on nodes."""
         self.all_roads = OpenRoads(self.streets, self.whole, self.closed, shape[0])
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
-        """Let agents have covered nothing of an edge."""
+        """Reset the covered parts of edges."""
 
     def put_on(self, games: IntArray, agent: int, place: Progress) -> None:
-        """Let an agent have covered part of an edge in some games."""
+        """Set the covered part of an agent's edge in some games."""
 
     def on_edges(self, game: int, node: IntArray) -> dict[int, Progress]:
-        """Return what agents of a game, on these nodes (agents,), have covered of edges, by their numbers."""
+        """Return the covered parts of edges of a game's agents on these nodes, (agents,), by their numbers."""
         return {}
 
     def take_out(self, games: IntArray, agents: IntArray) -> None:
@@ -197,7 +197,7 @@ class Movement:
         return self.is_plain and self.roads is None
 
     def places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:
-        """Return where agents are whose last nodes these are."""
+        """Return the positions of agents with these last nodes."""
         return Places(np.full((*node.shape, 3), -1), np.zeros(node.shape), self.streets.columns.xy[node])
 
     def counts(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
@@ -238,18 +238,18 @@ class Movement:
     def towards(
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None = None
     ) -> IntArray:
-        """Return the actions that lead agents from nodes towards others, as strategies go a step; -1: no path.
+        """Return the actions that lead agents toward nodes, as strategies do; -1: no path.
 
         Args:
-            node: rows, where they are.
-            targets: rows, of the same shape.
+            node: the rows of their nodes.
+            targets: the rows of the targets, of the same shape.
             which: the games and the agents, by their numbers in the batch and in the roster, of the same shape.
-            allowed: (nodes,) which may be entered; None: all.
+            allowed: (nodes,) a mask of the nodes that may be entered; None: all.
         """
         return self.routes("length").actions(node, targets, allowed)
 
     def routes(self, weight: str | None) -> RouteTable:
-        """Return the tables of ways along `streets`, by a weight of edges.
+        """Return the tables of paths along `streets`, by an edge weight.
 
         Raises:
             NeedsOneMap: the games have several maps.
@@ -265,7 +265,7 @@ class MovementOnMaps(Movement):
     """The legal moves along one edge in games on several maps.
 
     Args:
-        movements: of the games on each map.
+        movements: the movement on each map.
         map_of: (games,) the number of the map of each game; it may change.
     """
 
@@ -282,12 +282,12 @@ class MovementOnMaps(Movement):
 
 
 class AnyNodeMovement(Movement):
-    """Agents that go to any node in a turn; in games by metres, rules find them on no edge."""
+    """Agents that may move to any node in a turn; in games by metres, they are never on edges."""
 
     is_plain = False
 
     def most_legal(self, limit: int) -> int:
-        """Return how many nodes there are."""
+        """Return the number of nodes."""
         return len(self.streets.counts)
 
     def counts(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
