@@ -101,7 +101,7 @@ def test_an_action_with_an_impossible_deed_is_not_done_at_all(road, do, message)
 def test_a_game_without_deeds_says_so(road):
     road.game.deeds = {}
     road.plans["ann"] = [attack("bob")]
-    assert "because ctx.game.deeds declares none" in road.game.run(1).errors[0]["message"]
+    assert "as ctx.game.deeds declares none" in road.game.run(1).errors[0]["message"]
 
 
 @pytest.mark.parametrize(

@@ -345,15 +345,28 @@ def _checked_message(given: object, sender: Sender, channels: Mapping[str, Chann
     channel = channels.get(as_text(message["channel"], "The channel of a message"))
     if channel is None:
         raise UnknownName("channel", message["channel"], channels)
-    if not channel.is_for(sender.team):
-        raise BadValue(f"Channel {channel.name!r} is not for team {shown(sender.team)}.")
+    refuse_others(channel, sender.team)
     to = as_key(message["to"], "The receiver of a message")
-    body = message["body"]
+    body = to_plain(as_body(message["body"]))
+    return Outgoing(sender.name, channel.name, to_plain(to), body, size_of(body))
+
+
+def refuse_others(channel: Channel, team: Hashable) -> None:
+    """Raise BadValue if a channel is not for a team."""
+    if not channel.is_for(team):
+        raise BadValue(f"Channel {channel.name!r} is not for team {shown(team)}.")
+
+
+def as_body(body: object) -> Any:
+    """Return the body of a message.
+
+    Raises:
+        BadType: it is not a plain value.
+    """
     flaw = why_not_plain(body)
     if flaw:
         raise BadType(f"The body must be a plain value, such as numbers, texts, lists and dicts of these: body{flaw}.")
-    body = to_plain(body)
-    return Outgoing(sender.name, channel.name, to_plain(to), body, size_of(body))
+    return body
 
 
 def size_of(body: Plain) -> int:

@@ -506,7 +506,8 @@ class ConflictTable:
         num_nodes: int,
     ) -> None:
         agents = len(names)
-        self.ranking = ranking = _ranking_of(conflicts._resolver)
+        ranking = _ranking_of(conflicts._resolver)
+        self.ranking = ranking
         is_ranked = ranking is not None and ranking.rank is not None
         self.ranks = ranking.ranks(names, teams) if ranking is not None and is_ranked else None
         number = {team: i for i, team in enumerate(dict.fromkeys(teams if conflicts._per_team else ()))}

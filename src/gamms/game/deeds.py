@@ -1,7 +1,7 @@
 """Deeds, which are actions other than moves: their declarations, and checks of requests."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from gamms.arguments import as_bool, as_float, as_int, as_key, as_known, as_mapping, as_text
 from gamms.errors import BadType, BadValue, UnknownName, nearest
@@ -10,6 +10,7 @@ from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing.context import HostContext
 
+T = TypeVar("T")
 OF_DEED = ("turn", "agent", "deed", "at")
 """Keys of every deed; declared fields must have other names."""
 
@@ -134,12 +135,19 @@ def wanted_deeds(given: object, declared: Mapping[str, Any], ctx: HostContext) -
         raise BadType(f"The deeds of an agent must be a dict from deeds to their fields, not {shown(given)}.")
     wanted = {}
     for deed, value in given.items():
-        if deed not in declared:
-            if not declared:
-                raise UnknownName("deed, because ctx.game.deeds declares none:", deed)
-            raise UnknownName("deed", deed, declared)
-        wanted[deed] = _checked_fields(deed, value, declared[deed], ctx)
+        wanted[deed] = _checked_fields(deed, value, fields_of(deed, declared), ctx)
     return wanted
+
+
+def fields_of(deed: str, declared: Mapping[str, T]) -> T:
+    """Return the declared fields of a deed.
+
+    Raises:
+        UnknownName (KeyError): the game does not declare the deed.
+    """
+    if deed not in declared:
+        raise UnknownName("deed" if declared else "deed, as ctx.game.deeds declares none:", deed, declared)
+    return declared[deed]
 
 
 def _checked_fields(deed: str, given: object, declared: Mapping[str, Any], ctx: HostContext) -> dict[str, Any]:
@@ -153,8 +161,13 @@ def _checked_fields(deed: str, given: object, declared: Mapping[str, Any], ctx: 
         if values.get(key) is not None:
             checked[key] = checked_value(values[key], field, name, ctx)
         elif field.is_required:
-            raise BadValue(f"There is no {name}; it needs {_listed(fields)}.")
+            raise missing_field(name, fields)
     return checked
+
+
+def missing_field(name: str, fields: Iterable[str]) -> BadValue:
+    """Return the error for a required field that is not given."""
+    return BadValue(f"There is no {name}; it needs {_listed(fields)}.")
 
 
 def _by_field(deed: str, given: object, required: list[str]) -> Mapping[Any, Any]:

@@ -38,19 +38,24 @@ _MISSING = _Variable("", None, "nothing")
 
 
 class HiddenState:
-    """The variables that a function can reach besides its arguments, with their current values.
+    """The variables that functions can reach besides their arguments, with their current values.
 
-    These are closure variables, default arguments, globals that it names, attributes of functions and of the object of
+    These are closure variables, default arguments, globals that they name, attributes of functions and of the object of
     a method, and the same for functions among these. Objects of GAMMS, of Python and of installed packages are not
     searched.
 
     Args:
-        function: a strategy or a rule.
+        functions: strategies or rules.
     """
 
-    def __init__(self, function: Callable[..., object]) -> None:
-        self._function = function
+    def __init__(self, *functions: Callable[..., object]) -> None:
+        self._functions = functions
         self._before = self._now()
+
+    @property
+    def image(self) -> object:
+        """The names and values as a comparable object; it is equal if all values are."""
+        return [(one.name, one.image) for one in self._before.values()]
 
     def changed(self, way_out: str) -> str:
         """Return a sentence about the first variable that has changed since, followed by `way_out`; "" if none has."""
@@ -69,7 +74,8 @@ class HiddenState:
     def _now(self) -> _Variables:
         found = _Variables()
         self._looked = set[int]()
-        _look(self._function, found, self._looked)
+        for function in self._functions:
+            _look(function, found, self._looked)
         return found
 
 
@@ -80,12 +86,11 @@ def refusing_changes(functions: Iterable[Callable[..., object]], way_out: str) -
     Raises:
         BadValue: a variable has changed; the message has its name and the way out.
     """
-    hidden = [HiddenState(one) for one in {id(one): one for one in functions}.values()]
+    hidden = HiddenState(*functions)
     yield
-    for one in hidden:
-        changed = one.changed(way_out)
-        if changed:
-            raise BadValue(changed)
+    changed = hidden.changed(way_out)
+    if changed:
+        raise BadValue(changed)
 
 
 def image_of(made: object) -> object:
@@ -97,9 +102,7 @@ def image_of(made: object) -> object:
         return [(key, image_of(one)) for key, one in made.items()]
     if not callable(made) or isinstance(made, type):
         return _image(made, set())
-    found: _Variables = {}
-    _look(made, found, set())
-    return [(one.name, one.image) for one in found.values()]
+    return HiddenState(made).image
 
 
 def _look(function: object, found: _Variables, seen: set[int]) -> None:

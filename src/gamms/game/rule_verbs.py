@@ -6,6 +6,7 @@ from typing import Any, overload
 from gamms.arguments import as_bool, as_key, as_name
 from gamms.deciding import Protected, refused_while_deciding
 from gamms.errors import BadValue, UnknownName
+from gamms.game.deeds import fields_of
 from gamms.game.facts import facts_to
 from gamms.game.settings import Settings
 from gamms.game.snapshots import GameInternals
@@ -87,8 +88,8 @@ class RuleVerbs(Settings):
         Raises:
             UnknownName (KeyError): there is no such deed.
         """
-        if kind is not None and as_key(kind, "A kind of deed") not in self.deeds:
-            raise UnknownName("deed", kind, self.deeds)
+        if kind is not None:
+            fields_of(as_key(kind, "A kind of deed"), self.deeds)
         moves = self._state.moves
         deeds: list[Deed] = [] if moves is None else moves.deeds
         return [deed for deed in deeds if kind in (None, deed.kind)]
@@ -111,8 +112,8 @@ class RuleVerbs(Settings):
         reason = as_name(why, "a reason")
         if refusals is None:
             raise BadValue("ctx.game.refuse is for the check of a rule: rule.check = function(ctx).")
-        if deed is not None and deed not in self.deeds:
-            raise UnknownName("deed", deed, self.deeds)
+        if deed is not None:
+            fields_of(deed, self.deeds)
         refusals.add(self._agent(agent).name, reason, deed)
 
     def tracks(self, agents: Iterable[IAgent]) -> list[Track]:

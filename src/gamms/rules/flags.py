@@ -1,7 +1,8 @@
 """Capture the flag: an agent takes the flag of another team and brings it home."""
 
-from collections.abc import Callable, Hashable, Mapping
-from typing import Annotated, Any, NamedTuple, cast
+from collections.abc import Hashable, Mapping
+from functools import partial
+from typing import Annotated, Any, cast
 
 import numpy as np
 
@@ -10,15 +11,14 @@ from gamms.arguments import as_count, as_flag, as_float, as_int, as_name, shown_
 from gamms.context import Context
 from gamms.core import rules as core
 from gamms.errors import BadType
-from gamms.game.block.columns import AgentTable
 from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
 from gamms.readonly import published
 from gamms.rules.endings import all_know, refuse_unknown
-from gamms.rules.in_core import fits_core, in_core
+from gamms.rules.in_core import FlagArguments, fits_core, flags_in_core, in_core
 from gamms.rules.meetings import TurnContacts, column, turn_of
-from gamms.rules.territory import NO_TERRITORY, Colors, Territory, TerritorySource, as_territory
+from gamms.rules.territory import NO_TERRITORY, Colors, Territory, as_territory
 from gamms.text import shown
 from gamms.typing import AgentType, NodeId, Rule
 from gamms.typing.game import OWNERS
@@ -100,16 +100,8 @@ def capture_flag(
     )
 
 
-class _FlagRule(NamedTuple):
-    """The checked arguments of `capture_flag`. The state of a game is in `ctx.game.data`."""
-
-    bases: dict[Hashable, int]
-    ground: TerritorySource | None
-    goal: int | None
-    score: float
-    announce: bool
-    key: str
-    passing: bool
+class _FlagRule(FlagArguments):
+    """The rule with its checked arguments. The state of a game is in `ctx.game.data`."""
 
     def prepare(self, ctx: Context) -> None:
         """Check the bases against the map, and publish the positions of the flags."""
@@ -118,7 +110,7 @@ class _FlagRule(NamedTuple):
 
     def prepare_arrays(self, state: GameArrays) -> None:
         """Publish the positions of the flags of many games, from the carriers (games,) as agent numbers."""
-        kept = state.keep(("capture_flag", self.key), self.start_of(state.roster))
+        kept = state.keep(("capture_flag", self.key), partial(self.start, len(state.roster.teams)))
         if self.announce:
             columns = zip(self.bases.items(), kept["carriers"].T, strict=True)
             state.facts[self.key] = {team: {"node": base, "carrier": carriers} for (team, base), carriers in columns}
@@ -134,10 +126,10 @@ class _FlagRule(NamedTuple):
         return facts[rows]
 
     def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
-        """Return the state of the rule in a game as arrays; see `start_of`."""
+        """Return the state of the rule in a game as arrays; see `start`."""
         known = ctx.game.data.get(self.key, {})
-        first = self.start_of(state.roster)(1)
         roster = state.roster
+        first = self.start(len(roster.teams), 1)
         stopped = _stopped(ctx.game.events[known.get("seen", 0) :]) if known else set()
         for number, flag in enumerate(self.bases):
             name = known.get("carriers", {}).get(flag)
@@ -148,20 +140,6 @@ class _FlagRule(NamedTuple):
         for team, times in known.get("captures", {}).items():
             first["captures"][0, roster.teams.index(team)] = times
         return {("capture_flag", self.key): first}
-
-    def start_of(self, roster: AgentTable) -> Callable[[int], Arrays]:
-        """Return a function that makes the state of the rule for a number of games.
-
-        The state is `carriers` and `stops` (games, flags): the numbers of the agents that carry flags, -1 for none, and
-        how often these agents had been tagged or relocated before; and `captures` (games, teams).
-        """
-
-        def make(games: int) -> Arrays:
-            carriers = np.full((games, len(self.bases)), -1)
-            captures = np.zeros((games, len(roster.teams)), np.int64)
-            return {"carriers": carriers, "stops": np.zeros_like(carriers), "captures": captures}
-
-        return make
 
     def _state(self, game: GameState) -> dict[str, Any]:
         """Return the state of the rule in this game."""
@@ -241,21 +219,18 @@ class _CoreFlags:
         self._purposes = column("Q", [0] * count)
         self.draw_by(turn.seed)
         self._teams = [] if flags.ground is not None else [team for team in teams if team not in flags.bases]
-        number = turn.numbers.number
-        bases = {} if flags.ground is not None else flags.bases  # that are home
-        takes = [-1 if team is None else roster.teams[team] for team in roster.team_of]
+        ground = np.array(roster.team)
         if roster.fly is not None:
-            takes = [-1 if flies else team for team, flies in zip(takes, roster.fly, strict=True)]
+            ground[roster.fly] = -1
         self._carriers = column("q", [-1] * count)
         self._captures = column("q", [0] * len(teams))
         self._events = core.Events(0)
-        self._core = core.Flags(
-            count,
-            team=column("q", [roster.teams.get(team, -1) for team in flags.bases]),
-            base=column("q", map(number, flags.bases.values())),
-            home=column("q", [number(bases[team]) if team in bases else -1 for team in teams]),
+        self._core = flags_in_core(
+            flags,
+            teams,
+            ground,
+            np.array([*map(turn.numbers.number, flags.bases.values())]),
             owners=NO_TERRITORY,
-            takes=column("q", takes),
             names=roster.keys,
             purposes=self._purposes,
             carriers=self._carriers,
@@ -263,9 +238,6 @@ class _CoreFlags:
             captures=self._captures,
             starts=NO_TERRITORY,
             members=NO_TERRITORY,
-            taken=column("d", [0.0] * count),
-            goal=flags.goal or 0,
-            points=0.0,
         )
 
     def take(self, flags: _FlagRule) -> bool:

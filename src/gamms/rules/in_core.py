@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.core import contacts, rules
 from gamms.errors import BadValue
-from gamms.game.block.columns import AgentTable, kept_in
+from gamms.game.block.columns import kept_in
 from gamms.game.block.in_core import ONE_THAT_SHOWS, CompiledRule, RuleBuilder, floats, ints, memory_of
 from gamms.game.block.state import Arrays
 from gamms.game.conflicts import flat
@@ -20,18 +20,26 @@ _NOTHING = ints(0)
 _MOST_EXACT = 1 << 53  # of integers as floats
 
 
-class FlagArguments(Protocol):
+class FlagArguments(NamedTuple):
     """The checked arguments of `gamms.rules.capture_flag`."""
 
-    bases: Mapping[Hashable, int]
+    bases: dict[Hashable, int]
     ground: Any  # a `territory.TerritorySource`; its module imports this one
     goal: int | None
     score: float
+    announce: bool
     key: str
     passing: bool
 
-    def start_of(self, roster: AgentTable) -> Callable[[int], Arrays]:
-        """Return a function that makes the state of the rule for a number of games."""
+    def start(self, teams: int, games: int) -> Arrays:
+        """Return the state of the rule at the start of games with a number of teams.
+
+        The state is `carriers` and `stops` (games, flags): the numbers of the agents that carry flags, -1 for none, and
+        how often these agents had been tagged or relocated before; and `captures` (games, teams).
+        """
+        carriers = np.full((games, len(self.bases)), -1)
+        captures = np.zeros((games, teams), np.int64)
+        return {"carriers": carriers, "stops": np.zeros_like(carriers), "captures": captures}
 
 
 def in_core(name: str, *args: object) -> Callable[[RuleBuilder], rules.Rule]:
@@ -113,24 +121,16 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.capture_flag`."""
     state = making.state
     roster = making.state.roster
-    streets = making.state.streets
-    kept = state.keep(("capture_flag", flags.key), flags.start_of(roster))
+    kept = state.keep(("capture_flag", flags.key), partial(flags.start, len(roster.teams)))
     making.agents_in.append(kept["carriers"])
-    base = streets.rows([*flags.bases.values()])
-    number_of = {team: making.team(team) for team in flags.bases}
-    home = np.full(len(roster.teams), -1)
-    for number, node in zip(number_of.values(), base.tolist(), strict=True):
-        if number >= 0:
-            home[number] = node
     purposes = state.several_purposes(*(("capture_flag", flags.key, str(team)) for team in flags.bases))
     ground = np.where(roster.flies, -1, roster.team_of)
-    core = rules.Flags(
-        len(flags.bases),
-        team=flat(np.array([*number_of.values()]), np.int64),
-        base=flat(base, np.int64),
-        home=flat(home, np.int64),
+    core = flags_in_core(
+        flags,
+        roster.teams,
+        ground,
+        state.streets.rows([*flags.bases.values()]),
         owners=_owners(flags.ground, making),
-        takes=flat(np.where(ground == making.team(None), -1, ground), np.int64),
         names=flat(roster.keys, np.uint64),
         purposes=flat(purposes, np.uint64),
         carriers=memory_of(kept["carriers"]),
@@ -138,9 +138,6 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
         captures=memory_of(kept["captures"]),
         starts=memory_of(making.home),
         members=flat(ground, np.int64),
-        taken=floats(len(flags.bases)),
-        goal=flags.goal or 0,
-        points=flags.score,
     )
     played = CompiledRule(True, isinstance(flags.score, float), tuple(flags.bases), "flags captured")
     return rules.FlagRule(
@@ -149,6 +146,36 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
         making.number(played),
         flags=core,
         visitors=making.visitors(at_end=not flags.passing),
+    )
+
+
+def flags_in_core(
+    flags: FlagArguments, teams: Sequence[Hashable], team_of: IntArray, bases: IntArray, **columns: memoryview
+) -> rules.Flags:
+    """Return flags in the form of the core.
+
+    Args:
+        flags: the arguments of the rule.
+        teams: the teams of the game.
+        team_of: (agents,) the number of each agent's team; -1: it flies.
+        bases: (flags,) the node of each flag.
+        columns: the columns of games and agents, see `core.rules.Flags`.
+    """
+    number_of = {team: number for number, team in enumerate(teams)}
+    owners = np.array([number_of.get(team, -1) for team in flags.bases])
+    home = np.full(len(teams), -1)
+    home[owners[owners >= 0]] = bases[owners >= 0]
+    takes = np.where(team_of == number_of.get(None, -1), -1, team_of)
+    return rules.Flags(
+        len(flags.bases),
+        team=flat(owners, np.int64),
+        base=flat(bases, np.int64),
+        home=flat(home, np.int64),
+        takes=flat(takes, np.int64),
+        taken=floats(len(flags.bases)),
+        goal=flags.goal or 0,
+        points=flags.score,
+        **columns,
     )
 
 

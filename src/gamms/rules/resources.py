@@ -9,6 +9,7 @@ from typing import Annotated, Any, NamedTuple
 from gamms.arguments import as_choice, as_count, as_int, as_mapping, as_name, as_range, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
+from gamms.game.deeds import fields_of
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.ir.graph import GraphColumns, shortest_edges
 from gamms.rules.endings import as_teams, refuse_unknown, state_of
@@ -145,7 +146,7 @@ class _ResourceRule(NamedTuple):
         """Check the arguments against the game, and publish the amounts."""
         refuse_unknown(ctx, self.recharge)
         for deed in self.per_deed:
-            _check_declared(ctx, deed)
+            fields_of(deed, ctx.game.deeds)
         if self.teams is None:
             ctx.game.publish(**{self.name: self.start})  # for agents created later
         for agent in self._agents(ctx):
@@ -250,11 +251,6 @@ class _ResourceRule(NamedTuple):
         return edges * self.per_edge + metres * self.per_metre
 
 
-def _check_declared(ctx: Context, deed: str) -> None:
-    if deed not in ctx.game.deeds:
-        raise UnknownName("deed" if ctx.game.deeds else "deed, as ctx.game.deeds declares none:", deed, ctx.game.deeds)
-
-
 def _num_moves(counts: Mapping[str, Mapping[str, int]], name: str) -> int:
     """Return how often an agent has moved; 0 before its first decision."""
     return counts[name]["moves"] if name in counts else 0
@@ -300,7 +296,7 @@ def cooldown(deed: str, turns: int) -> Rule:
         return agents
 
     def prepare(ctx: Context) -> None:
-        _check_declared(ctx, kind)
+        fields_of(kind, ctx.game.deeds)
         left(ctx)
 
     def check(ctx: Context) -> None:

@@ -409,7 +409,7 @@ class ContextSimulator:
         self._legal: dict[str, tuple[int, ...]] = {}
         for team in setup.teams:
             self._game.command(team, self._decide)
-        self._hidden = [HiddenState(one.rule) for one in self._game.rules]
+        self._hidden = HiddenState(*[one.rule for one in self._game.rules])
         self._start = self._game.snapshot()
         map = ctx.graph.columns()
         self._roads = map.offsets.tobytes() + map.targets.tobytes()
@@ -420,8 +420,7 @@ class ContextSimulator:
 
     def why_not(self) -> str:
         """Return which rule remembers state that is not part of the game, or ""."""
-        changed = [one.changed("Keep it in ctx.game.data, so that it is part of the states.") for one in self._hidden]
-        return next(filter(None, changed), "")
+        return self._hidden.changed("Keep it in ctx.game.data, so that it is part of the states.")
 
     def _decide(self, states: dict[str, Any]) -> None:
         """Set the actions to play, and store the legal nodes."""

@@ -10,11 +10,21 @@ from gamms.arguments import as_key
 from gamms.core import messages as core
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.block.columns import AgentTable, Failure, GameLog, joined_rows, places_of, some_rows
-from gamms.game.channels import Channel, Outgoing, bytes_of, flaw_of, receivers_of, refusals, size_of
+from gamms.game.channels import (
+    Channel,
+    Outgoing,
+    as_body,
+    bytes_of,
+    flaw_of,
+    receivers_of,
+    refusals,
+    refuse_others,
+    size_of,
+)
 from gamms.game.messages import MessageOutcomes, MessagePositions, entry_of, outcomes_of
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.plain import to_plain, why_not_plain
+from gamms.plain import to_plain
 from gamms.text import shown
 
 _MOST_OF_ONE = 1 << 20  # messages of one agent in a turn
@@ -127,8 +137,7 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
         senders = agents[which]
         team_of = self._roster.team_of
         for number in np.unique(team_of[senders]).tolist():
-            if not self.channels[channel].is_for(self._roster.teams[number]):
-                raise BadValue(f"Channel {channel!r} is not for team {shown(self._roster.teams[number])}.")
+            refuse_others(self.channels[channel], self._roster.teams[number])
         receivers: list[Any] = [to] * len(at)
         if isinstance(to, np.ndarray):
             receivers = self._named(to, where.shape)[at, which].tolist()
@@ -140,8 +149,8 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
             )
         bodies = body[at, which].tolist() if isinstance(body, np.ndarray) else [body] * len(at)
         for one in bodies if isinstance(body, np.ndarray) and body.dtype == object else [body] * (len(at) > 0):
-            if not isinstance(one, np.ndarray) and (flaw := why_not_plain(one)):
-                raise BadType(f"The body must be a plain value, such as numbers, texts, lists and dicts: body{flaw}.")
+            if not isinstance(one, np.ndarray):
+                as_body(one)
         sizes = np.full(len(at), _UNKNOWN)
         orders = np.full(len(at), order)
         return OutgoingMessages(channel, games[at], senders, receivers, bodies, sizes, orders)

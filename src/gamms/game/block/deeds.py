@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_array, as_int, as_key, as_one_shape
+from gamms.arguments import as_array, as_int, as_key, as_known, as_one_shape
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.block.columns import AgentTable, GameLog, joined_rows, places_of, some_rows
-from gamms.game.deeds import DeclaredField, field_of
+from gamms.game.deeds import DeclaredField, field_of, fields_of, missing_field
 from gamms.game.movement.streets import StreetGraph
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -91,15 +91,14 @@ class DeclaredDeeds:
         """
         known = self.fields_of(deed)
         for key in fields:
-            if key not in known:
-                raise UnknownName(f"field of the deed {deed!r}:", key, known)
+            as_known(key, f"field of the deed {deed!r}:", known)
         at, which = np.nonzero(where)
         values = {}
         for key, field in known.items():
             name = f"{key!r} of the deed {deed!r}"
             given = fields.get(key)
             if given is None and field.is_required:
-                raise BadValue(f"There is no {name}; it needs {', '.join(map(shown, known))}.")
+                raise missing_field(name, known)
             values[key] = column = self._column(given, field, name, where, (at, which))
             if field.kind == "edge" and self._are_open is not None:
                 named = np.flatnonzero(column != np.array(None))
@@ -110,10 +109,7 @@ class DeclaredDeeds:
 
     def fields_of(self, deed: str) -> Mapping[str, DeclaredField]:
         """Return the declared fields of a deed."""
-        known = self.declared
-        if as_key(deed, "The name of a deed") not in known:
-            raise UnknownName("deed" if known else "deed, as ctx.game.deeds declares none:", deed, known)
-        return known[deed]
+        return fields_of(as_key(deed, "The name of a deed"), self.declared)
 
     def nothing(self, deed: str) -> ArrayDeeds:
         """Return an empty table of deeds of a kind."""
