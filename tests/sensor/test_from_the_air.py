@@ -140,7 +140,7 @@ def test_sensors_on_the_ground_find_drones_at_the_nearest_node(sense, ctx, drone
         ({"quat": (1, 0, 0, float("nan"))}, ValueError, r"quat of 'eye' \(w, x, y, z\) must be finite"),
         ({"quat": "down"}, TypeError, "quat of 'eye' must be"),
         ({"quat": 1}, TypeError, "quat of 'eye' must be"),
-        ({"sensor_range": -1}, ValueError, "sensor_range of 'eye' must not be negative"),
+        ({"sensor_range": -1}, ValueError, "range_m of 'eye' must not be negative"),
         ({"fov": float("nan")}, ValueError, "fov of 'eye' must be finite"),
         ({"at": (0, 0)}, ValueError, r"at of 'eye' must be \(x, y, z\)"),
         ({"at": 0}, TypeError, r"at of 'eye' must be \(x, y, z\)"),

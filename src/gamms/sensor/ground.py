@@ -24,6 +24,7 @@ from gamms.sensor.views import (
     FULL_CIRCLE,
     Place,
     View,
+    Viewpoint,
     coordinates,
     in_sight,
     is_unhidden,
@@ -107,6 +108,10 @@ class GroundSensor(Sensor):
         """A key shared by all sensors that look in all directions from their agents' nodes in the same way."""
         is_usual = self._is_ours and not self._is_occluded and "sense" not in self.__dict__
         return (type(self), self.range) if is_usual and self.fov == FULL_CIRCLE and self._at is None else None
+
+    def _viewpoint(self, place: Place) -> Viewpoint:
+        """Return a place from which it looks, with its coordinates."""
+        return Viewpoint.at(self.ctx, place, self._tunnel(place) if self._is_occluded else 0)
 
     def _tunnel(self, place: Place) -> int:
         """Return the tunnel of a place (x, y), which is that of its owner on an edge; 0 on the surface."""
@@ -373,12 +378,12 @@ class AgentSensor(DetectingSensor, GroundSensor):
 
     def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
-        place = self.place(node_id)
-        nodes = nodes_ahead(self.ctx, place, self.range, self.fov, heading)
+        view = self._viewpoint(self.place(node_id))
+        nodes = nodes_ahead(self.ctx, view, self.range, self.fov, heading)
         if self._is_occluded:
-            is_seen = in_sight(self.ctx, place, nodes, self.range, self._observer_height, self._tunnel(place))
+            is_seen = in_sight(self.ctx, view, nodes, self.range, self._observer_height)
             nodes = NodeColumns(nodes.ids[is_seen], nodes.xy[is_seen])
-        return nodes.ids, np.hypot(*(nodes.xy - coordinates(self.ctx, place)).T)
+        return nodes.ids, np.hypot(*(nodes.xy - (view.x, view.y)).T)
 
     @property
     def _is_all_around(self) -> bool:
@@ -414,40 +419,37 @@ class AgentSensor(DetectingSensor, GroundSensor):
     def _found(self, place: Place, heading: Heading) -> tuple[Positions, list[int], Look | None]:
         """Return the positions of agents, the rows of seen agents, ascending, and the look, if it was counted."""
         nearby = self._memory.nearby
+        view = self._viewpoint(place)
         if heading == ALL_AROUND:
-            positions, rows = nearby.within(place, self.range)
+            positions, rows = nearby.around(view, self.range)
         else:
-            positions, rows = nearby.ahead(place, self.range, heading, self.fov)
+            positions, rows = nearby.ahead(view, self.range, heading, self.fov)
         notice = self._notice
         if notice is not None:
             rows = notice.wanted(rows, positions.teams)
         if self._is_occluded:
-            rows = self._unhidden(place, rows, positions)
+            rows = self._unhidden(view, rows, positions)
         if notice is None or not notice.needs_look:
             return positions, rows, None
         look = notice.look(self.ctx, self._owner)
         if notice.needs_chance:
-            distances = np.hypot(*self._offsets(place, rows).T)
+            distances = np.hypot(*(nearby.xy(rows) - (view.x, view.y)).T)
             names = [positions.names[row] for row in rows]
             rows = _selected(rows, notice.is_noticed(look, names, distances))
         return positions, rows, look
 
-    def _unhidden(self, place: Place, rows: list[int], positions: Positions) -> list[int]:
+    def _unhidden(self, view: Viewpoint, rows: list[int], positions: Positions) -> list[int]:
         """Return the rows of agents that no obstacle hides; visibility tables know nodes, but not places on edges."""
         xy = self._memory.nearby.xy
         height = self._observer_height
         between = [row for row in rows if positions.on_edge(row) is not None] if positions.travellers else []
         on_nodes = sorted({*rows}.difference(between)) if between else rows
         nodes = NodeColumns(positions.node_ids_of(on_nodes), xy(on_nodes))
-        tunnel = self._tunnel(place)
-        seen = _selected(on_nodes, in_sight(self.ctx, place, nodes, self.range, height, tunnel))
+        seen = _selected(on_nodes, in_sight(self.ctx, view, nodes, self.range, height))
         if between:
             places = NodeColumns(positions.node_ids_of(between), xy(between))
-            seen += _selected(between, is_unhidden(self.ctx, place, places, height, tunnel))
+            seen += _selected(between, is_unhidden(self.ctx, view, places, height))
         return sorted(seen)
-
-    def _offsets(self, place: Place, rows: list[int]) -> FloatArray:
-        return self._memory.nearby.xy(rows) - coordinates(self.ctx, place)
 
 
 class OccludedAgentSensor(OccludedSensor, AgentSensor):

@@ -21,7 +21,15 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.positions import Positions
 from gamms.sensor.sensor import ALL_AROUND
-from gamms.sensor.views import FULL_CIRCLE, OccludedViewCache, Place, ViewCache, coordinates, on_ground
+from gamms.sensor.views import (
+    FULL_CIRCLE,
+    OccludedViewCache,
+    Place,
+    ViewCache,
+    Viewpoint,
+    coordinates,
+    on_ground,
+)
 from gamms.typing import IContext
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import Line, PassedNode
@@ -131,7 +139,7 @@ class NearbyAgents:
         """
         positions = self._catch_up()
         reach = kernels.widened(radius)
-        rows = set(self._rows_within(positions, (x, y), reach))
+        rows = set(self._rows_within(positions, x, y, reach))
         is_near = (np.abs(positions.flyer_xyz[:, :2] - (x, y)) <= reach).all(axis=1)
         rows.update(positions.flyers[is_near].tolist())
         return np.array(sorted(rows.difference(positions.inactive)), np.int64)
@@ -164,7 +172,7 @@ class NearbyAgents:
                 return found.seen_from(place, own or "")
             x, y = self._coordinates_of(place)
             return found.by_name(x, y, own or "")
-        rows = self._rows_within(positions, place, radius)
+        rows = self._rows_within(positions, *self._coordinates_of(place), radius)
         nodes = positions.found(rows)
         nodes.update(self.on_edges(positions, rows))
         nodes.pop(own or "", None)
@@ -195,21 +203,22 @@ class NearbyAgents:
         moving = [row for row in rows if row in travellers] if travellers else []
         return {positions.names[row]: self._travellers.sighting(positions, row) for row in moving}
 
-    def within(self, place: Place, radius: float) -> tuple[Positions, list[int]]:
-        """Return the positions, and the rows of the agents within `radius` of a place, the border included.
+    def around(self, view: Viewpoint, radius: float) -> tuple[Positions, list[int]]:
+        """Return the positions, and the rows of the agents within `radius` of a viewpoint, the border included.
 
         Raises:
-            UnknownName (KeyError): the node does not exist, or the node of an agent was removed.
+            UnknownName (KeyError): the node of an agent was removed.
         """
         positions = self._catch_up()
-        return positions, self._rows_within(positions, place, radius)
+        return positions, self._rows_within(positions, view.x, view.y, radius)
 
     def ahead(
-        self, place: Place, radius: float, heading: tuple[float, float], fov: float
+        self, view: Viewpoint, radius: float, heading: tuple[float, float], fov: float
     ) -> tuple[Positions, list[int]]:
-        """Return the result of `within` for agents in a field of view of `fov` radians around a heading (cos, sin)."""
+        """Return the result of `around` for agents in a field of view of `fov` radians around a heading (cos, sin)."""
         positions = self._catch_up()
-        x, y = self._coordinates_of(place)
+        x = view.x
+        y = view.y
         rows = self._sight(radius).rows_ahead(x, y, *kernels.cone(heading, fov))
         if positions.travellers:
             moving = self._travellers.within(positions, (x, y), radius)
@@ -217,8 +226,7 @@ class NearbyAgents:
             rows = sorted([*rows, *compress(moving, kernels.in_cone(dx, dy, heading, fov).tolist())])
         return positions, rows
 
-    def _rows_within(self, positions: Positions, place: Place, radius: float) -> list[int]:
-        x, y = self._coordinates_of(place)
+    def _rows_within(self, positions: Positions, x: float, y: float, radius: float) -> list[int]:
         rows = self._sight(radius).rows(x, y)
         if positions.travellers:
             rows = sorted([*rows, *self._travellers.within(positions, (x, y), radius)])

@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Mapping
 from functools import cached_property
 from math import inf, pi
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -88,7 +88,7 @@ class ViewCache:
     def _ahead(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> Surroundings:
         graph = self._ctx.graph.graph
         if isinstance(place, tuple):
-            return graph.among(nodes_ahead(self._ctx, place, radius, fov, heading).ids)
+            return graph.among(nodes_ahead(self._ctx, Viewpoint.at(self._ctx, place), radius, fov, heading).ids)
         return graph.within(place, radius, fov, heading)
 
     def _forget(self, revision: object) -> None:
@@ -134,7 +134,7 @@ class OccludedViewCache(ViewCache):
     def look_past(
         self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float, tunnel: int = 0
     ) -> View:
-        """Return the view of a map sensor with sight lines `height` above the ground; `tunnel` as for `in_sight`."""
+        """Return the view of a map sensor with sight lines `height` above the ground; `tunnel` as in `Viewpoint`."""
         self._renew()
         kind = (radius, fov, heading, height, tunnel)
         try:
@@ -176,13 +176,38 @@ class OccludedViewCache(ViewCache):
     def _ids_in_sight(
         self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float, tunnel: int
     ) -> IntArray:
-        table = None if isinstance(place, tuple) else self._ctx.graph.visibility_table(radius, height)
-        if table is not None and table.radius == radius:  # the table already has the range
-            ids = table.from_node(place)  # type: ignore[arg-type] # a pair has no table
-            nodes = NodeColumns(ids, self._ctx.graph.graph.positions(ids))
-            return ahead_of(nodes, *coordinates(self._ctx, place), fov, heading).ids
-        nodes = nodes_ahead(self._ctx, place, radius, fov, heading)
-        return nodes.ids[in_sight(self._ctx, place, nodes, radius, height, tunnel)]
+        view = Viewpoint.at(self._ctx, place, tunnel)
+        table = None if view.node is None else self._ctx.graph.visibility_table(radius, height)
+        if table is not None and table.radius == radius and view.node is not None:  # the table already has the range
+            ids = table.from_node(view.node)
+            return ahead_of(NodeColumns(ids, self._ctx.graph.graph.positions(ids)), view, fov, heading).ids
+        nodes = nodes_ahead(self._ctx, view, radius, fov, heading)
+        return nodes.ids[in_sight(self._ctx, view, nodes, radius, height)]
+
+
+class Viewpoint(NamedTuple):
+    """The place from which a sensor on the ground looks.
+
+    Attributes:
+        node: id of its node; None: it is between nodes, at (x, y).
+        x: map units.
+        y: map units.
+        tunnel: number of the tunnel of a place (x, y); 0: on the surface. For a node it is known.
+    """
+
+    node: int | None
+    x: float
+    y: float
+    tunnel: int = 0
+
+    @classmethod
+    def at(cls, ctx: IContext, place: Place, tunnel: int = 0) -> Self:
+        """Return the viewpoint at a place.
+
+        Raises:
+            UnknownName (KeyError): the node does not exist.
+        """
+        return cls(None if isinstance(place, tuple) else place, *coordinates(ctx, place), tunnel)
 
 
 def coordinates(ctx: IContext, place: Place) -> tuple[float, float]:
@@ -197,44 +222,41 @@ def coordinates(ctx: IContext, place: Place) -> tuple[float, float]:
     return x, y
 
 
-def nodes_ahead(ctx: IContext, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> NodeColumns:
+def nodes_ahead(ctx: IContext, view: Viewpoint, radius: float, fov: float, heading: tuple[float, float]) -> NodeColumns:
     """Return the nodes in range and inside the field of view, as arrays."""
-    x, y = coordinates(ctx, place)
-    return ahead_of(ctx.graph.graph.nodes_near(x, y, radius), x, y, fov, heading)
+    return ahead_of(ctx.graph.graph.nodes_near(view.x, view.y, radius), view, fov, heading)
 
 
-def ahead_of(nodes: NodeColumns, x: float, y: float, fov: float, heading: tuple[float, float]) -> NodeColumns:
-    """Return the nodes that are inside the field of view from (x, y)."""
+def ahead_of(nodes: NodeColumns, view: Viewpoint, fov: float, heading: tuple[float, float]) -> NodeColumns:
+    """Return the nodes that are inside the field of view."""
     if fov == FULL_CIRCLE or heading == (0.0, 0.0):
         return nodes
     ids, xy = nodes
-    is_ahead = kernels.in_cone(xy[:, 0] - x, xy[:, 1] - y, heading, fov)
+    is_ahead = kernels.in_cone(xy[:, 0] - view.x, xy[:, 1] - view.y, heading, fov)
     return NodeColumns(ids[is_ahead], xy[is_ahead])
 
 
 def in_sight(
-    ctx: IContext, place: Place, nodes: NodeColumns, radius: float, height: float, tunnel: int = 0
+    ctx: IContext, view: Viewpoint, nodes: NodeColumns, radius: float, height: float
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
     """Return whether no obstacle hides each node; all sight lines run `height` above the ground.
 
-    Uses a visibility table if there is one, with the same result. `tunnel` is the tunnel of a place (x, y); for a node
-    it is known.
+    Uses a visibility table if there is one, with the same result.
     """
-    if not isinstance(place, tuple):
-        table = ctx.graph.visibility_table(radius, height)
-        if table is not None:
-            return table.mask(place, nodes.ids)
-    return is_unhidden(ctx, place, nodes, height, tunnel)
+    table = None if view.node is None else ctx.graph.visibility_table(radius, height)
+    if table is None or view.node is None:
+        return is_unhidden(ctx, view, nodes, height)
+    return table.mask(view.node, nodes.ids)
 
 
-def is_unhidden(ctx: IContext, place: Place, nodes: NodeColumns, height: float, tunnel: int = 0) -> BoolArray:
+def is_unhidden(ctx: IContext, view: Viewpoint, nodes: NodeColumns, height: float) -> BoolArray:
     """Return whether no obstacle hides each node or an adjacent place, without a visibility table."""
-    here = ground_at(ctx, place)
+    here = ground_at(ctx, (view.x, view.y) if view.node is None else view.node)
     there = ctx.graph.graph.ground(nodes.ids)
-    origin = here.eyes(np.array([coordinates(ctx, place)]), height)[0]
+    origin = here.eyes(np.array([(view.x, view.y)]), height)[0]
     if there is None:
         return ctx.graph.visible(origin, at_height(nodes.xy, height))
-    is_near: BoolArray = there.tunnels == (tunnel if isinstance(place, tuple) else here.tunnels)
+    is_near: BoolArray = there.tunnels == (view.tunnel if view.node is None else here.tunnels)
     return is_near & ctx.graph.visible(origin, there.eyes(nodes.xy, height))
 
 
