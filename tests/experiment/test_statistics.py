@@ -345,6 +345,7 @@ def test_a_plot_has_a_series_for_each_hue_and_returns_its_axes():
     (bars,) = axes.containers
     assert bars.lines[0].get_ydata().tolist() == [2.0, 4.0]
     assert axes.get_title().startswith("Bootstrap intervals")
+    assert ROWS.plot(y="score.red", ax=figure.add_subplot()).get_xlabel() == "way"
     with pytest.raises(UnknownName):
         ROWS.plot("wya")
 

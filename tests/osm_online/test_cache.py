@@ -281,3 +281,17 @@ def test_a_place_without_such_features_is_an_error(server):
     with pytest.raises(GammsError, match="cannot be used"):
         server.misbehaviour["interpreter"] = changes(lambda data: data["elements"][0].pop("lat"))
         features_of_place(PLACE, {"building": True})
+
+
+@pytest.mark.parametrize(
+    ("status", "seconds"),
+    [
+        ("Rate limit: 2\n2 slots available now.", 0.0),
+        ("Rate limit: 0\nCurrently running queries", 0.0),
+        ("Rate limit: 2\nSlot available after: 2001-01-01T00:00:00Z, in 9 seconds.", 1.0),
+        ("Rate limit: 2\nCurrently running queries", transport._STATUS_PAUSE_S),
+        ("down", 0.0),
+    ],
+)
+def test_a_status_page_says_how_long_to_wait_for_a_slot(status, seconds):
+    assert transport._seconds_to_slot(status) == seconds

@@ -76,6 +76,24 @@ def test_the_first_action_is_done_and_then_the_policy(line):
     assert found == [1, 1, 0]
 
 
+def test_a_decision_leaves_the_model_in_world_0_with_what_the_policies_remember(tag):
+    def count(inner):
+        inner["memory"]["asked"] = inner["memory"].get("asked", 0) + 1
+        inner["action"] = inner["curr_pos"]
+
+    def look(state):
+        model = Model(state, seed=5, rollout=count)
+        model.sample(0)
+        seed = model.game.ctx.seed
+        model.sample(7)
+        assert model.decide() == {"ann": state["curr_pos"]}
+        found = model.game.ctx.seed == seed, model.game.memories["ann"]["asked"]
+        model.play(1)
+        return *found, model.game.memories["ann"]["asked"]
+
+    assert play(tag, look, 1) == [(True, 1, 2)]
+
+
 def test_a_world_is_the_same_whenever_it_is_sampled(tag):
     def look(state):
         first = futures(state)

@@ -62,6 +62,18 @@ def test_choices_are_nothing_and_each_deed_with_each_target():
         assert masks.sum() == NAMES - (5 - legal) - (4 - (legal - 1))
 
 
+def test_a_choice_of_a_node_is_the_legal_node_of_its_number():
+    with rl.Learners(scene(), 2, teams=["red"]) as learners:
+        names = learners.deeds.names
+        view = learners.games.observe("red")
+        choice = names.index("scan(node=node 0)") + np.array([[0, 1], [2, 1]])
+        legal = np.take_along_axis(view["legal"], (choice - choice.min())[..., None], axis=-1)[..., 0]
+        learners.step(np.zeros((2, 2), np.int64), choice)
+        for game in range(2):
+            done = {deed["agent"]: deed["node"] for deed in learners.games.result(game).deeds}
+            assert [done[name] for name in view["name"]] == legal[game].tolist()
+
+
 def test_checkers_find_no_fault(capsys):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -129,7 +129,6 @@ class Link(ABC):
                 if len(self._roads) == self._roads.maxlen:
                     self.counts["dropped"] += 1
                 self._roads.append(message)
-                self._has_news.notify_all()
                 return True
             feed = self._feeds.get(message.agent)
             if feed is None:
