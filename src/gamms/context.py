@@ -322,18 +322,11 @@ class Context(Surface, Guarded, typing.IContext):
 
     def _repr_png_(self) -> bytes | None:
         """Return the current state as PNG for notebooks; None if it cannot be drawn."""
-        return self._shown(lambda drawn: drawn.pictures.as_png())  # type: ignore[no-any-return] # of any engine
+        return None if self.is_terminated() else getattr(self.visual, "_repr_png_", _shown_as_text)()
 
     def _repr_html_(self) -> str | None:
         """Return the current state as SVG for notebooks, if PNG is not available; else None."""
-        return None if self._repr_png_() is not None else self._shown(lambda drawn: drawn.pictures.as_html())
-
-    def _shown(self, show: Callable[[Any], Any]) -> Any:
-        try:
-            return None if self.is_terminated() else show(self.visual)
-        except Exception as error:  # noqa: BLE001 - a notebook then shows the repr
-            self.logger.warning(f"The context cannot be shown: {error}")
-            return None
+        return None if self.is_terminated() else getattr(self.visual, "_repr_html_", _shown_as_text)()
 
     def __repr__(self) -> str:
         seed = "" if self._phase.agent is not None else f"seed={self._seed}, "
@@ -386,6 +379,10 @@ class Context(Surface, Guarded, typing.IContext):
             # The error that ended the block is the one to show; a full disk must not take its place.
             self.logger.error(f"The context could not be closed properly: {failure}")  # noqa: TRY400 - an `ILogger`
             error.add_note(f"The context could not be closed properly either: {failure}")
+
+
+def _shown_as_text() -> None:
+    """Stand in for the display of an engine that has none in notebooks, which then print its repr."""
 
 
 @names_keywords

@@ -69,6 +69,7 @@ def test_each_help_has_examples_and_shows_flags_without_a_value(command):
         for line in text.partition("Examples:\n")[2].splitlines()
     )
     assert "bool" not in text
+    assert "{" not in text.partition("\n\n")[0]
     assert re.search(r"--traceback  +[A-Z]", text)
 
 

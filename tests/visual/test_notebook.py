@@ -32,8 +32,9 @@ def recorded(ctx):
     return io.BytesIO(stream.getvalue())
 
 
-def test_a_context_is_a_png_of_what_it_is_now(ctx):
+def test_a_context_and_its_pictures_are_a_png_of_what_they_are_now(ctx):
     pixels = pixels_of(ctx._repr_png_())
+    assert np.array_equal(pixels_of(ctx.visual._repr_png_()), pixels)
     assert pixels.shape[0] <= 600
     assert pixels.shape[1] <= 900
     assert ctx._repr_html_() is None

@@ -191,6 +191,9 @@ _ON_MAPS: _Commands = {report: ("gamms osm report town.osm.pbf --network walk",)
 class _Command(TyperCommand):
     """A command whose errors name the invalid value of an option, which typer leaves out."""
 
+    def collect_usage_pieces(self, ctx: typer.Context) -> list[str]:  # type: ignore[override] # a click.Context
+        return [piece.strip("{}") for piece in super().collect_usage_pieces(ctx)]
+
     def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override] # a click.Context
         words = list(chain.from_iterable(word.split("=", 1) if word.startswith("--") else [word] for word in args))
         try:

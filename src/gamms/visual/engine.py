@@ -82,6 +82,21 @@ class PictureEngine(Surface, Guarded, IVisualizationEngine):
     def __repr__(self) -> str:
         return f"{type(self).__name__}(artists=[{', '.join(map(shown, self.artists.declared))}])"
 
+    def _repr_png_(self) -> bytes | None:
+        """Return the current state as PNG for notebooks; None if it cannot be drawn."""
+        return self._in_notebook(self.pictures.as_png)
+
+    def _repr_html_(self) -> str | None:
+        """Return the current state as SVG for notebooks, if PNG is not available; else None."""
+        return None if self._repr_png_() is not None else self._in_notebook(self.pictures.as_html)
+
+    def _in_notebook(self, show: Callable[[], _T | None]) -> _T | None:
+        try:
+            return None if self.ctx.is_terminated() else show()
+        except Exception as error:  # noqa: BLE001 - a notebook then shows the repr
+            self.ctx.logger.warning(f"The context cannot be shown: {error}")
+            return None
+
     after_turn: Protected[list[Callable[[], None]]] = Protected(list)
     _after_turn: list[Callable[[], None]]
 

@@ -4,6 +4,7 @@ import os
 from base64 import b64encode
 from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager, suppress
+from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -12,7 +13,7 @@ from weakref import WeakValueDictionary
 import numpy as np
 
 from gamms.arguments import as_float, as_int, as_path, as_target
-from gamms.errors import BadValue, Duplicate, UnknownName
+from gamms.errors import BadValue, Duplicate, MissingExtra, UnknownName
 from gamms.folders import naming
 from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
@@ -191,6 +192,8 @@ def film_plan(
     if (suffix := path.suffix.lower()) not in FILMS:
         known = ", ".join(FILMS)
         raise BadValue(f"Cannot write a film as {path.suffix or path.name!r}; there is: {known}.")
+    if suffix == ".mp4" and find_spec("av") is None:  # before a frame asks for the extra of pictures alone
+        raise MissingExtra("Writing an MP4 film", "video")
     if suffix == ".mp4" and max(width or 0, height or 0) > _LONGEST_MP4_PX:
         raise BadValue(f"An MP4 has at most {_LONGEST_MP4_PX} pixels at each side, not {width} x {height}.")
     return FilmPlan(path, fps, asked, frames)
