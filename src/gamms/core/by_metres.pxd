@@ -1,6 +1,7 @@
 cimport cython
 
-from gamms.core cimport draws, moves, rules, strategies, travel
+from gamms.core cimport contacts, draws, moves, rules, strategies, travel
+from gamms.core.contacts cimport Legs
 from gamms.core.moves cimport OneEdgeMovers
 from gamms.core.rules cimport Events, GameColumns, AgentPaths
 from gamms.core.travel cimport LegalCache, ReachSearch, RoadEdges, TurnPaths, GoalPaths
@@ -8,7 +9,7 @@ from gamms.core.travel cimport LegalCache, ReachSearch, RoadEdges, TurnPaths, Go
 ctypedef unsigned char u8
 ctypedef long long i64
 
-cdef i64 ENDLESS, BACKWARDS, TURNS, UNKNOWN
+cdef i64 ENDLESS
 
 
 cdef class MetreMovers(OneEdgeMovers):
@@ -63,8 +64,7 @@ cdef class MetrePaths(AgentPaths):
     cdef TurnPaths trips
     cdef RoadEdges roads
     cdef const i64[::1] edge_ids
-    cdef i64[::1] sources, targets, streets, flags
-    cdef double[::1] metres
+    cdef Legs legs
 
-    @cython.locals(agent=i64, row=i64, first=i64, leg=i64, edge=i64, back=i64, is_back=bint)
+    @cython.locals(agent=i64, row=i64, first=i64, leg=i64)
     cdef int fill(self, GameColumns games, i64 game) except -1 nogil

@@ -5,15 +5,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from gamms.core import draws, moves, rules, strategies, travel
+from gamms.core import contacts, draws, moves, rules, strategies, travel
+from gamms.core.contacts import Legs
 from gamms.core.moves import OneEdgeMovers
 from gamms.core.rules import AgentPaths, Events, GameColumns
 from gamms.core.travel import GoalPaths, LegalCache, ReachSearch, RoadEdges, TurnPaths
 
 ENDLESS = 1 << 32  # edges: more than any path has
-BACKWARDS = 1  # flags of legs, see `contacts.Legs`
-TURNS = 2
-UNKNOWN = 4
 
 
 class MetreMovers(OneEdgeMovers):
@@ -284,7 +282,7 @@ class MetrePaths(AgentPaths):
     Args:
         movers: the agents; the columns of their trips are those of the tracks and legs.
         edge_ids: (edges,) the ids of the edges.
-        sources, targets, streets, flags, metres: (agents * most,) columns of the legs.
+        legs: receive the edges of the legs; their other columns are those of the trips.
     """
 
     def __init__(
@@ -294,11 +292,7 @@ class MetrePaths(AgentPaths):
         times: memoryview[float],
         lengths: memoryview[int],
         edge_ids: memoryview[int],
-        sources: memoryview[int],
-        targets: memoryview[int],
-        streets: memoryview[int],
-        flags: memoryview[int],
-        metres: memoryview[float],
+        legs: Legs,
     ) -> None:
         super().__init__(nodes, times, lengths)
         self.are_one_edge = False
@@ -306,11 +300,7 @@ class MetrePaths(AgentPaths):
         self.trips: TurnPaths = self.movers.trips
         self.roads: RoadEdges = self.movers.roads
         self.edge_ids = edge_ids
-        self.sources = sources
-        self.targets = targets
-        self.streets = streets
-        self.flags = flags
-        self.metres = metres
+        self.legs = legs
 
     def fill(self, games: GameColumns, game: int) -> int:
         """Write the paths of the agents of a game; agents that a rule has placed elsewhere only get their node."""
@@ -326,14 +316,7 @@ class MetrePaths(AgentPaths):
                 self.trips.nodes[agent * (self.trips.most + 1)] = games.node[row]
                 self.trips.times[agent * (self.trips.most + 1)] = 1.0
             for leg in range(first, first + self.trips.legs[agent]):
-                edge = self.trips.edges[leg]
-                back = self.trips.backs[leg]
-                is_back = back >= 0 and self.edge_ids[back] < self.edge_ids[edge]
-                self.streets[leg] = back if is_back else edge
-                self.flags[leg] = (BACKWARDS if is_back else 0) + (TURNS if back >= 0 else 0)
-                if travel.is_removed(self.roads, edge):
-                    self.flags[leg] += UNKNOWN
-                self.sources[leg] = self.roads.sources[edge]
-                self.targets[leg] = self.roads.targets[edge]
-                self.metres[leg] = self.roads.lengths[edge]
+                contacts.describe_leg(
+                    self.legs, leg, self.roads, self.edge_ids, self.trips.edges[leg], self.trips.backs[leg]
+                )
         return 0

@@ -2,6 +2,7 @@ cimport cython
 
 from gamms.core cimport draws, travel
 from gamms.core.agents cimport MoveColumns
+from gamms.core.travel cimport RoadEdges, TurnPaths
 
 ctypedef unsigned long long u64
 ctypedef long long i64
@@ -12,23 +13,30 @@ cdef extern from "math.h":
 
 cdef double INFINITE, SLACK
 cdef int ON_NODES, BY_PATHS, ON_WAYS, NEAR_PLACES, ON_LINES, OURS, THEIRS, BY_RANK, BY_PAIR, BY_PLACE
-cdef i64 ON_NODE, LEAVES, FIRST_ROOM, MOST_NEAR
+cdef i64 BACKWARDS, TURNS, UNKNOWN, ON_NODE, LEAVES, FIRST_ROOM, MOST_NEAR
 cdef u64 MASK, SPREAD
 
 
 @cython.final
 cdef class Tracks:
     cdef i64 agents, most
-    cdef const i64[::1] nodes, lengths, sides
-    cdef const double[::1] times
+    cdef i64[::1] nodes, lengths
+    cdef const i64[::1] sides
+    cdef double[::1] times
     cdef bint at_end
 
 
 @cython.final
 cdef class Legs:
     cdef i64 most
-    cdef const i64[::1] counts, sources, targets, streets, flags
-    cdef const double[::1] begins, ends, since, until, lengths
+    cdef i64[::1] counts, sources, targets, streets, flags
+    cdef double[::1] begins, ends, since, until, lengths
+
+
+@cython.locals(is_back=bint)
+cdef int describe_leg(
+    Legs legs, i64 place, RoadEdges roads, const i64[::1] edge_ids, i64 edge, i64 back
+) except -1 nogil
 
 
 @cython.final
@@ -83,6 +91,13 @@ cdef class NodeNumbers:
     cpdef int write_moves(self, MoveColumns moves, MoveColumns numbers) except -1 nogil
     @cython.locals(row=Py_ssize_t)
     cpdef int write(self, const i64[::1] ids, i64[::1] numbers) except -1 nogil
+
+
+@cython.locals(number=i64, at=i64, place=i64)
+cpdef int put_path(
+    TurnPaths trips, i64 row, RoadEdges roads, const i64[::1] edge_ids, NodeNumbers numbers, NodeNumbers streets,
+    Tracks tracks, Legs legs, i64 agent,
+) except -1 nogil
 
 
 @cython.final

@@ -12,11 +12,15 @@ from typing import Any
 
 from gamms.core import draws, travel
 from gamms.core.agents import MoveColumns
+from gamms.core.travel import RoadEdges, TurnPaths
 
 INFINITE = float("inf")
 SLACK = 1e-9  # of a turn: visits of one place with a gap of at most this time still meet
 OURS = 1
 THEIRS = 2
+BACKWARDS = 1  # flags of legs, see `Legs`
+TURNS = 2
+UNKNOWN = 4
 ON_NODE = -1  # instead of a leg: the agent is on a node
 LEAVES = -2  # the agent left this node when the turn began
 MASK = 0xFFFFFFFFFFFFFFFF
@@ -114,6 +118,73 @@ class Legs:
         self.since = since
         self.until = until
         self.lengths = lengths
+
+
+def describe_leg(legs: Legs, place: int, roads: RoadEdges, edge_ids: memoryview[int], edge: int, back: int) -> int:
+    """Write the columns of a leg that depend on its edge; nodes and streets are rows of nodes and edges.
+
+    Args:
+        legs: receive them,
+        place: in this place.
+        roads: the map.
+        edge_ids: (edges,) the ids of the edges.
+        edge: the edge.
+        back: the edge for turning around; -1: none.
+    """
+    is_back = back >= 0 and edge_ids[back] < edge_ids[edge]
+    legs.streets[place] = back if is_back else edge
+    legs.flags[place] = (BACKWARDS if is_back else 0) + (TURNS if back >= 0 else 0)
+    if travel.is_removed(roads, edge):
+        legs.flags[place] += UNKNOWN
+    legs.sources[place] = roads.sources[edge]
+    legs.targets[place] = roads.targets[edge]
+    legs.lengths[place] = roads.lengths[edge]
+    return 0
+
+
+def put_path(
+    trips: TurnPaths,
+    row: int,
+    roads: RoadEdges,
+    edge_ids: memoryview[int],
+    numbers: NodeNumbers,
+    streets: NodeNumbers,
+    tracks: Tracks,
+    legs: Legs,
+    agent: int,
+) -> int:
+    """Write the path of an agent of a single game, with numbers of nodes and streets by their ids.
+
+    Args:
+        trips: the paths,
+        row: and the row of the agent there.
+        roads: the map.
+        edge_ids: (edges,) the ids of the edges.
+        numbers: numbers the nodes.
+        streets: numbers the streets.
+        tracks: receive the nodes,
+        legs: and the legs,
+        agent: of the agent of this number.
+    """
+    tracks.lengths[agent] = trips.passed[row]
+    for number in range(tracks.most):
+        at = row * (trips.most + 1) + min(number, trips.passed[row] - 1)
+        place = agent * tracks.most + number
+        tracks.nodes[place] = numbers.number(roads.ids[trips.nodes[at]])
+        tracks.times[place] = trips.times[at] if number < trips.passed[row] else 1.0
+    legs.counts[agent] = trips.legs[row]
+    for number in range(trips.legs[row]):
+        at = row * trips.most + number
+        place = agent * legs.most + number
+        describe_leg(legs, place, roads, edge_ids, trips.edges[at], trips.backs[at])
+        legs.streets[place] = streets.number(edge_ids[legs.streets[place]])
+        legs.sources[place] = numbers.number(roads.ids[legs.sources[place]])
+        legs.targets[place] = numbers.number(roads.ids[legs.targets[place]])
+        legs.begins[place] = trips.begins[at]
+        legs.ends[place] = trips.ends[at]
+        legs.since[place] = trips.since[at]
+        legs.until[place] = trips.until[at]
+    return 0
 
 
 class NearNodes:
@@ -651,7 +722,7 @@ class Contacts:
                 if self.legs.ends[last] <= 0.0 or self.legs.ends[last] >= 1.0:
                     continue
             for one in range(leg, last + 1):
-                if are_known and self.legs.flags[one] & 4:
+                if are_known and self.legs.flags[one] & UNKNOWN:
                     continue
                 piece = self.pieces.put(agent, -1, one, self.legs.since[one], self.legs.until[one])
                 self.pieces.begins[piece] = self.legs.begins[one]
@@ -781,7 +852,7 @@ class Contacts:
         if self.pieces.until[piece] > self.pieces.since[piece]:
             span = self.pieces.until[piece] - self.pieces.since[piece]
             share = begin + (share - begin) * (time - self.pieces.since[piece]) / span
-        return 1.0 - share if self.legs.flags[self.pieces.legs[piece]] & 1 else share
+        return 1.0 - share if self.legs.flags[self.pieces.legs[piece]] & BACKWARDS else share
 
     # -- within a distance of the nodes passed last --------------------------------------------------------------------
 
@@ -982,7 +1053,7 @@ class Contacts:
         leg = self.pieces.legs[piece]
         if leg < 0:
             return -1 if end else self.pieces.nodes[piece]
-        if end and (not self.legs.flags[leg] & 2 or self.legs.sources[leg] == self.legs.targets[leg]):
+        if end and (not self.legs.flags[leg] & TURNS or self.legs.sources[leg] == self.legs.targets[leg]):
             return -1
         return self.legs.sources[leg] if (end == 1) != is_entry else self.legs.targets[leg]
 
@@ -1044,7 +1115,7 @@ class Contacts:
         """Return the position of an agent on its street at a time, as a share, by interpolation between the ends."""
         begin = self.pieces.begins[piece]
         end = self.pieces.ends[piece]
-        if self.legs.flags[self.pieces.legs[piece]] & 1:
+        if self.legs.flags[self.pieces.legs[piece]] & BACKWARDS:
             begin = 1.0 - begin
             end = 1.0 - end
         return self._even(piece, begin, end, time)

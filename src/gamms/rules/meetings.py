@@ -17,22 +17,18 @@ from gamms.core import contacts as core
 from gamms.core import rules
 from gamms.game.block.travelers import NO_LEGS
 from gamms.game.movement.moves import TurnMoves
-from gamms.game.movement.travel import ReachableNodes
+from gamms.game.movement.travel import ReachableNodes, RoadIds
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
 from gamms.kernels.draws import BitArray
 from gamms.rules.visits import Line, TraveledEdges, at_end
 from gamms.typing import AgentType, IAgent
-from gamms.typing.game import TEAMS, Track
+from gamms.typing.game import TEAMS, Leg, Track
 
 _MOST_DISTANCES = 8  # contact distances whose near nodes are cached per game
 _MOST_TERRITORIES = 8  # territories whose owners are cached per game
 _NOWHERE = 0.0, 0.0, 0.0
-_NO_LEG = (0,) * 4 + (0.0,) * 5
-# flags of legs, see `core.Legs`
-BACKWARDS = 1
-TURNS = 2
-UNKNOWN_PLACE = 4
+UNKNOWN_PLACE = 4  # a flag of legs, see `core.Legs`
 
 
 Side = Annotated[Hashable | Callable[[IAgent], object], TEAMS]  # a team, or a function of an agent
@@ -79,6 +75,11 @@ def _flat(columns: Iterable[np.ndarray[Any, Any]]) -> list[Any]:  # Any: memoryv
 def column(kind: str, values: Iterable[float] = ()) -> Any:  # Any: memoryviews are not subscriptable
     """Return numbers as a buffer: "q" and "Q" for signed and unsigned integers, "d" for floats."""
     return memoryview(array(kind, values))
+
+
+def _zeros(kind: str, number: int) -> Any:  # Any: memoryviews are not subscriptable
+    """Return a buffer of zeros; see `column`."""
+    return column(kind, bytes(8 * number))
 
 
 _NO_REACH = core.NearNodes(column("q", [0]), column("q"), column("d"), 0.0, ReachableNodes(0).core)
@@ -267,7 +268,6 @@ class TurnContacts:
         by_metres: whether positions are in metres along edges.
         most, columns: capacity and columns of tracks, for `core.Tracks`: nodes, times and lengths.
         most_legs, legs: capacity and columns of legs, for `core.Tracks`.
-        tracks: tracks of the agents; empty if all are steps.
         edges: edges that the agents move along.
         seed: the present seed; see `draw_by`.
         purpose: purpose key of the draws.
@@ -283,7 +283,8 @@ class TurnContacts:
         self.columns = roster.columns
         self.most_legs = 0
         self.legs = NO_LEGS
-        self.tracks: Sequence[Track] = ()
+        self._where: Sequence[Track | int] = ()  # the track of each agent, or its slot in `_moves`
+        self._moves: TurnMoves | None = None
         self.edges: TraveledEdges | None = None
         self.purpose = column("Q", [0])
         self.draw_by(seed)
@@ -295,24 +296,54 @@ class TurnContacts:
         self.seed = seed
         self.purpose[0] = kernels.purpose_key(seed, "contacts")
 
-    def follow(self, ctx: Context, tracks: Sequence[Track]) -> None:
-        """Set the tracks of agents that may have moved along several edges, or parts of edges."""
-        number = self.numbers.number
+    def follow(self, ctx: Context, agents: Sequence[IAgent]) -> None:
+        """Take the tracks of agents that may have moved along several edges, or parts of edges."""
+        moves: TurnMoves | None = self.game.state.moves
+        paths = None if moves is None else moves.paths
+        self._moves = moves
+        self._where = [_where(moves, agent) for agent in agents]
         self.are_steps = False
-        self.tracks = tracks
         self.by_metres = ctx.game.speed_unit != "edges"
         self.edges = self.game.edges
-        most = max([2, *[len(track.path) for track in tracks]])
-        self.most = most
-        paths = [track.path + track.path[-1:] * (most - len(track.path)) for track in tracks]
-        self.columns = [
-            column("q", map(number, chain.from_iterable(paths))),
-            column("d", chain.from_iterable([at + (1.0,) * (most - len(at)) for _, at, _ in tracks])),
-            column("q", [len(track.path) for track in tracks]),
-        ]
-        if self.by_metres:
-            self.most_legs = max([0, *[len(track.legs) for track in tracks]])
-            self.legs = _legs(self.edges, tracks, self.most_legs, number)
+        most_legs, most = (0, 2) if paths is None else paths.most
+        self.most = max([2, most, *[len(where.path) for where in self._where if isinstance(where, Track)]])
+        self.most_legs = most_legs
+        size = len(agents)
+        self.columns = [_zeros("q", size * self.most), _zeros("d", size * self.most), _zeros("q", size)]
+        flags = _zeros("q", size * most_legs)
+        ints = [_zeros("q", size), *[_zeros("q", size * most_legs) for _ in range(3)], flags]
+        self.legs = core.Legs(most_legs, *ints, *[_zeros("d", size * most_legs) for _ in range(5)])
+        columns = self._tracks(self.columns[2], at_end=False)
+        for agent, where in enumerate(self._where):
+            if isinstance(where, Track):
+                self._put_track(agent, where)
+            elif paths is not None:
+                roads = cast("RoadIds", paths.maps[where])
+                numbers = self.numbers, self.game.streets
+                core.put_path(paths.core, where, roads.map, roads.edges, *numbers, columns, self.legs, agent)
+                if roads.revision != self.game.revision:
+                    self._mark_removed(flags, agent, paths.legs_of(where))
+
+    def _put_track(self, agent: int, track: Track) -> None:
+        """Write a track along no edges."""
+        nodes, times, lengths = self.columns
+        path, at, _ = track
+        first = agent * self.most
+        more = self.most - len(path)
+        nodes[first : first + self.most] = column("q", map(self.numbers.number, path + path[-1:] * more))
+        times[first : first + self.most] = column("d", at + (1.0,) * more)
+        lengths[agent] = len(path)
+
+    def _mark_removed(self, flags: memoryview, agent: int, legs: Sequence[Leg]) -> None:
+        """Mark legs on edges that were removed since."""
+        for place, leg in enumerate(legs):
+            if self.game.edges.length_of(leg) is None:
+                flags[agent * self.most_legs + place] |= UNKNOWN_PLACE
+
+    def track(self, agent: int) -> Track:
+        """Return the track of an agent, by its number."""
+        where = self._where[agent]
+        return where if isinstance(where, Track) else cast("TurnMoves", self._moves).track(where)
 
     def find(self, ctx: Context, a: Side, b: Side, nearness: ContactOptions) -> core.Contacts | None:
         """Find the contacts between two sides; return None if there are none."""
@@ -342,7 +373,7 @@ class TurnContacts:
         agents = len(self.roster.names)
         entries = 2 * agents * (self.most + 2 * self.most_legs + 1)  # of visits and legs, each with two ends
         pieces = max(parts, entries)
-        return self.game.scratch(pieces, self.numbers.count + self.most_legs * agents)
+        return self.game.scratch(pieces, max(self.numbers.count, self.game.streets.count))
 
     def _tracks(self, sides: memoryview, *, at_end: bool) -> core.Tracks:
         nodes, times, lengths = self.columns
@@ -362,7 +393,7 @@ class TurnContacts:
 
     def xy_of(self, agent: int, time: float, node: int, nearness: ContactOptions, at: Position | None) -> Any:
         """Return the map position (x, y) of an agent in a contact of a game by metres."""
-        track = self.tracks[agent]
+        track = self.track(agent)
         # If agents pass each other at the end of a turn counted in edges, the way they came decides.
         return cast("TraveledEdges", self.edges).xy_at(track if nearness.passing else at_end(track), time, node, at)
 
@@ -392,8 +423,8 @@ class TurnContacts:
         for agent, node, since, until in zip(*columns, strict=True):
             place = self.game.place(self.numbers.ids[node])
             parts[agent].append((since, until, place, place))
-        for agent, (given, at) in enumerate(zip(self.tracks, flying, strict=True)):
-            track = given if passing else at_end(given)
+        for agent, at in enumerate(flying):
+            track = self.track(agent) if passing else at_end(self.track(agent))
             if sides[agent] and at is not None:
                 parts[agent] = [(track.times[0], 1.0, at, at)]
             elif sides[agent]:
@@ -406,6 +437,14 @@ class TurnContacts:
             column("d", chain.from_iterable([line[2] for line in lines])),
             column("d", chain.from_iterable([line[3] for line in lines])),
         )
+
+
+def _where(moves: TurnMoves | None, agent: IAgent) -> Track | int:
+    """Return the slot of an agent that has a path in `moves`; its track otherwise."""
+    i = None if moves is None else moves.slot_of(agent)
+    if moves is None or i is None:
+        return Track((agent.current_node_id,), (1.0,))
+    return i if moves.has_path(i) else moves.track(i)
 
 
 def in_air(ctx: Context, nearness: ContactOptions) -> dict[str, Position]:
@@ -456,6 +495,7 @@ class GameContacts:
         self._most = 0
         self._contacts: core.Contacts | None = None
         self.numbers = numbers
+        self.streets = core.NodeNumbers()
         self.state = ctx.game.internals.state
         self._turns = ctx.game.internals.parts.turns
         self.edges = TraveledEdges(ctx)
@@ -559,7 +599,7 @@ class GameContacts:
             roster = Roster(names, teams, kernels.name_keys(names), fly=fly)
         roster.turn[0] = turn
         found = TurnContacts(self, roster, ctx.seed)
-        found.follow(ctx, ctx.game.tracks(agents))
+        found.follow(ctx, agents)
         return found
 
 
@@ -592,24 +632,6 @@ def _pieces(pieces: int, keys: int) -> core.MotionIntervals:
     ints = np.empty((6, pieces), np.int64)
     floats = np.empty((4, pieces))
     return core.MotionIntervals(*_flat((*ints[:3], *floats, *ints[3:5], np.full(keys, -1), ints[5])))
-
-
-def _legs(edges: TraveledEdges, tracks: Sequence[Track], most: int, number: Callable[[int], int]) -> core.Legs:
-    streets: dict[int, int] = {}
-    rows = list[tuple[float, ...]]()
-    for track in tracks:
-        for leg in track.legs:
-            source, target, edge, begin, end, since, until, back = leg
-            length = edges.length_of(leg)
-            street = edge if back is None else min(edge, back)
-            flags = BACKWARDS * (street != edge) + TURNS * (back is not None) + UNKNOWN_PLACE * (length is None)
-            ends = number(source), number(target), streets.setdefault(street, len(streets)), flags
-            rows.append((*ends, begin, end, since, until, length or 0.0))
-        rows += [_NO_LEG] * (most - len(track.legs))
-    columns = [*zip(*rows, strict=True)] or [()] * len(_NO_LEG)
-    counts = [len(track.legs) for track in tracks]
-    ints: Any = (counts, *columns[:4])
-    return core.Legs(most, *(column("q", one) for one in ints), *(column("d", one) for one in columns[4:]))
 
 
 def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:

@@ -331,9 +331,9 @@ class MetreColumns:
         metres: Any = np.zeros(self._agents * most).data
         edge_ids = flat(by.columns.edge_ids, np.int64)
         tracks: Any = trips.nodes.reshape(-1).data, trips.times.reshape(-1).data, trips.passed.data
-        course = by_metres.MetrePaths(*[travelers, *tracks, edge_ids, *legs, metres])
         parts: Any = [one.reshape(-1).data for one in (trips.begins, trips.ends, trips.since, trips.until)]
         of_legs = contacts.Legs(most, *[trips.legs.data, *legs, *parts, metres])
+        course = by_metres.MetrePaths(*[travelers, *tracks, edge_ids, of_legs])
         at_arrivals = None
         if self.arrivals is not None:
             at_arrivals = self.arrivals.thread(travelers, has_end=self._has_conflicts)

@@ -192,7 +192,8 @@ class MetreCourses:
 
     @cached_property
     def _ids(self) -> RoadIds:
-        return RoadIds(self._by.columns)
+        columns = self._by.columns
+        return RoadIds(columns, columns.node_ids.tolist(), self._by.map, None)
 
     def columns(self) -> list[np.ndarray[Any, Any]]:
         """Return the stored columns of the last turns."""

@@ -180,19 +180,19 @@ class TurnMoves:
 
     def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
         """Return the tracks of agents; an agent that was placed or flew is on its node only at time 1."""
-        index_of = self.order.index_of
-        slots = self.slots
-        ends = self.ends
-        track = self.track
-        tracks: list[Track] = []
-        for agent in agents:
-            node = agent.current_node_id
-            i = index_of.get(agent.name)
-            if i is None or ends[i] != node or slots[i].agent is not agent or self.was_put(i):
-                tracks.append(Track((node,), (1.0,)))
-            else:
-                tracks.append(track(i))
-        return tracks
+        slots = [(agent, self.slot_of(agent)) for agent in agents]
+        return [Track((one.current_node_id,), (1.0,)) if i is None else self.track(i) for one, i in slots]
+
+    def has_path(self, i: int) -> bool:
+        """Return whether the path of the agent of a slot is in `paths`."""
+        return self.paths is not None and self.paths.maps[i] is not None
+
+    def slot_of(self, agent: IAgent) -> int | None:
+        """Return the slot of an agent; None: it has none, or is not where its move has ended."""
+        i = self.order.index_of.get(agent.name)
+        if i is None or self.ends[i] != agent.current_node_id or self.slots[i].agent is not agent or self.was_put(i):
+            return None
+        return i
 
     def track(self, i: int) -> Track:
         """Return the nodes, times and legs of the move of a slot."""
@@ -293,7 +293,7 @@ class TurnMoves:
 
     def _stay(self, i: int, node: int) -> None:
         self.ends[i] = node
-        if self.paths is not None and self.paths.maps[i] is not None:
+        if self.paths is not None and self.has_path(i):
             core.stay(self.paths.core, i)
         action = self.actions.get(i)
         if action is not None:
@@ -313,8 +313,7 @@ class TurnMoves:
         """Let agents of slots stand that are on an edge, and do not act in this part of the turn."""
         for i in paced:
             slot = self.slots[i]
-            has_path = self.paths is not None and self.paths.maps[i] is not None
-            place = travel.place(slot.row) if slot.travels and not has_path else None
+            place = travel.place(slot.row) if slot.travels and not self.has_path(i) else None
             if place is not None and travel.roads.on(place.edge) is not None:
                 travel.stay(place, self.starts[i])
                 self.go(i, travel)

@@ -86,19 +86,26 @@ class ReachableNodes:
 
 
 class RoadIds:
-    """The ids of the nodes and edges of one revision of a graph.
+    """The nodes and edges of paths by id.
 
     Args:
         columns: the columns of the graph.
+        ids: node ids by row.
+        map: the form of the core.
+        revision: the revision of the graph; None: that of no single game.
 
     Attributes:
-        ids: node ids by row.
+        ids, map, revision: see the arguments.
         edge_ids: ids of the edges by row.
+        edges: (edges,) these ids as memory.
     """
 
-    def __init__(self, columns: GraphColumns) -> None:
-        self.ids: list[int] = columns.node_ids.tolist()
+    def __init__(self, columns: GraphColumns, ids: list[int], map: core.RoadEdges, revision: int | None) -> None:
+        self.ids = ids
+        self.map = map
+        self.revision = revision
         self.edge_ids = EdgeIds(columns)
+        self.edges: Any = np.ascontiguousarray(columns.edge_ids, np.int64).data
 
 
 class TurnPaths:
@@ -226,6 +233,11 @@ class GamePaths:
             for i, roads in enumerate(self.maps):
                 if roads is not None:
                     core.copy_trip(before, i, self.core, i)
+
+    @property
+    def most(self) -> tuple[int, int]:
+        """The maximum numbers of legs and of nodes of an agent."""
+        return max(self._legs, default=0), max(self._passed, default=1)
 
     # -- one agent --------------------------------------------------------------------------------------------------
 
@@ -376,7 +388,7 @@ class StoredPaths:
         goal[:] = np.where((goal >= 0) & (first >= 0), first + goal % nodes, -1)
 
 
-class PathFinder(RoadIds):
+class PathFinder:
     """The nodes of one revision of a graph by id, and the shortest paths of the agents of one game.
 
     Args:
@@ -384,11 +396,12 @@ class PathFinder(RoadIds):
         costs: (edges,) the costs by which agents choose paths.
 
     Attributes:
+        ids: node ids by row.
         reach: working memory, with the nodes found last.
     """
 
     def __init__(self, columns: GraphColumns, costs: FloatArray) -> None:
-        super().__init__(columns)
+        self.ids: list[int] = columns.node_ids.tolist()
         self._columns = columns
         self._costs = costs
         self._row_of = {id: row for row, id in enumerate(self.ids)}
@@ -438,7 +451,7 @@ class EdgeIds(dict[int, tuple[int, int, int]]):
         return found
 
 
-class RoadMap(PathFinder):
+class RoadMap(PathFinder, RoadIds):
     """The edges of one revision of a graph by id; of parallel edges the cheapest counts, then the first.
 
     Args:
@@ -448,16 +461,15 @@ class RoadMap(PathFinder):
         seconds: (edges,) the minimum travel time of each edge; None: edges have no speed limits.
         turn_seconds: the duration of a turn, in the time unit of speeds.
 
-    Attributes:
-        map: the form of the core.
     """
 
     def __init__(
         self, graph: IGraph, columns: GraphColumns, weight: str | None, seconds: Any, turn_seconds: float
     ) -> None:
-        super().__init__(columns, graph.weights(weight))
+        PathFinder.__init__(self, columns, graph.weights(weight))
+        roads = map_of(columns, self._costs, seconds, turn_seconds)
+        RoadIds.__init__(self, columns, self.ids, roads, graph.revision)
         self._graph = graph
-        self.map = map_of(columns, self._costs, seconds, turn_seconds)
         self._edge_row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
         self._lines: dict[int, Line] = {}  # by the id of an edge
 
