@@ -488,13 +488,13 @@ _DOTS = _DependentDefault()
 def with_options(*inherited: type, **defaults: object) -> Callable[[Documented], Documented]:
     """Spell out the keywords of `**options: Unpack[…]` in the signature and the docstring of a function.
 
-    The docstring has an entry for `options`, which the attributes of the TypedDict take the place of.
+    The attributes of the TypedDict replace the entry `options` of the docstring.
 
     Args:
-        inherited: the TypedDicts that the TypedDict of the options inherits from, whose attributes come first; at run
-            time, a TypedDict does not know them.
-        defaults: what the signature shows; for the other keywords, dots. `Never` as the type of the options, for
-            keywords that only raise an error, is left out of the signature.
+        inherited: the parents of the TypedDict, whose attributes come first; at run time, a TypedDict does not know
+            its parents.
+        defaults: the defaults that the signature shows; other keywords have dots. Options of the type `Never`, which
+            only raise an error, are not shown.
     """
     from inspect import Parameter, cleandoc
 
@@ -580,7 +580,7 @@ _MISSPELT = 0.8  # how much a keyword is like the one that is meant: `start` is 
 def misspelt(given: Collection[str], known: Collection[str], kind: str = "keyword") -> list[str]:
     """Return a sentence for each given keyword that is unknown but looks like a known one; of many, for the first.
 
-    Any may be given here, so that only those are named that are very much like one that is missing. `kind` says what
+    Unknown names are allowed here, so only names very similar to a missing one are returned. `kind` says what
     they are.
     """
     missing = tuple([name for name in known if name not in given])

@@ -225,7 +225,7 @@ class Context(Surface, Guarded, typing.IContext):
 
     @refused_while_deciding
     def reseed(self, seed: int, rng_state: Mapping[str, Any] | None = None) -> None:
-        """Derive all further random draws, including those of agents, from another seed.
+        """Derive all further random draws, also of agents, from another seed.
 
         Values that were drawn at the start of the game stay.
 

@@ -142,7 +142,7 @@ class Guarded(Shareable):
         object.__setattr__(self, name, value)
 
     def __setstate__(self, state: dict[str, Any] | tuple[dict[str, Any] | None, dict[str, Any]]) -> None:
-        """Become a copy, without checking again what was set."""
+        """Become a copy, without checking the attributes again."""
         attributes, slots = state if isinstance(state, tuple) else (state, None)
         for name, value in {**(attributes or {}), **(slots or {})}.items():
             object.__setattr__(self, name, value)

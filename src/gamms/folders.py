@@ -203,7 +203,7 @@ def write_csv(file: Path, columns: Iterable[str], rows: Iterable[Iterable[object
         end: the line terminator.
 
     Raises:
-        OSError: it cannot be written.
+        OSError: the file cannot be written.
     """
     with file.open("w", newline="", encoding="utf-8", errors=_ESCAPED) as stream:
         writer = csv.writer(stream, lineterminator=end)
@@ -359,8 +359,8 @@ def add_lines(file: Path, lines: Iterable[Mapping[str, object]]) -> None:
     """Append objects to a file of JSON lines in one write.
 
     Raises:
-        BadFile: it is no regular file.
-        OSError: it cannot be written.
+        BadFile: the file is not a regular file.
+        OSError: the file cannot be written.
     """
     with naming(file, file), opened(file, "ab") as stream:
         stream.write(as_lines(lines))
@@ -370,8 +370,8 @@ def cut_torn_line(file: Path) -> None:
     """Remove an unterminated last line, left by a killed program, from a file of JSON lines; the file need not exist.
 
     Raises:
-        BadFile: it is no regular file.
-        OSError: it cannot be written.
+        BadFile: the file is not a regular file.
+        OSError: the file cannot be written.
     """
     with suppress(FileNotFoundError), opened(file, "r+b") as stream:
         stream.truncate(stream.read().rfind(b"\n") + 1)

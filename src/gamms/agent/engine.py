@@ -637,13 +637,13 @@ class AgentStorage(Guarded):
 
 
 def _renew(agent: BaseAgent, attributes: dict[str, Any]) -> None:
-    """Set the attributes of an agent to those of the snapshot."""
+    """Set the attributes of an agent to their values in the snapshot."""
     agent.__dict__.clear()
     agent.__dict__.update(attributes)
 
 
 def _equip_as(agent: BaseAgent, strategy: Callable[[Any], Any] | None, sensors: dict[str, ISensor]) -> None:
-    """Set the strategy and the sensors of an agent to those of the snapshot."""
+    """Give an agent its strategy and its sensors from the snapshot."""
     if agent.strategy is not strategy:
         agent.decide_by(strategy)
     if agent._sensor_list != sensors:

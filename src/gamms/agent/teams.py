@@ -193,7 +193,7 @@ class Team:
             raise AttributeError(f"A team has no attribute {name!r}: team[{name!r}] is that of its members.")
 
     def __setattr__(self, name: str, value: object) -> None:
-        """Refuse to set attributes of the team object; `set` sets those of the members."""
+        """Refuse to set attributes of the team object; `set` sets attributes of the members."""
         if name in vars(self) and name[0] != "_":
             raise AttributeError(f"team.{name} cannot be set: it is fixed when the team is created.")
         if name[0] != "_" and name not in ("name", "names"):

@@ -13,7 +13,7 @@ Arc = tuple[int, int, float]  # ids of both ends, length
 
 
 class BeliefMap:
-    """One revision of the map.
+    """The map in one revision.
 
     Attributes:
         columns: columns of the graph.

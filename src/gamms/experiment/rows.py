@@ -126,7 +126,7 @@ class Rows(Sequence[Row]):
 
         Args:
             by: the keys by which rows are grouped; None: all that were varied.
-            metrics: columns of numbers, or `wins.<team>`; None: those of `metrics()`.
+            metrics: columns of numbers, or `wins.<team>`; None: the result of `metrics()`.
             confidence: the confidence level of the intervals.
 
         Raises:
@@ -209,7 +209,7 @@ class Rows(Sequence[Row]):
             confidence: the confidence level of the intervals.
 
         Raises:
-            BadValue: the rows are not of `sample(…, method="sobol")`, or games of it are missing or have raised.
+            BadValue: the rows are not from `sample(…, method="sobol")`, or some games are missing or have raised.
             UnknownName (KeyError): the rows lack the column.
         """
         if self._sample is None:

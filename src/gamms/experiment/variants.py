@@ -24,7 +24,7 @@ _ROW = ("id", "scenario", "seed", "reason", "winner", "truncated", "turns", "err
 
 
 class Variant(NamedTuple):
-    """One variant of a scenario.
+    """A variant of a scenario.
 
     Attributes:
         settings: varied key -> the name of its value in rows.

@@ -364,7 +364,7 @@ class SlotMaker:
         return self._table
 
     def rekey(self) -> None:
-        """Make the slots made last draw by the current seed of the context."""
+        """Let the slots of the last call draw by the current seed of the context."""
         if self._table is not None:
             self._table.rekey(self._ctx.seed)
 

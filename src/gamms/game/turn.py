@@ -120,7 +120,7 @@ class TurnEngine:
         return TurnOrder(slots, block, settings, groups, before, change)
 
     def take_order(self, order: TurnOrder) -> None:
-        """Reuse an order that was made here before, when its agents live again."""
+        """Reuse an earlier order whose agents are alive again."""
         state = self._state
         version = self._ctx.agent.block.structure.version
         is_public = not (state.agent_facts or state.team_facts)

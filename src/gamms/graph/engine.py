@@ -93,7 +93,7 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
 
     @property
     def graph(self) -> Graph:
-        """The graph by itself, as 1.0.0 has it; its verbs are here, too."""
+        """The graph without the engine, as in 1.0.0; the engine has all its methods."""
         if self._graph is None:
             raise ContextTerminated("ctx.graph")
         return self._graph

@@ -470,7 +470,7 @@ class InMemoryPath(IPathLike):
     """The path of a database in memory."""
 
     def as_str(self) -> str:
-        """Return the path as SQLite takes it."""
+        """Return the path in the form that SQLite accepts."""
         return ":memory:"
 
     def exists(self) -> bool:

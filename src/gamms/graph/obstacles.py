@@ -204,7 +204,7 @@ class Obstacles:
         return obstacles
 
     def share(self, other: "Obstacles") -> None:
-        """Replace all faces by those of another context; both share the table until one of them changes."""
+        """Replace all faces by the faces of another context; both share the table until one of them changes."""
         self._reset()
         self._faces = other._written()
         if other._sharers is None:
@@ -264,7 +264,7 @@ class FaceGrid:
         self._count = len(boxes)
 
     def is_outdated(self, count: int) -> bool:
-        """Return whether so many of now `count` rows were appended later that a new grid is cheaper."""
+        """Return whether so many of the `count` rows were appended later that a new grid is cheaper."""
         return count - self._count > _LATE + 2 * isqrt(self._count)
 
     def between(self, low: Corner2D, high: Corner2D, count: int) -> IntArray | None:

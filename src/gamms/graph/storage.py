@@ -83,7 +83,7 @@ class MapStorage(Guarded, IMapStorage):
         return SavedMap(store.columns(), list(self._obstacles), store.attribution, store.scenery, store.closed)
 
     def put(self, contents: "SavedMap") -> None:
-        """Replace the graph and the obstacles by those of a file."""
+        """Replace the graph and the obstacles by the contents of a file."""
         self._store.replace(contents.columns, contents.attribution, contents.scenery, contents.closed)
         self._obstacles.replace(contents.faces)
 

@@ -210,7 +210,7 @@ class GraphStore:
         return store
 
     def share(self, other: "GraphStore") -> None:
-        """Replace the graph by that of another store; both share the tables until one of them changes."""
+        """Replace the graph by the graph of another store; both share the tables until one of them changes."""
         columns = other.columns()  # this call removes dead rows
         self._stop_sharing()
         self.nodes = other.nodes
@@ -343,7 +343,7 @@ class Cache:
         return made
 
     def take_over(self, other: "Cache") -> None:
-        """Replace the entries by those of another cache."""
+        """Replace the entries by the entries of another cache."""
         self.revision = other.revision
         self.entries = other.entries.copy()
         self.bytes = other.bytes

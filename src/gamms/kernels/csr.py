@@ -94,7 +94,7 @@ def neighborhoods(sources: IntArray, targets: IntArray, nodes: int) -> tuple[Int
         nodes: the number of nodes.
 
     Returns:
-        `offsets` (nodes + 1,) and `rows`: those of node `i` are `rows[offsets[i]:offsets[i + 1]]`.
+        `offsets` (nodes + 1,) and `rows`: the neighbors of node `i` are `rows[offsets[i]:offsets[i + 1]]`.
     """
     own = np.arange(nodes)
     starts = np.concatenate((own, sources))

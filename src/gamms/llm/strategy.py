@@ -130,7 +130,7 @@ class Strategy:
 
         Raises:
             BadType: the strategy is used as the plan of a team.
-            MissingDecision: there is no client and no recorded decision.
+            MissingDecision: the decision was not recorded, and there is no client to ask.
         """
         if "curr_pos" not in state:
             raise BadType("A gamms.llm.Strategy decides for one agent: register it for each agent, not as a plan.")

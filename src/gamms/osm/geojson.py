@@ -154,7 +154,7 @@ def snapped(ways: OsmRoads, metres: float) -> OsmRoads:
     may be a bridge.
 
     Raises:
-        ValueError: so many lines are so near to each other that joining would take hours.
+        ValueError: joining would take hours, because very many lines are near each other.
     """
     xy = project(ways.lonlat, WGS84, utm_crs(ways.lonlat))
     lines = [slice(a, b) for a, b in pairwise(ways.offsets.tolist())]

@@ -442,7 +442,7 @@ def cut(
 
 
 def _about(recipe: GraphRecipe, network: RoadNetwork) -> dict[str, Any]:
-    """Return the entries of `G.graph`: the recipe, and what was merged and left out."""
+    """Return the entries of `G.graph`: the recipe, and the lengths of merged and omitted roads."""
     merged = {"merged_nodes": network.merged.nodes, "merged_length": network.merged.length_m}
     return {**recipe._asdict(), **merged, **network.left_out._asdict()}
 

@@ -124,7 +124,7 @@ def _match(rules: _Values, tags: Mapping[str, str]) -> str:
 
 
 def modes(filepath: object = None) -> dict[str, Mode]:
-    """Return the modes of travel of a TOML file by name; by default those of GAMMS.
+    """Return the modes of travel in a TOML file by name; by default the modes of GAMMS.
 
     Each table of the file is a mode; `extends = "drive"` takes missing fields from that mode, of the file or of GAMMS.
     docs/maps.md explains the fields.

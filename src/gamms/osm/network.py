@@ -502,7 +502,7 @@ def projected(network: RoadNetwork, source: str) -> RoadNetwork:
 
 
 def connected(network: RoadNetwork) -> RoadNetwork:
-    """Extend every polyline to its nodes, and set unknown lengths to those of the polylines."""
+    """Extend every polyline to its nodes, and set each unknown length to the length of the polyline."""
     start = network.xy[network.sources]
     end = network.xy[network.targets]
     offsets, points, _ = with_ends(network.offsets, network.points, start, end)

@@ -268,7 +268,7 @@ def read_ways(
         tags: tags of nodes to keep besides their `highway`, such as "crossing"; a node with one of them stays a node.
         areas: mark ways that are areas, and include the ways around multipolygons that the rule accepts.
         stops: whether a node with these tags is a barrier.
-        clip: an area in degrees; nodes outside of it count as missing.
+        clip: an area in degrees; nodes outside count as missing.
         around_buildings: attach the buildings of the file, which are read when they are needed.
 
     Raises:

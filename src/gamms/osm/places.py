@@ -112,7 +112,7 @@ _with_place_options = with_options(**_DEFAULTS)
 
 @_with_place_options
 def graph_from_place(location: Location, **options: Unpack[PlaceOptions]) -> "nx.DiGraph[int]":
-    """Make a graph of the streets of a place for a mode of travel, like `graph_from_file` for those of a file.
+    """Make a graph of the streets of a place for a mode of travel, like `graph_from_file` for a file.
 
     `location` is as for `create_osm_graph`, and `PlaceOptions` explains the other arguments; the result and the
     errors are those of `create_osm_graph`.

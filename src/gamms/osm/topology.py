@@ -297,8 +297,8 @@ def _leads_elsewhere(network: RoadNetwork) -> BoolArray:
 def _floors(network: RoadNetwork) -> IntArray:
     """Return the layers and levels of each node, as the bits of a number; -1 for all.
 
-    They are those on which at least two roads continue, or else those of its roads; so the end of a bridge is on the
-    ground. Stairs and elevators do not count.
+    A node is on the floors on which at least two roads continue, or else on the floors of its roads; so the end of a
+    bridge is on the ground. Stairs and elevators do not count.
     """
     ways_on: dict[tuple[str, ...], list[int]] = {}
     for way, tags in enumerate(network.tags):
@@ -384,7 +384,7 @@ def _contracted(network: RoadNetwork, label: IntArray, inner: BoolArray, weighty
 
 
 def _joined_node_tags(network: RoadNetwork, owners: IntArray) -> dict[int, Mapping[str, str]]:
-    """Return the tags of nodes; a merged node also gets those of the nodes that became part of it."""
+    """Return the tags of nodes; a merged node also gets the tags of the nodes that became part of it."""
     joined = dict(network.nodes.of)
     refs = network.refs if network.refs is not None else owners
     for ref, owner in zip(*(ids[refs != owners].tolist() for ids in (refs, owners)), strict=True):
@@ -488,7 +488,7 @@ def _cut_points(offsets: IntArray, points: FloatArray, position: FloatArray, cou
 
 
 def _ends_of_pieces(counts: IntArray, cuts: Values, begins: Values, ends: Values) -> tuple[Values, Values]:
-    """Return the values at both ends of every piece: those of its line's ends, or of cuts."""
+    """Return the values at both ends of every piece, which are ends of its line or cuts."""
     inner = offsets_of(counts - 1)
     return np.insert(cuts, inner[:-1], begins, axis=0), np.insert(cuts, inner[1:], ends, axis=0)
 

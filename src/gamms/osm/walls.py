@@ -153,7 +153,7 @@ def _with_openings(shapes: Shapes, streets: Shapes) -> Shapes:
 
 
 def _beside_parts(shapes: Shapes, walls: Sequence[WallProfile]) -> tuple[Shapes, Sequence[WallProfile]]:
-    """Return the shapes with buildings reduced to what their parts leave uncovered, and the walls of the parts.
+    """Return the shapes, with buildings reduced to the areas that their parts do not cover, and the walls of the parts.
 
     A part belongs to the smallest building around it. A part without a height gets that of the building. The rest of a
     building counts if it is wider than twice `_SLIVER_M`.

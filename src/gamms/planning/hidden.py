@@ -54,7 +54,7 @@ class HiddenPositions:
         self._node_ids = ctx.graph.columns().node_ids
 
     def place(self) -> dict[str, int]:
-        """Place all other agents at sampled positions; return the nodes of those on the ground.
+        """Place all other agents at sampled positions; return the nodes of agents on the ground.
 
         The seed of the context and the name of each agent determine the sample.
         """

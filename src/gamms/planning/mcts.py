@@ -30,7 +30,7 @@ _EXPLORED = 0.2  # share of actions that Exp3 chooses uniformly at random
 
 
 class SearchOptions(ModelOptions, total=False):
-    """Further keywords of `mcts`, in addition to those of a `Model`."""
+    """Keywords of `mcts` besides the keywords of `Model`."""
 
     selection: Literal["uct", "exp3"]
     """How actions are chosen. Default: "uct", which finally takes the action with the largest gain over the policy.

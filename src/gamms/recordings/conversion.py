@@ -338,7 +338,7 @@ def to_csv(
 
 
 def _cell(value: Plain) -> str | int | float | bool | None:
-    """Return a value as CSV has it."""
+    """Return a value as a cell of a CSV file."""
     plain = as_json(value)
     return plain if plain is None or isinstance(plain, (str, int, float, bool)) else json.dumps(plain)
 

@@ -94,7 +94,7 @@ def single_agent_env(  # noqa: PLR0913 - as above
     Args:
         scenario: see `parallel_env`.
         agent: the learning agent.
-        others: strategies of other agents and teams, instead of those of the scenario.
+        others: strategies of other agents and teams, which replace the scenario's.
         observation: see `parallel_env`.
         reward: see `parallel_env`.
         seed: see `parallel_env`.

@@ -71,7 +71,7 @@ class Learners:
         num_games: the number of games.
         teams: the learning teams, one or several; None: all. The others play their own strategies.
         agent: the only learning agent, instead of teams; the others of its team play their strategies.
-        others: strategies by team or agent, instead of those of the scenario.
+        others: strategies by team or agent, which replace the scenario's.
         observation: the observation function; None: `default_observation`.
         reward: the reward function; None: the change of the score of the agent's team.
         seed: the seed of the first game; the others have the next ones.

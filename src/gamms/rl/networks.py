@@ -150,7 +150,7 @@ def network_of(model: Any, shared: int | None = None) -> Network:
     """Return the network of a model: an `nn.Sequential` of PyTorch, or a model of Stable-Baselines3 with a policy.
 
     Raises:
-        BadType: it is neither, or has layers other than those of feed-forward networks.
+        BadType: the model is neither, or has layers that feed-forward networks do not have.
     """
     if hasattr(model, "policy") and hasattr(model.policy, "mlp_extractor"):
         policy = model.policy
@@ -192,7 +192,7 @@ _WAY = (
 
 
 def _layers_in(module: Any) -> list[Any]:
-    """Return the layers of a module, including those in nested sequences."""
+    """Return the layers of a module, also from nested sequences."""
     kind = type(module).__name__
     if kind == "Sequential":
         return list(chain.from_iterable(_layers_in(part) for part in module))

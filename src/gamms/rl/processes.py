@@ -262,7 +262,7 @@ _games_here: _WorkerGames | None = None  # in a worker process
 def begin(
     file: Path, columns: Sequence[SharedColumn], slots: slice, num_games: int, make: Callable[[], GamesEnv]
 ) -> None:
-    """Create the games of some slots in this process by `make`; `num_games` counts those of all processes."""
+    """Create the games of some slots in this process by `make`; `num_games` counts the games of all processes."""
     global _games_here  # noqa: PLW0603 - a process plays in one environment
     games = make()
     arrays = _mapped(file, columns)

@@ -105,7 +105,7 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
             self.learners.begin_from(seed)
 
     def close(self, **options: Any) -> None:
-        """Close the games; the options, which early versions of TorchRL lack, are those of `EnvBase.close`."""
+        """Close the games; takes the options of `EnvBase.close`, which early versions of TorchRL lack."""
         if not self.is_closed:
             self.learners.close()
         super().close(**options)

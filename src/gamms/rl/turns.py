@@ -82,7 +82,7 @@ class TurnOutcome(NamedTuple):
     """The outcome of a turn for learners, each (games, agents).
 
     Attributes:
-        rewards: the rewards of the agents; 0 for those that were dead before.
+        rewards: the rewards of the agents; 0 for agents that were dead before.
         terminated: whether the agent went out in this turn, or took part in a game that an event of this turn ended. An
             agent that went out in an earlier turn is not terminated again when its game ends.
         truncated: whether the agent took part in a game that reached its time limit.

@@ -340,7 +340,7 @@ def _publish(ctx: Context, goals: Mapping[Any, frozenset[int] | str]) -> None:
 
 
 def _leader(ctx: Context) -> Hashable:
-    """Return the team that alone has the highest score; None if several have it, or there is no other team."""
+    """Return the only team with the highest score; None if there are several, or no other team."""
     teams = [team for team in ctx.agent.teams if team is not None]
     best = core.leader(column("d", [ctx.game.scores[team] for team in teams]))
     return None if best < 0 else teams[best]

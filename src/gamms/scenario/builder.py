@@ -80,7 +80,7 @@ class Builder:
         ctx: the context.
         spec: the scenario.
         library: the functions that it names.
-        strategies: strategies by team or agent, which replace those of the scenario.
+        strategies: strategies by team or agent, which replace the scenario's.
     """
 
     def __init__(self, ctx: Context, spec: Spec, library: CodeLibrary, strategies: Strategies) -> None:
@@ -272,14 +272,14 @@ class Builder:
         self.ctx.game.internals.state.drawn = _SeededParts(self._agents, self._rules, self._plans, self._values)
 
     def _draw_plans(self) -> None:
-        """Make the plans again, and replace those that are still in use."""
+        """Make the plans again, and replace each plan that is still in use."""
         game = self.ctx.game
         before = self._plans
         self._plans = self._made_plans()
         game.plans = {team: self._plans[team] if one == before.get(team) else one for team, one in game.plans.items()}
 
     def _draw_rules(self) -> None:
-        """Make the seeded rules again, prepare all rules, and replace those that are still in use."""
+        """Make the seeded rules again, prepare all rules, and replace each rule that is still in use."""
         now = self.ctx.game.rules
         known = self._rules
         self._rules = {}
@@ -661,5 +661,5 @@ def _image(gave: Any) -> tuple[object, str]:
 
 
 def _is_within(path: str, outer: str) -> bool:
-    """Return whether a path is another one, or the path of a part of it."""
+    """Return whether a path equals another path, or lies below it."""
     return path == outer or path.startswith(f"{outer}.")

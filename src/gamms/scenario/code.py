@@ -375,7 +375,7 @@ def _is_dotted(text: str) -> bool:
 
 
 def _names_in(file: Path, path: str) -> tuple[set[str], set[str]]:
-    """Return the names that a file binds: its own or the folder's, and those that it imports from elsewhere.
+    """Return the names that a file binds, defined in the folder or imported from elsewhere.
 
     "*" among its own names means that only running the file could tell.
     """

@@ -195,7 +195,7 @@ class _TeamPlacement:
         return {number: map.row_of[node_at(map.ctx, node, path)] for number, node, path in given if node is not None}
 
     def place(self, seeds: Sequence[int], others: Mapping[str, IntArray]) -> IntArray:
-        """Return the rows of the starting nodes of this team, (seeds, agents); `others` has those of earlier teams."""
+        """Return the rows of this team's starting nodes, (seeds, agents); `others` has the rows of earlier teams."""
         rows = np.full((len(seeds), len(self.members)), -1)
         rows[:, list(self.fixed)] = list(self.fixed.values())
         free = [number for number in range(len(self.members)) if number not in self.fixed]

@@ -46,7 +46,7 @@ class Scenario(Surface, Immutable):
         allow: installed packages whose functions may be named without an entry point.
         key_variable: the name of the environment variable with the key of language models; see docs/llm.md.
         given: the keys of a scenario file, as plain values. Pass untrusted values to `load` or `from_recording`
-            instead: among keywords, `folder`, `allow` and `key_variable` would be taken as yours.
+            instead, because `folder`, `allow` and `key_variable` are trusted here.
 
     Attributes:
         spec: its contents, typed; see `Spec`.
@@ -343,10 +343,10 @@ class Scenario(Surface, Immutable):
             record: keep the actions that are given to `step`, so that games can be recorded.
             one_by_one: deprecated, and without an effect: `batch.context` needs it no more.
             vis_engine: shows the game of `batch.context(i)` in a window, or films it; see `build`.
-            most_agents: how many agents each team may come to have, or team -> number: rows are reserved for those
-                that rules create, named `red_3`, `red_4`, … where `red` begins with three; or team -> their names.
-            maps: in place of the map of the scenario, several, each as a scenario has it under `map`: the seed of a
-                game draws one, whose number is in `batch.maps`. Game i is that of
+            most_agents: the maximum number of agents in each team, or team -> number. Rows are reserved for agents
+                that rules create: `red_3`, `red_4`, … if `red` begins with three. Or team -> names of such agents.
+            maps: several maps instead of the scenario's, each in the form of the key `map`. The seed of a game
+                draws one; `batch.maps` has its number. Game i equals
                 `replace(map=maps[batch.maps[i]]).play(seed=seeds[i])`.
 
         Raises:

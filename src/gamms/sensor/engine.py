@@ -331,7 +331,7 @@ class SensorStorage(Guarded):
         self._engine._warned |= other._engine._warned
 
     def hide(self, before: SensorsSnapshot, known: Collection[str]) -> None:
-        """Reset the settings of sensors that no `known` agent carries to those of a snapshot, and clear their data.
+        """Reset sensors that no `known` agent carries to their settings in a snapshot, and clear their data.
 
         Used for copies, so the snapshot may be from another context.
         """

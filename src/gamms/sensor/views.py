@@ -277,7 +277,7 @@ def at_height(xy: FloatArray, height: float) -> FloatArray:
 
 
 def on_ground(ctx: IContext, ids: IntArray, xy: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return the nodes as points (nodes, 3) on the ground, and a mask of those that are not in a tunnel."""
+    """Return the nodes as points (nodes, 3) on the ground, and a mask of the nodes that are not in a tunnel."""
     ground = ctx.graph.graph.ground(ids)
     if ground is None:
         return at_height(xy, 0.0), np.ones(len(xy), np.bool_)

@@ -92,7 +92,7 @@ def best_response(
     Args:
         scenario: the scenario of the game.
         team: the team that responds.
-        against: the strategy of all others, or strategies by team or agent; None: those of the scenario.
+        against: the strategy of all others, or strategies by team or agent; None: the scenario's.
         method: "exact": value iteration over all reachable states, for a team that knows all positions; the others may
             have memory, but may draw only if they are from a `Solution` of this scenario. "search":
             `gamms.planning.mcts` in every turn, for agents that know their own observations and the others' strategies.

@@ -231,7 +231,7 @@ class Solution:
 
     @cached_property
     def sees(self) -> dict[str, str]:
-        """How much the sensors of each deciding team show, in all states.
+        """How completely the sensors of each deciding team show the agents, in all states.
 
         "full": each agent can tell all positions; "team": only its agents together can; "agent": not even together.
         """

@@ -78,7 +78,7 @@ class ValueIteration:
         self.error += self._gap
 
     def left(self, turn: int, team: int) -> int:
-        """Return the number of turns left by which a team plays after `turn` turns; if it does not matter, all."""
+        """Return the number of turns left after `turn` turns, or of all turns if policies do not depend on it."""
         most = len(self.values) - 1
         last = self.table.last_turn
         if self.table.by_turn:

@@ -189,7 +189,7 @@ class GameSetup(NamedTuple):
         scenario: the scenario of the game.
         seed: the seed of its start.
         teams: the teams whose actions are chosen by the solver.
-        others: strategies of the others, by team or agent, instead of those of the scenario.
+        others: strategies of the others, by team or agent, which replace the scenario's.
         last_turn: the turn after which the game is cut; None: as in the scenario.
         max_states: the most states.
         limit: the name of the argument that sets this limit.

@@ -25,10 +25,10 @@ them yourself where a strategy needs them. Without `legal`, an agent moves along
 **Batches.** The core plays some strategies in batches, as declared by `offer_steps`: `stay`, `random_walk`, `goto`,
 `follow_path`, `patrol`, `random_waypoints`, `chase`, `flee` and `first`. It calls the others game by game.
 
-Read `knowledge.py` first: what strategies know, and how agents take a step. `travel.py` has strategies without enemies,
-`stops.py` routes along a list of nodes, `encounters.py` strategies about enemies, `assignment.py` a team that shares
-out enemies, `sweeping.py` a team that visits all nodes; `paces.py` converts distances to turns. May import: `belief`,
-`context` and below. To add a strategy, write a function and name it below.
+Read `knowledge.py` first, about the knowledge of strategies and the steps of agents. `travel.py` has strategies
+without enemies, `stops.py` routes along a list of nodes, `encounters.py` strategies about enemies, `assignment.py` a
+team that shares out enemies, `sweeping.py` a team that visits all nodes; `paces.py` converts distances to turns.
+May import: `belief`, `context` and below. To add a strategy, write a function and name it below.
 """
 
 import typing as _typing

@@ -55,7 +55,7 @@ def run(
         folder: the folder of the referenced code; None: the code is in GAMMS or in a package.
         allow: see `scenario.load`.
         only: kinds, or names of tasks; None: all.
-        seeds: seeds other than those of the protocol; their results are not comparable.
+        seeds: other seeds than the protocol's; results are then not comparable.
         workers: see `experiment.run`.
         out: a folder that keeps the rows, and a recording of each task; None: keep nothing.
         progress: show the progress on a line of stderr, if that is a terminal.

@@ -112,7 +112,7 @@ class ISensor(ABC):
     looks_alike: Hashable = None  # equal for built-in sensors that share results; None: it looks by itself
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> LookResults:
-        """Look from many nodes: returns exactly the results of `sense` from each of them.
+        """Look from many nodes; each result equals the result of `sense` from that node.
 
         This default looks one by one: `values` are the `data` of each look, and `data` is that of the last look.
 

@@ -155,7 +155,7 @@ class MetricMovement(PacedMovement):
         return {place: Progress(*one) for place, one in zip(places.tolist(), found, strict=True)}
 
     def take_out(self, games: IntArray, agents: IntArray) -> None:
-        """Let agents that are out of the game be where they are."""
+        """Do nothing: eliminated agents keep their positions on edges."""
 
     def backs(self, edges: IntArray, games: IntArray) -> IntArray:
         """Return the rows of the edges by which agents turn around on edges in these games, (edges,); -1: none."""
