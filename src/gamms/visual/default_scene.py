@@ -18,6 +18,7 @@ from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import Drawer
 from gamms.visual.appearance import AgentData, AgentLooks, GraphData, Rgb
 from gamms.visual.artist import Artist, data_of, looks_of
+from gamms.visual.camera import BEYOND
 from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.drawers.agents import render_looks
@@ -243,6 +244,19 @@ def artists_of_sights(
         artists["rings"] = rings = before.get("rings") or Artist(ctx, render_rings, Layer.SEEN)
         rings.data = {"sights": ringed, **look}
     return artists
+
+
+def reach_of_views(ctx: IContext, artists: Mapping[str, IArtist]) -> float:
+    """Return how far fields of view reach from their agents, world units; at most as far as pictures show them."""
+    xy = ctx.graph.columns().xy
+    most = BEYOND * float(np.ptp(xy, axis=0).max()) if len(xy) else 0.0
+    far = 0.0
+    for artist in artists.values():
+        for _, view in data_of(artist).get("sights", ()):
+            if view is not None and len(view.outline) and view.carrier in ctx.agent.agents:
+                away = view.outline - drawing_of(ctx).position_of(view.carrier, 1.0)
+                far = max(far, float(np.abs(away).max()))
+    return min(far, most)
 
 
 def legend_of_sights(given: Iterable[tuple[Rgb, SensorView | None]]) -> LegendRows | None:

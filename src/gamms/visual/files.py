@@ -18,13 +18,14 @@ from gamms.folders import naming
 from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
 from gamms.typing import IArtist, IContext, PictureOptions
-from gamms.visual.artist import ArtistGroup, data_of
+from gamms.visual.artist import ArtistGroup
 from gamms.visual.artists import Artists
 from gamms.visual.backends import FILMS, FORMATS, Backend, FilmWriter
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.backends.raster import Painting
-from gamms.visual.camera import BEYOND, CSS_DPI, NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, framed, spill
+from gamms.visual.camera import CSS_DPI, NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, framed, spill
 from gamms.visual.captions import CAPTION_SECONDS, CaptionBar, Captions, ResultCard, end_card
+from gamms.visual.default_scene import reach_of_views
 from gamms.visual.drawers.marks import MARK_PX
 from gamms.visual.drawing import Commands, Drawing, joined, magnified
 from gamms.visual.labels import Labels
@@ -341,13 +342,7 @@ class Frames:
         xy = self.ctx.graph.columns().xy
         if not self._is_film or len(xy) == 0:
             return box
-        far = 0.0
-        for artist in artists.values():
-            for _, view in data_of(artist).get("sights", ()):
-                if view is not None and len(view.outline) and view.carrier in self.ctx.agent.agents:
-                    away = view.outline - self._source.drawing.position_of(view.carrier, 1.0)
-                    far = max(far, float(np.abs(away).max()))
-        far = min(far, BEYOND * float(np.ptp(xy, axis=0).max()))
+        far = reach_of_views(self.ctx, artists)
         low, high = box
         return np.minimum(low, xy.min(axis=0) - far), np.maximum(high, xy.max(axis=0) + far)
 

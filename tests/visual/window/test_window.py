@@ -53,6 +53,17 @@ def test_an_impossible_option_is_refused(open_window, bad):
         open_window(**bad)
 
 
+def test_fields_of_view_are_seen_as_a_whole_wherever_agents_go(ctx):
+    ctx.sensor.create_sensor("eye", SensorType.RANGE, sensor_range=6.0)
+    red = ctx.agent.get_agent("red_0")
+    red.register_sensor("eye", ctx.sensor.get_sensor("eye"))
+    red.get_state()
+    ctx.visual.simulate()
+    left, right, low, high, _ = ctx.visual.get_viewport()
+    assert left < -6.0 < 16.0 < right
+    assert low < -6.0 < 16.0 < high
+
+
 def test_without_visuals_the_whole_graph_is_seen_in_the_default_look(ctx, seen):
     ctx.visual.update()
     left, right, low, high, _ = ctx.visual.get_viewport()

@@ -7,6 +7,7 @@ import numpy as np
 from gamms.ir.graph import FloatArray
 from gamms.typing import IContext
 from gamms.visual.camera import WindowCamera
+from gamms.visual.default_scene import reach_of_views
 from gamms.visual.drawers.marks import MARK_PX
 from gamms.visual.window.input import Input
 from gamms.visual.window.overlay import Overlay
@@ -36,6 +37,7 @@ class Framing:
         self._overlay = overlay
         self._input = input
         self._fitted: Any = None
+        self._reach = 0.0  # of the farthest field of view so far
 
     @property
     def map_extent(self) -> float | None:
@@ -52,7 +54,8 @@ class Framing:
         # Not the width of the legend: with it, the map would jump whenever a score has one more digit.
         blocks = self._overlay.hud.legend.blocks
         size = (camera.screen_width, camera.screen_height)
-        now = revision, size, len(blocks), self._overlay.foot
+        self._reach = max(self._reach, reach_of_views(self._ctx, self._overlay.shown))
+        now = revision, size, len(blocks), self._overlay.foot, self._reach
         if revision is None or now != self._fitted:
             self._fitted = now
             self._see_graph()
@@ -68,7 +71,7 @@ class Framing:
             side, top, low = (min(px, share * self._camera.screen_height) for px, share in _MARGINS)
             right = max(side, self._overlay.hud.legend.width + EDGE_PX)
             margins = side, top, right, max(low, self._overlay.foot + _FOOT_PX)
-            self._camera.look_at_box(xy.min(axis=0), xy.max(axis=0), margins)
+            self._camera.look_at_box(xy.min(axis=0) - self._reach, xy.max(axis=0) + self._reach, margins)
 
     def see_choices(self, places: FloatArray) -> None:
         """Look at the one who is asked, unless all choices are seen, and apart from it, already.
