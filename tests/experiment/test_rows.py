@@ -97,6 +97,8 @@ def test_a_game_that_raises_is_a_row_with_an_error(pool):
     assert 0 < len(rows.errors()) < 6
     assert rows.errors()[0]["error"] == "ValueError: no way In the strategy of agent 'blue_0', in turn 2."
     assert np.isnan(rows.table()["turns"]).sum() == len(rows.errors())
+    with pytest.raises(BadValue, match=r"ended without an error: rows.errors\(\) says why"):
+        Rows(rows.errors(), rows.keys).plot()
 
 
 def test_a_process_that_dies_is_a_row_with_an_error_after_a_second_time(pool):

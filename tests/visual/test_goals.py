@@ -8,6 +8,7 @@ import gamms
 from gamms.ir.draw import DrawKind
 from gamms.rules import reach
 from gamms.visual.appearance import PAPER, TEAM_COLORS
+from gamms.visual.legend import _SIGNS
 
 BLUE, RED = TEAM_COLORS[:2]
 
@@ -47,6 +48,7 @@ def test_a_goal_where_an_agent_stands_differs_from_an_agent_in_view(race):
     ticks = (commands.layer == 18) & (commands.kind == DrawKind.POLYGON)
     ends = [commands.points[commands.offsets[row] + 2] for row in ticks.nonzero()[0]]
     assert {tuple(end.tolist()) for end in ends} == {(16.0, 0.0), (0.0, 16.0), (-16.0, 0.0), (0.0, -16.0)}
+    assert sum(len(part.points) == 2 for part in _SIGNS["goal"]) == 4  # in the legend, too
 
 
 def test_two_rules_may_have_goals_of_one_team(race):

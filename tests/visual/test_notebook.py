@@ -38,6 +38,7 @@ def test_a_context_and_its_pictures_are_a_png_of_what_they_are_now(ctx):
     assert pixels.shape[0] <= 600
     assert pixels.shape[1] <= 900
     assert ctx._repr_html_() is None
+    assert ctx.visual._repr_png_() == ctx._repr_png_()
     ctx.agent.delete_agent("red_0")
     assert not np.array_equal(pixels_of(ctx._repr_png_()), pixels)
 

@@ -243,10 +243,13 @@ class Rows(Sequence[Row]):
 
         Raises:
             UnknownName (KeyError): the rows lack the column or key.
+            BadValue: nothing was varied, or all games raised.
             MissingExtra (ImportError): matplotlib or SciPy is not installed.
         """
         if x is None and not self.keys:
             raise BadValue("Nothing was varied, so there is no x to plot by.")
+        if all(row["error"] is not None for row in self._rows):
+            raise BadValue(f"None of the {len(self)} games ended without an error: rows.errors() says why.")
         name = self._as_metric(y)
         across = self.keys[0] if x is None else x
         keys = self._as_keys([across] if hue is None else [across, hue])
