@@ -9,6 +9,7 @@ compiles nothing. All else is in pyproject.toml.
 
 import os
 import runpy
+import shutil
 import subprocess
 import sys
 import sysconfig
@@ -16,6 +17,7 @@ from pathlib import Path
 
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
+from setuptools.command.build_py import build_py
 from setuptools.errors import CCompilerError, PlatformError
 
 CORE = Path("src/gamms/core")
@@ -52,6 +54,16 @@ def extension(name: str, file: str) -> Extension:
         extra_link_args=SANITIZERS if PROFILE == "sanitized" else [],
         optional=True,
     )
+
+
+class BuildPackage(build_py):
+    """Copy the package into an empty folder: an earlier build may have files that are no longer in the source."""
+
+    def run(self) -> None:
+        """Remove what an earlier build left, and copy."""
+        if not self.editable_mode:
+            shutil.rmtree(Path(self.build_lib, "gamms"), ignore_errors=True)
+        super().run()
 
 
 class BuildCore(build_ext):
@@ -126,10 +138,10 @@ def built_in_place() -> list[Path]:
 
 
 if PROFILE == "python":
-    setup()
+    setup(cmdclass={"build_py": BuildPackage})
 else:
     setup(
         ext_modules=[extension(name, file) for name, file in modules().items()],
-        cmdclass={"build_ext": BuildCore},
+        cmdclass={"build_py": BuildPackage, "build_ext": BuildCore},
         options={"build_ext": {"parallel": os.cpu_count()}, "bdist_wheel": {"py_limited_api": "cp311"}},
     )

@@ -204,3 +204,15 @@ def test_a_build_in_place_that_fails_leaves_no_module_of_an_earlier_one(small_co
     said = run(sys.executable, "setup.py", "build_ext", *options, folder=small_core)
     assert "gamms: the core could not be compiled" in said
     assert not list(small_core.rglob("*.so"))
+
+
+def test_a_build_has_no_files_of_an_earlier_one(checkout):
+    build = (sys.executable, "setup.py", "-q", "build", "--build-lib", "built")
+    gone = checkout / "src/gamms/gone.py"
+    gone.touch()
+    run(*build, folder=checkout, GAMMS_CORE_BUILD="python")
+    assert (checkout / "built/gamms/gone.py").exists()
+    gone.unlink()
+    run(*build, folder=checkout, GAMMS_CORE_BUILD="python")
+    assert (checkout / "built/gamms/plain.py").exists()
+    assert not (checkout / "built/gamms/gone.py").exists()
