@@ -102,13 +102,6 @@ def test_of_equally_near_hidden_nodes_the_first_counts(ctx):
     assert ctx.graph.visibility(10.0, path=False).nearest_hidden(7, [7]) == 9
 
 
-def test_a_node_sees_itself_even_on_a_wall(town):
-    town.graph.add_obstacle_face(2, (10, -1, 3), (10, 1, 3), (10, -1, 0), (10, 1, 0), 0)
-    table = town.graph.visibility(99.0)
-    assert table.from_node(40).tolist() == [40]
-    assert table.from_node(50).tolist() == [50]
-
-
 def test_a_table_without_nodes_has_no_rows(ctx):
     table = ctx.graph.visibility(5.0)
     assert len(table) == 0

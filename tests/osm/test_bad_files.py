@@ -1,20 +1,23 @@
-"""Bad input: what is wrong, where, and the way out; never a hang, never a traceback from a library."""
+"""Bad input, to roads and walls: what is wrong, where, and the way out; no hang, no traceback from a library."""
 
 import bz2
 import gzip
 import math
 import os
 
+import networkx as nx
 import pytest
 
 from gamms.errors import BadFile, BadType, BadValue, MissingExtra, TooLarge
 from gamms.ir import projection
-from gamms.osm import graph_from_xml, osmium_reader
+from gamms.osm import graph_from_file, graph_from_xml, obstacle_from_file, osmium_reader
 
 ROAD = {"highway": "residential"}
+ROAD_AND_HOUSE = ([1, 2, 3], ROAD), ([1, 2, 4, 1], {"building": "house"})
+READERS = pytest.mark.parametrize("read", [graph_from_xml, obstacle_from_file])
 
 _LOLS = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 10))
-CONTENTS = {
+NO_MAPS = {
     "empty": b"",
     "text": b"hello world\n",
     "html": b"<!DOCTYPE html><html><body>404</body></html>",
@@ -33,6 +36,8 @@ CONTENTS = {
     "damaged gzip": gzip.compress(b"<osm version='0.6'>" + bytes(1000))[:-30],
     "gzip of noise": gzip.compress(b"hello world"),
     "damaged bzip2": bz2.compress(b"<osm version='0.6'>" + os.urandom(1000))[:-30],
+}
+NO_STREETS = {
     "bad id": b'<osm version="0.6"><way id="1"><nd ref="x"/><tag k="highway" v="path"/></way></osm>',
     "no roads": b'<osm version="0.6"><node id="1" lat="1" lon="1"/></osm>',
     "nothing": b'<osm version="0.6"></osm>',
@@ -44,24 +49,32 @@ CONTENTS = {
 }
 
 
-@pytest.mark.parametrize("content", CONTENTS.values(), ids=CONTENTS.keys())
+@pytest.mark.parametrize(
+    ("read", "content"),
+    [
+        *((graph_from_xml, content) for content in (NO_MAPS | NO_STREETS).values()),
+        *((obstacle_from_file, content) for content in NO_MAPS.values()),
+    ],
+    ids=[*NO_MAPS, *NO_STREETS, *(f"{name} of walls" for name in NO_MAPS)],
+)
 @pytest.mark.parametrize("name", ["map.osm", "map"])
-def test_what_is_no_map_is_refused_with_its_name_and_the_way_out(tmp_path, content, name):
+def test_what_is_no_map_is_refused_at_the_call_with_its_name_and_the_way_out(tmp_path, read, content, name):
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(BadFile) as caught:
-        graph_from_xml(path)
+        read(path)
     assert str(path) in str(caught.value)
     assert any(word in str(caught.value) for word in ("Give", "Export", "Download"))
 
 
-def test_a_map_that_was_cut_off_is_refused_wherever_it_ends(make_map, cross):
-    path = make_map(cross, ([1, 2, 3], ROAD))
+@READERS
+def test_a_map_that_was_cut_off_is_refused_wherever_it_ends(make_map, cross, read):
+    path = make_map(cross, *ROAD_AND_HOUSE)
     whole = path.read_bytes().strip()
     for end in range(0, len(whole), 7):
         path.write_bytes(whole[:end])
         with pytest.raises(BadFile):
-            graph_from_xml(path)
+            read(path)
 
 
 @pytest.mark.parametrize("pack", [gzip, bz2], ids=["gzip", "bzip2"])
@@ -73,12 +86,18 @@ def test_a_file_that_unpacks_absurdly_is_refused(tmp_path, pack):
         graph_from_xml(path)
 
 
+def what_is_in(found):
+    return dict(found.nodes(data=True)) if isinstance(found, nx.Graph) else list(found)
+
+
 @pytest.mark.parametrize("pack", [gzip.compress, bz2.compress], ids=["gzip", "bzip2"])
-def test_packed_maps_are_read_whatever_their_name(make_map, cross, pack):
-    path = make_map(cross, ([1, 2, 3], ROAD))
-    expected = graph_from_xml(path).number_of_nodes()
+@READERS
+def test_packed_maps_are_read_whatever_their_name(make_map, cross, read, pack):
+    path = make_map(cross, *ROAD_AND_HOUSE)
+    expected = what_is_in(read(path))
+    assert len(expected) > 1
     path.write_bytes(pack(path.read_bytes()))
-    assert graph_from_xml(path).number_of_nodes() == expected
+    assert what_is_in(read(path)) == expected
 
 
 def test_deleted_and_repeated_ways_are_passed_over(make_map, cross):
@@ -126,11 +145,12 @@ def test_a_map_of_half_the_world_is_refused(make_map):
         graph_from_xml(make_map(nodes, ([*nodes], ROAD)), resolution=1e5)
 
 
-def test_without_the_extra_the_error_prints_the_pip_command(make_map, cross, monkeypatch):
-    path = make_map(cross, ([1, 2], ROAD))
+@READERS
+def test_without_the_extra_the_error_prints_the_pip_command(make_map, cross, monkeypatch, read):
+    path = make_map(cross, *ROAD_AND_HOUSE)
     monkeypatch.setitem(__import__("sys").modules, "osmium", None)
     with pytest.raises(MissingExtra, match=r"\(extra 'osm'\): pip install "):
-        graph_from_xml(path)
+        read(path)
     monkeypatch.setitem(__import__("sys").modules, "pyproj", None)
     with pytest.raises(MissingExtra, match=r"\(extra 'osm'\): pip install "):
         projection.crs_of("EPSG:31256")
@@ -138,10 +158,11 @@ def test_without_the_extra_the_error_prints_the_pip_command(make_map, cross, mon
     assert projection.crs_of("EPSG:32635") == ("EPSG:32635", False)
 
 
-def test_a_map_with_too_many_points_is_refused(make_map, cross, monkeypatch):
+@pytest.mark.parametrize("read", [graph_from_xml, graph_from_file, obstacle_from_file])
+def test_a_map_with_too_many_points_is_refused(make_map, cross, monkeypatch, read):
     monkeypatch.setattr(osmium_reader, "_BYTES_PER_POINT", 1 << 26)
     with pytest.raises(TooLarge, match="honest files of its size"):
-        graph_from_xml(make_map(cross, ([1, 2, 3], ROAD)))
+        read(make_map(cross, *ROAD_AND_HOUSE))
 
 
 def test_a_road_that_is_all_repetition_is_refused_at_once(tmp_path):

@@ -1,7 +1,6 @@
 """`graph_from_file`: ways of moving, one-way rules, junction to junction, hostile PBF."""
 
 import contextlib
-import gzip
 import itertools
 import math
 import struct
@@ -10,8 +9,8 @@ import zlib
 import networkx as nx
 import pytest
 
-from gamms.errors import BadFile, BadType, BadValue, TooLarge
-from gamms.osm import OSMType, graph_from_file, graph_from_xml, osmium_reader
+from gamms.errors import BadFile, BadType, BadValue
+from gamms.osm import OSMType, graph_from_file, graph_from_xml
 from gamms.osm.network import CLOSED_TO
 from gamms.osm.osmium_reader import file_format, unpacked_size
 
@@ -216,16 +215,3 @@ def test_a_pbf_with_a_damaged_byte_gives_an_error_of_ours_or_a_graph(pbf):
 def test_the_frame_of_a_real_pbf_adds_up(pbf):
     assert file_format(pbf) == "pbf"
     assert 100 < unpacked_size(pbf) < 2000
-
-
-def test_packed_xml_is_read(make_map, cross, tmp_path):
-    path = make_map(cross, ([1, 2, 3], ROAD))
-    packed = tmp_path / "map.osm.gz"
-    packed.write_bytes(gzip.compress(path.read_bytes()))
-    assert dict(graph_from_file(packed).nodes(data=True)) == dict(graph_from_file(path).nodes(data=True))
-
-
-def test_a_map_with_too_many_points_is_refused(make_map, cross, monkeypatch):
-    monkeypatch.setattr(osmium_reader, "_BYTES_PER_POINT", 1 << 26)
-    with pytest.raises(TooLarge, match="honest files of its size"):
-        graph_from_file(make_map(cross, ([1, 2, 3], ROAD)))

@@ -99,3 +99,16 @@ def seen():
         return Canvas(*screen.get_size(), screen).pixels()
 
     return pixels
+
+
+@pytest.fixture
+def said(monkeypatch):
+    """Everything that is written in a frame."""
+    from gamms.visual.window import overlay
+
+    words = []
+    text = overlay.Canvas.text
+    monkeypatch.setattr(
+        overlay.Canvas, "text", lambda self, line, *rest, **more: words.append(line) or text(self, line, *rest, **more)
+    )
+    return words

@@ -7,19 +7,9 @@ import pytest
 from gamms.errors import NotOffered
 from gamms.sensor import SensorType
 from gamms.typing import ISensor
+from gamms.visual.legend import LegendRow, LegendRows
 from gamms.visual.window import overlay
 from gamms.visual.window.input import question
-
-
-@pytest.fixture
-def said(monkeypatch):
-    """Everything that is written in a frame."""
-    words = []
-    text = overlay.Canvas.text
-    monkeypatch.setattr(
-        overlay.Canvas, "text", lambda self, line, *rest, **more: words.append(line) or text(self, line, *rest, **more)
-    )
-    return words
 
 
 def frame(ctx, said):
@@ -102,6 +92,18 @@ def test_an_agent_whose_node_is_gone_is_logged_and_the_window_goes_on(ctx, said,
     frame(ctx, said)
     assert "turn 0" in frame(ctx, said)
     assert any("red_0" in record.message for record in caplog.records if record.levelname == "ERROR")
+
+
+def test_what_is_declared_explains_itself_and_nothing_else_is_explained(ctx, said):
+    ctx.visual.set_graph_visual()
+    assert {"red", "blue"}.isdisjoint(frame(ctx, said))
+    artist = ctx.visual.add_artist(
+        "fire", {"drawer": lambda *_: None, "legend": LegendRows("", (LegendRow((200, 0, 0), "fire"),))}
+    )
+    assert "fire" in frame(ctx, said)
+    artist.set_visible(False)
+    ctx.visual.update()
+    assert ctx.visual.overlay.hud.legend.width == 0
 
 
 @pytest.mark.parametrize(
