@@ -66,6 +66,7 @@ class DetectionModel(Guarded):
         if name[0] != "_" and not hasattr(type(self), name):
             raise UnknownAttribute(self._called, name, ATTRIBUTES_OF)
         if name in _CHECKS and value is not None:
+            self._phase.refuse(f"set {self._called}.{name}")
             value = _CHECKS[name](value, f"{name} of {self._sensor_id!r}")
         super().__setattr__(name, value)
         if name[0] != "_":
