@@ -307,9 +307,7 @@ class PlaceNumbers:
     """
 
     def __init__(self, capacities: "_Capacities", ctx: HostContext) -> None:
-        ids = ctx.graph.graph.columns().node_ids
-        are_dense = bool((ids == np.arange(len(ids))).all())
-        self._nodes = NodeNumbers(len(ids) if are_dense else 0)
+        self._nodes = node_numbers(ctx.graph.graph.columns())
         self._edges = NodeNumbers()
         self._capacities = capacities
         self._columns: GraphColumns | None = None  # the map of `_limits`
@@ -352,6 +350,13 @@ class PlaceNumbers:
         edges = columns.edge_ids, columns.edge_attributes
         known = self._capacities
         self._limits = np.concatenate((known.nodes.of(self._nodes, *nodes), known.edges.of(self._edges, *edges)))
+
+
+def node_numbers(columns: GraphColumns) -> NodeNumbers:
+    """Return numbers for the nodes of a map: their rows if these are their ids, else in the order of first use."""
+    ids = columns.node_ids
+    are_rows = bool((ids == np.arange(len(ids))).all())
+    return NodeNumbers(len(ids) if are_rows else 0)
 
 
 class _Agents:

@@ -15,7 +15,9 @@ from gamms import kernels
 from gamms.context import Context
 from gamms.core import contacts as core
 from gamms.core import rules
+from gamms.game.block.in_core import motion_intervals
 from gamms.game.block.travelers import NO_LEGS
+from gamms.game.conflicts import node_numbers
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import ReachableNodes, RoadIds
 from gamms.graph import Graph
@@ -490,7 +492,7 @@ class GameContacts:
     """
 
     def __init__(self, ctx: Context, numbers: core.NodeNumbers) -> None:
-        self.pieces = _pieces(0, 0)
+        self.pieces = motion_intervals(0, 0)
         self.keys = 0
         self._most = 0
         self._contacts: core.Contacts | None = None
@@ -519,7 +521,7 @@ class GameContacts:
         if pieces > self._most or keys > self.keys:
             self._most = 2 * pieces
             self.keys = 2 * keys
-            self.pieces = _pieces(self._most, self.keys)
+            self.pieces = motion_intervals(self._most, self.keys)
         return self.pieces
 
     def contacts(self, pieces: core.MotionIntervals) -> core.Contacts:
@@ -622,16 +624,10 @@ def turn_of(ctx: Context) -> TurnContacts:
     graph = ctx.graph.graph
     known: GameContacts | None = internals.kept.get("contacts")
     if known is None or known.graph is not graph or known.revision != graph.revision:
-        known = GameContacts(ctx, core.NodeNumbers() if known is None else known.numbers)
+        numbers = node_numbers(graph.columns()) if known is None else known.numbers
+        known = GameContacts(ctx, numbers)
         internals.kept["contacts"] = known
     return known.turn(ctx)
-
-
-def _pieces(pieces: int, keys: int) -> core.MotionIntervals:
-    """Return new buffers with room for this many pieces and keys."""
-    ints = np.empty((6, pieces), np.int64)
-    floats = np.empty((4, pieces))
-    return core.MotionIntervals(*_flat((*ints[:3], *floats, *ints[3:5], np.full(keys, -1), ints[5])))
 
 
 def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:

@@ -110,9 +110,7 @@ class RuleBuilder:
             keys = max(streets.num_nodes, len(state.movement.columns.edge_ids))
             self.columns, self.steps, self.legs = travel.tracks, travel.course, travel.legs
         room = 2 * agents * (self._most_nodes + 2 * most_legs + 1)  # visits and legs, each with two entries
-        places: Any = [ints(room) for _ in range(3)] + [floats(room) for _ in range(4)]
-        found: Any = ints(room), ints(room), np.full(keys, -1).data, ints(room)
-        self.pieces = contacts.MotionIntervals(*places, *found)
+        self.pieces = motion_intervals(room, keys)
         self.rules = known
         self.agents_in: list[IntArray] = []
 
@@ -342,6 +340,15 @@ def ints(number: int) -> Any:  # memoryviews are not subscriptable
 def floats(number: int) -> Any:
     """Return floats as a buffer for the core."""
     return np.zeros(number).data
+
+
+def motion_intervals(room: int, keys: int) -> contacts.MotionIntervals:
+    """Return working memory for this many intervals and keys."""
+    whole: list[Any] = [row.data for row in np.zeros((6, room), np.int64)]
+    parts: list[Any] = [row.data for row in np.zeros((4, room))]
+    first: Any = np.full(keys, -1).data
+    columns: Any = *whole[:3], *parts, *whole[3:5], first, whole[5]
+    return contacts.MotionIntervals(*columns)
 
 
 def memory_of(column: np.ndarray[Any, Any]) -> Any:
