@@ -28,7 +28,6 @@ from gamms.osm.footprints import (
     is_in_the_way,
     known_parts,
     outlines_of_ways,
-    polygons_of,
 )
 from gamms.osm.network import OsmRoads, Rule, Stops, classic_rule
 from gamms.osm.tags import node_keys, node_tags
@@ -155,14 +154,22 @@ def _varint(message: bytes, at: int) -> tuple[int, int]:
 _DEGREE = 10_000_000  # osmium counts in units of 1e-7 degrees
 _NOWHERE = 2**31 - 1
 _BYTES_PER_POINT = 1_000  # of memory, from the file to the graph
+_MOST_NODES = 2000  # of a way, the limit of OpenStreetMap; far longer outlines take minutes to repair
+_BYTES_PER_CORNER = 100  # of a building of which only the outline is kept
 _SHOW_EVERY = 4096  # ways
 
 
 class _WayVertices:
-    """The vertices of ways while they are being read, each way once."""
+    """The vertices of ways while they are being read, each way once.
 
-    def __init__(self, allowance: MemoryBudget) -> None:
+    Args:
+        allowance: the memory that reading may take.
+        bytes_per_point: of memory, from the file to the result; None: that of roads.
+    """
+
+    def __init__(self, allowance: MemoryBudget, bytes_per_point: int | None = None) -> None:
         self.allowance = allowance
+        self.bytes_per_point = bytes_per_point or _BYTES_PER_POINT
         self.offsets = array("q", (0,))
         self.refs = array("q")
         self.x = array("q")
@@ -171,7 +178,7 @@ class _WayVertices:
 
     def add(self, way: "osm.Way", clip: "_ClippedNodes | None" = None) -> None:
         nodes = list(way.nodes)
-        self.allowance.charge(_BYTES_PER_POINT * len(nodes))
+        self.allowance.charge(self.bytes_per_point * len(nodes))
         refs = [node.ref for node in nodes]
         self.refs.extend(refs)
         if clip is None:
@@ -423,7 +430,7 @@ def read_footprints(file: Path, rules: AreaRules) -> Outlines:
         MissingExtra: osmium is not installed.
     """
     source = _source_of(file)
-    found = _FootprintReader(rules, allowance_of(file))
+    found = _FootprintReader(rules, _WayVertices(allowance_of(file)))
     with _errors_of(file):
         if rules.keys:
             found.read(source)
@@ -472,16 +479,16 @@ def _read_lines(
 
 
 def _is_area(way: "osm.Way", tags: Mapping[str, str]) -> bool:
-    return len(way.nodes) >= 4 and way.ends_have_same_id() and tags.get("area") != "no"
+    return 4 <= len(way.nodes) <= _MOST_NODES and way.ends_have_same_id() and tags.get("area") != "no"
 
 
 class _FootprintReader:
     """Reads footprints: collects the lines around them while a file is being read."""
 
-    def __init__(self, rules: AreaRules, allowance: MemoryBudget, part: _ClippedNodes | None = None) -> None:
+    def __init__(self, rules: AreaRules, lines: _WayVertices, part: _ClippedNodes | None = None) -> None:
         self.rules = rules
         self.part = part
-        self.lines = _WayVertices(allowance)
+        self.lines = lines
         self.walls: list[object] = []
         self.ways_of: list[list[int]] = []  # ids of the ways around each footprint
         self.relations: set[int] = set()
@@ -530,7 +537,7 @@ class _FootprintReader:
             for id in chain.from_iterable(self.ways_of)
             if id in row_of
         )
-        self.lines.allowance.charge(_BYTES_PER_POINT * points)
+        self.lines.allowance.charge(self.lines.bytes_per_point * points)
         return outlines_of_ways(offsets, self.lines.lonlat(), row_of, self.ways_of, self.walls)
 
 
@@ -549,10 +556,10 @@ def _ways(
 
 def _read_buildings(file: Path, source: "io.File", part: _ClippedNodes | None) -> Shapes:
     """Read the buildings of a map file that block roads, in degrees and in any order."""
-    found = _BuildingReader(_BuildingRules(), allowance_of(file), part)
+    found = _FootprintReader(_BuildingRules(), _WayVertices(allowance_of(file), _BYTES_PER_CORNER), part)
     with _errors_of(file):
         found.read(source)
-    return np.concatenate((found.shapes(), footprints_of(found.outlines())))
+    return footprints_of(found.outlines())
 
 
 class _BuildingRules:
@@ -564,42 +571,3 @@ class _BuildingRules:
     def wall_of(self, tags: Mapping[str, str]) -> object | None:
         """Return True for an area that blocks ways, else None."""
         return is_in_the_way(tags) or None
-
-
-_WKB_HEADER = 9  # bytes
-_MOST_NODES = 2000  # of a way, the limit of OpenStreetMap; far longer outlines take minutes to repair
-_BYTES_PER_CORNER = 100  # of memory, of a building of which only the outline is kept
-
-
-class _BuildingReader(_FootprintReader):
-    """Reads only the outlines of buildings: osmium itself makes most of them, six times as fast."""
-
-    def __init__(self, rules: AreaRules, allowance: MemoryBudget, part: _ClippedNodes | None) -> None:
-        from osmium.geom import WKBFactory
-
-        super().__init__(rules, allowance, part)
-        self._factory = WKBFactory()
-        self._made = list[str]()
-
-    def _add_way(self, way: "osm.Way") -> None:
-        from osmium import InvalidLocationError
-        from osmium.geom import use_nodes
-
-        tags = cast("Mapping[str, str]", way.tags)
-        if self.part is not None or way.deleted or way.id < 0:
-            super()._add_way(way)
-        elif len(way.nodes) <= _MOST_NODES and _is_area(way, tags) and self.rules.wall_of(tags):
-            self.lines.allowance.charge(_BYTES_PER_CORNER * len(way.nodes))
-            try:
-                self._made.append(self._factory.create_linestring(way, use_nodes.ALL))
-            except InvalidLocationError:  # its nodes come later in the file
-                super()._add_way(way)
-
-    def shapes(self) -> Shapes:
-        """Return the buildings made by osmium."""
-        # NOTE: shapely reads them ten times as slowly. Each line is a header, and two numbers of 8 bytes per vertex.
-        sizes = np.array([len(line) // 2 for line in self._made], np.int64)
-        headers = (np.cumsum(sizes) - sizes)[:, None] + np.arange(_WKB_HEADER)
-        numbers = np.delete(np.frombuffer(bytes.fromhex("".join(self._made)), np.uint8), headers.ravel())
-        row = np.repeat(np.arange(len(sizes)), (sizes - _WKB_HEADER) // 16)
-        return polygons_of(numbers.view("<f8").reshape(-1, 2), row)
