@@ -93,7 +93,3 @@ def test_changes_after_it_was_attached_stay_in_networkx():
         assert ctx.graph.graph.get_edge(0).length == 10.0
         with pytest.raises(ValueError, match="Failed to attach NetworkX graph"):
             ctx.graph.attach_networkx_graph(to_digraph(network([(0, 1, True, 0, False)], [{}])))
-
-
-def test_a_tag_with_a_name_of_the_format_is_what_networkx_makes_of_it():
-    assert type(to_digraph(network([(0, 1, True, 0, False)], [{"length": 3.0}]))) is nx.DiGraph

@@ -11,7 +11,7 @@ from copy import deepcopy
 from dataclasses import replace
 from functools import cache
 from itertools import chain
-from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import line_strings, polylines_of
 from gamms.ir.graph import CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import BoolArray
-from gamms.osm.network import UPRIGHT, RoadNetwork, network_of_lines, reversed_points
+from gamms.osm.network import UPRIGHT, RoadNetwork, network_of_lines
 from gamms.text import shown
 from gamms.typing.map_storage import IGraphSource, IPackedGraph
 
@@ -141,10 +141,8 @@ def _of_sign(text: str) -> float | None:
     return speed if 0.0 < speed <= _FASTEST_KPH else None
 
 
-G = TypeVar("G", bound="nx.DiGraph[int]")
 _SIMPLE = frozenset((str, int, float, bool, type(None)))  # types of values that need no copy
 _TEXTS = frozenset((str, type(None)))
-_NO_VALUES = CodedValues(np.zeros(0, np.int64), np.zeros(0, np.int64), ())
 _STEEPEST = 1.0  # steeper grades are errors of the data
 _RESERVED = frozenset(("id", "linestring", "geometry", "length"))  # names of attributes that are not tags
 _OWN = frozenset(("id", "linestring", "geometry", "length", "reversed"))  # not tags: we write or replace them
@@ -167,12 +165,7 @@ def to_digraph(
         about: further entries for `G.graph`.
         columns: the result of `to_columns` for the network, if known.
     """
-    import networkx as nx
-
-    given = about or {}
-    if not np.isfinite(network.lengths).all() or any(not _RESERVED.isdisjoint(of_way) for of_way in network.tags):
-        return _filled(nx.DiGraph(), network, given)
-    return _deferred_class()(network, given, columns)  # type: ignore[no-any-return] # a class that is made in a function
+    return _deferred_class()(network, about or {}, columns)  # type: ignore[no-any-return] # a class that is made in a function
 
 
 @cache
@@ -193,10 +186,11 @@ def _deferred_class() -> Any:
         def __getattribute__(self, name: str) -> Any:
             if name in ("__class__", "as_columns"):
                 return object.__getattribute__(self, name)
-            network, about, _ = object.__getattribute__(self, "__dict__").pop("pending")
+            network, about, columns = object.__getattribute__(self, "__dict__").pop("pending")
             object.__setattr__(self, "__class__", nx.DiGraph)
             nx.DiGraph.__init__(self)
-            _filled(self, network, about)
+            _fill(self, to_columns(network) if columns is None else columns, network.attribution)
+            self.graph.update(about)
             return getattr(self, name)
 
         def __setattr__(self, name: str, value: Any) -> None:
@@ -228,24 +222,20 @@ def columns_in_waiting(graph: object, names: Collection[str]) -> tuple[GraphColu
     return to_columns(replace(network, tags=tags, ways=ways, refs=None, tunnels=None, z=None)), about
 
 
-def to_columns(network: RoadNetwork) -> GraphColumns:
-    """Return the graph that `to_digraph` makes, as columns.
+def to_columns(network: RoadNetwork, *, has_parallels: bool = False) -> GraphColumns:
+    """Return the graph that `to_digraph` makes, as columns; with parallels, all roads between two nodes.
 
-    Requires: lengths are finite, and no tag has a name reserved by the format.
+    Requires: lengths are finite.
     """
     firsts, numbers = _numbered(network)
     roads, is_back, ends = _directed(network, numbers)
     # As in networkx: sorted by source, then by when the pair of nodes was first joined; the last road of a pair counts.
-    keys = ends[0] * len(firsts) + ends[1]
+    keys = np.arange(len(roads)) if has_parallels else ends[0] * len(firsts) + ends[1]
     pairs, first, group = np.unique(keys, return_index=True, return_inverse=True)
     last = np.zeros(len(pairs), np.int64)
     np.maximum.at(last, group, np.arange(len(keys)))
-    order = np.lexsort((first, ends[0][first]))
-    chosen = last[order]
+    chosen = last[np.lexsort((first, ends[0][first]))]
     sources, targets = ends[:, chosen]
-    attributes = _attribute_columns(network, roads[chosen], is_back[chosen])
-    if len(pairs) < len(keys):
-        _keep_older_tags(network, attributes, roads, np.argsort(order)[group])
     xy = network.xy[firsts]
     offsets, out_edges = kernels.group_rows(sources, len(xy))
     return GraphColumns(
@@ -259,7 +249,7 @@ def to_columns(network: RoadNetwork) -> GraphColumns:
         out_edges=out_edges,
         polylines=_bent(network, roads[chosen], is_back[chosen]),
         node_attributes=_node_columns(network, firsts),
-        edge_attributes=attributes,
+        edge_attributes=_attribute_columns(network, roads[chosen], is_back[chosen]),
         revision=0,
         crs=network.crs,
     )
@@ -291,7 +281,8 @@ def _attribute_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray
     given: dict[str, dict[int, Any]] = {}
     for way, of_way in enumerate(network.tags):
         for name, value in of_way.items():
-            given.setdefault(name, {})[way] = value if type(value) in _SIMPLE else deepcopy(value)
+            if name not in _RESERVED:
+                given.setdefault(name, {})[way] = _copy(value)
         given.setdefault("speed_kph", {})[way] = speeds[way]
     ways = network.ways[roads]
     code_of_way = np.empty(len(network.tags), np.int64)
@@ -338,23 +329,8 @@ def _speeds(network: RoadNetwork) -> list[float]:
     return speeds
 
 
-def _keep_older_tags(network: RoadNetwork, columns: dict[str, CodedValues], roads: IntArray, rows: IntArray) -> None:
-    """Add missing tags from roads that another one replaced; edge `i` of `roads` became `rows[i]`."""
-    offsets, edges = kernels.group_rows(rows, int(rows.max()) + 1)
-    more: dict[str, dict[int, Any]] = {}
-    for row in np.flatnonzero(np.diff(offsets) > 1).tolist():
-        older: dict[str, Any] = {}
-        for edge in edges[offsets[row] : offsets[row + 1]].tolist():
-            older.update(network.tags[network.ways[roads[edge]]])
-        for name, value in older.items():
-            if name not in columns or row not in columns[name]:
-                more.setdefault(name, {})[row] = deepcopy(value)
-    for name, by_row in more.items():
-        known = columns.get(name, _NO_VALUES)
-        all_rows = np.concatenate((known.rows, np.array([*by_row], np.int64)))
-        codes = np.concatenate((known.codes, len(known.choices) + np.arange(len(by_row))))
-        order = np.argsort(all_rows)
-        columns[name] = CodedValues(all_rows[order], codes[order], [*known.choices, *by_row.values()])
+def _copy(value: Any) -> Any:
+    return value if type(value) in _SIMPLE else deepcopy(value)
 
 
 def _bent(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> Polylines:
@@ -378,7 +354,9 @@ def to_multidigraph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
     """Return a graph that keeps all parallel roads between two nodes."""
     import networkx as nx
 
-    return _filled(nx.MultiDiGraph(), network, {})
+    graph: nx.MultiDiGraph[int] = nx.MultiDiGraph()
+    _fill(graph, to_columns(network, has_parallels=True), network.attribution)
+    return graph
 
 
 def _numbered(network: RoadNetwork) -> tuple[IntArray, IntArray]:
@@ -391,32 +369,26 @@ def _numbered(network: RoadNetwork) -> tuple[IntArray, IntArray]:
     return firsts, numbers
 
 
-def _filled(graph: G, network: RoadNetwork, more: Mapping[str, Any]) -> G:
-    about = {"attribution": network.attribution, "crs": network.crs}
+def _fill(graph: "nx.Graph[int]", columns: GraphColumns, attribution: str | None) -> None:
+    """Add the nodes and edges of columns to an empty graph."""
+    about = {"attribution": attribution, "crs": columns.crs}
     graph.graph.update({name: text for name, text in about.items() if text is not None})
-    graph.graph.update(more)
-    firsts, numbers = _numbered(network)
-    graph.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(network.xy[firsts].tolist()))
-    for name, values in _node_columns(network, firsts).items():
-        for node, value in values.items():
-            graph.nodes[node][name] = value
-    roads, is_back, ends = _directed(network, numbers)
-    line = np.repeat(np.arange(len(network.sources)), np.diff(network.offsets))
-    there = line_strings(network.points, line)
-    back = line_strings(network.points[reversed_points(network.offsets)], line)
-    lengths = network.lengths.tolist()
-    ways = network.ways.tolist()
-    speeds = _speeds(network)
-    tags = [{**deepcopy(dict(of_way)), "speed_kph": kph} for of_way, kph in zip(network.tags, speeds, strict=True)]
-    edges: list[dict[str, Any]] = [
-        {"id": id, "linestring": (back if leads_back else there)[road], "length": lengths[road], **tags[ways[road]]}
-        for id, (road, leads_back) in enumerate(zip(roads.tolist(), is_back.tolist(), strict=True))
-    ]
-    for name, of_edges in _paces(network, speeds, roads, is_back).items():
-        for edge, value in zip(edges, of_edges.tolist(), strict=True):
-            edge[name] = value
-    graph.add_edges_from(zip(*ends.tolist(), edges, strict=True))
-    return graph
+    nodes: list[dict[str, Any]] = [{"x": x, "y": y} for x, y in columns.xy.tolist()]
+    _add_attributes(nodes, columns.node_attributes)
+    graph.add_nodes_from(zip(columns.node_ids.tolist(), nodes, strict=True))
+    ends = (columns.sources, columns.targets)
+    roads = network_of_lines(columns.xy, ends, columns.polylines, columns.lengths, (), columns.crs)
+    lines = line_strings(roads.points, np.repeat(np.arange(len(roads.lengths)), np.diff(roads.offsets)))
+    first = zip(columns.edge_ids.tolist(), lines, columns.lengths.tolist(), strict=True)
+    edges: list[dict[str, Any]] = [{"id": id, "linestring": line, "length": length} for id, line, length in first]
+    _add_attributes(edges, columns.edge_attributes)
+    graph.add_edges_from(zip(*(rows.tolist() for rows in ends), edges, strict=True))
+
+
+def _add_attributes(rows: list[dict[str, Any]], columns: Mapping[str, Mapping[int, Any]]) -> None:
+    for name, values in columns.items():
+        for row, value in values.items():
+            rows[row][name] = _copy(value)
 
 
 def _directed(network: RoadNetwork, numbers: IntArray) -> tuple[IntArray, BoolArray, IntArray]:
