@@ -329,7 +329,7 @@ def _speeds(network: RoadNetwork) -> list[float]:
     return speeds
 
 
-def _copy(value: Any) -> Any:
+def _copy(value: object) -> Any:
     return value if type(value) in _SIMPLE else deepcopy(value)
 
 
