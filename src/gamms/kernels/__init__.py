@@ -17,6 +17,7 @@ from gamms.kernels.csr import (
     buffer,
     chosen_runs,
     closed_rings,
+    equal_runs,
     expand_ranges,
     first_seen,
     group_rows,

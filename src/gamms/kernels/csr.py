@@ -118,6 +118,14 @@ def expand_ranges(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
     return groups, np.arange(len(groups)) + (first - ends + counts)[groups]
 
 
+def equal_runs(*columns: "np.ndarray[Any, np.dtype[Any]]") -> IntArray:
+    """Return the offsets (runs + 1,) of consecutive rows that are equal in all columns, each (rows,)."""
+    count = len(columns[0])
+    is_first = np.ones(count, np.bool_)
+    is_first[1:] = np.any([column[1:] != column[:-1] for column in columns], axis=0)
+    return np.append(np.flatnonzero(is_first), count)
+
+
 _FEWEST = 3  # lines of a closed ring
 
 

@@ -48,15 +48,11 @@ _Run = Callable[[Canvas, Camera], None]
 
 def _runs(commands: DrawCommands, rows: IntArray) -> Iterator[tuple[DrawKind, int, int]]:
     """Yield (kind, first, last + 1) of consecutive commands of one style."""
-    if len(rows) == 0:
-        return
     kind = commands.kind[rows]
-    has_style = ((kind == DrawKind.LINE) | (kind == DrawKind.POLYGON))[1:]
-    is_new = kind[1:] != kind[:-1]
-    for column in (commands.width[rows], commands.space[rows], *commands.color[rows].T):
-        is_new |= has_style & (column[1:] != column[:-1])
-    changes = np.flatnonzero(is_new) + 1
-    for begin, end in pairwise([0, *changes.tolist(), len(rows)]):
+    has_style = np.isin(kind, (DrawKind.LINE, DrawKind.POLYGON))
+    styles = (commands.width, commands.space, *commands.color.T)
+    offsets = kernels.equal_runs(kind, *(np.where(has_style, column[rows], 0) for column in styles))
+    for begin, end in pairwise(offsets.tolist()):
         yield DrawKind(int(kind[begin])), begin, end
 
 
@@ -187,10 +183,11 @@ class _Circles:
         centers = camera.to_screen(centers) + shift
         reach = (radius + width)[:, None] + 1.0
         inside = touching(centers - reach, centers + reach, (0.0, 0.0, canvas.width, canvas.height))
-        small = radius + width <= _LARGEST_STAMP_PX
-        for is_small, begin, end in _stretches(small[inside]):
-            rows = np.flatnonzero(inside)[begin:end]
-            paint = _stamped if is_small else _large
+        seen = np.flatnonzero(inside)
+        is_small = (radius + width)[seen] <= _LARGEST_STAMP_PX
+        for begin, end in pairwise(kernels.equal_runs(is_small).tolist()):
+            rows = seen[begin:end]
+            paint = _stamped if is_small[begin] else _large
             paint(canvas, centers[rows], radius[rows], width[rows], color[rows])
 
     def _large_enough(self, scale: float) -> tuple["np.ndarray[Any, Any]", ...]:
@@ -219,14 +216,6 @@ class _Circles:
             is_one = np.abs(self.centers[i] - self.centers[i + 1] - away) <= _SAME * self.size[i, None]
         first: IntArray = i[is_one.all(axis=1)]
         return first
-
-
-def _stretches(values: "np.ndarray[Any, Any]") -> Iterator[tuple[int, int, int]]:
-    """Yield (value, first, last + 1) of consecutive equal values."""
-    if len(values):
-        changes = np.flatnonzero(values[1:] != values[:-1]) + 1
-        for begin, end in pairwise([0, *changes.tolist(), len(values)]):
-            yield int(values[begin]), begin, end
 
 
 def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray) -> None:

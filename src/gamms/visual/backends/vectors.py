@@ -41,20 +41,16 @@ class VectorCommands(NamedTuple):
 
     def runs(self) -> Iterator[tuple[int, int]]:
         """Yield (first row, last row + 1) of consecutive commands that are painted together."""
-        if len(self.kind) == 0:
-            return
-        style = np.column_stack([self.kind, self.width, self.color])
-        changes = np.flatnonzero((style[1:] != style[:-1]).any(axis=1)) + 1
-        yield from pairwise([0, *changes.tolist(), len(style)])
+        yield from pairwise(kernels.equal_runs(self.kind, self.width, *self.color.T).tolist())
 
 
 def sheet_of(commands: DrawCommands, camera: Camera, background: Rgba) -> VectorCommands:
     """Return the view of a camera on draw commands over a background."""
-    rows = _seen(commands, camera)
-    take, offsets = kernels.chosen_runs(commands.offsets, rows)
     points = on_screen(commands, camera)
-    boxes = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
     scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
+    rows = _seen(commands, camera, points, scale)
+    take, offsets = kernels.chosen_runs(commands.offsets, rows)
+    boxes = np.flatnonzero(commands.kind == DrawKind.RECTANGLE)
     font_scale = np.where(commands.kind == DrawKind.TEXT, EM, 1.0)
     points[commands.offsets[boxes] + 1] = commands.points[commands.offsets[boxes] + 1] * scale[boxes, None]
     return VectorCommands(
@@ -70,15 +66,13 @@ def sheet_of(commands: DrawCommands, camera: Camera, background: Rgba) -> Vector
     )
 
 
-def _seen(commands: DrawCommands, camera: Camera) -> IntArray:
+def _seen(commands: DrawCommands, camera: Camera, points: FloatArray, scale: FloatArray) -> IntArray:
     """Return the rows in painting order, without rows outside the picture."""
     rows = commands.in_painting_order()
     if len(rows) == 0:
         return rows
-    scale = np.where(commands.space == DrawSpace.WORLD, camera.scale, 1.0)
     letters = np.array([max(len(text), 1) for text in commands.text])
     reach = 2.0 * commands.size * scale * np.where(commands.kind == DrawKind.TEXT, letters, 1) + commands.width * scale
-    points = on_screen(commands, camera)
     low, high = (measure.reduceat(points, commands.offsets[:-1]) for measure in (np.minimum, np.maximum))
     box = (0.0, 0.0, float(camera.width), float(camera.height))
     margin = (reach + _BEYOND_PX)[:, None]

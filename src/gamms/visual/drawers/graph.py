@@ -1,5 +1,6 @@
 """Drawers of the map: values of nodes and edges, choices of a person, obstacles and the base map."""
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from gamms.ir.obstacles import COLOR_TYPES, OTHER_OBSTACLE, BoolArray, ObstacleC
 from gamms.ir.scenery import SceneryKind
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, GraphData, Rgb, Rgba, rgba
-from gamms.visual.drawers.streets import median, polylines
+from gamms.visual.drawers.streets import lengths_along, median, part_of, polylines
 from gamms.visual.drawing import Drawing, drawing_of
 from gamms.visual.legend import ColoredValues
 from gamms.visual.themes import WallTones
@@ -33,11 +34,10 @@ def render_values(ctx: IContext, data: dict[str, Any]) -> None:
     rows = kernels.rows_of(known, values.ids[order], np.argsort(known, kind="stable"))
     places = values.places[order][rows >= 0]
     rows = rows[rows >= 0]
-    cuts = np.flatnonzero(np.diff(places)) + 1
     draw = _draw_nodes if values.of == "nodes" else _draw_edges
     unit = typical_edge_length(columns)
-    for part in np.split(np.arange(len(rows)), cuts) if len(rows) else []:
-        draw(ctx, columns, rows[part], unit, values.colors[int(places[part[0]])])
+    for begin, end in pairwise(kernels.equal_runs(places).tolist()):
+        draw(ctx, columns, rows[begin:end], unit, values.colors[int(places[begin])])
 
 
 def longer_side(columns: GraphColumns) -> float:
@@ -100,12 +100,8 @@ def render_input_overlay(ctx: IContext, data: dict[str, Any]) -> None:
 
 def _between_rings(way: FloatArray, radius: float) -> FloatArray:
     """Return a way without its ends, which would cover the agents there; all of it where nothing would be left."""
-    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(way, axis=0).T))))
-    ends = radius, along[-1] - radius
-    if ends[0] >= ends[1]:
-        return way
-    begin, end = (np.array([np.interp(place, along, values) for values in way.T]) for place in ends)
-    return np.vstack([begin, way[(along > ends[0]) & (along < ends[1])], end])
+    along = lengths_along(way)
+    return way if 2 * radius >= along[-1] else part_of(way, along, radius, along[-1] - radius)
 
 
 def _edges_between(columns: GraphColumns, here: int, ends: set[int]) -> "np.ndarray[Any, np.dtype[np.int64]]":

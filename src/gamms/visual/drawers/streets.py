@@ -74,7 +74,7 @@ def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
     look: GraphData = data["graph_data"]
     columns = ctx.graph.columns()
     visual = drawing_of(ctx)
-    streets = _streets(columns, look)
+    streets = visual.of_map(_streets)
     is_apart = data.get("tunnels") == "below"
     if columns.crs is None:
         for points, offsets, *_ in streets.strokes:
@@ -93,7 +93,7 @@ def render_tunnels(ctx: IContext, data: dict[str, Any]) -> None:
     look: GraphData = data["graph_data"]
     columns = ctx.graph.columns()
     visual = drawing_of(ctx)
-    streets = _streets(columns, look)
+    streets = visual.of_map(_streets)
     _draw(visual, [one for one in streets.strokes if one.level == _BELOW], look, tinted=True)
     if streets.is_below.any():
         color = shaded(look.node_color, _TUNNEL_SHADE, visual)
@@ -123,16 +123,8 @@ def shaded(color: AnyColor, shade: float, visual: Drawing) -> AnyColor:
     return red, green, blue
 
 
-def _streets(columns: GraphColumns, look: GraphData) -> _Streets:
-    """Return the drawing of a graph, cached per revision: tunnels first, then by road class, bridges last."""
-    if columns.revision not in look.edge_line_points:
-        look.edge_line_points.clear()
-        look.edge_line_points[columns.revision] = _made(columns)
-    made: _Streets = look.edge_line_points[columns.revision]
-    return made
-
-
-def _made(columns: GraphColumns) -> _Streets:
+def _streets(columns: GraphColumns) -> _Streets:
+    """Return the drawing of a graph: tunnels first, then by road class, bridges last."""
     rows = one_way_each(columns)
     is_below = np.zeros(len(columns.xy), bool)
     if columns.crs is None:
@@ -205,7 +197,7 @@ def dashes(points: FloatArray, offsets: IntArray, period: float) -> tuple[FloatA
     """Return the dashes of polylines as polylines; each begins and ends with half a dash, so that they fit together."""
     found = list[FloatArray]()
     for line in np.split(points, offsets[1:-1]):
-        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+        along = lengths_along(line)
         if along[-1] > 0.0:
             found += _dashes_of(line, along, period)
     return np.concatenate([np.empty((0, 2)), *found]), np.cumsum([0, *map(len, found)])
@@ -219,8 +211,18 @@ def _dashes_of(line: FloatArray, along: FloatArray, period: float) -> Iterator[F
     for number in range(gaps + 1):
         begin = max((number - _DASHED / 2) * step, 0.0)
         end = min((number + _DASHED / 2) * step, length)
-        first, last = np.column_stack([np.interp([begin, end], along, axis) for axis in line.T])
-        yield np.vstack([first, line[(along > begin) & (along < end)], last])
+        yield part_of(line, along, begin, end)
+
+
+def lengths_along(line: FloatArray) -> FloatArray:
+    """Return how far along a polyline (points, 2) each of its points is."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+
+
+def part_of(line: FloatArray, along: FloatArray, begin: float, end: float) -> FloatArray:
+    """Return the part of a polyline between two distances; `along` is from `lengths_along`."""
+    first, last = np.column_stack([np.interp([begin, end], along, axis) for axis in line.T])
+    return np.vstack([first, line[(along > begin) & (along < end)], last])
 
 
 def median(lengths: FloatArray) -> float:
