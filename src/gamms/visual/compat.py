@@ -1,6 +1,7 @@
 """Names of 1.0.0's window that programs reach into, mapped to the parts of ours; see docs/compatibility.md."""
 
 from collections.abc import Sequence
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -120,21 +121,11 @@ class WindowNames:
     drawer_surface: Any
     turn_seconds: Any
 
-    @property
-    def _pygame(self) -> Any:
-        return load()
-
-    @property
-    def _render_manager(self) -> RenderManager:
-        return self.camera
-
-    @property
-    def _screen(self) -> Any:
-        return self.screen
-
-    @property
-    def _clock(self) -> Any:
-        return self.pace.clock
+    _pygame = property(lambda _: load())
+    _render_manager = property(attrgetter("camera"))
+    _screen = property(attrgetter("screen"))
+    _clock = property(attrgetter("pace.clock"))
+    _waiting_simulation = property(attrgetter("pace.is_showing"))
 
     @property
     def _sim_time_constant(self) -> float:
@@ -152,10 +143,6 @@ class WindowNames:
     @_simulation_time.setter
     def _simulation_time(self, seconds: float) -> None:
         self.pace.shown_seconds = seconds
-
-    @property
-    def _waiting_simulation(self) -> bool:
-        return self.pace.is_showing
 
     @property
     def _waiting_user_input(self) -> bool:

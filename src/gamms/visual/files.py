@@ -2,7 +2,7 @@
 
 import os
 from base64 import b64encode
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from contextlib import AbstractContextManager, suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -27,7 +27,7 @@ from gamms.visual.camera import CSS_DPI, NO_MARGINS, Box, Camera, Margins, Point
 from gamms.visual.captions import CAPTION_SECONDS, CaptionBar, Captions, ResultCard, end_card
 from gamms.visual.default_scene import reach_of_views
 from gamms.visual.drawers.marks import MARK_PX
-from gamms.visual.drawing import Commands, Drawing, joined, magnified
+from gamms.visual.drawing import Drawing, joined, magnified
 from gamms.visual.labels import Labels
 from gamms.visual.legend import Block, blocks_of, grown
 from gamms.visual.page import Page, PageStyle, page_size, style_of
@@ -213,21 +213,6 @@ class FrameSource(NamedTuple):
         return () if self.artists.fog is None else self.artists.fog.hidden
 
 
-class _CachedPainting:
-    """A painting that is prepared again only if its inputs have changed."""
-
-    def __init__(self) -> None:
-        self._key: object = None
-        self._painting = Painting(Commands().freeze())
-
-    def paint(self, canvas: Canvas, camera: Camera, key: object, draw: Callable[[], DrawCommands]) -> None:
-        """Paint the drawing of a function; for an equal key, reuse the last drawing."""
-        if key != self._key:
-            self._key = key
-            self._painting = Painting(draw())
-        self._painting.paint(canvas, camera)
-
-
 class Frames:
     """Paints the state of a context at any time between two turns, always through the same camera.
 
@@ -280,8 +265,6 @@ class Frames:
         self._is_new_turn = True
         self._blocks: tuple[Block, ...] = ()
         self._page = Page(self.width, self.height, (), self._style)
-        self._around = _CachedPainting()  # the map
-        self._below = _CachedPainting()
         self.captions = Captions(self.ctx, source.drawing)
         self._caption_bar = CaptionBar(0, "", ())
         self._card: ResultCard | None = None
@@ -314,13 +297,12 @@ class Frames:
         budget = None if self._viewpoint.followed is None else whole_frame()  # so that streets are shifted
         self.scene.paint(self.canvas, camera, self._style.background, budget)
         page = self._page
-        bar = self._caption_bar
         with self._themed():
             labels = page.labels(self._labels, camera, self.ctx, self._artists or {}, corner)
-        Painting(labels).paint(self.canvas, camera)
-        self._around.paint(self.canvas, camera, (page, camera), lambda: page.commands(camera, corner))
+        around = joined(labels, page.commands(camera, corner))
         if page.has_captions:
-            self._below.paint(self.canvas, camera, (page, camera, bar), lambda: page.captions(camera, bar, corner))
+            around = joined(around, page.captions(camera, self._caption_bar, corner))
+        Painting(around).paint(self.canvas, camera)
         self._camera = camera
         return self.canvas
 

@@ -68,7 +68,6 @@ class Fog:
         self._now: set[int] = set()
         self.hidden: set[str] = set()
         self._sights: dict[str, Artist] = {}  # of sensors
-        self._made: tuple[Any, ...] = ()  # columns, points, offsets, ends of streets
         self._streets_artist = Artist(ctx, _TurnDrawer(self._draw_streets), Layer.GRAPH)
         self._tags = Artist(ctx, _TurnDrawer(self._draw_tags), Layer.TAGS)
 
@@ -166,7 +165,7 @@ class Fog:
 
     def _draw_streets(self, ctx: IContext, _: dict[str, Any]) -> None:
         columns = ctx.graph.columns()
-        points, offsets, ends = self._streets(columns)
+        points, offsets, ends = drawing_of(ctx).of_map(_streets)
         shades = np.isin(columns.node_ids, list(self._seen)).astype(np.int64)
         shades += np.isin(columns.node_ids, list(self._now))
         of_streets = shades[ends].min(axis=1)
@@ -180,14 +179,6 @@ class Fog:
             visual.render_lines(points[take], ends_of, color, width, in_world=is_real)
             visual.render_circles(columns.xy[shades == shade], _DOT * unit, color)
 
-    def _streets(self, columns: GraphColumns) -> tuple[FloatArray, IntArray, IntArray]:
-        if not self._made or self._made[0] is not columns:
-            rows = one_way_each(columns)
-            ends = np.column_stack([columns.sources[rows], columns.targets[rows]])
-            self._made = (columns, *polylines(columns, rows), ends)
-        points, offsets, ends = self._made[1:]
-        return points, offsets, ends
-
     def _draw_flags(self, ctx: IContext, data: dict[str, Any]) -> None:
         render_flags(ctx, data | {"hidden": self.hidden})
 
@@ -197,6 +188,12 @@ class Fog:
     def _draw_tags(self, ctx: IContext, data: dict[str, Any]) -> None:
         data["of"] = self._own_names()
         render_tags(ctx, data)
+
+
+def _streets(columns: GraphColumns) -> tuple[FloatArray, IntArray, IntArray]:
+    """Return the points and offsets of streets, and the rows of the nodes at their ends (streets, 2)."""
+    rows = one_way_each(columns)
+    return (*polylines(columns, rows), np.column_stack([columns.sources[rows], columns.targets[rows]]))
 
 
 class _TurnDrawer:

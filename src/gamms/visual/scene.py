@@ -14,7 +14,7 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import Drawer
 from gamms.visual.appearance import Rgba
-from gamms.visual.artist import Artist, ArtistGroup, in_painting_order, state_of
+from gamms.visual.artist import ArtistGroup, in_painting_order, state_of
 from gamms.visual.backends.pygame_backend import Canvas, load, painted_transparent
 from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, bounds, framed, spill
@@ -431,7 +431,6 @@ class Scene:
         self._overlays: dict[tuple[IArtist, ...], Any] = {}
         self._ctx = ctx
         self._world = world
-        self._grouped: tuple[Mapping[str, IArtist], int, _Groups] | None = None  # artists, their edits, and groups
         self._parts: list[ScenePart] = []
         self._before: list[ScenePart] = []
         self._stages: list[_Still] = []  # surfaces of the rear parts, smallest number of parts first
@@ -446,7 +445,7 @@ class Scene:
         asked = {} if is_new_turn else {part.artists: part for part in self._parts}
         self._before = self._parts
         self._parts = []
-        for rate, members, group in self._groups(artists, is_new_turn=is_new_turn):
+        for rate, members, group in self._groups(artists):
             if rate is not _DrawRate.FRAME and group.artists in asked:
                 part = asked[group.artists]
             elif rate is _DrawRate.STATIC:
@@ -457,16 +456,11 @@ class Scene:
             part.lasts = rate is not _DrawRate.FRAME
             self._parts.append(part)
 
-    def _groups(self, artists: Mapping[str, IArtist], *, is_new_turn: bool) -> _Groups:
-        """Return artists in painting order, grouped by parts; sorted once per turn."""
-        if self._grouped is not None and not is_new_turn and self._grouped[:2] == (artists, Artist.edits):
-            return self._grouped[2]
+    def _groups(self, artists: Mapping[str, IArtist]) -> _Groups:
+        """Return artists in painting order, grouped by parts."""
         by_likeness = groupby(in_painting_order(artists), _group_key)
         parts = [(rate, dict(members)) for (rate, *_), members in by_likeness]
-        groups = [(rate, members, ArtistGroup(self._ctx, members)) for rate, members in parts]
-        are_counted = all(isinstance(artist, Artist) for artist in artists.values())  # others may change unseen
-        self._grouped = (artists, Artist.edits, groups) if are_counted else None
-        return groups
+        return [(rate, members, ArtistGroup(self._ctx, members)) for rate, members in parts]
 
     def _moving_part(self, group: ArtistGroup, draw: Draw, *, is_new_turn: bool) -> ScenePart:
         """Return a part: that of the frame before, where it would look the same."""
