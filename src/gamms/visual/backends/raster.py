@@ -5,7 +5,7 @@
 
 from collections.abc import Callable, Iterator
 from functools import lru_cache
-from itertools import pairwise, starmap
+from itertools import pairwise
 from math import ceil
 from typing import Any, NamedTuple
 
@@ -219,30 +219,34 @@ class _Circles:
 
 
 def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray) -> None:
-    reach = np.ceil(radius + width / 2) + 1
+    sizes = np.rint(np.column_stack([radius, width]) * 10)
+    reach = np.ceil(sizes[:, 0] / 10 + sizes[:, 1] / 10 / 2) + 1  # as of the stamp
     corner = centers - reach[:, None]
     whole = np.floor(corner)
-    steps = ((corner - whole) * _STEPS).astype(np.int64).tolist()
-    sizes = np.rint(np.column_stack([radius, width]) * 10).astype(np.int64).tolist()
-    looks = zip(map(tuple, sizes), map(tuple, steps), map(tuple, color.tolist()), strict=True)
+    steps = (corner - whole) * _STEPS
+    looks = np.column_stack([sizes, steps, color]).astype(np.int32)
+    keys = looks.view(f"V{looks.itemsize * looks.shape[1]}").ravel().tolist()  # bytes
+    stamps = {key: _stamp(key) for key in set(keys)}
     x, y = whole.astype(np.int64).T.tolist()
     # NOTE: never a list of pairs, which triggers the garbage collector (first frame of 100,000 edges).
-    canvas.stamps(zip(starmap(_stamp, looks), zip(x, y, strict=True), strict=True))
+    canvas.stamps(zip(map(stamps.__getitem__, keys), zip(x, y, strict=True), strict=True))
 
 
 @lru_cache(maxsize=8192)
-def _stamp(size: tuple[int, int], steps: tuple[int, int], color: Rgba) -> Any:
-    """Return a circle as a surface: its radius and width in tenths of pixels, and its position within a pixel."""
-    radius, width = (tenths / 10 for tenths in size)
+def _stamp(look: bytes) -> Any:
+    """Return a circle as a surface: radius and width in tenths of pixels, position within a pixel, and color."""
+    radius, width, right, down, *color = np.frombuffer(look, np.int32).tolist()
+    radius /= 10
+    width /= 10
     reach = ceil(radius + width / 2) + 1
-    x, y = (reach + (step + 0.5) / _STEPS for step in steps)
+    x, y = (reach + (step + 0.5) / _STEPS for step in (right, down))
     side = 2 * reach + 1
     full = np.zeros((side, side), np.uint8)
     patch = disc(x, y, *_ring(radius, width), side, side)
     if patch is not None:
         rows, columns = patch.coverage.shape
         full[patch.top : patch.top + rows, patch.left : patch.left + columns] = patch.coverage
-    return stamp(full, color)
+    return stamp(full, tuple(color))
 
 
 def disc(x: float, y: float, outer: float, inner: float, width: int, height: int) -> Patch | None:
