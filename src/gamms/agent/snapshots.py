@@ -110,7 +110,7 @@ class AgentsSnapshot:
         }
 
     def hidden(self, block: AgentBlock, known: Collection[str], node: Node) -> Iterator[tuple[int, dict[str, Any]]]:
-        """Yield the row and the columns, as seen in a look ahead, of each agent of a copy that is not `known`.
+        """Yield the row, and the columns without hidden values, of each agent of a private fork that is not `known`.
 
         Such an agent keeps its speed, and its height if it flies; it is on `node` until it is placed.
         """

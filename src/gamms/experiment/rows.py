@@ -121,8 +121,8 @@ class Rows(Sequence[Row]):
     ) -> Table:
         """Return means with bootstrap intervals, and rates of wins with Wilson intervals, for each variant.
 
-        Games of one seed count as one piece of evidence: a mean is that of the means of the seeds, and intervals are
-        over seeds. Rows with errors count in neither; the column `errors` says how many there are.
+        Games of one seed count as one piece of evidence: first the games of a seed are averaged, then the seeds;
+        intervals are over seeds. Rows with errors count in neither; the column `errors` says how many there are.
 
         Args:
             by: the keys by which rows are grouped; None: all that were varied.

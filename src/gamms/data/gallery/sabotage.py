@@ -7,7 +7,7 @@ import networkx as nx
 
 
 def town(rows, banks, bridges):
-    """Return streets on banks of some columns, with bridges at some rows over the rivers between the banks."""
+    """Return a grid of streets with rivers between some of its columns, and bridges at some rows."""
     graph = nx.grid_2d_graph(sum(banks), rows)
     for x, y in graph:
         rivers = sum(x >= column for column in accumulate(banks))

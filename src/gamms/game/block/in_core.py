@@ -72,7 +72,7 @@ class RuleBuilder:
     """The data from which the rules of one thread and one map are built.
 
     Attributes:
-        state: of all games.
+        state: the state of all games.
         thread: the number of the thread.
         games, events, steps, pieces: see `gamms.core.rules`.
         columns: the nodes, times and lengths of the tracks of one game's agents.

@@ -385,7 +385,7 @@ def note_sights(
     """Record the data of sensors in the game of a context.
 
     Args:
-        state: of all games.
+        state: the state of all games.
         ctx: the context.
         look: returns the data of some sensors of an agent, as in `state["sensor"]`.
         number: the number of the game.

@@ -133,7 +133,7 @@ class StrategySteps:
     """Columns of the steps of strategies, which all threads of a batch share.
 
     Args:
-        state: of all games.
+        state: the state of all games.
         steps: the steps of each agent, in the order of the roster; empty for an agent without steps.
     """
 

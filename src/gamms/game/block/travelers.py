@@ -100,7 +100,7 @@ class EdgeColumns:
     """The columns that all threads share in games along several edges per turn.
 
     Args:
-        state: of all games.
+        state: the state of all games.
         by: the movement of the agents.
         part_of: (agents,) the part of the turn in which each agent moves.
         go_by_steps: whether some agents decide by strategy steps, whose targets may be far.
@@ -203,7 +203,7 @@ class MetreColumns:
     """The columns that all threads share in games by metres.
 
     Args:
-        state: of all games.
+        state: the state of all games.
         by: the movement of the agents.
         part_of: (agents,) the part of the turn in which each agent moves.
         go_by_steps: whether some agents decide by strategy steps, whose targets may be far.
