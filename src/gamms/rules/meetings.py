@@ -17,7 +17,7 @@ from gamms.core import contacts as core
 from gamms.core import rules
 from gamms.game.block.in_core import motion_intervals
 from gamms.game.block.travelers import NO_LEGS
-from gamms.game.conflicts import node_numbers
+from gamms.game.conflicts import flat, node_numbers
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import ReachableNodes, RoadIds
 from gamms.graph import Graph
@@ -67,11 +67,6 @@ def ask(found: core.Contacts, nearness: ContactOptions, near: Near, *columns: An
         crossing=nearness.crossing,
         by_metres=by_metres,
     )
-
-
-def _flat(columns: Iterable[np.ndarray[Any, Any]]) -> list[Any]:  # Any: memoryviews are not subscriptable
-    """Return columns as flat buffers for the core."""
-    return [np.ascontiguousarray(column).reshape(-1).data for column in columns]
 
 
 def column(kind: str, values: Iterable[float] = ()) -> Any:  # Any: memoryviews are not subscriptable
@@ -458,8 +453,8 @@ def in_air(ctx: Context, nearness: ContactOptions) -> dict[str, Position]:
 
 def reach_of(arcs: kernels.Arcs, limit: float) -> core.NearNodes:
     """Return a search for the nodes within a distance of a node, along the edges of a map."""
-    offsets, heads, costs = _flat(arcs)
-    return core.NearNodes(offsets, heads, costs, limit, ReachableNodes(len(arcs.offsets) - 1).core)
+    ends = flat(arcs.offsets, np.int64), flat(arcs.ends, np.int64)
+    return core.NearNodes(*ends, flat(arcs.weights, np.float64), limit, ReachableNodes(len(arcs.offsets) - 1).core)
 
 
 def search_for(near: Near, nearness: ContactOptions, *, by_metres: bool) -> int:
