@@ -80,7 +80,8 @@ class OSMEdge(_EdgeFields):
             return None
         made = self.__dict__.get("linestring")
         if made is None:
-            made = self.__dict__["linestring"] = geometry.line_string(np.reshape(self.points, (-1, 2)))
+            made = geometry.line_string(np.reshape(self.points, (-1, 2)))
+            self.__dict__["linestring"] = made
         return made
 
     def __setattr__(self, name: str, value: Any) -> None:

@@ -49,7 +49,8 @@ def kind_called(name: str) -> SensorType:
     vars(member).update({"_name_": name, "_value_": value})
     type.__setattr__(SensorType, name, member)
     tables["_member_names_"].append(name)
-    tables["_member_map_"][name] = tables["_value2member_map_"][value] = member
+    tables["_member_map_"][name] = member
+    tables["_value2member_map_"][value] = member
     return member
 
 
