@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain, islice
 from math import isfinite, isqrt
 from typing import Any, ClassVar, cast
-from weakref import WeakSet
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +13,7 @@ from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue, DuplicateId
 from gamms.graph import records
 from gamms.graph.records import is_everywhere
+from gamms.graph.sharing import SharesTables
 from gamms.graph.tables import Table
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
@@ -48,12 +48,11 @@ class _FaceTable(Table):
         self.grid: FaceGrid | None = None  # grid of the boxes, once there are many
 
 
-class Obstacles:
+class Obstacles(SharesTables):
     """The faces of one graph, in insertion order."""
 
     def __init__(self) -> None:
         self.revision = 0  # increases with every change
-        self._sharers: WeakSet[Obstacles] | None = None  # this object, and all others that share its table
         self._reset()
 
     def __len__(self) -> int:
@@ -169,7 +168,7 @@ class Obstacles:
     # -- inside -------------------------------------------------------------------------------------------------
 
     def _reset(self) -> None:
-        self._stop_sharing()
+        self.stop_sharing()
         self._faces = _FaceTable()
         self._new: dict[int, ObsFace] = {}  # faces added one by one, not yet in the table
 
@@ -207,29 +206,18 @@ class Obstacles:
         """Replace all faces by the faces of another context; both share the table until one of them changes."""
         self._reset()
         self._faces = other._written()
-        if other._sharers is None:
-            other._sharers = WeakSet([other])
-        self._sharers = other._sharers
-        self._sharers.add(self)
+        self.share_with(other)
         self.revision = max(self.revision + 1, other.revision)
 
     def _own(self) -> None:
         """Stop sharing the table; called before every change."""
-        if self._sharers is not None and self._stop_sharing():
+        if self.stop_sharing():
             new = self._new
             self._new = {}
             columns = self.columns()
             self._faces = _FaceTable()
             self._new = new
             _write(self._faces, columns)
-
-    def _stop_sharing(self) -> bool:
-        """Leave the shared table to its other owners; return whether it was shared."""
-        sharers = self._sharers
-        self._sharers = None
-        if sharers is not None:
-            sharers.discard(self)
-        return bool(sharers)
 
 
 def _write(table: _FaceTable, new: ObstacleColumns) -> None:

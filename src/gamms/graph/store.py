@@ -9,7 +9,6 @@ from collections.abc import Callable, Hashable, Iterable
 from copy import deepcopy
 from math import isfinite
 from typing import Any, TypeVar
-from weakref import WeakSet
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from gamms import kernels
 from gamms.errors import BadValue
 from gamms.graph import records
 from gamms.graph.indexes import Indexes
+from gamms.graph.sharing import SharesTables
 from gamms.graph.tables import ClosedTable, EdgeTable, NodeTable, joined, kept
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, edge_as_given, read_only
 from gamms.ir.scenery import Scenery
@@ -48,7 +48,7 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
         return made
 
 
-class GraphStore:
+class GraphStore(SharesTables):
     """The data of a graph, for `Graph` and for modules that fill or read it; callers check the arguments.
 
     Attributes:
@@ -73,13 +73,12 @@ class GraphStore:
     def __init__(self) -> None:
         self.revision = -1
         self.road_changes = 0
-        self._sharers: WeakSet[GraphStore] | None = None  # this store and all stores that share its tables
         self.neighborhoods = Neighborhoods(self)
         self.clear()
 
     def clear(self) -> None:
         """Remove every node and edge."""
-        self._stop_sharing()
+        self.stop_sharing()
         self.nodes = NodeTable()
         self.edges = EdgeTable()
         self.crs: str | None = None
@@ -196,7 +195,7 @@ class GraphStore:
 
     def close(self) -> None:
         """Release all data; later calls on the graph raise ContextTerminated."""
-        self._stop_sharing()
+        self.stop_sharing()
         self.neighborhoods.clear()
         closed: Any = ClosedTable()
         self.nodes = self.edges = self.indexes = self._columns = closed
@@ -212,7 +211,7 @@ class GraphStore:
     def share(self, other: "GraphStore") -> None:
         """Replace the graph by the graph of another store; both share the tables until one of them changes."""
         columns = other.columns()  # this call removes dead rows
-        self._stop_sharing()
+        self.stop_sharing()
         self.nodes = other.nodes
         self.edges = other.edges
         self.indexes = other.indexes
@@ -224,30 +223,19 @@ class GraphStore:
         is_same = self.revision == other.revision
         self._columns = columns if is_same else dataclasses.replace(columns, revision=self.revision)
         self.neighborhoods.clear()
-        if other._sharers is None:
-            other._sharers = WeakSet([other])
-        self._sharers = other._sharers
-        self._sharers.add(self)
+        self.share_with(other)
 
     def own(self) -> None:
         """Stop sharing the tables; called before every change."""
         if self._sharers is None:
             return
-        if self._stop_sharing():
+        if self.stop_sharing():
             columns = self.columns()
             revision = self.revision
             self.replace(columns, self.attribution, self.scenery, self.closed)
             self.revision = revision
             self._columns = columns
         self.indexes.forget = self.neighborhoods.forget
-
-    def _stop_sharing(self) -> bool:
-        """Leave the shared tables to their other owners; return whether they were shared."""
-        sharers = self._sharers
-        self._sharers = None
-        if sharers is not None:
-            sharers.discard(self)
-        return bool(sharers)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the graph; its indexes are rebuilt on loading."""
