@@ -10,6 +10,7 @@ from shown_game import game_in
 import gamms
 from gamms import recorder, web
 from gamms.errors import BadValue, UnknownName
+from gamms.visual.drawers.rules import FlagsDrawer
 
 SECRET = "the plan is to wait"
 
@@ -28,6 +29,7 @@ def hunt(request):
                 f"{team}_{number}", start_node_id=node, team=team, sensors={"eyes": eyes.sensor_id}, strategy=wander
             )
         ctx.game.data["flags"] = {"bases": {"red": 0, "blue": 48}, "carriers": {"red": "blue_2", "blue": None}}
+        ctx.visual.add_artist("flags", {"drawer": FlagsDrawer("flags")})
         ctx.game.data["hidden"] = SECRET
         ctx.record.start(stream, sensed=request.param)
         for _ in range(40):

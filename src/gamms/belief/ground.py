@@ -5,6 +5,7 @@ from hashlib import blake2b
 
 import numpy as np
 
+from gamms import kernels
 from gamms.errors import BadType, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
@@ -24,8 +25,6 @@ class BeliefMap:
     def __init__(self, columns: GraphColumns) -> None:
         self.columns = columns
         self.size = len(columns.node_ids)
-        self._order = np.argsort(columns.node_ids, kind="stable")
-        self._ascending = columns.node_ids[self._order]
         ends = columns.node_ids[columns.sources], columns.node_ids[columns.targets]
         parts = (columns.node_ids, *ends, columns.lengths)
         self.digest = blake2b(
@@ -34,10 +33,7 @@ class BeliefMap:
 
     def rows(self, node_ids: IntArray) -> IntArray:
         """Return the rows of some nodes (nodes,); -1 for unknown nodes."""
-        if not self.size:
-            return np.full(len(node_ids), -1)
-        places = np.minimum(np.searchsorted(self._ascending, node_ids), self.size - 1)
-        return np.where(self._ascending[places] == node_ids, self._order[places], -1)
+        return kernels.rows_of(self.columns.node_ids, node_ids, self.columns.node_order)
 
     def row(self, node_id: int) -> int:
         """Return the row of a node; -1 if it is unknown."""

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_positive
 from gamms.bridge.feeds import ReceivedFix
 from gamms.bridge.lines import Fix
@@ -216,9 +217,8 @@ def route_of(graph: IGraph, columns: GraphColumns, move: Move) -> RoadRoute:
 
 def route_along(columns: GraphColumns, path: Iterable[int]) -> RoadRoute:
     """Return the route along a path of adjacent nodes, by the shortest of parallel edges."""
-    order = np.argsort(columns.node_ids, kind="stable")
     nodes = list(path)
-    rows = order[np.searchsorted(columns.node_ids[order], nodes)].tolist()
+    rows = kernels.rows_of(columns.node_ids, np.array(nodes, np.int64), columns.node_order).tolist()
     if len(rows) == 1:
         return RoadRoute(columns.xy[rows], nodes, [0.0])
     lines: list[FloatArray] = []

@@ -3,6 +3,7 @@
 from abc import abstractmethod
 from collections.abc import ItemsView, Iterator, Mapping, Sequence, ValuesView
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any, Protocol, Self, TypeVar
 
 import numpy as np
@@ -179,7 +180,7 @@ class Polylines(RowMapping[FloatArray]):
         return type(self), (self.rows, self.starts, self.ends, self.points)
 
 
-@dataclass(slots=True, frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class GraphColumns:
     """One revision of a graph; all arrays are read-only.
 
@@ -200,6 +201,16 @@ class GraphColumns:
     edge_attributes: Mapping[str, Mapping[int, Any]]  # name -> edge row -> value
     revision: int
     crs: str | None
+
+    @cached_property
+    def node_order(self) -> IntArray:
+        """The rows of nodes by ascending id, for `kernels.rows_of`."""
+        return read_only(np.argsort(self.node_ids, kind="stable"))
+
+    @cached_property
+    def edge_order(self) -> IntArray:
+        """The rows of edges by ascending id, for `kernels.rows_of`."""
+        return read_only(np.argsort(self.edge_ids, kind="stable"))
 
 
 def locked_columns(columns: GraphColumns) -> GraphColumns:

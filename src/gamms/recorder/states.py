@@ -54,7 +54,7 @@ class State:
         """Return the positions of the agents, (agents, 2), map units; NaN for agents without a position."""
         from gamms.recorder import tracks  # which few need
 
-        return tracks.PositionCache().of(self.agents, self._map().columns())[:, :2]
+        return tracks.positions_of(self.agents, self._map().columns())[:, :2]
 
 
 def state_of(

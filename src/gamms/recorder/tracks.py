@@ -105,13 +105,12 @@ def tracks_of(moments: Iterable[AgentsAtTurn], began: float, turn_seconds: float
     parts: list[tuple[Any, ...]] = []
     count = 0
     crs = None
-    seen = PositionCache()
     times = list[str]()
     start = datetime.fromtimestamp(began, UTC)
     for turn, moment in enumerate(moments):
         agents = moment.agents
         crs = moment.columns.crs
-        xyz = seen.of(agents, moment.columns)
+        xyz = positions_of(agents, moment.columns)
         parts.append((np.full(len(xyz), turn), agents["name"], agents["team"], agents["node"], agents["alive"], xyz))
         times.append((start + timedelta(seconds=turn * turn_seconds)).isoformat().replace("+00:00", "Z"))
         count += len(xyz)
@@ -127,28 +126,19 @@ def tracks_of(moments: Iterable[AgentsAtTurn], began: float, turn_seconds: float
     return AgentTracks(turns[order], names[order], teams[order], nodes[order], alive[order], xyz[order], latlon, texts)
 
 
-class PositionCache:
-    """Looks up positions on maps that rarely change."""
-
-    def __init__(self) -> None:
-        self._columns: GraphColumns | None = None
-
-    def of(self, agents: Mapping[str, "np.ndarray[Any, Any]"], columns: GraphColumns) -> FloatArray:
-        """Return positions (agents, 3) for the columns of a `State`; NaN for z on the ground, and for removed nodes."""
-        if columns is not self._columns:
-            self._columns = columns
-            self._orders = np.argsort(columns.node_ids, kind="stable"), np.argsort(columns.edge_ids, kind="stable")
-        xyz = np.column_stack([np.asarray(agents[axis], np.float64) for axis in "xyz"])
-        on_ground = np.flatnonzero(~np.isfinite(xyz[:, 0]))
-        rows = kernels.rows_of(columns.node_ids, np.asarray(agents["node"])[on_ground], self._orders[0])
-        xyz[on_ground[rows >= 0], :2] = columns.xy[rows[rows >= 0]]
-        if "edge" in agents:
-            between = np.flatnonzero(~np.isnan(agents["edge_share"]))
-            edges = kernels.rows_of(columns.edge_ids, np.asarray(agents["edge"])[between], self._orders[1])
-            for row, edge in zip(between[edges >= 0].tolist(), edges[edges >= 0].tolist(), strict=True):
-                line = columns.polylines.get(edge, columns.xy[[columns.sources[edge], columns.targets[edge]]])
-                xyz[row, :2] = point_along(line.ravel().tolist(), agents["edge_share"].item(row))[:2]
-        return xyz
+def positions_of(agents: Mapping[str, "np.ndarray[Any, Any]"], columns: GraphColumns) -> FloatArray:
+    """Return positions (agents, 3) for the columns of a `State`; NaN for z on the ground, and for removed nodes."""
+    xyz = np.column_stack([np.asarray(agents[axis], np.float64) for axis in "xyz"])
+    on_ground = np.flatnonzero(~np.isfinite(xyz[:, 0]))
+    rows = kernels.rows_of(columns.node_ids, np.asarray(agents["node"])[on_ground], columns.node_order)
+    xyz[on_ground[rows >= 0], :2] = columns.xy[rows[rows >= 0]]
+    if "edge" in agents:
+        between = np.flatnonzero(~np.isnan(agents["edge_share"]))
+        edges = kernels.rows_of(columns.edge_ids, np.asarray(agents["edge"])[between], columns.edge_order)
+        for row, edge in zip(between[edges >= 0].tolist(), edges[edges >= 0].tolist(), strict=True):
+            line = columns.polylines.get(edge, columns.xy[[columns.sources[edge], columns.targets[edge]]])
+            xyz[row, :2] = point_along(line.ravel().tolist(), agents["edge_share"].item(row))[:2]
+    return xyz
 
 
 # -- formats ------------------------------------------------------------------------------------------------------

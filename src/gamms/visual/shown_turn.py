@@ -12,7 +12,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_int, as_key
 from gamms.errors import BadType, BadValue, ContextTerminated, NotOffered, UnknownName
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.progress import Progress
 from gamms.ir.sensor_results import SensorView
 from gamms.text import shown
@@ -168,8 +168,6 @@ class LastMoves:
         self._turns = turns
         self.moves = _NO_MOVES
         self._now: tuple[float, FloatArray] | None = None  # where all that moved are after a share
-        self._columns: GraphColumns | None = None
-        self._sorted: IntArray = np.empty(0, np.int64)  # node rows by id
         self._paths: tuple[Sequence[str], MovedAgents, IntArray] | None = None  # of the agents that were asked for last
         self._shown: _Turn | None = None  # the turn that is shown
         self._on_edges: tuple[Any, dict[str, _Point]] = (None, {})
@@ -325,10 +323,7 @@ class LastMoves:
             columns = self._ctx.graph.columns()
         except ContextTerminated:
             return np.full((len(steps), 2), -1)
-        if columns is not self._columns:
-            self._columns = columns
-            self._sorted = np.argsort(columns.node_ids, kind="stable")
-        return kernels.rows_of(columns.node_ids, np.array(steps, np.int64), self._sorted)
+        return kernels.rows_of(columns.node_ids, np.array(steps, np.int64), columns.node_order)
 
     def _bends(self, ends: IntArray) -> dict[int, FloatArray]:
         """Return the polylines of the first edges between nodes, for the steps (steps, 2) that have one."""

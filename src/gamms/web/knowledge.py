@@ -15,7 +15,7 @@ from gamms import kernels
 from gamms.errors import NotOffered
 from gamms.ir import events as kinds
 from gamms.ir.events import Log, events_of
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.schema import RECORDED_NUMBERS
 from gamms.recorder.detached import DetachedState
@@ -119,8 +119,6 @@ class KnowledgeTracker:
         self._step = step
         self._covered: dict[Any, IntArray] = {}
         self._shapes: dict[Any, FieldOutline | None] = {}
-        self._columns: GraphColumns | None = None
-        self._rows: dict[str, tuple[IntArray, IntArray]] = {}
         self._on_edges: Mapping[str, tuple[float, float]] = {}  # the positions of agents between nodes
 
     def forget(self) -> None:
@@ -133,11 +131,9 @@ class KnowledgeTracker:
         if not len(ids):
             return _NONE
         columns = self._ctx.graph.columns()
-        if columns is not self._columns:
-            self._columns = columns
-            given = {"nodes": columns.node_ids, "edges": columns.edge_ids}
-            self._rows = {name: (one, np.argsort(one, kind="stable")) for name, one in given.items()}
-        known, order = self._rows[of]
+        is_of_nodes = of == "nodes"
+        known = columns.node_ids if is_of_nodes else columns.edge_ids
+        order = columns.node_order if is_of_nodes else columns.edge_order
         return kernels.rows_of(known, np.asarray(ids, np.int64), order)
 
     def sensed(self, looked: Sequence[Mapping[str, Any]], state: DetachedState) -> SensedTurn:

@@ -49,7 +49,7 @@ class StreetGraph:
         self.offsets, self.targets = map(locked, queries.neighborhoods())
         self.counts: IntArray = locked(np.diff(self.offsets))
         self._ids_are_rows = bool((columns.node_ids == np.arange(len(columns.node_ids))).all())
-        self._order = None if self._ids_are_rows else np.argsort(columns.node_ids, kind="stable")
+        self._order = None if self._ids_are_rows else columns.node_order
         self._padded: IntArray | None = None
         self._axes: FloatArray | None = None
 

@@ -30,8 +30,9 @@ def render_values(ctx: IContext, data: dict[str, Any]) -> None:
     values: ColoredValues = data["values"]
     columns = ctx.graph.columns()
     order = np.argsort(values.places, kind="stable")
-    known = columns.node_ids if values.of == "nodes" else columns.edge_ids
-    rows = kernels.rows_of(known, values.ids[order], np.argsort(known, kind="stable"))
+    are_nodes = values.of == "nodes"
+    known = columns.node_ids if are_nodes else columns.edge_ids
+    rows = kernels.rows_of(known, values.ids[order], columns.node_order if are_nodes else columns.edge_order)
     places = values.places[order][rows >= 0]
     rows = rows[rows >= 0]
     draw = _draw_nodes if values.of == "nodes" else _draw_edges
