@@ -96,20 +96,6 @@ class FixedView(NamedTuple):
         return Camera(width, height, self.x - self.world_width / 2, self.y + height / 2 / scale, scale)
 
 
-class FollowView(NamedTuple):
-    """A view that keeps an agent in the center: its name, and a width in world units."""
-
-    name: str
-    world_width: float
-
-    def camera(self, place: tuple[float, float], width: int, height: int) -> Camera:
-        """Return the camera over a point, moved by whole pixels so that streets do not flicker."""
-        camera = FixedView(*place, self.world_width).camera(width, height)
-        left = round(camera.left * camera.scale) / camera.scale
-        top = round(camera.top * camera.scale) / camera.scale
-        return camera._replace(left=left, top=top)
-
-
 class Viewpoint(Guarded):
     """The view of pictures, frames and films.
 
@@ -119,7 +105,7 @@ class Viewpoint(Guarded):
 
     Attributes:
         look: a fixed view; None: everything that is drawn.
-        followed: the agent in the center, if any.
+        followed: the name of the agent in the center, if any.
     """
 
     _called = "ctx.visual"
@@ -128,7 +114,7 @@ class Viewpoint(Guarded):
         self._phase = phase_of(ctx)
         self._position_of = position_of
         self.look: FixedView | None = None
-        self.followed: FollowView | None = None
+        self.followed: str | None = None
 
     @refused_while_deciding
     def look_at(self, x: float, y: float, width: float) -> None:
@@ -151,22 +137,29 @@ class Viewpoint(Guarded):
         self.look = self.followed = None
 
     @refused_while_deciding
-    def follow(self, agent_name: str, width: float) -> None:
-        """Follow an agent with a view `width` world units wide; after it is deleted, stay at its last position."""
-        self.followed = FollowView(agent_name, float(width))
+    def follow(self, agent_name: str) -> None:
+        """Keep an agent in the center of the present view; after it is deleted, stay at its last position."""
+        self.followed = agent_name
 
     @outside_of_deciding
     def camera(self, width: int, height: int, share: float = 1.0) -> Camera | None:
         """Return the camera of a picture after a share of the agents' last moves; None shows everything."""
+        if self.look is None:
+            return None
         if self.followed is not None:
             try:
-                x, y = self._position_of(self.followed.name, share)
+                x, y = self._position_of(self.followed, share)
             except GammsError:  # it is gone
                 self.followed = None
             else:
-                self.look = FixedView(x, y, self.followed.world_width)
-                return self.followed.camera((x, y), width, height)
-        return None if self.look is None else self.look.camera(width, height)
+                self.look = FixedView(x, y, self.look.world_width)
+        camera = self.look.camera(width, height)
+        if self.followed is None:
+            return camera
+        # Moved by whole pixels, so that streets do not flicker.
+        left = round(camera.left * camera.scale) / camera.scale
+        top = round(camera.top * camera.scale) / camera.scale
+        return camera._replace(left=left, top=top)
 
 
 def fit_box(low: FloatArray, high: FloatArray, width: int, height: int, margins: Margins) -> Camera:

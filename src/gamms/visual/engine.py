@@ -192,7 +192,7 @@ class PictureEngine(Surface, Guarded, IVisualizationEngine):
             BadType, BadValue: a width that is no positive number.
         """
         self.look_at(*self.drawing.position_of(agent_name), width)
-        self.viewpoint.follow(agent_name, width)
+        self.viewpoint.follow(agent_name)
 
     def get_viewport(self) -> tuple[float, float, float, float, float] | None:
         """Return None: nothing is shown."""
