@@ -7,8 +7,7 @@ import os
 import re
 import sys
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from itertools import repeat
 from math import cos, radians, sin
@@ -105,25 +104,28 @@ class Canvas:
     def hairlines(self, starts: FloatArray, ends: FloatArray, color: Rgba) -> None:
         """Draw smooth lines (lines, 2), one pixel wide, which must not extend far outside."""
         low, high = extent(starts, ends)
-        with self._painted(np.floor(low - 2), np.ceil(high + 2), color[3]) as (surface, left, top):
-            shift = (left + 0.5, top + 0.5)  # pygame counts from the center of a pixel
-            begin, end = (zip(*(points - shift).T.tolist(), strict=True) for points in (starts, ends))
-            ink = self._pygame.Color(*color[:3])  # created once for all lines
-            # NOTE: a loop in C, in half the time (redrawing a map of 100,000 edges).
-            deque(map(self._pygame.draw.aaline, repeat(surface), repeat(ink), begin, end), maxlen=0)
+        left, top = np.maximum(np.floor(low - 2), 0).astype(int).tolist()
+        right, bottom = np.minimum(np.ceil(high + 2), (self.width, self.height)).astype(int).tolist()
+        if right <= left or bottom <= top:
+            return
+        part = self.surface.subsurface((left, top, right - left, bottom - top))
+        if color[3] < 255:  # lines that cross are blended once
+            part = part.copy()
+        shift = (left + 0.5, top + 0.5)  # pygame counts from the center of a pixel
+        begin, end = (zip(*(points - shift).T.tolist(), strict=True) for points in (starts, ends))
+        ink = self._pygame.Color(*color[:3])  # created once for all lines
+        # NOTE: a loop in C, in half the time (redrawing a map of 100,000 edges).
+        deque(map(self._pygame.draw.aaline, repeat(part), repeat(ink), begin, end), maxlen=0)
+        if color[3] < 255:
+            part.set_alpha(color[3])
+            self.surface.blit(part, (left, top))
 
     def rectangle(self, x: float, y: float, width: float, height: float, color: Rgba) -> None:
         """Fill a rectangle, rounded to whole pixels for sharp edges."""
-        box = self._pygame.Rect(0, 0, self.width, self.height)
-        left, top = (max(-1, min(round(value), limit + 1)) for value, limit in ((x, self.width), (y, self.height)))
-        right, bottom = (
-            min(round(value), limit + 1) for value, limit in ((x + width, self.width), (y + height, self.height))
-        )
-        if right <= left or bottom <= top:
-            return
-        box = box.clip((left, top, right - left, bottom - top))
-        if box.w and box.h:
-            self.surface.blit(_paint(box.w, box.h, color), box.topleft)
+        corners = np.rint([(x, y), (x + width, y + height)])
+        (left, top), (right, bottom) = np.clip(corners, 0, (self.width, self.height)).astype(int).tolist()
+        if right > left and bottom > top:
+            self.surface.blit(_paint(right - left, bottom - top, color), (left, top))
 
     def cover(self, patch: Patch, color: Rgba) -> None:
         """Blend a color with the coverage of a patch."""
@@ -136,20 +138,6 @@ class Canvas:
             self.surface.blits(placed, doreturn=False)
         else:
             fast(placed)
-
-    @contextmanager
-    def _painted(self, low: FloatArray, high: FloatArray, alpha: int) -> Iterator[tuple["Surface", int, int]]:
-        """Yield a surface for opaque painting, and its position; it is then blended once with `alpha`."""
-        left, top = np.maximum(low, 0).astype(int).tolist()
-        right, bottom = np.minimum(high, (self.width, self.height)).astype(int).tolist()
-        area = self._pygame.Rect(left, top, max(right - left, 0), max(bottom - top, 0))
-        if alpha == 255:
-            yield self.surface, 0, 0
-            return
-        part = self.surface.subsurface(area).copy() if area.w and area.h else self._pygame.Surface((1, 1))
-        yield part, left, top
-        part.set_alpha(alpha)
-        self.surface.blit(part, (left, top))
 
     # -- words and images ------------------------------------------------------------------------------------
 

@@ -26,7 +26,6 @@ _LARGEST_STAMP_PX = 96.0
 _OPAQUE = 255
 _STEPS = 4  # positions of a stamp within a pixel
 _CORNER_PX = 4.0  # maximum distance between the corners of round ends
-_SAME = 1e-3  # share of the radius: largest difference between the two sizes of a disc
 
 
 class Painting:
@@ -164,7 +163,6 @@ class _Circles:
         self.width = commands.width[rows]
         self.color = commands.color[rows]
         self.is_in_world = commands.space[rows] == DrawSpace.WORLD
-        self._discs = self._first_of_discs()
         # the visible circles at the last scale
         self._seen: tuple[float, tuple[np.ndarray[Any, Any], ...]] | None = None
         self.largest_in_world = float(self.size[self.is_in_world].max(initial=0.0))
@@ -194,28 +192,7 @@ class _Circles:
         """Return centers, shifts, radii in pixels, widths and colors of circles that are large enough at a scale."""
         radius = self.size * np.where(self.is_in_world, scale, 1.0)
         seen = (radius >= _SMALLEST_RADIUS_PX) & (self.color[:, 3] > 0)
-        # NOTE: a disc is painted in the larger of its sizes: a quarter of the stamps (a window with 10,000
-        # agents).
-        smaller = self._discs + (radius[self._discs] >= radius[self._discs + 1])
-        seen[smaller] = seen[smaller + 2] = False
         return tuple(column[seen] for column in (self.centers, self.shift, radius, self.width, self.color))
-
-    def _first_of_discs(self) -> IntArray:
-        """Return the first row of each opaque disc of `Commands.add_discs`, with sizes in world units and in pixels."""
-        i = np.arange(len(self.size) - 3) if len(self.size) > 3 else np.zeros(0, np.int64)
-        i = i[self.is_in_world[i] & self.is_in_world[i + 2] & ~self.is_in_world[i + 1] & ~self.is_in_world[i + 3]]
-        i = i[(self.width[i] == self.width[i + 1]) & (self.width[i + 2] == 0.0) & (self.width[i + 3] == 0.0)]
-        i = i[(self.size[i] == self.size[i + 2]) & (self.size[i + 1] == self.size[i + 3])]
-        i = i[(self.color[i, 3] == _OPAQUE) & (self.color[i + 2, 3] == _OPAQUE)]
-        for row in (0, 2):
-            i = i[(self.color[i + row] == self.color[i + row + 1]).all(axis=1)]
-        for column in (self.centers, self.shift):
-            i = i[((column[i] == column[i + 2]) & (column[i + 1] == column[i + 3])).all(axis=1)]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            away = self.shift[i + 1] * (self.size[i] / self.size[i + 1])[:, None] * (1.0, -1.0)
-            is_one = np.abs(self.centers[i] - self.centers[i + 1] - away) <= _SAME * self.size[i, None]
-        first: IntArray = i[is_one.all(axis=1)]
-        return first
 
 
 def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray) -> None:
@@ -335,7 +312,6 @@ class _Command(NamedTuple):
     points: FloatArray  # (points, 2)
     size: float
     width: float
-    scale: float
     angle: float
     color: Rgba
     text: str
@@ -350,7 +326,6 @@ class _Command(NamedTuple):
             points=camera.to_screen(points),
             size=float(commands.size[row]) * scale,
             width=float(commands.width[row]),
-            scale=scale,
             angle=float(commands.angle[row]),
             color=_rgba(commands, row),
             text=commands.text[row],
@@ -383,14 +358,9 @@ def _polygon(canvas: Canvas, points: FloatArray, width_px: float, color: Rgba) -
 
 def _text(canvas: Canvas, camera: Camera, command: _Command) -> None:
     x, y = command.points[0].tolist()
-    reach = _reach(command)
+    reach = 2.0 * command.size * len(command.text)  # an upper bound of the width
     if -reach < x < camera.width + reach and -reach < y < camera.height + reach:
         canvas.text(command.text, x, y, command.size, command.color, angle=command.angle)
-
-
-def _reach(command: _Command) -> float:
-    """Return an upper bound of the width of the text in pixels."""
-    return 2.0 * command.size * len(command.text)
 
 
 def _image(canvas: Canvas, camera: Camera, command: _Command) -> None:
