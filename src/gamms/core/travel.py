@@ -857,7 +857,7 @@ def go_in_part(trips: TurnPaths, row: int, part: int, parts: int) -> int:
         trips.passed[row] += 1
     if part > 0:
         trips.times[node] = 0.0
-    if part + 1 < parts and trips.edge[row] >= 0:
+    if part + 1 < parts and trips.edge[row] >= 0 and trips.legs[row] > 0:
         last = first + trips.legs[row]
         put_leg(trips, last, last - 1, trips.share[row], (part + 1) / parts, 1.0)
         trips.legs[row] += 1

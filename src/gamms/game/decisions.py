@@ -215,8 +215,8 @@ class Decisions:
         slots: the slots of all agents.
         starts: the node of each agent, by slot.
         ends: the node that each agent moves to, by slot, as a view of an array; see `ends_to_write`.
-        actions: slot -> its action, unless it only moves to a node; a new dict for each part.
-        paths: the paths of agents by metres; None: there are none.
+        actions: slot -> its action, if it flies, turns or does deeds; a new dict for each part.
+        paths: the paths of agents that do more than to move along one edge; None: there are none.
         awaited: awaitables to collect.
         written: (slot, changed copy of the team memory) of each agent that changed it.
         failures: (slot, kind, message) of each failure; `close` publishes `written` and `failures` after all decisions.
@@ -509,13 +509,15 @@ class Decisions:
                 self._refuse(i, error)
         else:
             self.ends_to_write()[i] = resolved.end
-            if self.slots[i].travels:
-                if self.paths is None:
-                    self.paths = GamePaths(len(self.slots))
-                self._legality.travel.put(self.paths, i)
-                if resolved.heading == () and resolved.deeds is None:
-                    return
-            self.actions[i] = resolved
+            slot = self.slots[i]
+            if slot.travels or not resolved.is_step():
+                self.paths = self.paths or GamePaths(len(self.slots))
+                if slot.travels:
+                    self._legality.travel.put(self.paths, i)
+                else:
+                    self.paths.walk(i, resolved.path, resolved.progress)
+            if slot.flies or resolved.heading != () or resolved.deeds is not None:
+                self.actions[i] = resolved
 
     def _refuse(self, i: int, error: GammsError) -> None:
         """Handle an illegal action: raise the error, or keep the agent on its node, depending on the settings."""

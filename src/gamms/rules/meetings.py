@@ -441,7 +441,7 @@ def _where(moves: TurnMoves | None, agent: IAgent) -> Track | int:
     i = None if moves is None else moves.slot_of(agent)
     if moves is None or i is None:
         return Track((agent.current_node_id,), (1.0,))
-    return i if moves.has_path(i) else moves.track(i)
+    return i if moves.paths is not None and moves.paths.num_legs(i) else moves.track(i)
 
 
 def in_air(ctx: Context, nearness: ContactOptions) -> dict[str, Position]:

@@ -326,7 +326,7 @@ class LastTurn(NamedTuple):
         paths = None
         if isinstance(movement, MetricMovement):
             paths = _paths_by_metres(moves, slots, numbers, movement, starts)
-        elif moves.actions:
+        elif moves.paths is not None:
             tracks = [moves.track(i) for i in slots]
             if any(_SHORT.get(len(track.path)) != track.times or _waits(track) for track in tracks):
                 paths = _paths(tracks, numbers, movement, starts)

@@ -679,14 +679,14 @@ class Cursor:
         acting = numbers
         if self._part is not None:  # the others stay where they are
             acting = np.where(self._core.part_of[numbers] == self._part, numbers, -1)
-        actions = {} if courses is None else courses.actions(self._number, acting)
+        actions = {}
         paths = None
         if courses is not None:
             standing = np.where(acting < 0, numbers, -1)
             paths = courses.game_paths(self._number, acting, standing, starts[took_part])
         first = ids(starts[took_part]).tolist()
         if self._state.flights is not None:
-            actions |= self._state.flights.actions(self._number, acting, first)
+            actions = self._state.flights.actions(self._number, acting, first)
         moves = TurnMoves(order, as_ids(first), ids(ends[took_part]).data, actions, paths=paths)
         if self._state.deed_log is not None:
             for number, deeds in self._state.deed_log.plain_of(self._number).items():
@@ -1124,7 +1124,8 @@ class Cursor:
             self._choose_flights(self._state.flights, decisions, asked)
         if self._core.courses is not None:
             self._choose_routes(self._core.courses.routes, decisions, asked)
-        if decisions.actions or decisions.failures or decisions.written or self._number in self._undone:
+        chooses = decisions.actions or decisions.paths is not None
+        if chooses or decisions.failures or decisions.written or self._number in self._undone:
             self._take_decisions(decisions, asked)
         if self._state.deed_log is not None and decisions.actions:
             self._take_deeds(decisions, asked)
@@ -1173,10 +1174,12 @@ class Cursor:
 
     def _take_decisions(self, decisions: Decisions, asked: _AskedAgents) -> None:
         """Store the decisions other than moves to nodes."""
-        for action in decisions.actions.values():
-            if self._core.courses is None and len(action.path) > 2:
+        paths = decisions.paths
+        for i in range(0 if paths is None or self._core.courses is not None else len(paths.maps)):
+            track = None if paths is None else paths.track(i)
+            if track is not None and len(track.path) > 2:
                 self._leave("chooses a route over other nodes")
-            if self._core.courses is None and action.path[1:] == action.path[:1]:
+            if track is not None:
                 self._leave("chooses a route that comes to the node on which it begins")
         named = dict(asked.members)
         for i, action in decisions.actions.items():

@@ -11,7 +11,7 @@ from gamms.game.decisions import Decisions
 from gamms.game.movement.by_edges import EdgeMovement
 from gamms.game.movement.by_metres import MetricMovement
 from gamms.game.movement.one_edge import Legs, Paths
-from gamms.game.movement.travel import STAYS, GamePaths, ResolvedAction, RoadIds, TurnPaths
+from gamms.game.movement.travel import STAYS, GamePaths, RoadIds, TurnPaths
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion, Progress
@@ -56,13 +56,8 @@ class Routes:
         count = STAYS
         motion = int(Motion.FORWARD)
         nodes: Iterable[int] = ()
-        action = decisions.actions.get(i)
         if decisions.paths is not None and decisions.paths.maps[i] is not None:
             count, motion, nodes = decisions.paths.route(i)
-        elif action is not None and action.progress is not None:
-            nodes = *action.path[1:], action.progress.target
-        elif action is not None:
-            nodes = action.path[1:]
         elif decisions.ends[i] != decisions.starts[i]:
             nodes = (decisions.ends[i],)
         before = len(self._ids)
@@ -127,11 +122,8 @@ class EdgeCourses:
     def note_places(self, *, are_open: bool) -> None:
         """Do nothing: agents stand on nodes; see `MetreCourses`."""
 
-    def game_paths(self, game: int, agents: IntArray, others: IntArray, nodes: IntArray) -> None:
-        """Return None: `actions` has the paths."""
-
-    def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:
-        """Return the actions of agents that did more than move along one edge, by their indices; -1: no agent."""
+    def game_paths(self, game: int, agents: IntArray, others: IntArray, starts: IntArray) -> GamePaths:  # noqa: ARG002 - as by metres
+        """Return the paths of agents that did more than move along one edge; the agent numbers may be -1, for none."""
         nodes = self._nodes[game, agents]
         lengths = self._lengths[game, agents]
         ahead = self._ahead[game, agents]
@@ -141,14 +133,14 @@ class EdgeCourses:
         if not self._are_at_once:
             has_gone_far = lengths > 1
         is_acting = agents >= 0
-        found = {}
+        found = GamePaths(len(agents))
         for place in np.flatnonzero(is_acting & (has_gone_far | (ahead >= 0))).tolist():
             path = ids(nodes[place, : lengths[place]]).tolist()
-            times = () if self._are_at_once else tuple(self._times[game, agents[place], : lengths[place]].tolist())
+            times = self._times[game, agents[place], : lengths[place]].tolist()
             progress = None
             if ahead[place] >= 0:
                 progress = Progress(path[-1], int(ids(ahead[place])), float(covered[place]))
-            found[place] = ResolvedAction(path[-1], tuple(path), times=times, progress=progress)
+            found.walk(place, path, progress, times)
         return found
 
     def paths(
@@ -222,10 +214,6 @@ class MetreCourses:
             back = np.full(self._shape, -1)
             back[on] = by.backs(edge[on], on[0])
         self._here = edge, by.share.copy(), by.motion.copy(), back
-
-    def actions(self, game: int, agents: IntArray) -> dict[int, ResolvedAction]:  # noqa: ARG002 - as by edges
-        """Return nothing: `game_paths` has the paths."""
-        return {}
 
     def game_paths(self, game: int, agents: IntArray, others: IntArray, nodes: IntArray) -> GamePaths:
         """Return the paths of agents of a game, and of others that stand on edges at their noted positions.

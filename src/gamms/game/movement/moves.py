@@ -3,7 +3,6 @@
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
-from functools import lru_cache
 from itertools import chain, compress, count, repeat
 from operator import ne
 from typing import Any, TypeVar
@@ -69,9 +68,9 @@ class TurnMoves:
     Args:
         order: the agents.
         starts, ends: the nodes where the move of each agent begins and ends.
-        actions: slot -> its action, unless it only moves to a node.
+        actions: slot -> its action, if it flies, turns or does deeds.
         moves: the starts and ends as arrays of the core; None: not known yet.
-        paths: the paths of agents by metres; None: there are none.
+        paths: the paths of agents that do more than to move along one edge; None: there are none.
 
     Attributes:
         order, starts, ends, actions, paths: see the arguments.
@@ -116,7 +115,7 @@ class TurnMoves:
 
     def do(self, i: int, deeds: Mapping[str, dict[str, Any]]) -> None:
         """Set the deeds of the agent of a slot."""
-        action = self.actions.get(i) or ResolvedAction(self.ends[i], self.track(i).path)
+        action = self.actions.get(i) or ResolvedAction(self.ends[i], (self.starts[i],))
         self.actions[i] = action._replace(deeds=deeds)
 
     def of_agents(
@@ -132,11 +131,11 @@ class TurnMoves:
     def are_steps(self, block: AgentBlock) -> bool:
         """Return whether all living agents took part on the ground, each along at most one edge."""
         order = self.order
-        if self.paths is not None or block.travellers or order.whole.on_ground is not None:
+        if block.travellers or order.whole.on_ground is not None:
             return False
         if order.structure_version != block.structure.version and not self._have_all_living(block):
             return False
-        return not self.actions or all(map(_is_step, self.actions.values()))
+        return self.paths is None or all(roads is None for roads in self.paths.maps)
 
     def _have_all_living(self, block: AgentBlock) -> bool:
         """Return whether all living agents took part, in the same teams; some may have been eliminated since."""
@@ -174,7 +173,7 @@ class TurnMoves:
             progress = None if self.paths is None else self.paths.progress(i)
             if begun is not None:
                 starts[i] = EdgePlace(begun.edge)
-            if progress is not None:
+            if progress is not None and progress.motion:
                 ends[i] = EdgePlace(progress.edge)
         return starts, ends
 
@@ -199,9 +198,6 @@ class TurnMoves:
         track = None if self.paths is None else self.paths.track(i)
         if track is not None:
             return track
-        action = self.actions.get(i)
-        if action is not None:
-            return Track(action.path, action.times or _evenly(len(action.path)))
         start = self.starts[i]
         end = self.ends[i]
         return Track((start,), (0.0,)) if start == end else Track((start, end), (0.0, 1.0))
@@ -251,12 +247,11 @@ class TurnMoves:
         here = self.starts[i]
         action = self.actions.get(i)
         goes = self.ends[i] != here or (self.paths is not None and self.paths.is_moving(i))
-        if action is not None:
-            goes = goes or len(action.path) > 1 or action.position is not None or action.progress is not None
-        if goes:
+        if goes or (action is not None and action.position is not None):
             self.order.blocked[i] += 1
             self._stay(i, here)
-        return goes
+            return True
+        return False
 
     def stop_each(self, losers: memoryview) -> tuple[Sequence[int], Sequence[Any]]:
         """Keep the agents of slots at their starts; return the slots and the ends of those that would have moved."""
@@ -297,15 +292,12 @@ class TurnMoves:
             core.stay(self.paths.core, i)
         action = self.actions.get(i)
         if action is not None:
-            self.actions[i] = action._replace(end=node, path=(node,), times=(), progress=None, position=None)
+            self.actions[i] = action._replace(position=None)
         self._by_name = None
 
     def progress(self, i: int) -> Progress | None:
         """Return the position of the agent of a slot on an edge when its move ends; None: it is on a node."""
-        if self.slots[i].travels:
-            return None if self.paths is None else self.paths.progress(i)
-        action = self.actions.get(i)
-        return None if action is None else action.progress
+        return None if self.paths is None else self.paths.progress(i)
 
     # -- turns with several parts ----------------------------------------------------------------------------------
 
@@ -352,20 +344,12 @@ class TurnMoves:
 
     def go_in_part(self, number: int, parts: int, members: Iterable[int]) -> None:
         """Fit the moves of some slots into one of several equal parts of the turn; until then the agents wait."""
-        paths = self.paths
+        paths = self.paths or GamePaths(len(self.slots))
+        self.paths = paths
         for i in members:
-            if paths is not None and paths.maps[i] is not None:
-                if paths.num_legs(i):
-                    core.go_in_part(paths.core, i, number, parts)
-                continue
-            path, times, _ = self.track(i)
-            if len(path) > 1 or self.starts[i] != self.ends[i]:
-                action = self.actions.get(i, ResolvedAction(self.ends[i], path))
-                scaled = tuple([(number + time) / parts for time in times])
-                if number:  # it waits on its node
-                    path = path[0], *path
-                    scaled = 0.0, *scaled
-                self.actions[i] = action._replace(path=path, times=scaled)
+            if paths.maps[i] is None and self.starts[i] != self.ends[i]:
+                paths.walk(i, (self.starts[i], self.ends[i]))
+            paths.go_in_part(i, number, parts)
         self._by_name = None
 
     def then(self, later: "TurnMoves", part: int) -> None:
@@ -376,10 +360,7 @@ class TurnMoves:
         for i in parts[part].members:
             action = later.actions.get(i)
             is_put = later.starts[i] != ends[i]  # by a rule in its part of the turn, and it gave up its move
-            if is_put:
-                self.actions.pop(i, None)
-                action = action and action._replace(end=ends[i], path=(ends[i],), times=())
-            else:
+            if not is_put:
                 ends[i] = later.ends[i]
             if action is not None:
                 self.actions[i] = action
@@ -397,20 +378,6 @@ class TurnMoves:
         """Let the agent of a slot have the path of another slot in other paths."""
         if paths is not None and paths.maps[other] is not None:
             self.paths = self.paths or GamePaths(len(self.slots))
-            self.paths.take(i, paths.core, other, paths.num_legs(other), paths.maps[other])
+            self.paths.take(i, paths.core, other, paths.room(other), paths.maps[other])
         elif self.paths is not None:
             self.paths.maps[i] = None
-
-
-@lru_cache(maxsize=256)
-def _evenly(nodes: int) -> tuple[float, ...]:
-    """Return the times at the nodes of a path, evenly spaced from 0 to 1."""
-    return tuple(k / max(1, nodes - 1) for k in range(nodes))
-
-
-def _is_step(action: ResolvedAction) -> bool:
-    """Return whether an action moves along one edge to another node during the whole turn, or stays."""
-    path = action.path
-    if action.times or action.progress:
-        return False
-    return len(path) == 1 or (len(path) == 2 and path[0] != path[1])  # otherwise it moves along a loop

@@ -5,10 +5,11 @@ edges. `Travel` finds legal nodes and paths of agents in the game of a context, 
 ids are only looked up when somebody reads them.
 """
 
+from array import array
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import accumulate
 from math import nan
 from typing import Any, NamedTuple
@@ -17,6 +18,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.core import travel as core
+from gamms.core.block import INT64
 from gamms.errors import BadValue, NoPath, UnknownName
 from gamms.game.settings import Settings
 from gamms.ir.agents import Position, Quat
@@ -100,7 +102,7 @@ class RoadIds:
         edges: (edges,) these ids as memory.
     """
 
-    def __init__(self, columns: GraphColumns, ids: list[int], map: core.RoadEdges, revision: int | None) -> None:
+    def __init__(self, columns: GraphColumns, ids: Sequence[int], map: core.RoadEdges, revision: int | None) -> None:
         self.ids = ids
         self.map = map
         self.revision = revision
@@ -164,7 +166,8 @@ class GamePaths:
         most: the number of legs of an agent for which there is room at first.
 
     Attributes:
-        maps: the ids of the map on which each path was found; None: the agent has no path, but stays on its node.
+        maps: the ids of the map on which each path was found; `BY_IDS`: the path is over nodes, and the columns have
+            their ids; None: the agent has no path, but stays, or moves to a node.
         core: the form of the core.
     """
 
@@ -188,23 +191,45 @@ class GamePaths:
         self._nodes = views[16]
         self._times = views[17]
 
-    def take(self, i: int, paths: core.TurnPaths, row: int, legs: int, roads: RoadIds | None) -> None:
+    def take(self, i: int, paths: core.TurnPaths, row: int, room: int, roads: RoadIds | None) -> None:
         """Copy the path of an agent from other paths.
 
         Args:
             i: its slot.
             paths: the other paths,
             row: and its row there.
-            legs: the number of its legs.
+            room: a number that is not less than the number of its legs, and of nodes beyond the first.
             roads: the ids of the map.
         """
-        self._reserve(legs)
+        self._reserve(room)
         core.copy_trip(paths, row, self.core, i)
         self.maps[i] = roads
 
     def clear(self) -> None:
         """Drop all paths."""
         self.maps = [None] * len(self.maps)
+
+    def walk(
+        self, i: int, path: Sequence[int], progress: Progress | None = None, times: Sequence[float] | None = None
+    ) -> None:
+        """Set the path of an agent over nodes.
+
+        Args:
+            i: its slot.
+            path: the ids of the nodes.
+            progress: the part of an edge beyond the last node that it covers; None: none.
+            times: the time at each node; None: they are evenly spaced from 0 to 1.
+        """
+        self._reserve(len(path))
+        ahead, covered = (0, 0.0) if progress is None else (progress.target, progress.share)
+        core.begin(self.core, i, path[-1], 0, covered, Motion.NONE, 0.0, nan, 0)
+        self._edge[i] = ahead
+        self._passed[i] = len(path)
+        first = i * (self._most + 1)
+        last = first + len(path)
+        self._nodes[first:last] = array(INT64, path)
+        self._times[first:last] = _evenly(len(path)) if times is None else array("d", times)
+        self.maps[i] = BY_IDS
 
     def stand(self, i: int, place: tuple[int, int, float], back: int, roads: RoadIds) -> None:
         """Let an agent stand on an edge, at a place given by its node, its edge and its share of the edge.
@@ -243,11 +268,22 @@ class GamePaths:
 
     def is_moving(self, i: int) -> bool:
         """Return whether an agent covers part of an edge."""
+        if self.maps[i] is BY_IDS:
+            return bool(self._passed[i] > 1 or self._share[i] > 0.0)
         return self.maps[i] is not None and core.is_moving(self.core, i)
+
+    def go_in_part(self, i: int, part: int, parts: int) -> None:
+        """Fit the path of an agent into one of several equal parts of the turn; until then it waits at its start."""
+        if self.maps[i] is not None and (self._legs[i] or self._passed[i] > 1):
+            core.go_in_part(self.core, i, part, parts)
 
     def num_legs(self, i: int) -> int:
         """Return the number of legs of an agent."""
         return 0 if self.maps[i] is None else self._legs[i]
+
+    def room(self, i: int) -> int:
+        """Return the number of legs of an agent with a path, or of its nodes, if there are more."""
+        return int(max(self._legs[i], self._passed[i]))
 
     def end(self, i: int) -> int:
         """Return the id of the node that an agent with a path passes last."""
@@ -265,8 +301,10 @@ class GamePaths:
     def progress(self, i: int) -> Progress | None:
         """Return the position of an agent on an edge when its path ends; None: it is on a node."""
         roads = self.maps[i]
-        if roads is None or self._edge[i] < 0:
+        if roads is None or self._share[i] == 0.0:
             return None
+        if roads is BY_IDS:
+            return Progress(self._node[i], self._edge[i], self._share[i])
         source, target, id = roads.edge_ids[self._edge[i]]
         return Progress(source, target, self._share[i], id, _MOTIONS[self._motion[i]])
 
@@ -281,6 +319,12 @@ class GamePaths:
         path = [ids[node] for node in self._nodes[first:last]]
         return Track(tuple(path), tuple(self._times[first:last]), tuple(self.legs_of(i)))
 
+    def _nodes_beyond(self, i: int) -> list[int]:
+        """Return the ids of the nodes on the path of an agent over nodes, beyond the first."""
+        first = i * (self._most + 1)
+        ahead = [self._edge[i]] if self._share[i] else []
+        return [*self._nodes[first + 1 : first + self._passed[i]], *ahead]
+
     def last_leg(self, i: int) -> Leg | None:
         """Return the last leg of an agent; None: it has none."""
         return self.legs_of(i, self._legs[i] - 1)[0] if self.num_legs(i) else None
@@ -289,11 +333,11 @@ class GamePaths:
         """Return the legs of an agent with a path, from number `begin` on."""
         # NOTE: loops without generators, because each agent goes a way in each turn (benchmarks: travel).
         edges, backs, begins, ends, since, until = self._of_legs
-        edge_ids = self.maps[i].edge_ids  # type: ignore[union-attr] # it has legs
+        roads: Any = self.maps[i]
         legs = list[Leg]()
         for place in range(i * self._most + begin, i * self._most + self._legs[i]):
-            source, target, id = edge_ids[edges[place]]
-            back = None if backs[place] < 0 else edge_ids[backs[place]][2]
+            source, target, id = roads.edge_ids[edges[place]]
+            back = None if backs[place] < 0 else roads.edge_ids[backs[place]][2]
             legs.append(Leg(source, target, id, begins[place], ends[place], since[place], until[place], back))
         return legs
 
@@ -303,7 +347,7 @@ class GamePaths:
         The count is for an agent that passes no more nodes.
         """
         legs = self.legs_of(i)
-        targets = [leg.target for leg in legs]
+        targets = [leg.target for leg in legs] if legs else self._nodes_beyond(i)
         if not targets or not core.begins_on_edge(self.core, i):
             return STAYS, Motion.FORWARD, targets
         motion = self._motion[i]
@@ -312,6 +356,26 @@ class GamePaths:
         return 0, core.motion_of(legs[0].begin, legs[0].end), targets[1:]
 
 
+@lru_cache(maxsize=256)
+def _evenly(nodes: int) -> Any:
+    """Return the times at the nodes of a path, evenly spaced from 0 to 1, as memory."""
+    return array("d", [number / max(1, nodes - 1) for number in range(nodes)])
+
+
+class _SameIds(dict[int, int]):
+    def __missing__(self, id: int) -> int:
+        return id
+
+
+class _NodeIds(RoadIds):
+    """The ids of paths whose columns have ids of nodes in place of rows."""
+
+    def __init__(self) -> None:
+        ids: Any = _SameIds()
+        self.ids = ids
+
+
+BY_IDS = _NodeIds()
 EdgesAt = tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray]]
 """The edges out of each node and into each node, as offsets (nodes + 1,) and rows of edges."""
 
@@ -401,7 +465,7 @@ class PathFinder:
     """
 
     def __init__(self, columns: GraphColumns, costs: FloatArray) -> None:
-        self.ids: list[int] = columns.node_ids.tolist()
+        self.ids: Sequence[int] = columns.node_ids.tolist()
         self._columns = columns
         self._costs = costs
         self._row_of = {id: row for row, id in enumerate(self.ids)}
@@ -515,13 +579,17 @@ class ResolvedAction(NamedTuple):
     """A checked action of one agent: its move and its deeds."""
 
     end: int  # node id
-    path: tuple[int, ...]  # node ids, from the agent's node to the end; by metres, see `GamePaths`
+    path: tuple[int, ...]  # node ids, from the agent's node to the end; not by metres
     heading: Any = ()  # the new heading (cos, sin), None to follow moves again, () for no change
-    times: tuple[float, ...] = ()  # the time at each node of the path, from 0 to 1; (): evenly spaced
     progress: Progress | None = None  # the part of an edge beyond the end of the path that it has covered
     position: Position | None = None  # of an agent that flies
     quat: Quat | None = None
     deeds: Mapping[str, dict[str, Any]] | None = None  # deed -> field -> value
+
+    def is_step(self) -> bool:
+        """Return whether the agent stays, or moves along one edge to another node."""
+        path = self.path
+        return self.progress is None and (len(path) == 1 or (len(path) == 2 and path[0] != path[1]))
 
 
 def progress_at(leg: Leg, time: float) -> Progress | None:
