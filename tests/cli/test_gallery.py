@@ -47,7 +47,7 @@ def test_a_game_says_what_it_models_and_is_at_most_a_page_of_code(name):
     assert len(about(game)) >= 2
     assert re.search(r"\b(19|20)\d\d\b", about(game)[0]), "name what it is near to in the literature"
     files = {found.file for found in game.code() if found.file is not None}
-    assert all(len([line for line in file.read_text().splitlines() if line]) <= 60 for file in files)
+    assert all(len([line for line in file.read_text().splitlines() if line]) <= 66 for file in files)
 
 
 @pytest.mark.parametrize("name", GAMES)

@@ -66,14 +66,8 @@ def flags(attackers, defenders, real, radius):
             radius = 5 if node in state["captured"] else 12
             ctx.visual.render_circle(at.x, at.y, radius, color, 3 if is_decoy else 0)
 
-    draw.legend = LegendRows(
-        "",
-        (
-            LegendRow(UNKNOWN, "unknown flag"),
-            LegendRow(REAL, "real flag"),
-            LegendRow(UNKNOWN, "decoy", sign="ring"),
-        ),
-    )
+    rows = LegendRow(UNKNOWN, "unknown flag"), LegendRow(REAL, "real flag"), LegendRow(UNKNOWN, "decoy", sign="ring")
+    draw.legend = LegendRows("", rows)
     flags.prepare = prepare
     flags.drawer = draw
     return flags
