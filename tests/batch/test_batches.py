@@ -397,6 +397,16 @@ def test_games_can_begin_again_with_other_seeds(way):
         assert games.is_over.all()
 
 
+def test_one_by_one_has_no_effect_and_warns():
+    with (
+        pytest.warns(DeprecationWarning, match=r"one_by_one= has no effect .* batch\.context"),
+        scene([TAG]).batch(2, one_by_one=True) as games,
+    ):
+        assert games.is_in_arrays
+    with pytest.warns(DeprecationWarning, match="one_by_one="), scene().batch(1, one_by_one=False):
+        pass
+
+
 def test_the_table_has_a_row_for_each_game():
     with scene([TAG, {"rule": "time_limit", "with": {"turns": 6}}]).batch(8) as games:
         games.run()

@@ -75,6 +75,7 @@ class Learners:
         observation: the observation function; None: `default_observation`.
         reward: the reward function; None: the change of the score of the agent's team.
         seed: the seed of the first game; the others have the next ones.
+        one_by_one: deprecated, without effect.
         vis_engine: shows the games, one by one.
         record: keep the actions, so that `games.record` can write recordings; not with `agent`.
         most_agents: the most agents of each team over a game, or team -> number; see `Scenario.batch`.
@@ -116,6 +117,7 @@ class Learners:
         observation: Observation | None = None,
         reward: Reward | None = None,
         seed: int = 0,
+        one_by_one: bool | None = None,
         vis_engine: Engine | None = None,
         record: bool = False,
         most_agents: MostAgents | None = None,
@@ -144,6 +146,7 @@ class Learners:
             seed=first,
             strategies=strategies,
             record=record,
+            one_by_one=one_by_one,
             vis_engine=vis_engine,
             most_agents=most_agents,
             maps=maps,

@@ -2,6 +2,7 @@
 
 import logging
 import os
+import warnings
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from functools import cache, partial
 from itertools import chain, islice
@@ -316,7 +317,7 @@ class Scenario(Surface, Immutable):
             return ctx.game.run(record=record)
 
     @names_keywords
-    def batch(
+    def batch(  # noqa: PLR0913 - which games, who decides in them, and how they are played
         self,
         num_games: int | None = None,
         *,
@@ -324,6 +325,7 @@ class Scenario(Surface, Immutable):
         seeds: Iterable[int] | None = None,
         strategies: Strategies | None = None,
         record: bool = False,
+        one_by_one: bool | None = None,
         vis_engine: Engine | None = None,
         most_agents: MostAgents | None = None,
         maps: Iterable[object] | None = None,
@@ -339,6 +341,7 @@ class Scenario(Surface, Immutable):
             seeds: the seed of each game, instead of `num_games` and `seed`.
             strategies: see `build`.
             record: keep the actions that are given to `step`, so that games can be recorded.
+            one_by_one: deprecated, and without an effect: `batch.context` needs it no more.
             vis_engine: shows the game of `batch.context(i)` in a window, or films it; see `build`.
             most_agents: the maximum number of agents in each team, or team -> number. Rows are reserved for agents
                 that rules create: `red_3`, `red_4`, … if `red` begins with three. Or team -> names of such agents.
@@ -353,6 +356,12 @@ class Scenario(Surface, Immutable):
             TooLarge: the games would not fit into memory; the message says how much they need.
         """
         chosen = as_seeds(num_games, seed, seeds)
+        if one_by_one is not None:
+            warnings.warn(
+                "one_by_one= has no effect any more: leave it out. batch.context(i) shows any game.",
+                DeprecationWarning,
+                stacklevel=2,
+            )
         scenarios = [self] if maps is None else self._on_maps(maps)
         sources: list[BatchSource] = []
         try:
