@@ -222,7 +222,10 @@ def locked_columns(columns: GraphColumns) -> GraphColumns:
     }
     for name in ("node_attributes", "edge_attributes"):
         changed[name] = ReadOnlyMapping({key: _locked_rows(one) for key, one in getattr(columns, name).items()})
-    return replace(columns, **changed, polylines=_locked_rows(columns.polylines))
+    found = replace(columns, **changed, polylines=_locked_rows(columns.polylines))
+    for name in ("node_order", "edge_order"):
+        vars(found)[name] = locked(getattr(columns, name))
+    return found
 
 
 def _locked_rows(values: Mapping[int, Any]) -> Mapping[int, Any]:
