@@ -1,5 +1,6 @@
 """The distribution: which libraries its extras bring, and that it refuses to run among files of gamms 1.0.0."""
 
+import json
 import re
 import shutil
 import subprocess
@@ -8,6 +9,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import yaml
 
 import gamms
 from gamms.errors import DISTRIBUTION, install_command
@@ -69,3 +71,30 @@ def test_files_of_gamms_1_among_ours_are_refused_at_import(tmp_path, first):
     assert done.returncode == 1
     assert "ImportError: The distributions" in done.stderr
     assert f"pip uninstall gamms {DISTRIBUTION}" in done.stderr
+
+
+def test_the_recipe_of_conda_installs_what_the_project_needs():
+    recipe = yaml.safe_load((ROOT / "tools" / "conda" / "recipe.yaml").read_text(encoding="utf-8"))
+    build = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["build-system"]["requires"]
+    requirements = recipe["requirements"]
+    assert recipe["context"]["version"] == gamms.__version__
+    assert recipe["package"]["name"] == DISTRIBUTION
+    assert recipe["build"]["python"]["entry_points"] == [f"gamms = {PROJECT['scripts']['gamms']}"]
+    assert [one.replace(" ", "") for one in requirements["host"]] == ["python", "pip", *build]
+    needed = [f"python{PROJECT['requires-python']}", *PROJECT["dependencies"]]
+    assert [one.replace(" ", "") for one in requirements["run"]] == needed
+
+
+def test_the_notebook_plays_with_the_extras_that_it_installs(tmp_path, monkeypatch, capsys):
+    notebook = json.loads((ROOT / "examples" / "notebook.ipynb").read_text(encoding="utf-8"))
+    cells = ["".join(cell["source"]) for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    install, *programs = cells
+    extras = re.fullmatch(rf'%pip install --quiet "{DISTRIBUTION}\[(.*)\]"', install)[1]
+    assert set(extras.split(",")) <= EXTRAS.keys()
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for program in programs:
+        exec(program, names)
+    with names["ctx"], names["recording"] as recording:
+        assert recording.turns == names["result"].turns
+    assert "police after 78 turns" in capsys.readouterr().out
