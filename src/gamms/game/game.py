@@ -297,7 +297,8 @@ class Game(Surface, RuleVerbs):
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.game")
         turns = None if max_turns is None else as_count(max_turns, "max_turns", 0)
-        last = self._state.last_turn = self.max_turns if turns is None else self.turn + turns
+        last = self.max_turns if turns is None else self.turn + turns
+        self._state.last_turn = last
         if last is None and not self.rules:
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
         self._internals.warn_of_idle_teams()

@@ -82,9 +82,11 @@ class MessagePositions(NamedTuple):
             progress = block.on_edge(block.row_of(agent.name))
             place = None if progress is None else located(graph, progress)
             if position is not None:
-                xyz[0, row] = antennas[0, row] = position
+                xyz[0, row] = position
+                antennas[0, row] = position
             if place is not None:
-                xyz[0, row, :2] = antennas[0, row, :2] = place.xy
+                xyz[0, row, :2] = place.xy
+                antennas[0, row, :2] = place.xy
 
         def is_within(_: IntArray, transmitters: IntArray, hops: int) -> BoolArray:
             for row in transmitters.tolist():

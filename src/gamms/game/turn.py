@@ -78,7 +78,9 @@ class TurnEngine:
         self._order_key: tuple[Any, ...] = ()
         self._departure: DeletedAgent | None = None  # the last deleted agent that is noted
         self._near: Mapping[int, tuple[int, ...]] = {}  # node -> the nodes legal along one edge, of `_order`
-        self.is_deciding = self.is_playing = self.is_moving = False
+        self.is_deciding = False
+        self.is_playing = False
+        self.is_moving = False
         self.part = 0
         self.seed_changes = 0
         self.prepared = -1
@@ -337,7 +339,8 @@ class TurnEngine:
         spent = self._state.timings
         began = perf_counter()
         ask = self._ask_at_arrivals if part.decides_at_arrivals else self._ask
-        turn = self._state.moves = ask(order, part, observers)
+        turn = ask(order, part, observers)
+        self._state.moves = turn
         if order.whole.paced:
             turn.let_stand(order.whole.paced, self._legality.travel)
         now = perf_counter()
@@ -376,7 +379,8 @@ class TurnEngine:
         ]
         if not rules.apply("deeds", self._state):
             return turn
-        turn = self._state.moves = turn.on(self.order())
+        turn = turn.on(self.order())
+        self._state.moves = turn
         turn.give_up(self._ctx.agent.block)
         if self._ctx.graph.graph.revision != revision:
             for i in self.cut_off(turn):
@@ -387,7 +391,8 @@ class TurnEngine:
         """Call the rules that refuse moves and deeds, for the agents of some slots; see `Refusals.take_back`."""
         if not rules.now.checks:
             return ()
-        self.refusals = refusals = Refusals(turn)
+        refusals = Refusals(turn)
+        self.refusals = refusals
         try:
             rules.check(self._state)
         finally:
@@ -445,7 +450,8 @@ class TurnEngine:
             decisions.drop()
             raise
         finally:
-            phase.agent = phase.moment = None
+            phase.agent = None
+            phase.moment = None
             self.is_deciding = False
         return decisions
 

@@ -430,7 +430,8 @@ class GraphEngine(Surface, ContextPart, IGraphEngine):
                 self._write_finally(self._database)
         finally:
             self._store.close()
-            self._graph = self._tables = None
+            self._graph = None
+            self._tables = None
 
     # -- methods of the graph -----------------------------------------------------------------------------------
 

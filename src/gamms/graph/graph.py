@@ -109,7 +109,8 @@ class Graph(Surface, Guarded, IGraph):
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         """Copy the graph, for simulations by a strategy."""
-        copied = memo[id(self)] = type(self)(deepcopy(self._store, memo), deepcopy(self._phase, memo))
+        copied = type(self)(deepcopy(self._store, memo), deepcopy(self._phase, memo))
+        memo[id(self)] = copied
         return copied
 
     def _fork(self, store: GraphStore, phase: DecidePhase) -> "Graph":
@@ -432,7 +433,8 @@ class Graph(Surface, Guarded, IGraph):
         shown = self._shown
         if shown is None or shown.revision != columns.revision:
             parts = {field.name: frozen(getattr(columns, field.name)) for field in fields(columns)}
-            shown = self._shown = GraphColumns(**parts)
+            shown = GraphColumns(**parts)
+            self._shown = shown
         return shown
 
     @refused_while_deciding

@@ -399,6 +399,7 @@ class Indexes:
     def _adjacency(self, end: str) -> Adjacency:
         adjacency = self._by_end.get(end)
         if adjacency is None or adjacency.is_outdated:
-            adjacency = self._by_end[end] = Adjacency(self._edges, end, self._nodes.count)
+            adjacency = Adjacency(self._edges, end, self._nodes.count)
+            self._by_end[end] = adjacency
             self.is_built = True
         return adjacency

@@ -187,7 +187,8 @@ class Obstacles(SharesTables):
         if table.count > _FEW:
             grid = table.grid
             if grid is None or grid.is_outdated(table.count):
-                grid = table.grid = FaceGrid(table.array("boxes"))
+                grid = FaceGrid(table.array("boxes"))
+                table.grid = grid
             rows = grid.between(low, high, table.count)
             if rows is not None:
                 return rows

@@ -154,7 +154,8 @@ class CachedRoutes(Routes):
         found = self._searches.get((weight, reverse))
         if found is None:
             arcs = self.arcs(weight, reverse=reverse)
-            found = self._searches[weight, reverse] = kernels.Search(arcs, self.ids())
+            found = kernels.Search(arcs, self.ids())
+            self._searches[weight, reverse] = found
         return found
 
     def remember(self, key: Hashable, make: Callable[[], RememberedT]) -> RememberedT:

@@ -44,7 +44,8 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
 
     def __missing__(self, id: int) -> tuple[int, ...]:
         id = records.as_id(id, "a node")
-        made = self[id] = (id, *[other for other in self._store.indexes.neighbors(id) if other != id])
+        made = (id, *[other for other in self._store.indexes.neighbors(id) if other != id])
+        self[id] = made
         return made
 
 
@@ -95,7 +96,8 @@ class GraphStore(SharesTables):
         known = self._columns
         if known is None or known.revision != self.revision:
             self._compact(fully=True)
-            known = self._columns = self._frozen()
+            known = self._frozen()
+            self._columns = known
         return known
 
     def ground(self) -> FloatArray | None:
@@ -198,7 +200,10 @@ class GraphStore(SharesTables):
         self.stop_sharing()
         self.neighborhoods.clear()
         closed: Any = ClosedTable()
-        self.nodes = self.edges = self.indexes = self._columns = closed
+        self.nodes = closed
+        self.edges = closed
+        self.indexes = closed
+        self._columns = closed
 
     def fork(self) -> "GraphStore":
         """Return another store of this graph; both share the tables until one of them changes."""
@@ -243,7 +248,8 @@ class GraphStore(SharesTables):
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "GraphStore":
         """Copy the graph, for simulations by a strategy."""
-        copied = memo[id(self)] = GraphStore()
+        copied = GraphStore()
+        memo[id(self)] = copied
         copied.replace(deepcopy(self.columns(), memo), self.attribution, self.scenery, deepcopy(self.closed, memo))
         return copied
 

@@ -227,7 +227,8 @@ class Table:
     def set_attributes(self, row: int, given: dict[str, Any]) -> None:
         """Change some attributes of one row."""
         for name, value in given.items():
-            values = self.attributes[name] = writable_dict(self.attributes.get(name, {}))
+            values = writable_dict(self.attributes.get(name, {}))
+            self.attributes[name] = values
             values[row] = value
 
     def add_attributes(self, first: int, given: Mapping[str, Mapping[int, Any]]) -> None:
@@ -321,13 +322,15 @@ class EdgeTable(Table):
 
     def bend(self, row: int, polyline: FloatArray) -> None:
         """Set the polyline of an edge."""
-        polylines = self.polylines = writable_dict(self.polylines)
+        polylines = writable_dict(self.polylines)
+        self.polylines = polylines
         polylines[row] = polyline
 
     def straighten(self, row: int) -> None:
         """Remove the polyline of an edge, if it has one."""
         if row in self.polylines:
-            polylines = self.polylines = writable_dict(self.polylines)
+            polylines = writable_dict(self.polylines)
+            self.polylines = polylines
             del polylines[row]
 
     def bends_among(self, rows: RowArray) -> list[tuple[int, FloatArray]]:

@@ -259,7 +259,8 @@ class VisibilityTables:
         if table is None:
             task = VisibilityTask(fingerprint.xy, fingerprint.corners, reach, height, fingerprint.ground)
             seen = self._storage.visibility_rows.get(0, key, lambda: kept or _made(task, workers, is_shown=progress))
-            table = self._tables[reach, height] = Visibility(fingerprint, self._routes, reach, height, seen)
+            table = Visibility(fingerprint, self._routes, reach, height, seen)
+            self._tables[reach, height] = table
         if place is not None and kept is None:
             self._write(place, encode(table.seen, key, reach, height))
         return table

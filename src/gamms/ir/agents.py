@@ -159,7 +159,8 @@ class AgentBlock(AgentColumns):
         row = self.games.add(1)
         flies = position is not None
         self._show()
-        self.node[row] = self.previous[row] = node
+        self.node[row] = node
+        self.previous[row] = node
         self.kind[row] = flies
         self.alive[row] = True
         given = {"names": name, "teams": team, "speed": speed}
@@ -181,7 +182,8 @@ class AgentBlock(AgentColumns):
         count = len(names)
         first = self.games.add(count)
         self._show()
-        self.node[first:] = self.previous[first:] = as_ids(nodes)
+        self.node[first:] = as_ids(nodes)
+        self.previous[first:] = self.node[first:]
         np.asarray(self.alive)[first:] = True
         for column in _LISTS:
             getattr(self, column).extend(names if column == "names" else [team if column == "teams" else None] * count)
@@ -343,7 +345,8 @@ class AgentBlock(AgentColumns):
             return
         journal = self.journal
         self.previous[row] = self.nearest(row)
-        before = self.previous_position[row] = self.position[row]
+        before = self.position[row]
+        self.previous_position[row] = before
         if node is not None:
             self.node[row] = node
         elif before is None or position[0] != before[0] or position[1] != before[1]:

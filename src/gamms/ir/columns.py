@@ -51,7 +51,8 @@ class StructureLog:
     __slots__ = ("_closed", "_first", "_rows", "version")
 
     def __init__(self) -> None:
-        self._first = self.version = 0  # version before the first entry
+        self._first = 0  # version before the first entry
+        self.version = 0
         self._rows: list[int | str] = []
         self._closed: list[tuple[int, list[int]]] = []  # (version, rows closed up at this version)
 
@@ -64,7 +65,8 @@ class StructureLog:
 
     def note_all(self, version: int) -> None:
         """Record that all rows may have changed, and may have other agents, since a version."""
-        self._first = self.version = version + 1
+        self._first = version + 1
+        self.version = self._first
         self._rows = []
         self._closed = []
 
@@ -116,7 +118,8 @@ class RowsByName:
 
     def enter(self, name: str) -> None:
         """Add a row."""
-        number = self._number_of[name] = self._numbers[-1] + 1 if self._numbers else 0
+        number = self._numbers[-1] + 1 if self._numbers else 0
+        self._number_of[name] = number
         self._numbers.append(number)
 
     def enter_all(self, names: Sequence[str]) -> None:
@@ -310,7 +313,8 @@ class Selection:
         """Return the values of a column in these rows as a list."""
         pick = self._pick
         if pick is None:
-            pick = self._pick = _picker(self.rows)
+            pick = _picker(self.rows)
+            self._pick = pick
         return [*pick(column)]
 
     def write(self, column: MutableSequence[Any], values: Sequence[Any]) -> None:

@@ -141,7 +141,8 @@ class BlockedAgents(MutableMapping[str, str]):
     def add(self, name: str, why: str) -> str:
         """Add a reason to those known already; return the complete reason."""
         known = self._written() if self.stopped else self.known
-        known[name] = all_known = f"{known[name]}; {why}" if name in known else why
+        all_known = f"{known[name]}; {why}" if name in known else why
+        known[name] = all_known
         return all_known
 
     def add_conflicts(self, names: Sequence[str], stopped: Sequence[int], places: Sequence[object]) -> None:

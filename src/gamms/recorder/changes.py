@@ -77,7 +77,8 @@ class PlainCopy:
         """Record a value that may have changed."""
         for name, one in plain_subset({key: value}).items():
             if name not in self.values or not is_same(one, self.values[name]):
-                found["set"][name] = self.values[name] = one
+                found["set"][name] = one
+                self.values[name] = one
             return
         if key in self.values:  # the value is no longer plain
             found["removed"].append(key)
@@ -169,7 +170,8 @@ class _Facts(_Detector):
         known = self.known
         if value.keys() == known.keys() and not any(map(is_not, value.values(), known.values())):
             return []
-        self.known = now = dict(value)
+        now = dict(value)
+        self.known = now
         changed = {
             name: fact
             for name, fact in now.items()

@@ -235,7 +235,8 @@ class Recorder(Surface, ComponentNames, Guarded, IRecorder):
         self._end_watch()
         session = self._recording()
         if session is None and self._followers and not self.ctx.is_terminated():
-            session = self._watch = RecordingSession(self.ctx, with_sensed=True, with_drawings=True)
+            session = RecordingSession(self.ctx, with_sensed=True, with_drawings=True)
+            self._watch = session
         if session is not None:
             session.follow(self._followers, lambda session: header_of(self.ctx, session, {}))
 
@@ -350,7 +351,8 @@ class Recorder(Surface, ComponentNames, Guarded, IRecorder):
         return keep is not None
 
     def _replay_version_2(self, stream: BinaryIO) -> Iterator[Record]:
-        self._replayer = replayer = Replayer(self.ctx, self._recording, is_version_2=True)
+        replayer = Replayer(self.ctx, self._recording, is_version_2=True)
+        self._replayer = replayer
         if (session := self._recording()) is not None and self._version == 2:
             session.take_records()
         for record in version2.read(stream):

@@ -412,7 +412,8 @@ class Replayer:
         self._recording = recording
         self._is_version_2 = is_version_2
         self.state = LegacyState(ctx) if is_version_2 else LiveState(ctx)
-        self.clock = self.turn = 0
+        self.clock = 0
+        self.turn = 0
 
     def begin(self, reader: Reader) -> None:
         """Apply the initial state of a recording of version 3.

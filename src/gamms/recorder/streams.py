@@ -78,7 +78,8 @@ class RecordingTarget:
 
     def _new_file(self, path: str | os.PathLike[str], *, overwrite: bool) -> BinaryIO:
         file = named(path)
-        self._at = self._path = Path(os.path.realpath(file)) if overwrite else file
+        self._at = Path(os.path.realpath(file)) if overwrite else file
+        self._path = self._at
         if self._path.exists():
             if not overwrite:
                 raise FileExistsError(

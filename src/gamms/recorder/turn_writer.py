@@ -164,7 +164,8 @@ class TurnWriter:
         values = self._encoder.values
         self._since_keyframe += self._entries + self._weight + _OF_VALUE * (values - self._values)
         self._values = values
-        self._entries = self._weight = 0
+        self._entries = 0
+        self._weight = 0
         self._interval_ends = self._session.turn + _TURNS_AT_ONCE
         if self._since_keyframe >= max(_KEYFRAME_ENTRIES, 2 * _KEYFRAME_TURNS * len(self._session.ctx.agent.agents)):
             self._encoder.keyframe(self._session.keyframe())

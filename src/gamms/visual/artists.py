@@ -263,7 +263,8 @@ class Artists(Guarded):
             from gamms.visual.default_scene import DefaultScene
 
             theme = self._drawing.theme
-            scene = self._default[theme] = self._default.get(theme) or DefaultScene(self._ctx, theme)
+            scene = self._default.get(theme) or DefaultScene(self._ctx, theme)
+            self._default[theme] = scene
         return scene.artists(self.declared, sensors=sensors)
 
     # -- declared --------------------------------------------------------------------------------------------
@@ -286,7 +287,8 @@ class Artists(Guarded):
         for team in checked:
             if team not in known:
                 raise UnknownName("team", team, sorted(known))
-        self._own_colors = self._drawing.team_colors = checked
+        self._own_colors = checked
+        self._drawing.team_colors = checked
         self.edits += 1
 
     @refused_while_deciding

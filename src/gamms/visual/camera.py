@@ -134,7 +134,8 @@ class Viewpoint(Guarded):
     @refused_while_deciding
     def look_at_all(self) -> None:
         """Show everything that is drawn."""
-        self.look = self.followed = None
+        self.look = None
+        self.followed = None
 
     @refused_while_deciding
     def follow(self, agent_name: str) -> None:

@@ -131,11 +131,13 @@ class DefaultScene:
         if len(graph.scenery_columns().kinds):
             self._map["base_map"] = self._static(render_base_map, Layer.BASE_MAP)
         if has_tunnels(columns):
-            self._map["tunnels"] = tunnels = self._static(render_tunnels, Layer.TUNNELS)
+            tunnels = self._static(render_tunnels, Layer.TUNNELS)
+            self._map["tunnels"] = tunnels
             tunnels.data = streets.data
         if len(obstacles_to_draw(self._ctx).ids):
             thickness = _WALL * self._unit if columns.crs is None else min(_WALL * self._unit, _THICKEST)
-            self._map["obstacles"] = walls = self._static(render_obstacles, Layer.OBSTACLES)
+            walls = self._static(render_obstacles, Layer.OBSTACLES)
+            self._map["obstacles"] = walls
             walls.data = {"fill": True, "boundary_thickness": thickness}
 
     def _static(self, drawer: Drawer, layer: int) -> Artist:
@@ -164,7 +166,8 @@ class DefaultScene:
         above = set(positions.flyers.tolist()) if are_together else None
         for row, (name, color) in enumerate(self._colors.items()):
             if above is None or row in above:
-                self._agents[name] = disc = Artist(self._ctx, render_agent, Layer.AGENTS)
+                disc = Artist(self._ctx, render_agent, Layer.AGENTS)
+                self._agents[name] = disc
                 disc.data = {"agent_data": AgentData(name, color, self._mark, least_px=least_px), "_alpha": 1.0}
 
     def _together(self, least_px: float) -> Artist:
@@ -224,7 +227,8 @@ def artists_of_sights(
         if f"sensor_{name}" not in declared:
             together += [(color, view) for color, view in views if view is not None]
     if len(together) > _MOST_APART:
-        artists["sights"] = artist = before.get("sights") or Artist(ctx, render_sights, Layer.SEEN)
+        artist = before.get("sights") or Artist(ctx, render_sights, Layer.SEEN)
+        artists["sights"] = artist
         artist.data = {
             "sights": together,
             "legend": legend_of_sights((color, sparse(view)) for color, view in together),
@@ -236,12 +240,14 @@ def artists_of_sights(
         drawer = (
             render_sensor if any(view is None for _, view in views) else render_sight
         )  # the first error is reported
-        artists[f"sensor_{name}"] = artist = before.get(f"sensor_{name}") or Artist(ctx, drawer, Layer.SEEN)
+        artist = before.get(f"sensor_{name}") or Artist(ctx, drawer, Layer.SEEN)
+        artists[f"sensor_{name}"] = artist
         artist.set_drawer(drawer)
         artist.data = {"name": name, "color": views[0][0], "sights": views, "legend": legend_of_sights(views), **look}
     ringed = [(color, view) for color, view in together if view.names]
     if ringed:
-        artists["rings"] = rings = before.get("rings") or Artist(ctx, render_rings, Layer.SEEN)
+        rings = before.get("rings") or Artist(ctx, render_rings, Layer.SEEN)
+        artists["rings"] = rings
         rings.data = {"sights": ringed, **look}
     return artists
 

@@ -117,7 +117,8 @@ class Commands:
             return
         in_world = (spaces == DrawSpace.WORLD).reshape(-1, _CIRCLES)
         both = np.empty((len(looks), _CIRCLES, 2, 2))  # of each circle its centre, and in pixels how far it is moved
-        both[:, :, 1] = moves = shifts[:, None] * size[:, :, None]
+        moves = shifts[:, None] * size[:, :, None]
+        both[:, :, 1] = moves
         both[:, :, 0] = points[:, None] + np.where(in_world[:, :, None], moves * (1.0, -1.0), 0.0)
         is_there = np.ones(both.shape[:3], bool)
         is_there[:, :, 1] = ~in_world & moves.any(axis=2)
@@ -366,7 +367,8 @@ class Drawing:
         self.viewpoint = Viewpoint(ctx, self.motion.position_of)
         self.team_colors: Mapping[str, Rgb] = {}
         self.sides: Sequence[str | None] = ()
-        self.has_default_look = self.has_stacks = False
+        self.has_default_look = False
+        self.has_stacks = False
         self.spread: DiscOffsets | None = None
         self.commands: Commands | None = None
         self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}

@@ -93,13 +93,16 @@ class Fog:
         kept = {name: artist for name, artist in artists.items() if name not in left_out and self._may_show(artist)}
         if TOGETHER in artists:
             data = data_of(artists[TOGETHER])
-            kept[TOGETHER] = together = Artist(self._ctx, render_looks, Layer.AGENTS)
+            together = Artist(self._ctx, render_looks, Layer.AGENTS)
+            kept[TOGETHER] = together
             together.data = data | {"looks": data["looks"].without(self.hidden)}
         for key in flags:
-            kept[key] = shown_flags = Artist(self._ctx, self._draw_flags, Layer.FLAGS)
+            shown_flags = Artist(self._ctx, self._draw_flags, Layer.FLAGS)
+            kept[key] = shown_flags
             shown_flags.data = {"key": key}
         if "messages" in artists:
-            kept["messages"] = shown_messages = Artist(self._ctx, self._draw_messages, Layer.MESSAGES)
+            shown_messages = Artist(self._ctx, self._draw_messages, Layer.MESSAGES)
+            kept["messages"] = shown_messages
             shown_messages.data = {"legend": lambda ctx: legend_of_messages(ctx, self._own_names())}
         return kept | {"graph": self._streets_artist, "tags": self._tags} | self._sights
 

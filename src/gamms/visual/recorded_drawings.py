@@ -121,7 +121,8 @@ class RecordedDrawings:
         key = getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None), state_of(name, artist)
         known = self._static.get(name)
         if known is None or known[0] != key:
-            known = self._static[name] = key, self._drawn(name, artist)
+            known = key, self._drawn(name, artist)
+            self._static[name] = known
         return found | known[1]
 
     def _drawn(self, name: str, artist: IArtist) -> Recorded:

@@ -382,7 +382,9 @@ class ScenePart:
         self.artists = group.artists
         self.painting = Painting(commands)
         self.key = key
-        self.is_static = self.lasts = self.is_old = key is not None
+        self.is_static = key is not None
+        self.lasts = self.is_static
+        self.is_old = self.is_static
         self.is_much = len(commands.points) > _FEW
         self.tiles: Tiles | None = None
 

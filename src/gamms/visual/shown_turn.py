@@ -120,7 +120,8 @@ class PastTurns:
         last = self.latest
         state = self._state
         if state is None and ctx.current_game is not None:
-            state = self._state = ctx.current_game.internals.state
+            state = ctx.current_game.internals.state
+            self._state = state
         number = 0 if state is None else state.turn
         names, places = ctx.agent.positions.noted()
         if last is None or number < last[2]:  # or the game was reset
@@ -130,7 +131,8 @@ class PastTurns:
         if names is not self._names:
             self._names = names
             self.entries = deque(self.entries, min(max(_MOST_PLACES // max(len(names), 1), 1), MOST_TURNS))
-        self.latest = now = names, places, number, last[0], last[1]
+        now = names, places, number, last[0], last[1]
+        self.latest = now
         self.entries.append(now)
         if not number:
             self.count += 1
@@ -295,7 +297,8 @@ class LastMoves:
         known = self._paths
         if known is None or known[0] is not names or known[1] is not self.moves:
             found = np.array([self.moves.rows.get(name, -1) for name in names], np.int64)
-            known = self._paths = names, self.moves, found
+            known = names, self.moves, found
+            self._paths = known
         return known[2]
 
     def on_edges(self) -> dict[str, _Point]:

@@ -205,7 +205,8 @@ class KnowledgeTracker:
                 covered = sensor.coverage(looks_from, agent.name).node_ids
             except NotOffered:
                 covered = _NONE
-            known = self._covered[key] = self.rows("nodes", covered)
+            known = self.rows("nodes", covered)
+            self._covered[key] = known
         return known
 
     # -- sides --------------------------------------------------------------------------------------------------

@@ -218,7 +218,8 @@ class Participants:
         if one is None:
             if len(self.by_code) >= _MOST_PARTICIPANTS:
                 raise Refused("This study has all its participants.")
-            one = self.by_code[code] = Participant(code, self._agreed, None)
+            one = Participant(code, self._agreed, None)
+            self.by_code[code] = one
             self._agreed += 1
         self.keep_secret(one, digest_of(secret))
         return one
@@ -233,7 +234,8 @@ class Participants:
 
         If the participant has waited too long, `came_at` becomes None until the next request of the page.
         """
-        one.seen_at = now = monotonic()
+        now = monotonic()
+        one.seen_at = now
         one.came_at = now if one.came_at is None else one.came_at
         waiting = [
             other

@@ -79,7 +79,8 @@ class AudienceStream:
         self._parts: deque[tuple[list[bytes], int]] = deque()  # messages, and the number of turns played after them
         self._first = 0  # the number of the first stored part
         self.last_keyframe = StreamPosition(self, 0, turns)
-        self._size = self._since_keyframe = 0  # bytes
+        self._size = 0  # bytes
+        self._since_keyframe = 0
         self._add_keyframe()
 
     def hear(self, log: Log, whole: Log, *, is_over: bool) -> None:
@@ -150,7 +151,8 @@ class AudienceStream:
         """
         found = list[bytes]()
         with self._lock:
-            begin = after = self.last_keyframe if place.number < self._first else place
+            begin = self.last_keyframe if place.number < self._first else place
+            after = begin
             for messages, turns in islice(self._parts, begin.number - self._first, None):
                 found += messages
                 after = StreamPosition(self, after.number + 1, turns)
@@ -304,7 +306,8 @@ def news(streams: Streams, connection: Connection) -> Iterator[bytes]:
     place = connection.place
     if place is None or place.stream is not stream:
         yield from stream.opening
-        place = connection.place = stream.last_keyframe
+        place = stream.last_keyframe
+        connection.place = place
     while True:
         messages, place, dropped = stream.read(place)
         connection.counts["dropped"] += dropped

@@ -175,7 +175,8 @@ class Study(Handle):
             "practice": self._practice,
             "rounds": self._rounds,
         }
-        self._title = title = options.get("title") or scenario.spec.name or "A study"
+        title = options.get("title") or scenario.spec.name or "A study"
+        self._title = title
         self._links = Links()
         self._tokens = {
             name: self._links.add(Grant(f"participants {name}"))

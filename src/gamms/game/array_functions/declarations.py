@@ -147,19 +147,23 @@ class _CachedMapData(NamedTuple):
 
 def _world(ctx: HostContext, roster: AgentTable) -> _CachedMapData:
     """Return the movement of the agents of a game, and the data computed for its map."""
-    revision, cache = ctx.graph.graph.revision, ctx.game.internals.kept
+    revision = ctx.graph.graph.revision
+    cache = ctx.game.internals.kept
     version = revision, phase_of(ctx).setting_changes, tuple([agent.speed for agent in roster.agents])
     known: _CachedMapData | None = cache.get(_CACHE)
     if known is None or revision is None or known.version != version:
         is_same_map = known is not None and revision is not None and known.version[0] == revision
         shared = known.shared if known is not None and is_same_map else {}
-        known = cache[_CACHE] = _CachedMapData(version, movement_of(ctx.game, roster, may_reopen=True), shared)
+        known = _CachedMapData(version, movement_of(ctx.game, roster, may_reopen=True), shared)
+        cache[_CACHE] = known
     return known
 
 
 def _block_of_one(ctx: HostContext) -> GameArrays:
     """Return the game of a context as a block of one game."""
-    game, block, roster = ctx.game, ctx.agent.block, AgentTable.of(ctx.agent.agents.values())
+    game = ctx.game
+    block = ctx.agent.block
+    roster = AgentTable.of(ctx.agent.agents.values())
     world = _world(ctx, roster)
     streets = world.movement.streets
     nodes = streets.rows([[agent.current_node_id for agent in roster.agents]])
@@ -209,12 +213,17 @@ class _Decisions(NamedTuple):
 def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> None:
     """Set the action of an agent; the first one that is asked lets the function decide for all, as in a batch."""
     with phase_of(ctx).suspended(changes_world=False):
-        asked, cache = ctx.game.internals.parts.turns.asked, ctx.game.internals.kept
-    key, agent = (_CACHE, key_of(function), "quat" in state), state["name"]
+        asked = ctx.game.internals.parts.turns.asked
+        cache = ctx.game.internals.kept
+    key = (_CACHE, key_of(function), "quat" in state)
+    agent = state["name"]
     known: _Decisions | None = cache.get(key)
     if known is None or known.asked != asked or agent not in known.waiting:
-        known = cache[key] = _decided(ctx, state, function, name)
-    view, place, done = known.view, known.waiting.pop(agent), known.deeds.get(agent, {})
+        known = _decided(ctx, state, function, name)
+        cache[key] = known
+    view = known.view
+    place = known.waiting.pop(agent)
+    done = known.deeds.get(agent, {})
     state["draw"].go_to(int(known.drawn[place]) or None)
     state.get("outbox", []).extend(known.messages.get(agent, ()))
     if view.flies:
@@ -230,7 +239,9 @@ def _act(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name:
 def _decided(ctx: HostContext, state: dict[str, Any], function: ArrayStrategy, name: str) -> _Decisions:
     """Call an array function for an agent that is asked, and for all others that it decides for at this moment."""
     with phase_of(ctx).suspended(changes_world=False):
-        block, turns, data = _block_of_one(ctx), ctx.game.internals.parts.turns, ctx.game.data
+        block = _block_of_one(ctx)
+        turns = ctx.game.internals.parts.turns
+        data = ctx.game.data
         agents = _asked_with(ctx, block, state["name"], function)
         _show(ctx, block, state)
         asked = turns.asked if turns.is_deciding else -1
@@ -265,11 +276,13 @@ def _asked_with(ctx: HostContext, block: GameArrays, name: str, function: ArrayS
 
     An agent is asked alone with a time budget, or outside of a turn, and if another strategy calls its array strategy.
     """
-    game, roster = ctx.game, block.roster
+    game = ctx.game
+    roster = block.roster
     own = np.array([roster.names.index(name)])
     if not game.internals.parts.turns.is_deciding or game.time_budget is not None:
         return own
-    key, part_of = key_of(function), roster.part_of(game.order)
+    key = key_of(function)
+    part_of = roster.part_of(game.order)
     forms = [strategy_spec_of(decider_of(agent, game.plans)).array_form for agent in roster.agents]
     has_function = np.array([form is not None and key_of(form) == key for form in forms], np.bool_)
     found = np.flatnonzero(has_function & (part_of == part_of[own]) & (roster.flies == roster.flies[own]))
@@ -278,7 +291,8 @@ def _asked_with(ctx: HostContext, block: GameArrays, name: str, function: ArrayS
 
 def _deciding_now(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> tuple[BoolArray, IntArray]:
     """Return which agents decide now with one that is asked, and how many numbers each has drawn, (1, all agents)."""
-    turns, names = ctx.game.internals.parts.turns, block.roster.names
+    turns = ctx.game.internals.parts.turns
+    names = block.roster.names
     here = np.array([[name == state["name"] for name in names]])
     drawn = np.zeros(here.shape, np.int64)
     drawn[here] = state["draw"].mark() or 0
@@ -293,7 +307,9 @@ def _deciding_now(ctx: HostContext, block: GameArrays, state: dict[str, Any]) ->
 
 def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
     """Add the data of a single game that views show beyond `_block_of_one`, for an agent that is asked."""
-    game, roster, movement = ctx.game, block.roster, block.movement
+    game = ctx.game
+    roster = block.roster
+    movement = block.movement
     turns = game.internals.parts.turns
     if game.team_memory:
         block.share_memories()
@@ -325,7 +341,9 @@ class _SingleGameTurn(ArrayTurn):
     def __init__(self, ctx: HostContext) -> None:
         state = _block_of_one(ctx)
         super().__init__(state, _ONE)
-        game, roster, block = ctx.game, state.roster, ctx.agent.block
+        game = ctx.game
+        roster = state.roster
+        block = ctx.agent.block
         self._ctx = ctx
         self._game = game
         self._is_moving = game.is_moving
@@ -366,7 +384,8 @@ class _SingleGameTurn(ArrayTurn):
 
     def new_events(self, reader: Hashable) -> list[EmittedEvents]:
         """Return the events since the last call for a reader; in the first call, all events."""
-        read, events = self._game.data.setdefault(_READ, {}), self._game.events
+        read = self._game.data.setdefault(_READ, {})
+        events = self._game.events
         found = [EmittedEvents.of(0, entry) for entry in events[read.get(reader, 0) :]]
         read[reader] = len(events)
         return found

@@ -99,7 +99,8 @@ class DeclaredDeeds:
             given = fields.get(key)
             if given is None and field.is_required:
                 raise missing_field(name, known)
-            values[key] = column = self._column(given, field, name, where, (at, which))
+            column = self._column(given, field, name, where, (at, which))
+            values[key] = column
             if field.kind == "edge" and self._are_open is not None:
                 named = np.flatnonzero(column != np.array(None))
                 edges = column[named].astype(np.int64)

@@ -93,7 +93,8 @@ class RuleBuilder:
         thread: int,
         home: IntArray,
     ) -> None:
-        agents, streets = len(state.roster.names), state.streets
+        agents = len(state.roster.names)
+        streets = state.streets
         self.state = state
         self.thread = thread
         self.games = games
@@ -102,13 +103,18 @@ class RuleBuilder:
         self.by_metres = travel is not None and travel.most_legs > 0
         self.legs = NO_LEGS
         if travel is None:
-            self._most_nodes, most_legs, keys = 2, 0, streets.num_nodes
+            self._most_nodes = 2
+            most_legs = 0
+            keys = streets.num_nodes
             self.columns: tuple[Any, Any, Any] = ints(2 * agents), floats(2 * agents), ints(agents)
             self.steps: rules.AgentPaths = rules.AgentPaths(*self.columns)
         else:
-            self._most_nodes, most_legs = travel.most, travel.most_legs
+            self._most_nodes = travel.most
+            most_legs = travel.most_legs
             keys = max(streets.num_nodes, len(state.movement.columns.edge_ids))
-            self.columns, self.steps, self.legs = travel.tracks, travel.course, travel.legs
+            self.columns = travel.tracks
+            self.steps = travel.course
+            self.legs = travel.legs
         room = 2 * agents * (self._most_nodes + 2 * most_legs + 1)  # visits and legs, each with two entries
         self.pieces = motion_intervals(room, keys)
         self.rules = known
@@ -175,7 +181,8 @@ class CoreColumns:
     """
 
     def __init__(self, states: Sequence[GameArrays], map_of: IntArray) -> None:
-        self._state = state = states[0]
+        state = states[0]
+        self._state = state
         self._states = states
         self._map_of = map_of
         shape = state.node.shape
@@ -253,7 +260,9 @@ class CoreColumns:
         self._note_scores(noted)
         is_end = noted.kinds == _END
         for row in np.flatnonzero(is_end).tolist():
-            played, game, winner = self.rules[noted.rules[row]], int(noted.games[row]), int(noted.agents[row])
+            played = self.rules[noted.rules[row]]
+            game = int(noted.games[row])
+            winner = int(noted.agents[row])
             who = played.winner
             if who is ONE_THAT_SHOWS:
                 who = None if winner < 0 else state.roster.teams[winner]
@@ -264,7 +273,8 @@ class CoreColumns:
 
     def _reason_of_goals(self, noted: CoreEvents, end: int) -> str:
         """Return the reason of an end by agents that have reached goals: events of the same rule and turn before it."""
-        teams, first = self._state.roster.teams, end
+        teams = self._state.roster.teams
+        first = end
         while first and noted.kinds[first - 1] == _REACH and noted.rules[first - 1] == noted.rules[end]:
             first -= 1
         members = self._state.roster.team_of[noted.agents[first:end]].tolist()
@@ -402,7 +412,8 @@ def is_function(rule: NamedRule) -> bool:
 
 def called_rules(game: PlayedGame, roster: AgentTable) -> list[NamedRule]:
     """Return the rules of a game as a batch calls them; some have no core form where agents leave the nodes."""
-    settings, called = game.settings(), as_called(game.rules)
+    settings = game.settings()
+    called = as_called(game.rules)
     by_metres = settings["speed_unit"] != "edges" and settings["legal"] == "edges"
     leaves_nodes = by_metres or bool(roster.flies.any())
     are_exact = all(map(fits_float, game.scores.values()))  # else no rule in the core may add to scores
@@ -495,13 +506,15 @@ class CoreGames:
 
     def next_moves(self, games: IntArray, part: int) -> tuple[IntArray, IntArray, BoolArray]:
         """Return the same as `last_moves` for agents that are about to move in a part of the turn."""
-        block, here = self._block, self._here[games]
+        block = self._block
+        here = self._here[games]
         goes = (self.part_of == part) & (block.held[games] == 0)
         return here, np.where(goes, block.ends[games], here), block.takes_part[games] > 0
 
     def enter(self, game: int, agent: int, node: int) -> None:
         """Add an agent to a game, on a node."""
-        state, block = self._state, self._block
+        state = self._state
+        block = self._block
         row = int(state.streets.rows(node))
         state.is_there[game, agent] = True
         state.start[game, agent] = -1
@@ -514,7 +527,8 @@ class CoreGames:
     def leave(self, game: int, agent: int, node: int) -> None:
         """Remove a deleted agent from a game, and store its last node."""
         state = self._state
-        state.is_there[game, agent] = state.alive[game, agent] = False
+        state.is_there[game, agent] = False
+        state.alive[game, agent] = False
         state.start[game, agent] = -1
         state.node[game, agent] = state.streets.rows(node)
         state.movement.clear(game, agent)
@@ -532,7 +546,8 @@ class CoreGames:
 
     def note_conflict(self, game: int, agent: int, place: int | EdgePlace) -> None:
         """Note that a conflict has stopped an agent on the way to a node or an edge."""
-        columns, streets = self._state.movement.columns, self._state.streets
+        columns = self._state.movement.columns
+        streets = self._state.streets
         if isinstance(place, EdgePlace):
             row = len(columns.node_ids) + int(np.flatnonzero(columns.edge_ids == place.edge)[0])
         else:
@@ -544,7 +559,9 @@ class CoreGames:
 
     def begin_arrivals(self, games: IntArray) -> None:
         """Begin a part of the turn of some games in which functions are called where agents arrive."""
-        block, by, columns = self._block, self._state.movement, self._columns
+        block = self._block
+        by = self._state.movement
+        columns = self._columns
         assert isinstance(columns, MetreColumns) and columns.arrivals is not None  # noqa: S101, PT018 - by metres
         columns.keep_courses()
         self._arrivals = columns.arrivals
@@ -587,7 +604,8 @@ class CoreGames:
 
     def end_arrivals(self, *, is_played: bool) -> None:
         """Put agents back to where the part of the turn began; if it was played, they move at its end."""
-        block, by = self._block, self._state.movement
+        block = self._block
+        by = self._state.movement
         for column, before in zip((self._state.node, by.edge, by.share, by.motion), self._before, strict=True):
             column[:] = before
         if self._last is not None and not is_played:
@@ -706,7 +724,8 @@ class CoreGames:
 
     def _follow(self, games: IntArray, node: IntArray, stops: IntArray) -> None:
         """Place flying agents that rules of the core have respawned at their starts."""
-        state, flights = self._state, self._state.flights
+        state = self._state
+        flights = self._state.flights
         assert flights is not None  # noqa: S101 - some fly
         rows = np.ix_(games, flights.agents)
         at, which = np.nonzero((state.stops[rows] != stops[rows]) & state.alive[rows])
@@ -716,8 +735,11 @@ class CoreGames:
 
     def _player(self) -> tuple[turn.Player, RuleBuilder]:
         """Make the data for one more thread."""
-        state, roster, block = self._state, self._state.roster, self._block
-        columns = self._columns = self._columns or self._new_columns()
+        state = self._state
+        roster = self._state.roster
+        block = self._block
+        columns = self._columns or self._new_columns()
+        self._columns = columns
         games = rules.GameColumns(
             len(roster.names),
             len(roster.teams),
@@ -794,7 +816,8 @@ class CoreGames:
 
     def _new_columns(self) -> EdgeColumns | MetreColumns | None:
         """Return the shared columns of games whose agents do not move along one edge per turn."""
-        by, go_by_steps = self._state.movement, any(self._steps)
+        by = self._state.movement
+        go_by_steps = any(self._steps)
         keeps_courses = self._keeps_courses or self.num_parts > 1
         if isinstance(by, MetricMovement):
             return MetreColumns(
@@ -813,7 +836,9 @@ class CoreGames:
         """Return the contests that find the losers of conflicts; None: there are no conflicts."""
         if self._conflicts is None:
             return None, None
-        state, roster, columns = self._state, self._state.roster, self._columns
+        state = self._state
+        roster = self._state.roster
+        columns = self._columns
         graph = state.movement.columns
         limits = self._conflicts.limits(graph, has_edges=isinstance(columns, MetreColumns))
         teams = [roster.teams[team] for team in roster.team_of.tolist()]

@@ -98,7 +98,8 @@ def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) 
         return int(state.streets.rows(node))
 
     for step in [step for step in steps if step.key]:
-        columns = found["memory", step.key] = _unremembered(step.kind, len(names), 1)
+        columns = _unremembered(step.kind, len(names), 1)
+        found["memory", step.key] = columns
         known = {name: memory[step.key] for name, memory in ctx.game.memories.items() if step.key in memory}
         for number, name in enumerate(names):
             values = _numbers_of(step, known[name], row_of) if name in known else None

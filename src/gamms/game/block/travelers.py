@@ -232,7 +232,8 @@ class MetreColumns:
         self._agents = state.node.shape[1]
         self._most = most_legs(by) + 2 * int(part_of.any())
         self._part_of = part_of
-        self._shape = shape = state.node.shape
+        shape = state.node.shape
+        self._shape = shape
         decides_at_arrivals = by.terms.decides_at_arrivals
         self.arrivals = ArrivalColumns(shape) if decides_at_arrivals else None
         self._at_arrivals: list[arrivals.Arrivals] = []  # of each thread
@@ -277,7 +278,8 @@ class MetreColumns:
         if self._kept is None:
             self._refuse_too_long(2)
             self._kept = TurnPaths(self._shape[0] * self._shape[1], self._most, 0)
-        self.courses = courses = self.courses or MetreCourses(self._by, self._shape, self._most, self._part_of)
+        courses = self.courses or MetreCourses(self._by, self._shape, self._most, self._part_of)
+        self.courses = courses
         for travelers, at_arrivals in zip(self._travelers, self._at_arrivals, strict=True):
             travelers.keep_paths(courses.core)
             at_arrivals.keep_paths(self._kept.core)

@@ -70,7 +70,8 @@ class Flights:
     def enter(self, game: int, agent: int) -> None:
         """Add an agent to a game in which it was not at the start, without a flight."""
         k = self.agents == agent
-        self.start[game, k] = self.wanted[game, k] = np.nan
+        self.start[game, k] = np.nan
+        self.wanted[game, k] = np.nan
         self.turned[game, k] = np.nan
         self.has_flown[game, k] = False
 
@@ -99,7 +100,8 @@ class Flights:
             k = int(np.searchsorted(self.agents, number))
             if k == len(self.agents) or self.agents[k] != number:
                 continue
-            position, quat = self.wanted[game, k].tolist(), self.turned[game, k].tolist()
+            position = self.wanted[game, k].tolist()
+            quat = self.turned[game, k].tolist()
             found[place] = ResolvedAction(
                 nodes[place],
                 (nodes[place],),

@@ -368,7 +368,8 @@ class TurnMoves:
         for i in chain.from_iterable(one.members for one in parts[part + 1 :]):
             self.actions.pop(i, None)
             self._take_path(i, later.paths, i)  # it may stand on an edge
-            starts[i] = ends[i] = later.starts[i]
+            starts[i] = later.starts[i]
+            ends[i] = later.starts[i]
         self.starts = starts
         self.ends = ends
         self._moves = None

@@ -344,7 +344,8 @@ class OpenRoads:
         known = self._known.get(roads.key)
         if known is None:
             self._last += 1
-            known = self._known[roads.key] = roads
+            known = roads
+            self._known[roads.key] = roads
         return known
 
     def _rows_of(self, edge_ids: IntArray) -> IntArray:

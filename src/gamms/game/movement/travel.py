@@ -511,7 +511,8 @@ class EdgeIds(dict[int, tuple[int, int, int]]):
     def __missing__(self, row: int) -> tuple[int, int, int]:
         columns = self._columns
         source, target = columns.node_ids[[columns.sources[row], columns.targets[row]]].tolist()
-        found = self[row] = source, target, columns.edge_ids.item(row)
+        found = source, target, columns.edge_ids.item(row)
+        self[row] = found
         return found
 
 
@@ -564,7 +565,8 @@ class RoadMap(PathFinder, RoadIds):
             return None
         line = self._lines.get(place.edge)
         if line is None:
-            line = self._lines[place.edge] = Line.of(self._graph.get_edge(place.edge).points)
+            line = Line.of(self._graph.get_edge(place.edge).points)
+            self._lines[place.edge] = line
         return placed(place, self._columns.lengths.item(row), line)
 
 
@@ -744,7 +746,8 @@ class Travel:
 
     def _make_room(self, most: int) -> None:
         """Allocate memory for paths with `most` legs."""
-        self._written = trips = TurnPaths(1, most)
+        trips = TurnPaths(1, most)
+        self._written = trips
         self._most = most
         self._trips = trips.core
         self._route = trips.route.data

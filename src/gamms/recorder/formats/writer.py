@@ -210,7 +210,8 @@ class Output:
                 self._stream.truncate(self._begin + self.end + len(data))
             else:
                 self._write(self.end, data)
-            self._length = self.end = self.end + len(data)
+            self._length = self.end + len(data)
+            self.end = self._length
             self.blocks += 1
             self._show()
 

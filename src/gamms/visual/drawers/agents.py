@@ -204,7 +204,8 @@ def _shifts(ctx: IContext, agents: _GroundAgents, share: float) -> FloatArray:
         before = np.where(visual.motion.paths_of(agents.names) >= 0, previous, on)
         starts = _spread(before, agents.rows)
         ends = _spread(on, agents.rows)
-        known = visual.spread = DiscOffsets(on, agents.rows, moves, starts, ends)
+        known = DiscOffsets(on, agents.rows, moves, starts, ends)
+        visual.spread = known
         visual.has_stacks = int(np.unique(on, return_counts=True)[1].max(initial=0)) > _MOST_SPREAD
     return known.ends if share >= 1.0 else (1.0 - share) * known.starts + share * known.ends
 

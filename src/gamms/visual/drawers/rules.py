@@ -142,7 +142,8 @@ class FlagsDrawer(KeyedDrawer):
 
     layer = Layer.FLAGS
     legend = _FLAGS
-    is_mark = is_in_fog = True
+    is_mark = True
+    is_in_fog = True
     settles_in = 0
 
     def __call__(self, ctx: IContext, data: dict[str, Any]) -> None:
@@ -243,7 +244,8 @@ def _places(columns: GraphColumns, owned: Mapping[Any, str]) -> dict[Any, _TeamS
         is_own = in_text(nodes, columns.node_ids)
         rows = streets[is_own[columns.sources[streets]] & is_own[columns.targets[streets]]]
         is_alone = is_own.copy()
-        is_alone[columns.sources[rows]] = is_alone[columns.targets[rows]] = False
+        is_alone[columns.sources[rows]] = False
+        is_alone[columns.targets[rows]] = False
         if is_own.any():
             found[team] = _TeamStreets(*polylines(columns, rows), columns.xy[is_alone])
     return found

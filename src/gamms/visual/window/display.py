@@ -149,7 +149,10 @@ class FrameTiming:
             raise BadValue(f"A window needs a positive number of frames per second, not max_fps={max_fps:g}.")
         self.max_fps = max_fps
         self.clock: Any = load().time.Clock()
-        self.is_capped = self.is_paused = self.is_held = self.is_stepping = False
+        self.is_capped = False
+        self.is_paused = False
+        self.is_held = False
+        self.is_stepping = False
         self.is_showing = False
         self.shown_seconds = 0.0
         self._due = monotonic()
@@ -178,7 +181,8 @@ class FrameTiming:
 
     def step(self) -> None:
         """Show the rest of the turn, or the next turn if available, then pause."""
-        self.is_paused = self.is_stepping = True
+        self.is_paused = True
+        self.is_stepping = True
         self._ends_step = self.is_showing and not self._is_whole
 
     def begin_turn(self) -> None:

@@ -140,10 +140,12 @@ class WindowEngine(WindowNames, PictureEngine):
         self._declare_options({**look, **given})
         self._scene = Scene(ctx, self._world, tiles_turns=True)
         self.drawer_surface = None
-        self._has_painters = self._will_quit = False
+        self._has_painters = False
+        self._will_quit = False
         self._is_fresh = True
         self._last_camera: Camera | None = None
-        self._last_frame = self._zoomed = -math.inf
+        self._last_frame = -math.inf
+        self._zoomed = -math.inf
         self.screen = open_window(self, width, height, as_text(title, "title"))
         self.resized(*self.screen.get_size())
 
@@ -206,7 +208,8 @@ class WindowEngine(WindowNames, PictureEngine):
     @refused_while_deciding
     def quit(self) -> None:
         """End the context because the window was closed; during a turn of `ctx.game`, wait for the end of the turn."""
-        self._will_quit = self._was_closed = True
+        self._will_quit = True
+        self._was_closed = True
         game = self.ctx.current_game
         if game is None or not game.is_moving:
             self.ctx.terminate()
@@ -277,7 +280,8 @@ class WindowEngine(WindowNames, PictureEngine):
         """
         if self.ctx.is_terminated() or self._will_quit:
             return super().human_input(agent_name, state)
-        asked = self.question = question(self.ctx, agent_name, state)
+        asked = question(self.ctx, agent_name, state)
+        self.question = asked
         self._show_options(asked)
         if self._fog is True:
             self._see_as(str(color_group(self.ctx.agent.get_agent(agent_name))))
@@ -298,7 +302,8 @@ class WindowEngine(WindowNames, PictureEngine):
         After a replay, any of its turns can be shown, and played on from there.
         """
         if self._is_time_up():
-            self.overlay.is_over = self._is_fresh = True
+            self.overlay.is_over = True
+            self._is_fresh = True
             self._renew_fog()
         while not self.ctx.is_terminated() and not self._will_quit:
             self._frames_while(lambda: not self._can_play())
@@ -332,7 +337,8 @@ class WindowEngine(WindowNames, PictureEngine):
         fog = self._fogs.get(team)
         if fog is None and not self.artists.is_graph_declared:
             with suppress(BadValue, UnknownName):  # the team has no sensor
-                fog = self._fogs[team] = Fog(self.ctx, team)
+                fog = Fog(self.ctx, team)
+                self._fogs[team] = fog
         if fog is not None:
             fog.look()
 

@@ -62,7 +62,8 @@ class Framing:
 
     def see_everything(self) -> None:
         """Show the whole graph, also after the window is resized."""
-        self._camera.is_pointed = self._input.has_moved_camera = False
+        self._camera.is_pointed = False
+        self._input.has_moved_camera = False
         self._see_graph()
 
     def _see_graph(self) -> None:

@@ -243,7 +243,8 @@ class Input:
         self._do.resize(event.w, event.h)
 
     def _leave(self, event: "Event") -> None:  # noqa: ARG002
-        self.pointer = self._drag = None
+        self.pointer = None
+        self._drag = None
         self._release_taken()
 
     def _release_taken(self) -> None:
