@@ -1,6 +1,7 @@
 """Legends: beside the map, the same in every format, and declared by drawers."""
 
 import numpy as np
+import PIL.Image
 import pytest
 
 import gamms
@@ -19,6 +20,18 @@ def test_the_map_leaves_room_for_the_legend(ctx):
     ctx.visual.set_values(nodes={0: 0, 1: 1})
     slim = (np.abs(ctx.visual.frame(640, 640).astype(int) - (1, 2, 3)).max(axis=2) < 8).any(axis=0)
     assert np.flatnonzero(wide).max() > np.flatnonzero(slim).max()
+
+
+def test_the_legend_stands_beside_a_chosen_view(ctx, tmp_path):
+    ctx.visual.look_at(5.0, 0.0, 6.0)  # streets reach the edges of the picture
+    column = {}
+    for has_legend in (True, False):
+        file = tmp_path / f"{has_legend}.png"
+        ctx.visual.save(file, 600, 400, labels=False, legend=has_legend, scale_bar=False)
+        with PIL.Image.open(file) as image:
+            column[has_legend] = np.asarray(image.convert("RGB"))[:, -4:].reshape(-1, 3)
+    assert len(np.unique(column[True], axis=0)) == 1
+    assert len(np.unique(column[False], axis=0)) > 1
 
 
 def test_something_else_than_a_legend_is_refused(ctx):

@@ -119,7 +119,7 @@ def painted(source: "FrameSource", sheet: PictureTarget, style: PageStyle) -> by
         reach = spill(commands, box)
         width, height = size(*_sides(sheet.asked, box, blocks, viewpoint, style, fine, reach))
         page = Page(width, height, blocks, style, fine)
-        camera = viewpoint.camera(width, height)
+        camera = page.looking(viewpoint)
         page.spill = reach
         return (page, *page.fit(*box)) if camera is None else (page, camera, None)
 
@@ -343,7 +343,7 @@ class Frames:
 
     def _view(self, share: float) -> tuple[Camera, Point | None]:
         """Return the camera, and the corner of the map where it is in the picture as a whole."""
-        pointed = self._viewpoint.camera(self.width, self.height, share)
+        pointed = self._page.looking(self._viewpoint, share)
         if pointed is not None:
             return pointed, None
         if self._fitted is None:

@@ -19,7 +19,7 @@ from gamms.typing import IArtist, IContext
 from gamms.typing.visualization_engine import PictureOptions
 from gamms.visual.appearance import PAPER, Rgb, Rgba, inks, rgba
 from gamms.visual.artist import drawn_looks
-from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, Point, fit_box
+from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, fit_box
 from gamms.visual.captions import LINE_PX, CaptionBar, ResultCard, draw_caption_bar, draw_card
 from gamms.visual.drawers.streets import in_metres
 from gamms.visual.font import shortened, words_width
@@ -157,6 +157,22 @@ class Page:
         x, y = camera.to_screen(high[None])[0].tolist()
         return camera, (x, y)
 
+    def looking(self, viewpoint: Viewpoint, share: float = 1.0) -> Camera | None:
+        """Return the camera of a view that the user has chosen, beside the legend; None: there is no such view.
+
+        Args:
+            viewpoint: the view.
+            share: the share of the moves of a followed agent.
+        """
+        width, height = (round(side * self._fine) for side in self._size)
+        camera = viewpoint.camera(width - round(self._column_px * self._fine), height, share)
+        return None if camera is None else camera._replace(width=width)
+
+    @property
+    def _column_px(self) -> float:
+        """The width of the column of the legend on a page that the map fills otherwise."""
+        return self.legend.width + 2 * self._margin if self.legend.width else 0.0
+
     def _around(self) -> Margins:
         """Return the margins around the map, for the parts there and for signs that reach beyond the map."""
         left, top, right, bottom = (
@@ -197,7 +213,10 @@ class Page:
         if style.title:
             pen.text(style.title, self._margin, 0.6 * _HEADER_PX, _TITLE_PX)
         left, top = self._legend_at(corner)
-        is_beside = corner is not None and left > corner[0] / self._fine
+        is_beside = corner is None or left > corner[0] / self._fine
+        if corner is None and self.legend.width:
+            width, height = self._size
+            pen.rectangle(width - self._column_px, 0.0, self._column_px, height, style.background[:3])
         self.legend.draw(pen, left, top, None if is_beside else (*style.background[:3], _GROUND))
         self._draw_foot(pen, faint, camera.scale / self._fine)
         return pen.commands.freeze()
@@ -236,6 +255,8 @@ class Page:
         right = left + self.legend.width
         bottom = top + self.legend.height
         taken = [(left - self._margin, top - self._margin, right, bottom + self._margin)] * bool(self.legend.width)
+        if corner is None:
+            taken = [(width - self._column_px, 0.0, width, height)] * bool(self.legend.width)
         return page, taken
 
     def captions(self, camera: Camera, bar: CaptionBar, corner: Point | None) -> DrawCommands:
