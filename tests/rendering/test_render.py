@@ -120,7 +120,7 @@ def test_who_is_followed_is_in_the_middle_of_every_frame(game, tmp_path):
     run(game, tmp_path / "game.mp4", "--turns", "1:4", *given)
     pictures = film_of(tmp_path / "game.mp4")
     assert len(pictures) == 12 + 30
-    middle = 132  # of the part of the picture beside the legend
+    middle = 100  # of the part of the picture beside the legend
     for picture in pictures:
         red = np.abs(picture[40:].astype(int) - (208, 48, 40)).max(axis=2) < 50
         rows, columns = np.nonzero(red[:, middle - 25 : middle + 25])
