@@ -221,7 +221,7 @@ class MetreCourses:
         Args:
             game: the number of the game.
             agents: the numbers of the agents; -1: no agent.
-            others: the numbers of the others; likewise.
+            others: the numbers of the others; -1: no agent.
             nodes: the rows of the nodes that the others have passed last.
         """
         trips = self._trips

@@ -2,7 +2,7 @@
 
 `map_of`, `ReachableNodes` and `TurnPaths` hold the data of the core, for one game or many, with rows of nodes and
 edges. `Travel` finds legal nodes and paths of agents in the game of a context, and `GamePaths` holds these paths: their
-ids are only looked up when somebody reads them.
+ids are only looked up when code reads them.
 """
 
 from array import array
