@@ -70,6 +70,7 @@ RIGHT = {
         strategy={"function": "gamms.strategies:mix", "with": {"p": 0.5, "a": STRATEGY, "b": STRATEGY}}
     ),
     "a plan of a search": red(plan={"function": "gamms.planning:mcts", "with": {"iterations": 2}}),
+    "a strategy as a policy": red(strategy={"function": "gamms.planning:mcts", "with": {"rollout": STRATEGY}}),
     "a rule that scores": tag(score=1),
 }
 

@@ -103,7 +103,9 @@ def _callables_in(annotation: object) -> list[Any]:
 
 
 def _is_strategy(function: object) -> bool:
-    """Return whether a function type is a strategy's: one argument, no result."""
-    arguments, result = get_args(function)
+    """Return whether a function of this type can be a strategy: it takes one argument and need not return anything."""
+    arguments, result = get_args(function) or (..., None)
     results = get_args(result) or (result,)
-    return len(arguments) == 1 and {NoneType, None, Awaitable[None]}.issuperset(results)
+    takes_state = len(arguments) == 1 if isinstance(arguments, list) else True  # not a list: `...`, which takes all
+    returns_nothing = result is Any or {NoneType, None, Awaitable[None]}.issuperset(results)
+    return takes_state and returns_nothing
