@@ -288,6 +288,13 @@ def test_without_time_for_an_iteration_the_policy_says_what_is_done(tag):
         assert ctx.game.moves["ann"].end == 1
 
 
+def test_a_search_with_a_time_limit_follows_a_strategy_of_the_scenario(tag):
+    chase, flee = ({"function": f"gamms.strategies:{name}"} for name in ("chase", "flee"))
+    search = {"function": "gamms.planning:mcts", "with": {"seconds": 1e-9, "rollout": chase, "opponents": flee}}
+    by_search, by_chase = (tag.replace(**{"teams.red.strategy": how}).play(1) for how in (search, chase))
+    assert str(by_search.agents) == str(by_chase.agents)
+
+
 def test_where_nothing_speaks_for_another_action_the_policy_is_followed(tag):
     north = mcts(20, depth=2, rollout=lambda state: state.update(action=state["curr_pos"] + 6))
     with tag.replace(rules=[]).build(strategies={"ann": north, "amy": gamms.strategies.stay}) as ctx:

@@ -9,6 +9,8 @@ from gamms import kernels
 from gamms.arguments import as_choice, as_count, as_float, as_int, as_items, as_range, shown_as_called
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.snapshots import own
+from gamms.ir.schema import Memo
 from gamms.limits import GarbagePause
 from gamms.planning.model import Model, ModelOptions, Policy, States, as_policy, checked_options, states_of
 from gamms.planning.pace import SearchPace, SearchTimer
@@ -202,9 +204,15 @@ def _policy_in(ctx: Context, rollout: Policy | Mapping[Any, Policy], agent: IAge
 
 def _warm_up(ctx: Context, first: IAgent, settings: _SearchSettings, pace: SearchPace, *, is_plan: bool) -> None:
     """Search twice in a fork before the first decision, to load libraries and make tables ahead of it."""
-    game = ctx.game.fork(0)
+    fork, copies = ctx.game.internals.fork(0)
+    game = fork.game
     game.configure({"plans": {}, "max_turns": None, "deadline_s": None, "time_budget": None})
-    once = settings._replace(iterations=1, seconds=inf)
+    once = settings._replace(
+        iterations=1,
+        seconds=inf,
+        rollout=_in_fork(settings.rollout, copies),
+        opponents=_in_fork(settings.opponents, copies),
+    )
 
     def look(states: States) -> None:
         _Search(once, pace, SearchTimer(inf, pace), states_of(states)).decide()
@@ -216,6 +224,13 @@ def _warm_up(ctx: Context, first: IAgent, settings: _SearchSettings, pace: Searc
     else:
         game.ctx.agent.get_agent(first.name).register_strategy(look)
     game.run(2)
+
+
+def _in_fork(policies: Policy | Mapping[Any, Policy], copies: Memo) -> Policy | Mapping[Any, Policy]:
+    """Return policies that use the context of a fork instead of the one that they were made for."""
+    if isinstance(policies, Mapping):
+        return {team: own(policy, copies) for team, policy in policies.items()}
+    return cast("Policy", own(policies, copies))
 
 
 def _legal(state: State) -> Sequence[Action]:
