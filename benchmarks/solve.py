@@ -21,7 +21,7 @@ from scipy.optimize import linprog
 from gamms.scenario import Scenario
 from gamms.solve import double_oracle, openspiel, solve
 from gamms.solve.solution import rewards_of, setup_of
-from gamms.solve.stages import Stages
+from gamms.solve.stages import ValueIteration
 from gamms.solve.table import explore
 
 CASES = ((2, 1), (2, 2), (2, 4), (3, 4), (5, 10))  # side of the grid, turns
@@ -139,7 +139,7 @@ def large(sides):
         setup = setup_of(chased(side, 2 * side), ("cops", "robbers"), {}, turns=None, seed=None, max_states=2 * side**4)
         table, exploring = timed(lambda one=setup: explore(one, by_winner=False))
         rewards = rewards_of(table, "score", 1.0, "cops")
-        stages, solving = timed(lambda one=table, gains=rewards: Stages(one, gains, 1e-9))
+        stages, solving = timed(lambda one=table, gains=rewards: ValueIteration(one, gains, 1e-9))
         sweeps = len(stages.values) - 1
         actions, memory = len(table.usual.after), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         print(

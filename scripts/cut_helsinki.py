@@ -23,10 +23,10 @@ from gamms.ir.geometry import line_strings
 from gamms.ir.projection import WGS84, project
 from gamms.osm.constants import wall_estimates
 from gamms.osm.footprints import WallRules, footprints_of
-from gamms.osm.network import RoadNetwork, Segments, Ways, largest_part, network_of_segments, segments_of
+from gamms.osm.network import OsmRoads, RoadNetwork, RoadSegments, largest_part, network_of_segments, segments_of
 from gamms.osm.osmium_reader import read_footprints, read_ways
 from gamms.osm.topology import simplify
-from gamms.osm.walls import Faces, Tolerance, faces_of
+from gamms.osm.walls import SimplifyTolerance, WallFaces, faces_of
 
 WEST, SOUTH, EAST, NORTH = (
     24.9350,
@@ -73,7 +73,7 @@ def cut(pbf: Path) -> RoadNetwork:
     return rounded(simplify(network_of_segments(largest_part(roads), ways.tags)))
 
 
-def walls(pbf: Path, crs: str) -> Faces:
+def walls(pbf: Path, crs: str) -> WallFaces:
     """The walls of all buildings with their centre in the box, rounded like the roads."""
     outlines = read_footprints(pbf, WallRules({"building": True}, wall_estimates()))
     shapes = footprints_of(outlines)
@@ -82,18 +82,18 @@ def walls(pbf: Path, crs: str) -> Faces:
     is_there = ~shapely.is_empty(shapes)
     is_there[is_there] = ((centers >= west_south) & (centers <= east_north)).all(axis=1)
     chosen = [wall for wall, is_in in zip(outlines.about, is_there.tolist(), strict=True) if is_in]
-    faces = faces_of(shapes[is_there], chosen, lambda points: project(points, WGS84, crs), Tolerance())
+    faces = faces_of(shapes[is_there], chosen, lambda points: project(points, WGS84, crs), SimplifyTolerance())
     return replace(faces, corners=np.round(faces.corners * GRID) / GRID)
 
 
-def inside_box(ways: Ways) -> Ways:
+def inside_box(ways: OsmRoads) -> OsmRoads:
     """The ways without the vertices outside the box, so that they end at its edge."""
     lon, lat = ways.lonlat.T
     inside = (lon >= WEST) & (lon <= EAST) & (lat >= SOUTH) & (lat <= NORTH)
     return replace(ways, lonlat=np.where(inside[:, None], ways.lonlat, np.nan))
 
 
-def outdoors(segments: Segments, ways: Ways) -> Segments:
+def outdoors(segments: RoadSegments, ways: OsmRoads) -> RoadSegments:
     """The segments of streets and paths only."""
     kept = np.array([way["highway"] not in NOT_OUTDOORS for way in ways.tags])[segments.ways]
     sources, targets = segments.sources[kept], segments.targets[kept]
@@ -127,7 +127,7 @@ def to_road_graph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
     return graph
 
 
-def save(network: RoadNetwork, faces: Faces, pbf: Path, out: Path) -> None:
+def save(network: RoadNetwork, faces: WallFaces, pbf: Path, out: Path) -> None:
     """Save the network, the walls and the base map in the format of `ctx.graph.save`."""
     ctx = gamms.create_context()
     ctx.graph.attach_networkx_graph(to_road_graph(network))
