@@ -1,6 +1,7 @@
 """The public interface of a batch: many games of one scenario, played together."""
 
 import os
+from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from threading import RLock
@@ -20,7 +21,6 @@ from gamms.game.block.columns import (
     ComingAgent,
     NewAgents,
     PlayedGame,
-    ZeroDefaultScores,
     agents_of,
     drawn_maps,
     reserved,
@@ -618,9 +618,7 @@ class Batch(Immutable):
     @property
     def scores(self) -> dict[Any, Any]:
         """The scores, key -> float64 (games,); a score that no game has set is 0."""
-        scores = ZeroDefaultScores(lambda: np.zeros(len(self)))
-        scores.update(self._engine.scores())
-        return scores
+        return defaultdict(lambda: np.zeros(len(self)), self._engine.scores())
 
     @property
     def is_over(self) -> BoolArray:

@@ -354,9 +354,8 @@ class RuleSpec:
         prepare_arrays: called with the state of a batch at its start, to publish facts as arrays.
         fact_of_game: called with the state of a batch and the number of a game; returns the fact under the key of the
             rule in that game. None: the fact does not change.
-        begin_arrays: called with the context and the state of a batch; returns the arrays that the array form keeps
-            about the game of the context, which may have begun: key -> name -> array of one game. Without it, an array
-            form with such arrays cannot play games that have begun.
+        begin_arrays: called with the context and the state of a batch; returns the arrays that the form of the core
+            keeps about the game of the context, which may have begun: key -> name -> array of one game.
         is_array_function: whether the rule was made from its array form.
     """
 

@@ -39,14 +39,12 @@ class StrategySpec:
         core_steps: the steps that the core tries in order for agents without a `core_form`; None: the core does not
             play the strategy.
         is_called_each: whether batches call the strategy game by game although it has an array form.
-        begins: returns the memory of agents in a game that has already begun; None: memory is not imported.
     """
 
     array_form: Callable[..., Any] | None = None
     core_form: int | None = None
     core_steps: tuple[CoreStep, ...] | None = None
     is_called_each: bool = False
-    begins: Callable[..., Any] | None = None
 
 
 _UNDECLARED = StrategySpec()

@@ -5,7 +5,6 @@ OCCLUDED_AGENT. Such a sensor shows a flying agent at its nearest node.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
 from inspect import iscoroutinefunction
 from math import inf
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -14,7 +13,6 @@ from weakref import WeakKeyDictionary
 from gamms.arguments import as_function_of, as_int, as_items
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.game.array_functions import aims
-from gamms.game.block.strategy_steps import begin_steps
 from gamms.game.strategy_specs import CoreStep, StrategySpec, declare, strategy_spec_of
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy
@@ -307,7 +305,7 @@ def offer_steps(
     several = [(one,) if isinstance(one, CoreStep) else strategy_spec_of(one).core_steps for one in steps]
     if None not in several:
         found = tuple(step for own in several for step in own or ())
-        declare(strategy, StrategySpec(core_form=core_form, core_steps=found, begins=partial(begin_steps, found)))
+        declare(strategy, StrategySpec(core_form=core_form, core_steps=found))
 
 
 offer_steps(_pass)

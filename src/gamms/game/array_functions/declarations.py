@@ -22,7 +22,7 @@ from gamms.game.block.columns import AgentTable, decider_of
 from gamms.game.block.deeds import DeclaredDeeds
 from gamms.game.block.initial_state import LastTurn, movement_of
 from gamms.game.block.sensing import note_sensors, note_sights
-from gamms.game.block.state import KEPT, STOPPED, Arrays, EmittedEvents, GameArrays
+from gamms.game.block.state import KEPT, READ, STOPPED, EmittedEvents, GameArrays
 from gamms.game.deeds import checked_value
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.one_edge import Movement, PacedMovement
@@ -34,7 +34,6 @@ from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IContext
 from gamms.typing.context import HostContext
 
-_READ = "array rules, events"  # the key of `ctx.game.data` for the numbers of events that rules have read
 _CACHE = "array functions"  # the key of `ctx.game.internals.kept`
 _ONE = np.zeros(1, np.int64)  # the numbers of the games in a block of one game
 
@@ -67,7 +66,7 @@ def array_strategy(
         def strategy(state: dict[str, Any]) -> None:
             _act(cast("HostContext", ctx), state, function, name)
 
-        declare(strategy, StrategySpec(array_form=function, begins=_kept_before))
+        declare(strategy, StrategySpec(array_form=function))
         return _documented(strategy, function)
 
     return _documented(make, function)
@@ -102,8 +101,7 @@ def array_rule(
         finally:
             turn._close()
 
-    spec = RuleSpec(array_form=function, begin_arrays=_kept_before, is_array_function=True)
-    return declared(_documented(rule, function), spec)
+    return declared(_documented(rule, function), RuleSpec(array_form=function, is_array_function=True))
 
 
 def _refuse_second_form(of: object, begins: object, decorator: str) -> None:
@@ -119,13 +117,6 @@ def _documented(function: F, form: Callable[..., object]) -> F:
     made: Any = update_wrapper(function, form, [one for one in WRAPPER_ASSIGNMENTS if "annot" not in one])
     del made.__wrapped__
     return function
-
-
-def _kept_before(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
-    """Return the arrays that functions keep in the game of a context; its rules continue after the events they read."""
-    for reader, number in ctx.game.data.get(_READ, {}).items():
-        state.events.read(reader, number)
-    return dict(ctx.game.data.get(KEPT, {}))
 
 
 # -- a block of one game ----------------------------------------------------------------------------------------------
@@ -384,7 +375,7 @@ class _SingleGameTurn(ArrayTurn):
 
     def new_events(self, reader: Hashable) -> list[EmittedEvents]:
         """Return the events since the last call for a reader; in the first call, all events."""
-        read = self._game.data.setdefault(_READ, {})
+        read = self._game.data.setdefault(READ, {})
         events = self._game.events
         found = [EmittedEvents.of(0, entry) for entry in events[read.get(reader, 0) :]]
         read[reader] = len(events)

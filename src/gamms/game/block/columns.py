@@ -460,17 +460,6 @@ def reserved(roster: AgentTable, most_agents: object) -> list[ComingAgent]:
     return [ComingAgent.like(first[team], name) for team, names in found.items() for name in names]
 
 
-class ZeroDefaultScores(dict[Any, Any]):
-    """Scores, key -> (games,); a missing score is 0 in all games, as in `ctx.game.scores`."""
-
-    def __init__(self, zeros: Callable[[], Any]) -> None:
-        super().__init__()
-        self._zeros = zeros
-
-    def __missing__(self, key: object) -> Any:
-        return self._zeros()
-
-
 def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
     """Return the seeds of a batch: the given ones, or consecutive numbers."""
     if seeds is None:

@@ -1,17 +1,18 @@
 """The initial state of a batch, copied from its game, which may have been played for some turns."""
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Sequence
 from math import nan
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadValue
 from gamms.game.block.columns import AgentTable, PlayedGame, agents_of, decider_of, some_rows
 from gamms.game.block.deeds import ArrayDeeds
 from gamms.game.block.in_core import CoreColumns
-from gamms.game.block.state import STOPPED, Arrays, GameArrays
+from gamms.game.block.state import KEPT, READ, STOPPED, GameArrays
+from gamms.game.block.strategy_steps import begin_steps
 from gamms.game.movement.by_edges import EdgeMovement
 from gamms.game.movement.by_metres import MetricMovement, TravelTerms, seconds_of_turn
 from gamms.game.movement.courses import paths_along, paths_over
@@ -21,19 +22,17 @@ from gamms.game.movement.one_edge import AnyNodeMovement, Legs, Movement, Paths
 from gamms.game.movement.streets import StreetGraph
 from gamms.game.settings import as_called
 from gamms.game.slots import COUNTED
-from gamms.game.strategy_specs import key_of, strategy_spec_of
+from gamms.game.strategy_specs import strategy_spec_of
 from gamms.game.turn import closed_edge
 from gamms.ir.graph import ClosedEdges, IntArray, locked_columns
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.progress import Motion
 from gamms.ir.schema import NUMBERS
-from gamms.text import as_code, shown
-from gamms.typing import AgentType, IAgent
+from gamms.text import shown
+from gamms.typing import AgentType
 from gamms.typing.game import Track
 
 _NOWHERE = (nan, nan, nan)  # where agents in the air begin that come later
-Begins = Callable[[Any, GameArrays], Mapping[Hashable, Arrays]]
-"""Returns the memory of an array form in the game of a context: key -> name -> an array of one game."""
 
 
 def movement_type(game: PlayedGame, roster: AgentTable) -> type[Movement]:
@@ -142,20 +141,21 @@ class InitialState:
         stopped = Counter(name for name in events if isinstance(name, str))
         self._stops = [stopped[name] for name in names]
         self.put(state, columns, games)
-        for one in game.rules:
-            _take_up(game, state, f"the rule {one.name!r}", one.spec.begin_arrays)
-        self._take_up_memories(game, state)
+        self._take_memories(game, state)
 
-    def _take_up_memories(self, game: PlayedGame, state: GameArrays) -> None:
-        """Copy the memory of agents into `state.first`, for the forms of their strategies."""
-        settings = game.settings()
-        known = game.ctx.agent.agents
-        if not (self.turn or any(_remembers(game, agent) for agent in known.values())):
-            return
-        deciders = [decider_of(agent, settings["plans"]) for agent in state.roster.agents]
-        by_key = {key_of(begins): one for one in deciders if (begins := strategy_spec_of(one).begins) is not None}
-        for one in by_key.values():
-            _take_up(game, state, f"the strategy {as_code(one)}", strategy_spec_of(one).begins)
+    def _take_memories(self, game: PlayedGame, state: GameArrays) -> None:
+        """Copy the memory of rules, strategies and array functions into `state.first`."""
+        data = game.internals.state.data
+        for reader, number in data.get(READ, {}).items():
+            state.events.read(reader, number)
+        state.first |= data.get(KEPT, {})
+        for rule in game.rules:
+            if rule.spec.begin_arrays is not None:
+                state.first |= rule.spec.begin_arrays(game.ctx, state)
+        plans = game.settings()["plans"]
+        deciders = [decider_of(agent, plans) for agent in state.roster.agents]
+        steps = [step for one in deciders for step in strategy_spec_of(one).core_steps or ()]
+        state.first |= begin_steps(steps, game.ctx, state)
 
     def last_deeds(self, games: int) -> list[ArrayDeeds]:
         """Return the deeds of the last turn, repeated for a number of games."""
@@ -246,17 +246,6 @@ class InitialState:
             state.deed_log.begin(games, self._deeds)
 
 
-def _take_up(game: PlayedGame, state: GameArrays, named: str, begins: Begins | None) -> None:
-    """Copy the memory of a rule or a strategy in a game into `state.first`."""
-    if begins is None:
-        return
-    found: Any = begins(game.ctx, state)
-    if not isinstance(found, Mapping) or not all(isinstance(one, Mapping) for one in found.values()):
-        raise BadType(f"begins of {named} must return key -> name -> array of one game, not {shown(found)}.")
-    state.first |= {key: dict(arrays) for key, arrays in found.items()}
-    state.first_by |= dict.fromkeys(found, named)
-
-
 def _take_places(game: PlayedGame, movement: Movement) -> None:
     """Refuse agents whose nodes were removed, and put agents on nodes whose edges are gone, as their turn would.
 
@@ -282,14 +271,6 @@ def _take_places(game: PlayedGame, movement: Movement) -> None:
         if not by_metres and place is not None and (agent.speed is None or place.source != block.node[row]):
             place = None
         block.set_progress(row, place)
-
-
-def _remembers(game: PlayedGame, agent: IAgent) -> bool:
-    """Return whether the memory of an agent or of its team is not empty."""
-    values = game.internals.state
-    nothing = dict[Any, Any]()
-    known = values.memories.get(agent.name, nothing), values.team_memories.get(agent.team, nothing)
-    return any(not isinstance(one, dict) or len(one) > 0 for memory in known for one in memory.values())
 
 
 # -- the last turn before the batch ----------------------------------------------------------------------------------

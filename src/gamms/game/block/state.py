@@ -31,6 +31,7 @@ from gamms.readonly import locked
 from gamms.text import shown
 
 KEPT = "array functions"  # the key of `ctx.game.data` for the arrays of array functions in a single game
+READ = "array rules, events"  # the key of `ctx.game.data` for the numbers of events that array rules have read
 STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # event kind -> field of the stopped agent
 NAMED = {"tag": "other", "take": "flag", "drop": "flag", "capture": "flag"}  # core event kind -> its second field
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
@@ -198,32 +199,25 @@ def _refuse_other_arrays(made: object, games: int) -> None:
             )
 
 
-def _as_made(key: Hashable, named: str, first: Arrays, made: object, is_first: BoolArray) -> Arrays:
-    """Return the memory of a game that has begun, with the names, shapes and data types that `make` makes.
+def _as_made(first: Arrays, made: Arrays, is_first: BoolArray) -> Arrays:
+    """Return the memory of a game that has begun, with the shapes and data types that `make` makes.
 
     Args:
-        key: the key of the memory.
-        named: the rule or strategy, for messages.
         first: the memory of one game.
         made: the arrays that `make` made for one game.
         is_first: (agents,) which agents are in the game; the memory may have rows for these alone.
+
+    Raises:
+        BadValue: the memory has other names or shapes.
     """
-    _refuse_other_arrays(made, 1)
-    like: Arrays = made  # type: ignore[assignment] # checked above
-    first = {name: _with_all_rows(one, like[name], is_first) if name in like else one for name, one in first.items()}
-    given, wanted = ({name: np.shape(one) for name, one in those.items()} for those in (first, like))
-    for name in wanted | given:
-        if given.get(name) != wanted.get(name):
-            raise BadValue(
-                f"What begins of {named} returns under {shown(key)} is not what keep(key, make) makes for one game: "
-                f"{shown(name)} has the shape {given.get(name)}, not {wanted.get(name)}; None: it is not there. Of a "
-                "mapping by the names of agents, arrays.roster.column(values, default) makes one, (1, agents)."
-            )
-        own = np.asarray(first[name]).dtype
-        kind = like[name].dtype
-        if not np.can_cast(own, kind, "same_kind") and like[name].size:
-            raise BadValue(f"begins of {named} returns {shown(name)} of {own} under {shown(key)}, not of {kind}.")
-    return {name: np.asarray(first[name]).astype(one.dtype) for name, one in like.items()}
+    found = {name: _with_all_rows(first.get(name), like, is_first).astype(like.dtype) for name, like in made.items()}
+    shapes, wanted = ({name: one.shape for name, one in those.items()} for those in (found, made))
+    if shapes != wanted:
+        raise BadValue(
+            f"The arrays that were kept before the batch have the shapes {shapes}, not {wanted}, which make(1) of "
+            "keep(key, make) makes."
+        )
+    return found
 
 
 def _with_all_rows(given: object, like: np.ndarray[Any, Any], is_first: BoolArray) -> np.ndarray[Any, Any]:
@@ -305,7 +299,6 @@ class GameArrays:
         numbers: name -> (games, agents) additional numbers of agents; see `ir.schema.NUMBERS`.
         kept: the memory of rules and strategies: key -> name -> array (games, …).
         first: the memory of turns before the batch, as `kept`, but arrays of one game.
-        first_by: key -> the rule or strategy that returned this memory, for messages.
         facts: the facts that rules have published, by name.
         events: the events of all games.
         blocked: (games, agents) whether a conflict stopped the agent in the last turn.
@@ -362,7 +355,6 @@ class GameArrays:
         self.deeds = DeclaredDeeds({}, None, self.roster, movement.streets)
         self.kept = dict[Hashable, Arrays]()
         self.first = dict[Hashable, Arrays]()
-        self.first_by = dict[Hashable, str]()
         self.facts = dict[str, Any]()
         self.shared: dict[Hashable, Any] = {}
         self.noted_moves: NotedMoves | None = None
@@ -533,9 +525,9 @@ class GameArrays:
                 raise BadType(f"make of keep(key, make) is a function of the number of games, not {shown(make)}.")
             first = self.first.get(key)
             if first is not None:
-                named = self.first_by.get(key)
-                is_first = self.roster.is_first
-                make = partial(_repeated, first if named is None else _as_made(key, named, first, make(1), is_first))
+                made = make(1)
+                _refuse_other_arrays(made, 1)
+                make = partial(_repeated, _as_made(first, made, self.roster.is_first))
             known = make(len(self))
             _refuse_other_arrays(known, len(self))
             self.kept[key] = known

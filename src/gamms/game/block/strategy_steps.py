@@ -92,19 +92,19 @@ def made_looks(state: GameArrays, looking: Sequence[bool]) -> strategies.SensorT
 def begin_steps(steps: Sequence[CoreStep], ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
     """Return the memories of strategy steps of a context's agents, in the form of `StrategySteps`."""
     found: dict[Hashable, Arrays] = {}
-    names = state.roster.names
+    number_of = {name: number for number, name in enumerate(state.roster.names)}
 
     def row_of(node: int) -> int:
         return int(state.streets.rows(node))
 
-    for step in [step for step in steps if step.key]:
-        columns = _unremembered(step.kind, len(names), 1)
+    for step in {step.key: step for step in steps if step.key}.values():
+        columns = _unremembered(step.kind, len(number_of), 1)
         found["memory", step.key] = columns
         known = {name: memory[step.key] for name, memory in ctx.game.memories.items() if step.key in memory}
-        for number, name in enumerate(names):
-            values = _numbers_of(step, known[name], row_of) if name in known else None
+        for name in known.keys() & number_of.keys():
+            values = _numbers_of(step, known[name], row_of)
             for column, value in zip(columns.values(), values or (), strict=values is not None):
-                column[0, number] = value
+                column[0, number_of[name]] = value
     return found
 
 
