@@ -1,7 +1,6 @@
 """Agents on the ground that go more than one edge in a turn, or less."""
 
 from fractions import Fraction
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -106,52 +105,3 @@ def test_an_edge_that_is_made_longer_takes_longer(ctx, play):
     ctx.game.run(1)
     ctx.graph.graph.update_edge({"id": edge_of(ctx, 1, 2), "source": 1, "target": 2, "length": 20.0})
     assert places(agent, ctx.game.run(1)) == [0, 1, 1]
-
-
-@st.composite
-def walks(draw):
-    """A small graph with lengths, and what an agent does on it."""
-    size = draw(st.integers(2, 6))
-    node = st.integers(0, size - 1)
-    edges = draw(st.lists(st.tuples(node, node), min_size=1, max_size=14))
-    lengths = draw(st.lists(st.sampled_from([0.0, 0.5, 1.0, 3.0]), min_size=len(edges), max_size=len(edges)))
-    actions = draw(st.lists(st.one_of(node, st.lists(node, max_size=4)), min_size=1, max_size=12))
-    return size, edges, lengths, actions
-
-
-@LAWS
-@given(walk=walks(), speed=st.sampled_from(SPEEDS), unit=st.sampled_from(["edges", "metres"]))
-def test_no_agent_ever_covers_more_than_its_speed(walk, speed, unit):
-    """In any turns in a row at most speed times turns, and the part of an edge that was covered before them."""
-    size, edges, lengths, actions = walk
-    speed = float(speed)
-    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}, game={"speed_unit": unit}) as ctx:
-        ctx.graph.add_nodes(range(size), range(size), [0] * size)
-        ctx.graph.add_edges(range(len(edges)), [a for a, _ in edges], [b for _, b in edges], lengths)
-
-        def strategy(state):
-            state["action"] = actions[state["turn"]]
-
-        agent = ctx.agent.create_agent("a", start_node_id=0, speed=speed, strategy=strategy)
-
-        def cost(source, target):
-            if unit == "edges" or source == target:
-                return float(source != target)
-            return min(length for edge, length in zip(edges, lengths, strict=True) if edge == (source, target))
-
-        covered, before = [], [0.0]
-        for action in actions:
-            here = agent.current_node_id
-            ctx.game.step()
-            covered.append(sum(cost(*pair) for pair in pairwise(ctx.game.moves["a"].path)))
-            progress = agent._block.progress[0]
-            before.append(progress.share * cost(progress.source, progress.target) if progress else 0.0)
-            assert progress is None or (progress.source == agent.current_node_id and 0.0 < progress.share < 1.0)
-            if isinstance(action, int):  # a target: what is legal is what can be reached
-                legal, near = agent.state["legal"], ctx.graph.graph.neighborhoods[here]
-                assert action not in legal or action in near or agent.current_node_id == action
-                assert action in legal or agent.current_node_id != action
-        for begin in range(len(covered)):
-            for end in range(begin + 1, len(covered) + 1):
-                most = speed * (end - begin) + before[begin]
-                assert sum(covered[begin:end]) + before[end] <= most * (1.0 + 1e-8)

@@ -94,44 +94,6 @@ def test_what_is_no_distance_is_refused(road):
         contacts(road(), "red", "blue", crossing=1)
 
 
-places = st.lists(st.integers(0, 9), min_size=1, max_size=5)
-
-
-@given(reds=places, blues=places, unit=st.sampled_from(["hops", "metres", "euclid"]), limit=st.integers(0, 4))
-def test_contacts_are_what_the_distance_of_two_nodes_says(reds, blues, unit, limit):
-    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
-        ctx.graph.add_nodes(range(10), [10 * (i % 5) for i in range(10)], [10 * (i // 5) for i in range(10)])
-        ways = [(i, (i * 3 + 1) % 10) for i in range(10)] + [(i, (i + 1) % 10) for i in range(10)]
-        ctx.graph.add_edges(range(20), *zip(*ways, strict=True), [10.0] * 20)
-        for team, nodes in (("red", reds), ("blue", blues)):
-            for number, node in enumerate(nodes):
-                ctx.agent.create_agent(f"{team}{number}", start_node_id=node, team=team)
-        graph = ctx.graph.graph
-        bound = limit if unit == "hops" else 10.0 * limit
-
-        def apart(one, other):
-            if unit == "euclid":
-                x, y = graph.get_node(one)[1:], graph.get_node(other)[1:]
-                return ((x[0] - y[0]) ** 2 + (x[1] - y[1]) ** 2) ** 0.5
-            weight = None if unit == "hops" else "length"
-            return min(graph.distance(one, other, weight), graph.distance(other, one, weight))
-
-        expected = {
-            (f"red{i}", f"blue{k}"): apart(one, other)
-            for i, one in enumerate(reds)
-            for k, other in enumerate(blues)
-            if apart(one, other) <= bound
-        }
-        found = pairs(ctx, **{unit: bound})
-        assert found == pytest.approx(expected)
-        matched = one_to_one(contacts(ctx, "red", "blue", **{unit: bound}))
-        names = [name for contact in matched for name in contact[:2]]
-        assert len(set(names)) == len(names)
-        assert all(
-            contact.a in names or contact.b in names for contact in contacts(ctx, "red", "blue", **{unit: bound})
-        )
-
-
 @given(
     spots=st.lists(st.tuples(st.integers(0, 12), st.integers(0, 12)), min_size=20, max_size=30),
     limit=st.sampled_from([0.0, 1.0, 2.5, 5.0, 40.0]),
