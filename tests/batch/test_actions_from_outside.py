@@ -135,6 +135,7 @@ def opening(ctx):
     ("wrong", "message"),
     [
         ([[0, 0, 0], [0, 9, 0]], "action 9 of agent 'red_1' in game 1, turn 0"),
+        (np.zeros((1, 3), np.int64), "team 'red'"),
         ({"deeds": {"scan": (True, {"node": -2})}}, "there is no node number -2"),
     ],
 )

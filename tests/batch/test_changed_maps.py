@@ -1,9 +1,7 @@
 """Games of batches in which plain functions change the map, ask sensors that err, or draw as agents do."""
 
 import pytest
-from batch_scenes import check_games, plain, scene
-
-from gamms.errors import BadValue
+from batch_scenes import check_games, scene
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 FLAGS = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
@@ -88,40 +86,6 @@ def built(act, settings=None, phase="after", strategies=None, **options):
 def test_games_that_differ_by_what_functions_do_are_those_alone(act, settings, phase):
     with built(act, settings, phase) as ctx:
         check_games(ctx, seeds=[1, 2, 3, 4])
-
-
-@pytest.mark.parametrize("act", ACTS)
-def test_they_are_those_alone_turn_by_turn_and_after_a_reset(act):
-    def play(games):
-        games.run()
-        games.reset([1])
-        games.reset([2], seeds=[5])
-        while not games.is_over.all():
-            games.step()
-        games.reset([2], seeds=[2])
-        games.run()
-
-    with built(act) as ctx:
-        check_games(ctx, seeds=[1, 2, 2, 3], play=play)
-
-
-def test_agents_are_observed_where_functions_have_changed_the_map():
-    with built(add_bridge) as ctx, ctx.game.batch(seeds=[2, 3]) as games:
-        for _ in range(6):
-            games.step()
-        for number in range(2):
-            alone = games.context(number).game
-            view = games.observe("blue")
-            nodes = [agent.current_node_id for agent in alone.agents if agent.team == "blue"]
-            assert view["curr_pos"][number].tolist() == nodes
-            assert plain(games.result(number)) == plain(alone.result())
-
-
-def test_games_with_agents_on_nodes_that_functions_have_added_are_not_observed():
-    with built(add_island) as ctx, ctx.game.batch(seeds=[3, 2]) as games:
-        games.run()
-        with pytest.raises(BadValue, match="Game 1 cannot be observed"):
-            games.observe("red")
 
 
 def test_sensors_that_change_agents_are_called_as_alone():

@@ -20,7 +20,6 @@ TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 OUT = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
 BACK = {"rule": "respawn", "with": {"after": 2}}
 FLAGS = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
-PAID = {"rule": "payoff", "with": {"table": {"bonus": {"agent": 0.5}, "respawned": {"agent": 1}}}}
 SENSORS = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}, "next": {"type": "NEIGHBOR"}}
 
 
@@ -34,42 +33,11 @@ def check(ctx, seeds=(1, 2, 3), *, stays=True):
         assert games.is_in_arrays == stays
 
 
-def change(ctx):
-    """Change all that a rule may change of a game."""
-    game, turn = ctx.game, ctx.game.turn
-    game.data["seen"] = game.data.get("seen", 0) + len(game.agents)
-    for agent in [*ctx.agent.create_iter()]:
-        lot = (agent.current_node_id * 7 + agent.prev_node_id + turn + ctx.seed) % 13
-        if lot == 0:
-            agent.current_node_id = 12
-        elif lot == 1:
-            game.eliminate(agent)
-        elif lot == 2:
-            game.respawn(agent)
-        elif lot == 3:
-            game.respawn(agent, 20)
-        elif lot == 4:
-            agent.prev_node_id = 3
-        elif lot == 5:
-            game.emit("bonus", agent=agent.name, moved=game.moves[agent.name].start if agent.name in game.moves else -1)
-        elif lot == 6:
-            game.scores[agent.team] += 0.5
-    game.scores["drawn"] += int(ctx.stream("change", turn).integers(5))
-    if game.data["seen"] > 40 + ctx.seed:
-        game.end("seen", winner="red")
-
-
 def tell(ctx):
     """Publish what strategies look at."""
     ctx.game.publish(alarm=ctx.game.turn % 3)
     ctx.game.publish(secret=len(ctx.game.events) % 2)
     ctx.game.scores["told"] += len(ctx.game.facts_of("red")) + len(ctx.game.facts_of("blue_1"))
-
-
-def count(ctx):
-    """Look at scores, nodes and events as they are in the middle of the rules."""
-    ctx.game.emit("count", scores=dict(ctx.game.scores), at=[one.current_node_id for one in ctx.game.agents])
-    ctx.game.scores["tags"] = sum(one["kind"] == "tag" for one in ctx.game.events)
 
 
 def decide(state):
@@ -91,14 +59,6 @@ def build(rules=(), strategies=None, **more):
         for team in ("red", "blue")
     }
     return scene(rules, teams=teams, sensors=SENSORS, **more).build(seed=1, strategies=strategies)
-
-
-@pytest.mark.parametrize("phase", ["before", "after"])
-@pytest.mark.parametrize("others", [[], [TAG, PAID], [OUT, BACK]])
-def test_a_rule_changes_in_each_game_what_it_changes_in_the_game_alone(phase, others):
-    with build(others) as ctx:
-        ctx.game.add(change, phase=phase)
-        check(ctx, seeds=[1, 5, 9, 13])
 
 
 def test_a_plain_rule_that_publishes_the_flags_itself_is_played_game_by_game():
@@ -395,15 +355,3 @@ def test_sensors_of_programs_are_asked_in_the_game_of_their_agent(way):
             agent.register_sensor("log", ctx.sensor.from_function(f"log of {agent.name}", log))
             agent.register_sensor("compass", Compass())
         check(ctx, seeds=[1, 2, 3])
-
-
-def test_a_sensor_that_changes_agents_is_asked_in_games_that_are_played_alone():
-    def jolt(node_id, agent):
-        if node_id == 7:
-            agent.current_node_id = 12
-        return node_id
-
-    with open_with_sensors({"near": {"type": "NEIGHBOR"}}, None) as ctx:
-        for agent in ctx.agent.create_iter():
-            agent.register_sensor("jolt", ctx.sensor.from_function(f"jolt of {agent.name}", jolt))
-        check(ctx, seeds=[1, 2, 3], stays=False)

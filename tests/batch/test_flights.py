@@ -112,19 +112,6 @@ def test_flights_that_lead_beyond_all_numbers_are_refused_as_in_games_alone():
             games.step()
 
 
-def test_errors_of_agents_that_fly_name_the_game_the_turn_and_the_agent():
-    def fails(state):
-        raise ValueError("engine")
-
-    with flying().batch(2, strategies={"air": fails}) as games, pytest.raises(ValueError, match="engine") as error:
-        games.step()
-    assert error.value.__notes__ == [
-        "In the strategy of agent 'air_0', in turn 0.",
-        "In game 0 of a batch, with the seed 0.",
-        "In the strategy fails of a batch, in turn 0.",
-    ]
-
-
 def test_a_form_that_gives_agents_that_fly_no_flights_is_refused():
     @gamms.array_strategy
     def walks(view):

@@ -114,34 +114,6 @@ def test_rules_use_all_that_a_game_has(use, shares_memory):
         check_games(ctx, seeds=[1, 2])
 
 
-def build_walls(ctx):
-    """Build walls in some games."""
-    if ctx.game.turn == 2 and ctx.seed % 2:
-        for x in (5.0, 15.0, 25.0, 35.0):
-            ctx.graph.add_obstacles(np.array([[(x, y, z) for z in (9.0, 0.0) for y in (-5.0, 55.0)]]))
-
-
-def call(state):
-    """Walk by how many are heard."""
-    state["action"] = state["legal"][len(state["inbox"]) % len(state["legal"])]
-    state["outbox"].append({"channel": "radio", "to": None, "body": 1})
-
-
-@pytest.mark.parametrize("is_of_scenario", [False, True])
-def test_what_changes_the_map_of_one_game_does_not_change_that_of_others(is_of_scenario):
-    given = {"max_turns": 8, "channels": {"radio": {"line_of_sight": True}}, "allow": [__name__]}
-    scenario = scene([{"rule": f"{__name__}:build_walls"}], **given)
-    with scenario.build(seed=1, strategies={"red": call}) as ctx:
-        made = scenario.batch(4, strategies={"red": call}) if is_of_scenario else ctx.game.batch(4)
-        with made as games, ctx.game.fork(0).ctx as alone:
-            while not games.is_over.all():
-                games.step()
-            for number, seed in enumerate(games.seeds):
-                alone.game.reset(seed=seed)
-                expected = scenario.play(seed=seed, strategies={"red": call}) if is_of_scenario else alone.game.run()
-                assert plain(games.result(number)) == plain(expected)
-
-
 def add_hub(ctx):
     """Join a new node to all others in some games."""
     if ctx.game.turn == 2 and ctx.seed % 2:

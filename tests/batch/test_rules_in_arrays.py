@@ -7,8 +7,8 @@ import pytest
 from batch_scenes import check_games, plain, scene
 
 import gamms
-from gamms.errors import BadValue, MissingKey, UnknownName
-from gamms.rules import Conflicts, by_priority, capture_flag, discover, last_team, tag
+from gamms.errors import MissingKey, UnknownName
+from gamms.rules import Conflicts, by_priority, discover, last_team
 from gamms.scenario import Scenario
 
 SEEDS = [1, 2**40]
@@ -39,27 +39,6 @@ def test_teams_without_agents_discover_nothing():
         with ctx.game.batch(2) as games:
             games.run()
             assert [games.result(number).events for number in range(2)] == [[], []]
-
-
-@pytest.mark.parametrize(("unit", "speed"), [("edges", 4), ("metres", 40.0)])
-def test_an_agent_that_is_put_where_its_own_path_ends_has_not_come_there_by_it(unit, speed):
-    with gamms.create_context(logger_config={"level": "CRITICAL"}, game={"speed_unit": unit}) as ctx:
-        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 4))
-        ctx.agent.create_agent("runner", start_node_id=0, team="red", speed=speed)
-        ctx.agent.get_agent("runner").strategy = lambda state: state.update(action=[0, 1, 2, 1, 0])
-        ctx.agent.create_agent("guard", start_node_id=1, team="blue")
-        rules = tag("blue", "red"), capture_flag({"blue": 2, "red": 0}, announce=False)
-        for one in rules:
-            ctx.game.add(one)
-        with ctx.game.batch(2) as games:
-            games.step()
-            assert [event["kind"] for event in games.result(1).events] == ["tag", "respawned"]
-
-
-def test_an_order_of_play_without_a_team_is_refused_where_it_is_played():
-    games = scene([], settings={"order": [["red"]]}).batch(2)
-    with games, pytest.raises(BadValue, match="leaves out team 'blue'"):
-        games.run()
 
 
 def first_by_name(contest, ctx):

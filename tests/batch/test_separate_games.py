@@ -32,10 +32,6 @@ def play_turn(ctx):
         ctx.game.step()
 
 
-def wall(ctx):
-    ctx.graph.add_obstacle_face(0, tr=(33, 14, 8), tl=(5, 12, 8), br=(33, 14, 0), bl=(5, 12, 0), type=14)
-
-
 def remove_node(ctx):
     """Remove a node that no agent and no rule needs."""
     used = {0, 24, *(agent.current_node_id for agent in ctx.game.agents), *map(ctx.game.start_node, ctx.game.agents)}
@@ -61,13 +57,10 @@ ACTS = {
     "attributes": lambda ctx: vars(ctx.agent.get_agent("red_0")).update(tired=True),
     "strategy": lambda ctx: setattr(ctx.agent.get_agent("red_0"), "strategy", gamms.strategies.stay),
     "edge": lambda ctx: ctx.graph.graph.remove_edge(0),
-    "wall": wall,
     "turn": play_turn,
-    "length": lambda ctx: ctx.graph.graph.update_edge({"id": 1, "length": 7.0}),
     "node": remove_node,
     "boolean": lambda ctx: ctx.game.scores.update(red=True),
     "place": lambda ctx: ctx.game.scores.update(known=ctx.graph.place(1)[0]),
-    "stream": lambda ctx: ctx.game.observation("red_0")["draw"].random(),
 }
 
 
