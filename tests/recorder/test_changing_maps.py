@@ -7,10 +7,10 @@ from copy import deepcopy
 import numpy as np
 from games import copied, empty_context, everything, grid_context, recorded, replayed
 from hypothesis import given, settings
-from hypothesis import strategies as st
-from test_random_games import Programme, called, flyers, names, nodes, points, teams, turns_of, walkers
+from test_random_games import Programme, programmes, without_what_a_pause_hides
 
 import gamms
+from gamms.plain import to_plain
 
 SIMULATE = 1
 
@@ -75,27 +75,6 @@ def test_an_opened_recording_knows_which_node_is_below_a_flyer_when_the_map_has_
 
 # -- the law ------------------------------------------------------------------------------------------------------
 
-changes = st.one_of(
-    called("walker", walkers, nodes, teams, st.none(), st.just({})),
-    called("flyer", flyers, nodes, teams, st.none() | points, st.none()),
-    called("delete", names),
-    called("move", walkers, nodes),
-    called("move", walkers, nodes),
-    called("fly", flyers, points),
-    called("fly_and_turn", flyers, points, turns_of),
-    called("set", flyers, st.just("position"), points),
-    called("set", flyers, st.just("quat"), turns_of),
-    called("set", names, st.just("current_node_id"), nodes),
-    called("set", names, st.just("prev_node_id"), nodes),
-    called("respawn", names, nodes),
-    called("edge", nodes, nodes),
-    called("no_edge", st.integers(0, 23)),
-    called("node", st.integers(8, 10), st.sampled_from([0.0, 11.0])),
-    called("no_node", nodes),
-    called("no_node", nodes),
-    called("simulate"),
-    called("game"),
-)
 COLUMNS = ("node", "previous", "x", "y", "z", "quat_w", "quat_x", "quat_y", "quat_z")
 
 
@@ -109,16 +88,24 @@ def columns_of(ctx):
     return [agent.name for agent in ctx.agent.create_iter()], dict(zip(COLUMNS, columns, strict=True))
 
 
-@settings(max_examples=16)
-@given(st.lists(changes, max_size=4), st.lists(changes, max_size=20))
+def values_of(ctx):
+    found = ctx.record.components.recorded()[1]
+    fields = {
+        name: {field: one for field, one in values.items() if field != "name"} for name, (_, values) in found.items()
+    }
+    return to_plain(fields)
+
+
+@settings(max_examples=24)
+@given(programmes, programmes)
 def test_opened_and_replayed_states_are_those_of_the_game_turn_by_turn(before, after):
     ctx, live = grid_context(), []
     programme = Programme(ctx)
-    programme.do(before)
+    programme.do(without_what_a_pause_hides(before))
 
     def play(ctx):
-        ctx.visual.after_turn.append(lambda: live.append(deepcopy((everything(ctx), columns_of(ctx)))))
-        programme.do(after)
+        ctx.visual.after_turn.append(lambda: live.append(deepcopy((everything(ctx), columns_of(ctx), values_of(ctx)))))
+        programme.do(without_what_a_pause_hides(after))
 
     data = recorded(play, ctx)
     again = empty_context(seed=2)
@@ -126,7 +113,9 @@ def test_opened_and_replayed_states_are_those_of_the_game_turn_by_turn(before, a
         assert everything(again) == live[turn][0]
     with gamms.recorder.open(io.BytesIO(data)) as rec:
         assert rec.turns == len(live)
-        for (told, (found_names, columns)), state in zip(live, list(rec)[1:], strict=True):
+        assert [rec[turn].components for turn in range(rec.turns, 0, -1)] == [one[2] for one in reversed(live)]
+        for (told, (found_names, columns), components), state in zip(live, list(rec)[1:], strict=True):
+            assert state.components == components
             assert state.agents["name"].tolist() == found_names
             assert state.graph.packed == told["world"]
             for name, column in columns.items():

@@ -105,25 +105,6 @@ def test_every_state_and_every_replay_has_the_sensors_of_then(turns):
 
 @settings(max_examples=12)
 @given(TURNS, st.data())
-def test_a_replay_may_show_any_turn_before_any_other(turns, data):
-    game, states = play(turns)
-    order = data.draw(st.lists(st.integers(0, len(turns)), min_size=1, max_size=4))
-    with gamms.create_context(logger_config=QUIET) as ctx:
-        ctx.sensor.create_sensor("own", "RANGE")
-        taken = []
-        ctx.visual.show_playback = taken.append  # as a window does
-        replay = ctx.record.replay(io.BytesIO(game))
-        next(replay)
-        for turn in order:
-            taken[0].seek(turn)
-            described, carried = shown(ctx)
-            assert sorted([one for one in described if one["id"] != "own"], key=str) == sorted(states[turn][0], key=str)
-            assert carried == states[turn][1]
-            assert "own" in ctx.sensor.sensors
-
-
-@settings(max_examples=12)
-@given(TURNS, st.data())
 def test_a_reset_takes_sensors_back_in_the_recording_too(turns, data):
     turn_of_reset = data.draw(st.integers(0, len(turns)))
 

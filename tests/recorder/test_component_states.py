@@ -1,24 +1,11 @@
 """`Recording.state(turn).components`: what the fields of components were after each turn."""
 
 import io
-from copy import deepcopy
 
-import pytest
 from games import grid_context, recorded
-from hypothesis import HealthCheck, given, settings
-from test_random_games import Programme, programmes, without_what_a_pause_hides
 
 import gamms
 from gamms import recordings
-from gamms.plain import to_plain
-
-
-def values_of(ctx):
-    found = ctx.record.components.recorded()[1]
-    fields = {
-        name: {field: one for field, one in values.items() if field != "name"} for name, (_, values) in found.items()
-    }
-    return to_plain(fields)
 
 
 def a_game(ctx, *, count=7):
@@ -72,18 +59,11 @@ def test_games_that_part_in_a_component_part_there(ctx):
         assert recordings.first_difference(one, other)[:3] == (3, None, "components")
 
 
-@pytest.fixture(params=[False, True], ids=["few keyframes", "a keyframe after each turn"])
-def keyframes(request, monkeypatch):
-    if request.param:
-        monkeypatch.setattr("gamms.recorder.turn_writer._TURNS_AT_ONCE", 1)
-        monkeypatch.setattr("gamms.recorder.turn_writer._KEYFRAME_ENTRIES", 0)
-
-
 def without_components(state):
     return {key: value for key, value in state.items() if key != "components"}
 
 
-def test_recordings_whose_keyframes_do_not_know_components_are_read_from_their_events(ctx, keyframes):
+def test_recordings_whose_keyframes_do_not_know_components_are_read_from_their_events(ctx):
     data = recorded(a_game(ctx), ctx)
     with gamms.recorder.Reader(io.BytesIO(data)) as reader:
         stream = io.BytesIO()
@@ -97,32 +77,3 @@ def test_recordings_whose_keyframes_do_not_know_components_are_read_from_their_e
         writer.close()
     with gamms.recorder.open(io.BytesIO(stream.getvalue())) as rec:
         assert [rec[turn].components for turn in (4, 3, 2, 1)] == EXPECTED[:0:-1]
-
-
-@settings(max_examples=12)
-@given(programmes, programmes)
-def test_components_are_those_of_the_game_after_pauses_too(before, after):
-    ctx = grid_context()
-    programme = Programme(ctx)
-    programme.do(before)
-    data = recorded(lambda _: programme.do([*after, ("play",), ("simulate",)]), ctx)
-    with gamms.recorder.open(io.BytesIO(data)) as rec:
-        assert rec[-1].components == values_of(ctx)
-
-
-@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(programmes, programmes)
-def test_components_are_those_of_the_game_turn_by_turn(keyframes, before, after):
-    ctx, live = grid_context(), []
-    programme = Programme(ctx)
-    programme.do(without_what_a_pause_hides(before))
-    live.append(values_of(ctx))
-
-    def play(ctx):
-        ctx.visual.after_turn.append(lambda: live.append(deepcopy(values_of(ctx))))
-        programme.do(without_what_a_pause_hides(after))
-
-    data = recorded(play, ctx)
-    with gamms.recorder.open(io.BytesIO(data)) as rec:
-        assert [state.components for state in rec] == live
-        assert [rec[turn].components for turn in reversed(range(len(live)))] == live[::-1]

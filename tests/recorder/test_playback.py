@@ -41,9 +41,11 @@ def recorded():
             if turn == 5:
                 ctx.agent.create_agent("cleo", start_node_id=5, team="c")
                 ctx.graph.graph.remove_edge(0)
+                ctx.agent.get_agent("anna").register_sensor("eye", ctx.sensor.create_sensor("eye", "RANGE"))
             if turn == 7:
                 ctx.agent.delete_agent("bert")
                 ctx.visual.set_agent_visual("anna", color="red")
+                ctx.sensor.delete_sensor("eye")
             if turn == TURNS:
                 ctx.game.end("enough", winner="a")
 
