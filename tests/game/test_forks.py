@@ -86,12 +86,6 @@ def test_copies_of_games_with_teams_and_strategies_of_the_context_play_the_same_
             assert twin.agent.get_agent("red_0").current_node_id != 0
 
 
-def test_a_fork_leaves_the_game_alone(game):
-    before = seen(game)
-    game.fork(1).run(5)
-    assert seen(game) == before
-
-
 def test_the_game_leaves_its_forks_alone(game):
     fork = game.fork(1)
     before = seen(fork)

@@ -97,23 +97,6 @@ def test_no_public_name_text_copy_or_pickle_tells_the_seed():
     assert found == []
 
 
-def test_a_copied_draw_goes_on_as_its_own_and_tells_no_others(grid):
-    with grid(side=5, seed=SEED) as ctx:
-
-        def strategy(state):
-            state["action"], draw = state["curr_pos"], state["draw"]
-            draw.bits()
-            twins = [copy.deepcopy(draw), pickle.loads(pickle.dumps(draw))]
-            assert all(twin == draw for twin in twins)
-            assert [twin.bits() for twin in twins] == [draw.bits()] * 2
-            assert all(twin == draw for twin in twins)
-            assert not tells(repr(draw.__reduce__()))
-            assert not tells(pickle.dumps(draw))
-
-        ctx.agent.create_agent("a", start_node_id=0, strategy=strategy)
-        ctx.game.run(2)
-
-
 def test_a_strategy_may_be_made_by_the_seed(grid):
     with grid(side=5, seed=4) as ctx:
 

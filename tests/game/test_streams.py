@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms import kernels
-from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
+from gamms.game.random_streams import Draws, DrawTable
 from gamms.ir.game_state import GameState
 
 
@@ -119,31 +119,6 @@ def test_draws_in_blocks_of_turns_equal_those_one_by_one(counts, turns):
         for name, count in wanted.items():
             alone = [kernels.draw_bits(purpose, kernels.name_key(name), turn, k) for k in range(count)]
             assert [draws[name].bits() for _ in range(count)] == alone
-
-
-def test_what_was_drawn_with_another_seed_in_the_same_turn_does_not_count():
-    clock, other = GameState(turn=4), DrawTable(7, GameState(turn=4))
-    table = DrawTable(3, clock)
-    draws, rng = Draws(table, "a"), TurnGenerator(table, "a")
-    expected = [Draws(other, "a").bits(), TurnGenerator(other, "a").random()]
-    assert [draws.bits(), rng.random()] != expected
-    table.rekey(7)
-    assert [draws.bits(), rng.random()] == expected
-    clock.turn = 5
-    draws.bits()
-    clock.turn = 4
-    assert [draws.bits(), rng.random()] == expected
-
-
-def test_as_many_agents_as_fill_a_block_draw_as_alone():
-    clock = GameState()
-    table = DrawTable(3, clock)
-    draws = [Draws(table, f"a{i}") for i in range(600)]
-    for turn in (0, 1, 2):
-        clock.turn = turn
-        assert [one.bits() for one in draws] == kernels.draw_bits_each(
-            kernels.purpose_key(3, "agent"), [f"a{i}" for i in range(600)], turn
-        )
 
 
 @pytest.mark.parametrize("is_team", [False, True])

@@ -1,7 +1,5 @@
 """Turns: all observe the same world, decide, and move at once; rules follow."""
 
-import random
-
 import numpy as np
 import pytest
 
@@ -196,27 +194,3 @@ def test_the_order_of_creation_changes_nothing(grid):
             return ctx.game.run(20), ctx.game.team_memories
 
     assert play(1) == play(-1)
-
-
-def test_with_a_seed_a_run_seeds_the_global_generators_and_leaves_them_as_they_were(grid):
-    def play(seed):
-        random.seed(3)
-        np.random.seed(3)  # noqa: NPY002 - what programs for 1.0.0 draw from
-        with grid(seed=seed) as ctx:
-
-            def paper(state):
-                state["action"] = random.choice(state["legal"]) if np.random.random() < 0.5 else 5  # noqa: NPY002
-
-            agent = ctx.agent.create_agent("a", start_node_id=5, strategy=paper)
-            way = []
-            ctx.game.add(lambda ctx: way.append(agent.current_node_id))
-            ctx.game.run(10)
-            ctx.game.run(10)
-            return way, random.random(), np.random.random()  # noqa: NPY002
-
-    way, *after = play(1)
-    assert play(1) == (way, *after)
-    assert play(2)[0] != way
-    random.seed(3)
-    np.random.seed(3)  # noqa: NPY002 - what programs for 1.0.0 draw from
-    assert after == [random.random(), np.random.random()]  # noqa: NPY002
