@@ -92,9 +92,9 @@ def _searchable(name: object) -> str:
 class UnknownName(GammsError, KeyError):
     """An unknown name or id."""
 
-    def __init__(self, kind: str, name: object, known: Iterable[object] | None = None) -> None:
+    def __init__(self, kind: str, name: object, known: Iterable[object] | None = None, hint: str = "") -> None:
         way_out = "" if known is None else _way_out(name, known) or " There are none."
-        super().__init__(f"Unknown {kind} {shown(name)}.{way_out}")
+        super().__init__(f"Unknown {kind} {shown(name)}.{way_out}{hint}")
 
 
 class UnknownAttribute(GammsError, AttributeError):

@@ -100,6 +100,7 @@ def test_names_cannot_command_the_terminal(folder):
     given = json.loads(json.dumps(yaml.safe_load((folder / "little.yaml").read_text())))
     given["name"] = "little \x1b[2J"
     given["teams"]["\x1b]0;green\x07"] = {"count": 1, "strategy": "players:wander"}
+    given["conflicts"]["resolve"]["by_priority"].append("\x1b]0;green\x07")
     (folder / "odd.json").write_text(json.dumps(given))
     played, checked = run("run", "odd.json"), run("scenario", "check", "odd.json", "--build")
     assert r"imports teams.\u001b]0;green\u0007.strategy: players:wander" in checked.stdout

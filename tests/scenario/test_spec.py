@@ -1,11 +1,14 @@
 """What is wrong with a scenario is told by its place in the file and the nearest valid key."""
 
+import copy
 import json
 import pickle
 from typing import Annotated
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import gamms
 from gamms import rules, scenario
@@ -71,9 +74,13 @@ WRONG = [
     ({"teams.blue.agents.1.name": "red_2"}, "teams.blue.agents.1.name", "in teams.red"),
     ({"teams.blue.agents.1.nod": 3}, "teams.blue.agents.1.nod", "Did you mean 'node'?"),
     ({"conflicts.resolve.by_priority.1": "bleu"}, "conflicts.resolve.by_priority.1", "Did you mean 'blue'?"),
+    ({"conflicts.resolve.by_priority": ["red"]}, "conflicts.resolve.by_priority", "leaves out team 'blue'. Put it"),
     ({"conflicts.among": "teams"}, "conflicts.among", "Did you mean 'team'?"),
     ({"conflicts.capacity": -1}, "conflicts.capacity", ">= 0"),
     ({"settings": {"legal": "edge"}}, "settings.legal", "Did you mean 'edges'?"),
+    ({"settings": {"turn_seconds": float("inf")}}, "settings.turn_seconds", "must be finite"),
+    ({"settings": {"default_action": "go"}}, "settings.default_action", "use one of stay, a whole number"),
+    ({"settings": {"order": [["red"]]}}, "settings.order", "leaves out team 'blue'. Put it"),
     (
         {"rules.0": {"rule": "hold", "with": {"nodes": 3, "turns": 2, "teams": ["blue", "rad"]}}},
         "rules.0.with.teams",
@@ -81,6 +88,7 @@ WRONG = [
     ),
     ({"rules.0": {"rule": "respawn", "with": {"teams": "rad"}}}, "rules.0.with.teams", "'red'?"),
     ({"rules.0.with.taggers": "rad"}, "rules.0.with.taggers", "Did you mean 'red'?"),
+    ({"rules.0.with.tagged": 3}, "rules.0.with.tagged", "unknown team 3. Teams are: red, blue."),
     ({"rules.0": {"rule": "reach", "with": {"team": {"rad": 3}}}}, "rules.0.with.team", "Did you mean 'red'?"),
     ({"rules.0": {"rule": "reach", "with": {"team": "red", "winner": "rad"}}}, "rules.0.with.winner", "'red'?"),
     ({"rules.0": {"rule": "gamms.rules:reach", "with": {"team": "x"}}}, "rules.0.with.team", "Teams are: red, blue"),
@@ -93,7 +101,9 @@ WRONG = [
     ({"rules.0.wiht": {}}, "rules.0.wiht", "Did you mean 'with'?"),
     ({"rules.0": {"rule": "capture_flag", "with": {"flags": {"bleu": 3}}}}, "rules.0.with.flags", "'blue'"),
     ({"seed": "x"}, "seed", "it must be a whole number or nothing, not a text."),
+    ({"seed": 1 << 64}, "seed", "64 bits"),
     ({"max_turns": 1.5}, "max_turns", "it must be a whole number"),
+    ({"max_turns": 1 << 64}, "max_turns", "64 bits"),
     ({"teams": {}}, "teams", "length >= 1"),
     ({"sensors": {"eyes": {"a - at `$": 1}}}, "sensors.eyes.a - at `$", "unknown key, with the value 1"),
     ({"a - at `$": 1}, "a - at `$", "unknown key"),
@@ -161,7 +171,7 @@ def test_an_error_of_a_file_begins_with_its_name(folder):
     assert raised.value.file == str(file)
 
 
-MISSING = [
+FOUND_BY_CHECK = [
     ({"teams.red.strategy": "plyers:wander"}, "teams.red.strategy", "Did you mean 'players'?"),
     ({"teams.red.strategy": "plyers.py:wander"}, "teams.red.strategy", "Did you mean 'players.py'?"),
     ({"teams.red.strategy": "players:wandr"}, "teams.red.strategy", "Did you mean 'wander'?"),
@@ -171,13 +181,11 @@ MISSING = [
     ({"teams.red.strategy": "chase"}, "teams.red.strategy", "Did you mean 'gamms.strategies:chase'?"),
     ({"teams.red.strategy": "gamms.strategies:chse"}, "teams.red.strategy", "Did you mean 'chase'?"),
     ({"teams.blue.strategy.with": {"node": []}}, "teams.blue.strategy.with.node", "Did you mean 'nodes'?"),
-    ({"teams.blue.strategy.with": {"nodes": [99]}}, "teams.blue.strategy", "99"),
     ({"rules.0.rule": "tagg"}, "rules.0", "Did you mean 'tag'?"),
     ({"rules.0.with": {"taggers": "red", "hop": 1}}, "rules.0.with.hop", "Did you mean 'hops'?"),
     ({"rules.0": "time_limit"}, "rules.0.with.turns", "missing"),
-    ({"rules.0": "players:wander"}, "rules.0", "a strategy"),
-    ({"rules.1": "referee:explode"}, "rules.1", "RuntimeError: boom"),
     ({"conflicts.resolve": "at_randm"}, "conflicts.resolve", "Did you mean 'at_random'?"),
+    ({"conflicts.resolve": "by_priority"}, "conflicts.resolve", "such as {by_priority: [red, blue]}."),
     ({"facts": {"land": {"function": "nowhere:x"}}}, "facts.land", "no module 'nowhere'"),
     ({"map": {"file": "town.osm"}}, "map.file", "no file 'town.osm'"),
     ({"teams.blue.agents.0.node": 48}, "teams.blue.agents.0.node", "Unknown node 48. There are, among others: 0, 1"),
@@ -192,6 +200,27 @@ MISSING = [
 ]
 
 
+FOUND_BY_BUILDING = [
+    ({"teams.blue.strategy.with": {"nodes": [99]}}, "teams.blue.strategy", "Unknown node 99. There are"),
+    ({"rules.0": "players:wander"}, "rules.0", "a strategy"),
+    ({"rules.1": "referee:explode"}, "rules.1", "RuntimeError: boom"),
+    ({"conflicts.capacity": "one"}, "conflicts.capacity", "Unknown node attribute 'one'. There are none. The capacity"),
+    ({"conflicts.capacity": {"99": 1}}, "conflicts.capacity.99", "Unknown node 99. There are"),
+    ({"conflicts.capacity": {"a": 1}}, "conflicts.capacity.a", "is not an id. Give ids and numbers, such as {3: 1}."),
+    ({"conflicts.edge_capacity": "one"}, "conflicts.edge_capacity", "or a mapping from edge ids to numbers."),
+    ({"conflicts.edge_capacity": {"999": 1}}, "conflicts.edge_capacity.999", "Unknown edge 999. There are"),
+    ({"settings": {"default_action": 99}}, "settings.default_action", "Unknown node 99. There are"),
+    ({"settings": {"decide": "arrival"}}, "settings", "set ctx.game.speed_unit = 'metres'"),
+    ({"settings": {"speed_unit": "metres", "weight": "lenght"}}, "settings.weight", "Did you mean 'length'?"),
+    (
+        {"channels": {"radio": {"hops": 1, "jammers": [{"at": 99, "radius_m": 1}]}}},
+        "channels.radio.jammers.0.at",
+        "Unknown node 99. There are",
+    ),
+]
+MISSING = FOUND_BY_CHECK + FOUND_BY_BUILDING
+
+
 @pytest.mark.parametrize(("changes", "path", "hint"), MISSING, ids=[str(changes) for changes, _, _ in MISSING])
 def test_what_is_not_there_is_reported_when_the_game_is_built(made, changes, path, hint):
     little = made(changes)
@@ -199,9 +228,6 @@ def test_what_is_not_there_is_reported_when_the_game_is_built(made, changes, pat
         little.build()
     assert raised.value.path == path
     assert hint in str(raised.value)
-
-
-FOUND_BY_CHECK = [case for case in MISSING if not any(word in case[2] for word in ("boom", "a strategy", "99"))]
 
 
 @pytest.mark.parametrize("case", FOUND_BY_CHECK, ids=[str(changes) for changes, _, _ in FOUND_BY_CHECK])
@@ -212,6 +238,55 @@ def test_most_of_it_is_found_without_running_any_code(made, folder, case):
     with pytest.raises(ScenarioError) as raised:
         made(changes).check()
     assert raised.value.path == path
+
+
+GAME = {
+    "max_turns": 2,
+    "map": {"grid": {"rows": 4, "columns": 5}},
+    "sensors": {
+        "eyes": {"type": "AGENT_ARC", "range_m": 30, "fov": 1.0, "team": "blue", "detection": [[0, 1], [9, 0]]}
+    },
+    "teams": {
+        "red": {"count": 2, "near": 0, "within": 30, "sensors": ["eyes"], "strategy": "gamms.strategies:chase"},
+        "blue": {"agents": [{"name": "anna", "node": [20, 10]}], "from": {"team": "red", "at_least": 1}, "speed": 2},
+        "air": {"count": 1, "type": "aerial", "speed": 5, "altitude": 10},
+    },
+    "rules": [
+        {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "hops": 1, "then": "eliminate", "score": 2}},
+        {"rule": "reach", "with": {"team": "blue", "nodes": [19]}, "phase": "after", "name": "home"},
+        {"rule": "capture_flag", "with": {"flags": {"red": 1, "blue": 2}}},
+    ],
+    "conflicts": {"capacity": {3: 1}, "edge_capacity": 2, "resolve": {"by_priority": ["red", "blue"]}},
+    "channels": {"radio": {"range_m": 30, "relay": ["anna"], "loss": 0.1, "jammers": [{"at": 3, "radius_m": 2}]}},
+    "settings": {"speed_unit": "metres", "weight": "length", "order": [["red"], ["blue", "air"]], "turn_seconds": 1.0},
+    "facts": {"goal": {"node_at": [10, 10]}},
+}
+
+
+def places_in(part, keys=()):
+    """Yield the keys that lead to each value."""
+    for key, one in part.items() if isinstance(part, dict) else enumerate(part) if isinstance(part, list) else ():
+        yield (*keys, key)
+        yield from places_in(one, (*keys, key))
+
+
+@given(
+    st.sampled_from([*places_in(GAME)]),
+    st.none() | st.booleans() | st.integers() | st.floats() | st.sampled_from(["", "x", "red", [], ["x", 1], {"x": 1}]),
+)
+def test_a_value_anywhere_is_played_or_refused_with_its_file_and_place(keys, value):
+    changed = copy.deepcopy(GAME)
+    here = changed
+    for key in keys[:-1]:
+        here = here[key]
+    here[keys[-1]] = value
+    refused = None
+    try:
+        with gamms.limits.allowing("100M"):
+            scenario.Scenario(file="game.yaml", **changed).play(seed=1)
+    except ScenarioError as error:
+        refused = error
+    assert refused is None or (refused.path and str(refused).startswith("game.yaml: "))
 
 
 def test_a_scenario_says_what_it_was_given(made, little):
@@ -327,9 +402,9 @@ NAMES = {
 }
 
 
-@pytest.mark.parametrize("given", NAMES)
-def test_a_function_in_a_scenario_is_refused_and_the_error_says_how_to_name_it(made, given):
-    value, way_out = NAMES[given]
+@pytest.mark.parametrize("kind", NAMES)
+def test_a_function_in_a_scenario_is_refused_and_the_error_says_how_to_name_it(made, kind):
+    value, way_out = NAMES[kind]
     with pytest.raises(ScenarioError) as caught:
         made({"rules": [value]})
     assert way_out in str(caught.value)

@@ -15,11 +15,11 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_choice, as_flag, as_int, as_known, as_text, shown_as_called
+from gamms.arguments import as_choice, as_flag, as_int, as_text, shown_as_called
 from gamms.core import conflicts as core
 from gamms.core.agents import MoveColumns
 from gamms.core.contacts import NodeNumbers
-from gamms.errors import BadType, BadValue, nearest
+from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.game.order import TurnOrder
 from gamms.ir.graph import GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -660,7 +660,9 @@ def _in_attribute(name: str, kind: str) -> _CapacityLimits:
     """Return capacities that are read from an attribute of nodes or edges."""
 
     def rows(ids: IntArray, attributes: _Attributes) -> IntArray:
-        as_known(name, f"{kind} attribute", attributes)
+        if name not in attributes:
+            forms = f" The capacity may also be a number, or a mapping from {kind} ids to numbers."
+            raise UnknownName(f"{kind} attribute", name, attributes, forms)
         limits = np.full(len(ids), UNLIMITED)
         for row, value in attributes[name].items():
             limits[row] = _as_limit(value, f"Attribute {name!r} of {kind} {ids[row]}")
@@ -699,11 +701,17 @@ def _rows_of_ids(known: Mapping[int, int], ids: IntArray, _: _Attributes) -> Int
     return np.array(list(map(known.get, ids.tolist(), repeat(UNLIMITED))), np.int64)
 
 
+_LIMIT_FORM = "Give a number of agents: 0 closes the place to others, and None means no limit."
+
+
 def _as_limit(value: object, name: str) -> int:
     if value is None:
         return UNLIMITED
     # NOTE: the plain int is checked in line: this is asked for every agent that moves (an attribute, 1,000 agents).
-    number = value if type(value) is int else as_int(value, name)
+    try:
+        number = value if type(value) is int else as_int(value, name)
+    except BadType as error:
+        raise BadType(f"{error} {_LIMIT_FORM}") from None
     if number < 0:
-        raise BadValue(f"{name} must not be negative, not {number}. 0 closes a node, None opens it to any number.")
+        raise BadValue(f"{name} must not be negative, not {number}. {_LIMIT_FORM}")
     return min(number, UNLIMITED)

@@ -171,7 +171,7 @@ class Settings(ContextPart):
             raise BadType(f"game= must be a dict of settings, not {shown(given)}.")
         for name in given:
             as_known(name, "setting of a game", _CHECKS)
-        checked = {name: _CHECKS[name](name, value) for name, value in given.items()}
+        checked = {name: checked_setting(name, value) for name, value in given.items()}
         for name, value in checked.items():
             object.__setattr__(self, name, value)
         self._phase.setting_changes += 1
@@ -308,6 +308,15 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "channels": lambda _, value: as_channels(value),
     "max_turns": lambda name, value: None if value is None else as_count(value, f"ctx.game.{name}", 0),
 }
+
+
+def checked_setting(name: str, value: object) -> Any:  # Any: of the type of the setting
+    """Return the value of a setting in the form that a game keeps.
+
+    Raises:
+        BadValue, BadType: the value is invalid.
+    """
+    return _CHECKS[name](name, value)
 
 
 PHASES = ("before", "deeds", "after")

@@ -12,11 +12,10 @@ from operator import is_
 from typing import Any, NamedTuple
 
 from gamms.agent import BaseAgent as Agent
-from gamms.arguments import as_int
 from gamms.context import Context
 from gamms.game import Game, Plan
 from gamms.game.hidden_state import image_of
-from gamms.game.settings import rule_spec_of
+from gamms.game.settings import refuse_unused, rule_spec_of
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import ClosedEdges, IntArray
 from gamms.plain import Plain, as_json, is_same
@@ -113,6 +112,7 @@ class Builder:
         with self._noting("agents"):
             self._agents = {one.name: self._add_agent(one, nodes[one.name]) for one in self.members}
         game = self.ctx.game
+        self._check_nodes()
         with self._noting("values"):
             self._add_values()
         with self._noting("strategies"):
@@ -126,6 +126,10 @@ class Builder:
         if self.spec.conflicts is not None:
             with at("conflicts"):
                 game.conflicts = self._conflicts(self.spec.conflicts)
+        with at("settings"):
+            refuse_unused(game)
+        with at("settings.weight"):
+            self.ctx.graph.graph.weights(game.weight)
         self._values = _values_of(game)
         self._keep()
         if (map.revision, map.obstacle_revision) != (self.ctx.graph.graph.revision, self.ctx.graph.obstacle_revision):
@@ -300,6 +304,16 @@ class Builder:
         if self._placing is None or self._placing.map.columns is not self.ctx.graph.columns():
             self._placing = AgentPlacement(self.ctx, self.spec, self.by_team)
         return {name: int(nodes[0]) for name, nodes in self._placing.place([self.ctx.seed]).items()}
+
+    def _check_nodes(self) -> None:
+        """Check ids of nodes that a game itself would not miss."""
+        nodes: dict[str, object] = {"settings.default_action": self.spec.settings.default_action}
+        for name, channel in self.spec.channels.items():
+            nodes |= {f"channels.{name}.jammers.{i}.at": one.at for i, one in enumerate(channel.jammers)}
+        for path, node in nodes.items():
+            if isinstance(node, int):
+                with at(path):
+                    self.ctx.graph.graph.get_node(node)
 
     def _add_values(self) -> None:
         game = self.ctx.game
@@ -490,22 +504,24 @@ class Builder:
     def _conflicts(self, given: schema.Conflicts) -> IConflicts:
         rules = import_module(RULES)
         path = "conflicts.resolve"
-        capacity = given.capacity
-        if isinstance(capacity, dict):
-            capacity = {_as_node(node, "conflicts.capacity"): number for node, number in capacity.items()}
-        of_edges = given.edge_capacity
-        if isinstance(of_edges, dict):
-            of_edges = {_as_node(edge, "conflicts.edge_capacity"): number for edge, number in of_edges.items()}
+        graph = self.ctx.graph.graph
+        capacity = _capacity(given.capacity, "conflicts.capacity", graph.get_node)
+        of_edges = _capacity(given.edge_capacity, "conflicts.edge_capacity", graph.get_edge)
         if isinstance(given.resolve, schema.PriorityOrder):
-            resolve = rules.by_priority(given.resolve.by_priority)
+            with at("conflicts.resolve.by_priority"):
+                resolve = rules.by_priority(given.resolve.by_priority)
         elif ":" in given.resolve:
             resolve = self.library.get(given.resolve, path)
         else:
             resolve = getattr(rules, given.resolve)()
-        conflicts: IConflicts = rules.Conflicts(
+        conflicts = rules.Conflicts(
             capacity, given.among, edge_capacity=of_edges, allow_swaps=given.allow_swaps, resolve=resolve
         )
-        return conflicts
+        for key, has_edges in (("capacity", False), ("edge_capacity", True)):
+            with at(f"conflicts.{key}"):
+                conflicts.limits(self.ctx.graph.columns(), has_edges=has_edges)
+        found: IConflicts = conflicts
+        return found
 
     def _given(self, function: Function, given: Values, path: str) -> Values:
         """Return the parameters of a function, with paths resolved in the folder of the scenario."""
@@ -546,12 +562,25 @@ def _is_ours(function: object) -> bool:
     return str(getattr(function, "__module__", "")).partition(".")[0] == "gamms"
 
 
-def _as_node(key: str | int, path: str) -> int:
-    """Return the node id in a key; in JSON, all keys are texts."""
-    try:
-        return as_int(int(key), "A node id")
-    except ValueError:
-        raise ScenarioError(joined(path, key), "is not a node id.") from None
+def _capacity(given: object, path: str, find: Callable[[int], object]) -> Any:  # Any: as `Conflicts` takes it
+    """Return a capacity; the keys of a mapping become ids, because in JSON all keys are texts.
+
+    Args:
+        given: the capacity in the scenario.
+        path: its place.
+        find: finds a node or an edge by its id.
+    """
+    if not isinstance(given, dict):
+        return given
+    limits = {}
+    for key, number in given.items():
+        where = joined(path, key)
+        if not str(key).removeprefix("-").isdecimal():
+            raise ScenarioError(where, "is not an id. Give ids and numbers, such as {3: 1}.")
+        with at(where):
+            find(int(key))
+        limits[int(key)] = number
+    return limits
 
 
 # -- changes that are not the scenario's --------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 `Spec` is the whole file. Every class is one mapping in it; a key that is not listed is an error.
 """
 
+import builtins
 import re
 import types
 from collections.abc import Iterator, Mapping
@@ -388,7 +389,8 @@ def _in_words(value: object, kind: object, message: str) -> str:
     literals = [option for option in _options(kind) if get_origin(option) is Literal]
     choices = list(chain.from_iterable(map(get_args, literals)))
     if choices:
-        return f"use one of {', '.join(map(str, choices))}.{nearest(value, choices)}"
+        others = [_TYPES[name] for name in ("int", "float", "str") if getattr(builtins, name) in _options(kind)]
+        return f"use one of {', '.join(map(str, [*choices, *others]))}.{nearest(value, choices)}"
     plain = re.sub(
         r"`([a-z |]+)`", lambda found: " or ".join(_TYPES.get(one, one) for one in found[1].split(" | ")), message
     )

@@ -6,11 +6,10 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import NamedTuple
 
-from gamms.arguments import annotations_of, as_member
+from gamms.arguments import annotations_of, as_int, as_member
 from gamms.errors import nearest
 from gamms.game.channels import as_channel
-from gamms.game.deeds import as_deeds
-from gamms.game.settings import as_order
+from gamms.game.settings import checked_setting
 from gamms.plain import Plain
 from gamms.scenario import maps
 from gamms.scenario import spec as schema
@@ -74,19 +73,39 @@ def check_sense(spec: Spec) -> None:
     for name, team in spec.teams.items():
         _check_team(f"teams.{name}", team, earlier, spec)
         earlier.add(name)
-    if spec.conflicts is not None and isinstance(spec.conflicts.resolve, schema.PriorityOrder):
-        for number, team_name in enumerate(spec.conflicts.resolve.by_priority):
-            _known_team(team_name, spec, f"conflicts.resolve.by_priority.{number}")
-    for number, group in enumerate(spec.settings.order or ()):
-        for team_name in group:
-            _known_team(team_name, spec, f"settings.order.{number}")
-    for name, check in (("order", lambda order: as_order("order", order)), ("deeds", as_deeds)):
-        with at(f"settings.{name}"):
-            check(getattr(spec.settings, name))
+    _check_settings(spec)
+    _check_orders(spec)
     for name, channel in spec.channels.items():
         _check_channel(f"channels.{name}", name, channel, spec)
     for one in code_in(spec):
         _check_teams_of(one, spec)
+
+
+def _check_settings(spec: Spec) -> None:
+    """Check the values of settings, each alone."""
+    with at("seed"):
+        as_int(spec.seed or 0, "A seed")
+    with at("max_turns"):
+        checked_setting("max_turns", spec.max_turns)
+    for name in spec.settings.__struct_fields__:
+        with at(f"settings.{name}"):
+            checked_setting(name, getattr(spec.settings, name))
+
+
+def _check_orders(spec: Spec) -> None:
+    """Check that the order of play and the priorities in conflicts name the teams of the game."""
+    order = spec.settings.order
+    for number, group in enumerate(order or ()):
+        for team_name in group:
+            _known_team(team_name, spec, f"settings.order.{number}")
+    if order is not None:
+        _check_complete("settings.order", [*chain.from_iterable(order)], spec.teams)
+    if spec.conflicts is not None and isinstance(spec.conflicts.resolve, schema.PriorityOrder):
+        path = "conflicts.resolve.by_priority"
+        ranked = spec.conflicts.resolve.by_priority
+        for number, team_name in enumerate(ranked):
+            _known_team(team_name, spec, f"{path}.{number}")
+        _check_complete(path, ranked, [name for name, team in spec.teams.items() if _is_on_ground(team)])
 
 
 def sensor_type(given: str) -> SensorType | None:
@@ -169,6 +188,11 @@ def _check_team(path: str, team: schema.Team, earlier: set[str], spec: Spec) -> 
         _check_equipment(where, one, team, spec)
 
 
+def _is_on_ground(team: schema.Team) -> bool:
+    """Return whether an agent of a team does not fly."""
+    return bool(team.count and not flies(team.type)) or any(not flies(one.type or team.type) for one in team.agents)
+
+
 def _check_equipment(where: str, one: schema.AgentKeys, team: schema.Team, spec: Spec) -> None:
     """Check settings that a team makes for all its agents, or one agent for itself."""
     if isinstance(one.sensors, dict):
@@ -199,7 +223,8 @@ def _check_teams_of(one: NamedCode, spec: Spec) -> None:
         path = reduce(joined, ("with", name), one.path)
         if is_call(given):
             continue
-        teams = [team for team in (given if isinstance(given, (dict, list)) else [given]) if isinstance(team, str)]
+        listed = given if isinstance(given, (dict, list)) else [given]
+        teams = [team for team in listed if isinstance(team, (str, int, float))]
         unknown = (team for team in teams if team not in spec.teams)
         if names == OWNERS:  # other values are allowed, unless they look like misspelled teams
             without = [team for team in spec.teams if team not in teams]
@@ -208,7 +233,13 @@ def _check_teams_of(one: NamedCode, spec: Spec) -> None:
             _known_team(team, spec, path)
 
 
-def _known_team(team: str, spec: Spec, path: str) -> None:
+def _check_complete(path: str, listed: list[str], teams: Iterable[str]) -> None:
+    for team in teams:
+        if team not in listed:
+            raise ScenarioError(path, f"leaves out team {shown(team)}. Put it into the list {shown(listed)}.")
+
+
+def _known_team(team: object, spec: Spec, path: str) -> None:
     if team not in spec.teams:
         few = ", ".join(islice(spec.teams, _FEW))
         hint = nearest(team, spec.teams) or f" Teams are: {few}{', …' if len(spec.teams) > _FEW else ''}."
@@ -310,6 +341,9 @@ def check_code(spec: Spec, sources: CodeSources) -> list[CodeReference]:
 def _check_resolver(spec: Spec) -> None:
     """Check the name of a resolver of GAMMS."""
     resolve = spec.conflicts.resolve if spec.conflicts else None
+    if resolve == "by_priority":
+        form = f"{{by_priority: [{', '.join(spec.teams)}]}}"
+        raise ScenarioError("conflicts.resolve", f"by_priority needs the teams in their order, such as {form}.")
     if isinstance(resolve, str) and ":" not in resolve and resolve not in resolvers():
         hint = nearest(resolve, resolvers()) or f" There are: {', '.join(resolvers())}."
         raise ScenarioError("conflicts.resolve", f"there is no resolver {resolve!r}.{hint}")
