@@ -14,7 +14,7 @@ from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_i
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.game.array_functions.given import OutsideActions, OutsideActor, as_given, as_kept
 from gamms.game.array_functions.view import ArrayView
-from gamms.game.batch_engine import BatchEngine, LearnerActions, movement_in_core
+from gamms.game.batch_engine import BatchEngine, movement_in_core
 from gamms.game.block.columns import (
     BYTES_PER_AGENT,
     AgentTable,
@@ -235,43 +235,24 @@ class Batch(Immutable):
         wanted = dict(as_mapping({} if actions is None else actions, "actions"))
         may_stay = as_choice(on_illegal, "on_illegal", ("raise", "stay")) == "stay"
         given = {team: self._as_given(team, value)._replace(may_stay=may_stay) for team, value in wanted.items()}
-        self._step(given, None, min(as_count(threads, "threads"), len(self)))
-        self._follow()
+        self._step(given, min(as_count(threads, "threads"), len(self)))
         return ~self._engine.is_over
 
-    def _step(self, given: dict[Hashable, OutsideActions], numbers: LearnerActions | None, threads: int) -> None:
-        """Play one turn, and log the given actions."""
+    def _step(self, given: Mapping[Hashable, OutsideActions], threads: int, *, is_logged: bool = True) -> None:
+        """Play one turn, and log the given actions, unless strategies that play again remember them."""
         before = self._engine.turns()
         is_played = False
         with self._playing(), uninterrupted(at_most_once=True):
             try:
                 with self._watched():
-                    self._play_turn(given, numbers, threads)
+                    self._play_turn(given, threads)
                 is_played = True
             finally:
                 if is_played or (self._engine.turns() > before).any():  # a rule may raise after all agents moved
-                    self._note(given)
-                    self._was_given |= self._log is None and numbers is not None
-
-    def _step_numbers(self, numbers: LearnerActions, threads: int) -> bool:
-        """Play a turn; see `step_numbers`."""
-        self._refuse_closed()
-        if not self.is_in_arrays:
-            return False
-        given = dict[Hashable, OutsideActions]()
-        if self._log is not None:  # games may have to be played again
-            public = np.cumsum(self._roster.is_public) - 1  # numbers among public agents
-            for team in self.teams:
-                members = public[self._roster.members(team)]
-                if numbers.is_given[members].all():
-                    given[team] = OutsideActions(as_kept(numbers.actions[:, members]), {}, {}, may_stay=True)
-        self._step(given, numbers, threads)
+                    self._note(given if is_logged else {})
         self._follow()
-        return True
 
-    def _play_turn(
-        self, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None, threads: int
-    ) -> None:
+    def _play_turn(self, given: Mapping[Hashable, OutsideActions], threads: int) -> None:
         engine = self._engine
         separate = self._separate
         going = separate.going if self._ran_from is None else []
@@ -286,15 +267,10 @@ class Batch(Immutable):
         is_single = np.count_nonzero(~engine.is_over) == 1
         try:
             with nullcontext() if is_single else separate.undoing_after_error():
-                engine.step(
-                    {} if numbers is not None else given,
-                    numbers and self._with_all_rows(numbers),
-                    threads,
-                    play_others=play_others,
-                )
+                engine.step(given, threads, play_others=play_others)
         except NewAgents as error:
             self._begin_with(error.agents)
-            self._play_turn(given, numbers, threads)
+            self._play_turn(given, threads)
 
     def _take_leaving(self, leaving: Mapping[int, str], turns: IntArray) -> None:
         """Continue games in contexts of their own after `turns`, (games,), or after those before the current run."""
@@ -348,17 +324,6 @@ class Batch(Immutable):
             game.restore(start)
         return [agent._replace(is_reserved=False) for agent in found.values()]
 
-    def _with_all_rows(self, numbers: LearnerActions) -> LearnerActions:
-        """Return the actions of public agents as those of all agents."""
-        is_public = self._roster.is_public
-        if is_public.all():
-            return numbers
-        actions = np.zeros((len(self), len(is_public)), np.int64)
-        actions[:, is_public] = numbers.actions
-        is_given = is_public.copy()
-        is_given[is_public] = numbers.is_given
-        return LearnerActions(actions, is_given, numbers.deeds)
-
     @contextmanager
     def _playing(self) -> Iterator[None]:
         """Hold the lock of the batch; refuse to play while another thread plays."""
@@ -371,10 +336,10 @@ class Batch(Immutable):
         finally:
             self._lock.release()
 
-    def _note(self, given: dict[Hashable, OutsideActions]) -> None:
+    def _note(self, given: Mapping[Hashable, OutsideActions]) -> None:
         """Log the actions of a played turn."""
         if self._log is not None:
-            self._log.append(given)
+            self._log.append({team: one._replace(moves=as_kept(one.moves)) for team, one in given.items()})
         self._was_given |= self._log is None and bool(given)
         self._steps += 1
 
@@ -916,12 +881,14 @@ def _step_again(game: PlayedGame) -> None:
             raise
 
 
-def step_numbers(games: Batch, numbers: LearnerActions, threads: int) -> bool:
-    """Play one turn of all games that are not over, if the core plays them; return whether it does.
+def step_with(games: Batch, given: Mapping[Hashable, OutsideActions], threads: int, *, is_logged: bool) -> None:
+    """Play one turn of all games that are not over, with checked actions.
 
     Args:
         games: the batch.
-        numbers: the actions of learners.
+        given: team -> the actions of its agents; the batch keeps their arrays.
         threads: the number of threads that play.
+        is_logged: whether the batch logs the actions to play games again; else strategies remember them.
     """
-    return games._step_numbers(numbers, threads)
+    games._refuse_closed()
+    games._step(given, threads, is_logged=is_logged)

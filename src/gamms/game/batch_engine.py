@@ -3,7 +3,6 @@
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import chain
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,20 +68,6 @@ class StrategyGroup(NamedTuple):
     name: str
     agents: IntArray  # numbers in the roster
     form: ArrayStrategy
-
-
-class LearnerActions(NamedTuple):
-    """The actions of some agents in a turn of all games.
-
-    Attributes:
-        actions: (games, agents of the roster) numbers of legal nodes; those of dead agents do not count.
-        is_given: (agents,) a mask of the agents that take them.
-        deeds: deed -> a mask of the agents that do it, (games, given agents), and its fields; see `ArrayView.do`.
-    """
-
-    actions: IntArray
-    is_given: BoolArray
-    deeds: Mapping[str, tuple[BoolArray, Mapping[str, Any]]] = MappingProxyType({})
 
 
 class GamesOnOneMap:
@@ -163,7 +148,7 @@ class GamesOnOneMap:
                 game, pointed, state, self.core, asked, observing, own.first, has_array_functions=has_arrays
             )
         self._is_strict = settings["on_illegal"] == "raise"
-        self._flights: dict[Hashable, FloatArray | None] = {}  # by team, those that are given in this turn
+        self._flights: list[tuple[IntArray, FloatArray]] = []  # the flights of agents that are given in this turn
         self._called = as_code(decider_of(roster.agents[asked[0]], settings["plans"])) if asked else ""
 
     def _prepare(self, rules: Sequence[NamedRule]) -> None:
@@ -258,7 +243,7 @@ class GamesOnOneMap:
     def check_given(self, games: IntArray, given: Mapping[Hashable, OutsideActions]) -> None:
         """Refuse deeds and messages that are not legal before a rule is called."""
         for team, wanted in given.items():
-            wanted.act(asked_view(self.state, games, self.state.roster.members(team), self.at_rest))
+            wanted.act(asked_view(self.state, games, wanted.agents(self.state.roster, team), self.at_rest))
 
     def call_before(self, games: IntArray) -> None:
         """Call the rules of the phase "before"."""
@@ -266,42 +251,25 @@ class GamesOnOneMap:
         for named in self.before:
             self.call(named, games[self.state.is_going[games]])  # a game that one of them ends is over for the others
 
-    def take(
-        self,
-        games: IntArray,
-        given: Mapping[Hashable, OutsideActions],
-        numbers: LearnerActions | None,
-        here: BoolArray | None = None,
-    ) -> None:
+    def take(self, games: IntArray, given: Mapping[Hashable, OutsideActions], here: BoolArray | None = None) -> None:
         """Take the given deeds, messages and flights of agents; their moves are in the block already.
 
         Args:
             games: the games that are played.
             given: team -> the actions of its agents, which replace their decisions.
-            numbers: the actions of other agents.
             here: (all games, agents) a mask of the agents that decide now; None: all.
         """
-        state = self.state
-        actions = self._block.given
-        self._flights = {team: wanted.flights for team, wanted in given.items()}
-        if numbers is not None:
-            if self.before or here is not None:  # the agents may be elsewhere
-                counts = asked_view(state, games, np.arange(actions.shape[1])).counts
-                actions[games] *= (actions[games] >= 0) & (actions[games] < counts)
-            if self.cursor is not None or numbers.deeds:
-                agents = np.flatnonzero(numbers.is_given)
-                self._take_acts_of(games, agents, OutsideActions(actions[:, agents], numbers.deeds, {}), here)
+        self._flights = []
         for team, wanted in given.items():
+            agents = wanted.agents(self.state.roster, team)
+            if wanted.flights is not None:
+                self._flights.append((agents, wanted.flights))
             if self.cursor is not None or wanted.deeds or wanted.messages:
-                self._take_acts_of(games, state.roster.members(team), wanted, here)
-
-    def _take_acts_of(self, games: IntArray, agents: IntArray, given: OutsideActions, here: BoolArray | None) -> None:
-        """Take the given deeds and messages of agents, and note their actions."""
-        view = asked_view(self.state, games, agents, here)
-        if self.cursor is not None:
-            self.cursor.note_given(view)
-        given.act(view)
-        self._take_acts(view)
+                view = asked_view(self.state, games, agents, here)
+                if self.cursor is not None:
+                    self.cursor.note_given(view)
+                wanted.act(view)
+                self._take_acts(view)
 
     def takes_block(self, is_given: BoolArray) -> BoolArray:
         """Return a mask of the agents whose actions are in the block, (agents,): from functions or from outside.
@@ -364,9 +332,8 @@ class GamesOnOneMap:
         if not len(agents):
             return
         offsets = np.zeros((len(games), len(roster.names), 3))
-        for team, flights in self._flights.items():
-            if flights is not None:
-                offsets[:, roster.members(team)] = flights[games]
+        for given_to, flights in self._flights:
+            offsets[:, given_to] = flights[games]
         self._fly(ArrayView(self.state, games, agents), offsets[:, agents])
 
     def _fly(self, view: ArrayView, offsets: FloatArray) -> None:
@@ -615,6 +582,7 @@ class BatchEngine:
         self._num_parts = self._maps[0].core.num_parts
         self._acts = self._maps[0].acts
         self._asks_functions = self._maps[0].asks_functions
+        self._has_rules_before = any(one.before for one in self._maps)
         self._leaves_out = self._maps[0].leaves_out
         self._of_all_maps: GameArrays | None = None  # see `_by_legal_moves`
         if all(type(movement) is Movement for movement in movements):
@@ -717,7 +685,6 @@ class BatchEngine:
     def step(
         self,
         given: Mapping[Hashable, OutsideActions],
-        numbers: LearnerActions | None = None,
         threads: int = 1,
         only: BoolArray | None = None,
         play_others: Callable[[dict[int, str]], None] | None = None,
@@ -726,7 +693,6 @@ class BatchEngine:
 
         Args:
             given: team -> the actions of its agents, which replace their decisions.
-            numbers: the actions of agents that follow neither `given` nor their strategies.
             threads: the number of threads.
             only: (games,) a mask of the games to play; None: all.
             play_others: plays the turn of the games in contexts of their own; its argument says why some of these games
@@ -736,13 +702,12 @@ class BatchEngine:
             NewAgents: rules have created agents that have no rows; the games have to begin again.
         """
         playing = self.playing if only is None else only & self.playing
-        is_given = len(given) > 0 or numbers is not None
         leaving = self._state.leaving
         undoing = []
         if np.count_nonzero(~self.is_over) > 1:
-            undoing = [*chain(*(one.checkpoints(is_given=is_given) for one in self._maps))]
+            undoing = [*chain(*(one.checkpoints(is_given=len(given) > 0) for one in self._maps))]
         try:
-            self._play_turn(playing, given, numbers, threads)
+            self._play_turn(playing, given, threads)
             if play_others is not None:
                 play_others({**leaving})
         except NewAgents:
@@ -754,23 +719,24 @@ class BatchEngine:
         finally:
             leaving.clear()
 
-    def _play_turn(
-        self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None, threads: int
-    ) -> None:
+    def _play_turn(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], threads: int) -> None:
         """Play one turn of some games, phase by phase on all maps together."""
         self._state.failures.clear()
         for log in self._logs_of_turn:
             log.begin_turn()
-        if any(one.before for one in self._maps):
+        if self._has_rules_before:
             playing = self._call_before(playing, given)
         for one, games in self._each(playing) if self._leaves_out else ():
             one.refuse_unlisted(games)
-        is_given = self._given_to(given, numbers)
+        roster = self._state.roster
+        is_given = np.zeros(len(roster.names), np.bool_)
+        for team, wanted in given.items():
+            is_given[wanted.agents(roster, team)] = True
         ask = None
         if self._maps[0].asks_at_arrivals(is_given=bool(is_given.any())):
-            ask = partial(self._ask_at_arrivals, is_given=is_given, given=given, numbers=numbers)
+            ask = partial(self._ask_at_arrivals, is_given=is_given, given=given)
         elif is_given.any():
-            self._take(playing, given, numbers)
+            self._take(playing, given)
         first = self._block.part.copy()
         try:
             self._play_parts(playing, first, is_given, threads, ask)
@@ -780,34 +746,19 @@ class BatchEngine:
             raise
         self._finish(playing)
 
-    def _given_to(self, given: Mapping[Hashable, OutsideActions], numbers: LearnerActions | None) -> BoolArray:
-        """Return a mask (agents,) of the agents with an action from outside instead of a decision."""
-        roster = self._state.roster
-        is_given = np.zeros(len(roster.names), np.bool_) if numbers is None else numbers.is_given.copy()
-        for team in given:
-            is_given[roster.members(team)] = True
-        return is_given
-
     def _take(
-        self,
-        playing: BoolArray,
-        given: Mapping[Hashable, OutsideActions],
-        numbers: LearnerActions | None,
-        here: BoolArray | None = None,
+        self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], here: BoolArray | None = None
     ) -> None:
         """Take the actions that are given.
 
         Args:
             playing: (games,) a mask of the games that are played.
             given: team -> the actions of its agents, which replace their decisions.
-            numbers: the actions of other agents.
             here: (games, agents) a mask of the agents that decide now; None: all.
         """
-        if numbers is not None:
-            self._block.given[:] = np.where(self._state.roster.flies, 0, numbers.actions)
         self._take_moves(playing, given, here)
         for one, games in self._each(playing):
-            one.take(games, given, numbers, here)
+            one.take(games, given, here)
 
     def _ask_at_arrivals(
         self,
@@ -816,22 +767,26 @@ class BatchEngine:
         *,
         is_given: BoolArray,
         given: Mapping[Hashable, OutsideActions],
-        numbers: LearnerActions | None,
     ) -> None:
         """Ask for the decisions of agents that arrive now or set out, and take actions from outside."""
         here = np.zeros(self._state.node.shape, np.bool_)
         for one, games in self._each(playing):
             here[games] = one.core.deciding(games)
         if is_given.any():
-            self._take(playing, given, numbers, here)
+            self._take(playing, given, here)
         for one, games in self._each(playing):
             one.decide(games, part, is_given, here)
 
     def _take_moves(self, playing: BoolArray, given: Mapping[Hashable, OutsideActions], here: BoolArray | None) -> None:
         """Write given moves into the block, if they are legal; see `_take` for `here`."""
-        for state, games in self._by_legal_moves(playing) if given else ():
-            for team, wanted in given.items():
-                agents = state.roster.members(team)
+        checked = dict(given)
+        if here is None and not self._has_rules_before:  # agents are where they were when the turn began
+            for team in [team for team, wanted in given.items() if wanted.are_legal]:
+                wanted = checked.pop(team)
+                self._block.given[:, wanted.agents(self._state.roster, team)] = wanted.moves
+        for state, games in self._by_legal_moves(playing) if checked else ():
+            for team, wanted in checked.items():
+                agents = wanted.agents(state.roster, team)
                 view = asked_view(state, games, agents, here)
                 on_ground = np.where(state.roster.flies[agents], 0, wanted.moves[games])
                 moves = view._checked(wanted.moves_in(view, on_ground), f"team {shown(team)}")

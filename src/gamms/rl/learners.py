@@ -12,9 +12,9 @@ import numpy as np
 
 from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue
+from gamms.game.array_functions.given import OutsideActions
 from gamms.game.array_functions.view import ArrayView, VectorWriter, movement_in, vectors_in, writers_of
-from gamms.game.batch import Batch, MostAgents, step_numbers
-from gamms.game.batch_engine import LearnerActions
+from gamms.game.batch import Batch, MostAgents, step_with
 from gamms.game.block.vectors import Vectors
 from gamms.game.deeds import field_of
 from gamms.game.settings import rule_spec_of
@@ -181,9 +181,6 @@ class Learners:
         self.deeds = self._deeds_in(views[0])
         if self._scripted is not None:
             self._scripted.begin(self.games, self.deeds)
-        self._members = _places_among_public(views)
-        are_learners = np.isin(np.arange(_num_public(views[0])), self._members)
-        self._numbers = LearnerActions(np.zeros((len(self.games), len(are_learners)), np.int64), are_learners)
         self.has_begun = False
         self._seed: int | None = None  # of the game that `begin_next` began last
         ends = np.cumsum([0, *(len(view.agents) for view in views)]).tolist()
@@ -309,17 +306,12 @@ class Learners:
 
     def _play(self, moves: IntArray, done: IntArray | None, flown: FloatArray | None) -> None:
         """Play one turn."""
-        self._numbers.actions[:, self._members] = moves
+        given = self._given(moves, done, flown)
         if self._scripted is not None:
             self._scripted.take(self.games.turn, moves, done, flown)
-        numbers = self._numbers
-        if done is not None and self._scripted is not None and self.deeds is not None:
-            (views,) = self._now
-            numbers = numbers._replace(deeds=self.deeds.given(done, views[0]))
-        only_numbers = flown is None and (done is None or self._scripted is not None)
-        if only_numbers and step_numbers(self.games, numbers, self._threads):
-            return
-        self.games.step({} if self._scripted is not None else self._given(moves, done, flown), on_illegal="stay")
+            if flown is not None or not self.games.is_in_arrays:
+                given = {}  # the strategy is called
+        step_with(self.games, given, self._threads, is_logged=self._scripted is None)
 
     def _earned(self, before: Sequence[Sequence[ArrayView]] | None, scores: Mapping[Any, FloatArray]) -> FloatArray:
         """Return the rewards of a turn, also for agents that did not take part."""
@@ -524,19 +516,20 @@ class Learners:
         masks[..., 1:] &= ~self.is_over[:, None, None]
         return masks
 
-    def _given(self, chosen: ActionArray, done: IntArray | None, flown: FloatArray | None) -> dict[Hashable, Any]:
-        """Return the actions of the agents of each team, as `Batch.step` takes them."""
-        given: dict[Hashable, Any] = dict(zip(self.teams, self._by_team(chosen), strict=True))
-        if done is None and flown is None:
-            return given
-        given = {team: {"moves": moves} for team, moves in given.items()}
-        if done is not None and self.deeds is not None:
-            for team, choices, (view,) in zip(self.teams, self._by_team(done), self._now, strict=True):
-                given[team]["deeds"] = self.deeds.given(choices, view)
-        if flown is not None:
-            for team, columns, flights in zip(self.teams, self._columns, self._by_team(flown), strict=True):
-                if self.flies[columns].any():
-                    given[team]["flights"] = flights
+    def _given(
+        self, moves: IntArray, done: IntArray | None, flown: FloatArray | None
+    ) -> dict[Hashable, OutsideActions]:
+        """Return the actions of the agents of each team."""
+        given = {}
+        for number, (team, columns) in enumerate(zip(self.teams, self._columns, strict=True)):
+            deeds = {}
+            if done is not None and self.deeds is not None:
+                (view,) = self._now[number]
+                deeds = self.deeds.given(done[:, columns], view)
+            flights = None if flown is None or not self.flies[columns].any() else flown[:, columns]
+            given[team] = OutsideActions(
+                moves[:, columns], deeds, {}, flights, may_stay=True, are_legal=True, name=self.agent
+            )
         return given
 
     @property
@@ -552,10 +545,6 @@ class Learners:
                 f"{found.dtype} of the shape {found.shape}."
             )
         return found
-
-    def _by_team(self, of_all: np.ndarray[Any, Any]) -> list[Any]:
-        """Return the columns of each team, as views of an array (games, agents)."""
-        return [of_all[:, columns] for columns in self._columns]
 
     def _checked(self, given: object, view: ArrayView, what: str) -> Any:
         """Return the result of a user's function as a checked array."""
@@ -621,12 +610,6 @@ def are_in(masks: BoolArray, chosen: ActionArray) -> BoolArray:
     known = np.clip(chosen, 0, masks.shape[-1] - 1)
     found: BoolArray = (known == chosen) & np.take_along_axis(masks, known[..., None], axis=-1)[..., 0]
     return found
-
-
-def _places_among_public(views: Sequence[ArrayView]) -> IntArray:
-    """Return the places of the agents of several views among all agents that callers may know of."""
-    public = np.flatnonzero(views[0].roster.is_public)
-    return np.searchsorted(public, np.concatenate([view.agents for view in views]))
 
 
 def _num_public(view: ArrayView) -> int:

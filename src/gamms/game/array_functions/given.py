@@ -28,6 +28,8 @@ class OutsideActions(NamedTuple):
         messages: channel -> a mask of the senders, the body, and the recipients; see `ArrayView.send`.
         flights: the displacements of flying agents, map units, (games, agents, 3); None: they hover.
         may_stay: whether agents with illegal moves stay; else illegal moves are refused.
+        are_legal: whether the moves are legal when the turn begins, so that they are not checked then.
+        name: the only agent of the team that the actions are for; None: they are for all.
     """
 
     moves: IntArray
@@ -35,6 +37,12 @@ class OutsideActions(NamedTuple):
     messages: Mapping[str, tuple[BoolArray, Any, Any]]
     flights: FloatArray | None = None
     may_stay: bool = False
+    are_legal: bool = False
+    name: str | None = None
+
+    def agents(self, roster: AgentTable, team: Hashable) -> IntArray:
+        """Return the numbers of the agents of a team that the actions are for."""
+        return roster.members(team) if self.name is None else np.array([roster.names.index(self.name)])
 
     def moves_in(self, view: ArrayView, moves: IntArray) -> IntArray:
         """Return the moves of the agents of a view; with `may_stay`, illegal moves become 0."""
@@ -94,7 +102,7 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], *, is_copied
         flights = as_flights(flights, f"Flights of {by}", shape)
     given = value.get("moves")
     moves = np.zeros(shape, np.int64) if given is None else as_actions(given, shape, by)
-    return OutsideActions(as_kept(moves) if is_copied else moves, deeds, messages, flights)
+    return OutsideActions(moves, deeds, messages, flights)
 
 
 def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
@@ -186,7 +194,7 @@ class _OutsideStrategy:
 
     def _act(self, state: dict[str, Any], i: int, speed: float | None) -> None:
         """Set the action of the agent at an index of the columns."""
-        moves, deeds, messages, flights, may_stay = self.given
+        moves, deeds, messages, flights, *_ = self.given
         number = self.number
         do = {
             deed: self._plain_fields(deed, {key: _one_of(value, number, i) for key, value in fields.items()})
@@ -205,7 +213,7 @@ class _OutsideStrategy:
         legal = state["legal"]
         move = int(moves[number, i])
         if not 0 <= move < len(legal):
-            if not may_stay:
+            if not self.given.may_stay:
                 raise BadValue(
                     f"Action {move} of agent {shown(state['name'])}, turn {state['turn']}, is not the number of a "
                     f"legal node: it has {len(legal)}, numbered from 0."

@@ -136,7 +136,7 @@ class SeparateGames:
         self.observe(self.going)
         for state, games in self._engine.by_map(np.array(self.going)):
             for team, one in given.items():
-                self._check(ArrayView(state, games, self._roster.members(team)), one, f"team {shown(team)}")
+                self._check(ArrayView(state, games, one.agents(self._roster, team)), one, f"team {shown(team)}")
 
     def _check(self, view: ArrayView, given: OutsideActions, by: str) -> None:
         view._deeds = []
