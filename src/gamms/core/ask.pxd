@@ -24,6 +24,8 @@ cdef class DecidingAgent:
     cdef readonly list last
 
 
+@cython.locals(one=list)
+cpdef bint hold(list lists, object value)
 @cython.locals(sight=RangeSearch, views=NodeViews, view=tuple, data=dict)
 cdef dict look_around(object known, SensorCall look, object here)
 @cython.locals(sensed=dict, seen=list, look=SensorCall)

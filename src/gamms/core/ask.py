@@ -80,6 +80,14 @@ class DecidingAgent:
         self.last = last
 
 
+def hold(lists: list[list[Any]], value: object) -> bool:
+    """Return whether the first item of each list is an object."""
+    for one in lists:  # noqa: SIM110 - a generator costs as much as ten lists
+        if one[0] is not value:
+            return False
+    return True
+
+
 def sense_all(
     carried: tuple[SensorCall, ...], phase: Any, moment: Any, alike: Any, here: Any, legal: Any
 ) -> dict[Any, Any]:

@@ -221,7 +221,7 @@ class GamesOnOneMap:
                 state.put_roads(game, roads)
             values = self._own.first[number] if self._own.first else None
             if values is not None:
-                state.scores.put(game, values.scores)
+                state.scores.put(number, values.scores)
                 state.events.forget(game)
                 state.events.begin(game, [dict(event) for event in values.events])
 
@@ -1095,7 +1095,7 @@ class BatchEngine:
         over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
         return Result(
             turns=int(state.turn[game]),
-            scores=state.scores.of(np.array([game]))[0],
+            scores=state.scores.of(game),
             events=[dict(event) for event in state.events.of(game)],
             agents=agents,
             errors=[dict(error) for error in state.errors[game]],

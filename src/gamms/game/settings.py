@@ -361,8 +361,8 @@ class RuleSpec:
             None: it has none.
         needs_nodes: whether that form is for games in which no agent flies or is on an edge.
         prepare_arrays: called with the state of a batch at its start, to publish facts as arrays.
-        fact_of_game: called with the state of a batch and the number of a game; returns the fact under the key of the
-            rule in that game. None: the fact does not change.
+        facts_of: called with the state of a batch and the numbers of games; returns the fact under the key of the rule
+            in each of these games. None: the fact does not change.
         begin_arrays: called with the context and the state of a batch; returns the arrays that the form of the core
             keeps about the game of the context, which may have begun: key -> name -> array of one game.
         is_array_function: whether the rule was made from its array form.
@@ -383,7 +383,7 @@ class RuleSpec:
     core_form: Callable[[Any], CoreRule] | None = None
     needs_nodes: bool = False
     prepare_arrays: Callable[[Any], object] | None = None
-    fact_of_game: Callable[[Any, int], Any] | None = None
+    facts_of: Callable[[Any, Any], Sequence[Any]] | None = None
     begin_arrays: Callable[[Any, Any], Mapping[Hashable, dict[str, Any]]] | None = None
     is_array_function: bool = False
 

@@ -143,17 +143,15 @@ class TurnEngine:
         """Return the living agents in the order of names."""
         agents = self._ctx.agent
         order = self._order
-        if order is not None and (self._phase.agent is not None or self._is_current(order)):
+        if order is not None and self._phase.agent is not None:
             return [*order.living]
-        if agents.block.has_teams:
+        block = agents.block
+        if order is not None and order.block is block and order.structure_version == block.structure.version:
+            return [*order.living]
+        if block.has_teams:
             return [slot.agent for slot in self.order().slots]
         # NOTE: a changed set of agents does not require a new order here, which costs more (decision 0057).
         return [one for _, one in sorted(agents.agents.items(), key=itemgetter(0)) if one.alive]
-
-    def _is_current(self, order: TurnOrder) -> bool:
-        """Return whether an order has the agents that live now."""
-        agents = self._ctx.agent
-        return order.structure_version == agents.structure_version and order.block is agents.block
 
     def legal(self, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
         """Return name -> the nodes that will be legal at the start of the next turn, for living agents."""

@@ -178,10 +178,10 @@ class MapStorage(Guarded, IMapStorage):
         edges = self._store.edges
         return edges.array("ids")[edges.living()], self._store.closed
 
-    @property
-    def road_changes(self) -> int:
-        """The number of graph changes that only closed, opened or removed edges."""
-        return self._store.road_changes
+    def changes(self) -> tuple[int, int, int, bool]:
+        """Return the numbers of changes of the graph, of its roads only and of the obstacles, and `has_placed`."""
+        store = self._store
+        return store.revision, store.road_changes, self._obstacles.revision, self._place_stream is not None
 
     def detached(self) -> tuple[GraphColumns, RouteQueries]:
         """Return the present graph and its routes; both stay the same when this graph changes."""

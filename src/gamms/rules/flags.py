@@ -14,6 +14,7 @@ from gamms.errors import BadType
 from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.settings import RuleSpec, declared
 from gamms.ir.game_state import GameState
+from gamms.ir.graph import IntArray
 from gamms.readonly import published
 from gamms.rules.endings import all_know, refuse_unknown
 from gamms.rules.in_core import FlagArguments, fits_core, flags_in_core, in_core
@@ -94,7 +95,7 @@ def capture_flag(
             key=game.key,
             core_form=core_form,
             prepare_arrays=game.prepare_arrays,
-            fact_of_game=game.fact_of_game if game.announce else None,
+            facts_of=game.facts_of if game.announce else None,
             begin_arrays=game.begin_arrays,
         ),
     )
@@ -115,15 +116,15 @@ class _FlagRule(FlagArguments):
             columns = zip(self.bases.items(), kept["carriers"].T, strict=True)
             state.facts[self.key] = {team: {"node": base, "carrier": carriers} for (team, base), carriers in columns}
 
-    def fact_of_game(self, state: GameArrays, number: int) -> Any:
-        """Return where the flags are in one game of a batch, as `_publish` publishes it."""
-        rows = tuple(state.kept["capture_flag", self.key]["carriers"][number].tolist())
+    def facts_of(self, state: GameArrays, games: IntArray) -> list[Any]:
+        """Return where the flags are in some games of a batch, as `_publish` publishes it."""
         facts = state.shared.setdefault(("facts", self.key), {})  # NOTE: carriers seldom change (w8_games.py rule)
-        if rows not in facts:
+        rows = [*map(tuple, state.kept["capture_flag", self.key]["carriers"][games].tolist())]
+        for new in set(rows).difference(facts):
             names = state.roster.names
-            carriers = {team: names[row] if row >= 0 else None for team, row in zip(self.bases, rows, strict=True)}
-            facts[rows] = published(self.key, self._fact(carriers))
-        return facts[rows]
+            carriers = {team: names[row] if row >= 0 else None for team, row in zip(self.bases, new, strict=True)}
+            facts[new] = published(self.key, self._fact(carriers))
+        return [facts[one] for one in rows]
 
     def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
         """Return the state of the rule in a game as arrays; see `start`."""

@@ -103,10 +103,13 @@ class IMapStorage(ABC):
     def roads(self) -> tuple[IntArray, ClosedEdges]:
         """Return the ids of all edges in insertion order, and the closed edges."""
 
-    @property
     @abstractmethod
-    def road_changes(self) -> int:
-        """The number of graph changes that only closed, opened or removed edges; the revision counts them, too."""
+    def changes(self) -> tuple[int, int, int, bool]:
+        """Return four values that tell whether the map was changed.
+
+        They are the revision of the graph, the number of changes that only closed, opened or removed edges, the
+        revision of the obstacles, and whether `ctx.graph.place` has drawn random numbers.
+        """
 
     @abstractmethod
     def detached(self) -> tuple[GraphColumns, RouteQueries]:

@@ -339,8 +339,8 @@ class _SingleGameTurn(ArrayTurn):
         self._game = game
         self._is_moving = game.is_moving
         state.change_roads = lambda _, verb, edges: getattr(ctx.graph, verb)(edges)
-        state.scores.put(_ONE, game.scores)
-        self._scores_before = state.scores.of(_ONE)[0]
+        state.scores.put(0, game.scores)
+        self._scores_before = state.scores.of(0)
         state.placed[0] = [block.row_of(name) in block.placed for name in roster.names]
         self.took_part = np.zeros(self.node.shape, np.bool_)
         moves: TurnMoves | None = game.internals.state.moves
@@ -353,7 +353,7 @@ class _SingleGameTurn(ArrayTurn):
 
     def _close(self) -> None:
         """Write scores and kept arrays to the game."""
-        for key, points in self._state.scores.of(_ONE)[0].items():
+        for key, points in self._state.scores.of(0).items():
             if self._scores_before.get(key) != points:
                 self._game.scores[key] = points
         if self._state.kept:

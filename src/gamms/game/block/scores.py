@@ -52,9 +52,7 @@ class Scores(dict[Hashable, FloatArray]):
         if not isinstance(points, int) and np.isnan(np.asarray(points, np.float64)).any():
             raise BadType(f"The score of {shown(key)} must be a number, not {shown(points)}.")
         if key not in self:
-            self[key] = np.zeros(self._games, np.float64)
-            self.are_floats[key] = np.zeros(self._games, np.bool_)
-            self.ranks[key] = np.zeros(self._games, np.int64)
+            self._add_columns(key)
         if not isinstance(points, int):
             self.are_floats[key][games] = True
         np.add.at(self[key], games, points)
@@ -85,7 +83,8 @@ class Scores(dict[Hashable, FloatArray]):
             is_set = first[:, number] >= 0
             if not is_set.any():
                 continue
-            self.add(key, np.zeros(0, np.int64), 0)  # creates the columns of the key
+            if key not in self:
+                self._add_columns(key)
             self[key][:] = sums[:, number]
             self.are_floats[key] |= are_floats[:, number]
             ranks = self.ranks[key]
@@ -93,26 +92,33 @@ class Scores(dict[Hashable, FloatArray]):
             ranks[is_new] = last + 1 + first[is_new, number]
         self._last_rank = last + 2 + int(first.max(initial=0))
 
-    def put(self, games: IntArray, scores: Mapping[Hashable, float]) -> None:
-        """Set all scores of some games to the same values."""
+    def _add_columns(self, key: Hashable) -> None:
+        """Add the columns of a new key."""
+        self[key] = np.zeros(self._games, np.float64)
+        self.are_floats[key] = np.zeros(self._games, np.bool_)
+        self.ranks[key] = np.zeros(self._games, np.int64)
+
+    def put(self, games: int | IntArray, scores: Mapping[Hashable, float]) -> None:
+        """Set all scores of a game, or of several games to the same values."""
         for key in self:
             if key not in scores:
                 self[key][games] = 0.0
                 self.ranks[key][games] = 0
         for rank, (key, points) in enumerate(scores.items(), 1):
-            self.add(key, games, 0)
+            if key not in self:
+                self._add_columns(key)
             if not fits_float(points) and self[key].dtype != object:
                 self[key] = self[key].astype(object)
             self[key][games] = points
             self.are_floats[key][games] = type(points) is not int
             self.ranks[key][games] = rank
+        self._last_rank = max(self._last_rank, len(scores))
 
-    def of(self, games: IntArray) -> list[dict[Any, Any]]:
-        """Return the scores of each game, key -> number, in the order in which the keys were first set."""
-        found: list[list[tuple[int, Hashable, float]]] = [[] for _ in games]
-        for key in self:
-            columns = (column[key][games].tolist() for column in self.columns)
-            for scores, number, rank, is_float in zip(found, *columns, strict=True):
-                if rank:
-                    scores.append((rank, key, number if is_float else int(number)))
-        return [{key: number for _, key, number in sorted(scores, key=itemgetter(0))} for scores in found]
+    def of(self, game: int) -> dict[Any, Any]:
+        """Return the scores of a game, key -> number, in the order in which the keys were first set."""
+        ranks = [(column.item(game), key) for key, column in self.ranks.items()]
+        return {key: self._of(key, game) for rank, key in sorted(ranks, key=itemgetter(0)) if rank}
+
+    def _of(self, key: Hashable, game: int) -> Any:
+        points = self[key].item(game)
+        return points if self.are_floats[key].item(game) else int(points)

@@ -5,15 +5,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import repeat
-from operator import is_, itemgetter
+from functools import lru_cache, partial
 from typing import Any, NamedTuple, NoReturn
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.random import Generator
 
+from gamms.core.ask import hold
 from gamms.core.copies import copied, copied_values
 from gamms.deciding import phase_of
 from gamms.errors import UnknownAttribute
@@ -223,7 +222,7 @@ class Cursor:
         self._why = ""  # why the game leaves that the context is pointed at
         self._core_keys = frozenset(keys_in_core(game, state.roster))
         specs = [one.spec for one in called_rules(game, state.roster) if one.spec.core_form is not None]
-        self._facts_in_core = {str(spec.key): spec.fact_of_game for spec in specs if spec.fact_of_game is not None}
+        self._facts_in_core = [(str(spec.key), spec.facts_of) for spec in specs if spec.facts_of is not None]
         deciders = [decider_of(state.roster.agents[number], game.settings()["plans"]) for number in asked]
         collectors = parts.collectors.by_name.values()
         self._periods = {one.every for one in collectors}
@@ -358,12 +357,10 @@ class Cursor:
         turns.is_playing = True
         turns.is_moving = is_moving
 
-    def _what_is_fixed(self) -> tuple[Any, ...]:
+    def _what_is_fixed(self) -> tuple[int, object, int]:
         """Return the numbers and objects that only the turn engine may change."""
         parts = self._parts
-        graph = self._ctx.graph
-        means = self._phase.setting_changes, parts.rules.now, len(parts.collectors.by_name)
-        return means, graph.obstacle_revision, graph.storage.has_placed
+        return self._phase.setting_changes, parts.rules.now, len(parts.collectors.by_name)
 
     def _take_shown(self) -> None:
         """Read the agents that the context has from now on."""
@@ -398,11 +395,6 @@ class Cursor:
         are_plain = not counting and all(getattr(one, "sees_world_only", False) for one in sensors)
         return _PopulationCaches(lasts, notices, sees_world_only, are_plain, lru_cache(1024)(self._new_living))
 
-    def _refuse_changes(self) -> None:
-        """Move the game to a context of its own if a function has changed a value that all games share."""
-        if self._what_is_fixed() != self._fixed:
-            self._leave("changes the map, settings, rules or collectors")
-
     def _have_left(self, games: IntArray) -> bool:
         """Move games to contexts of their own if a function has changed attributes of agents that they share."""
         if not self._are_shared or is_same(self._shared_attributes, self._first_attributes):
@@ -418,51 +410,55 @@ class Cursor:
     # -- pointing -----------------------------------------------------------------------------------------------
 
     def _each(self, games: IntArray) -> Iterator[int]:
-        """Point the context at each of some games in turn, and yield the number of the game."""
-        values = self._values
-        state = self._state
-        pointed = self._pointed
-        for number in pointed.each(games):
-            self._number = number
-            if pointed.population is not self._population:
-                self._take_shown()
-            for own in self._own_functions:
-                own.number = number
-            self._read.clear()
-            self._own_of_ctx["_rng"] = self._rngs[number]
-            self._changes = self._phase.strategy_changes, self._phase.sensor_changes
-            values.team_memories = self._team_memories[number]
-            values.over = state.over[number]
-            self._over = state.over[number]
-            private = self._private_facts[number] or self._nothing_private
-            if private is not self._private_shown:
-                self._private_shown = private
-                values.agent_facts, values.team_facts = private
-            if pointed.alive != self._alive or any(private) == self._is_public:
-                self._take_living(pointed.alive)
-            if state.radio is not None:
-                self._turns.inboxes = kept_in(self._inboxes, number, self._new_inboxes)
-            facts = self._facts_of[number]
-            if facts is not self._facts_own:
-                self._show_facts(facts)
-            for name, fact_of_game in self._facts_in_core.items():
-                fact = fact_of_game(state, number)
-                self._facts[name] = fact
-                self._facts_shown[name] = fact
-            self._show_attributes_of(number)
-            yield number
-
-    def _each_that_stays(self, games: IntArray) -> Iterator[int]:
         """Point the context at each of some games that have not left, and yield the index of the game."""
-        places = np.flatnonzero(~np.isin(games, [*self._state.leaving]))
+        state = self._state
+        places = np.flatnonzero(~np.isin(games, [*state.leaving]))
+        facts = [(name, facts_of(state, games)) for name, facts_of in self._facts_in_core]
         first = 0
         while first < len(places):
-            for place, _ in zip(places[first:].tolist(), self._each(games[places[first:]]), strict=True):
+            rest = places[first:]
+            for place, number in zip(rest.tolist(), self._pointed.each(games[rest]), strict=True):
                 first += 1
+                self._show_values(number)
+                for name, of_games in facts:
+                    self._facts[name] = of_games[place]
+                    self._facts_shown[name] = of_games[place]
                 yield place
                 if self._why:
                     self._let_leave()
                     break
+
+    def _show_values(self, number: int) -> None:
+        """Show the values in Python of the game that the context is pointed at."""
+        values = self._values
+        pointed = self._pointed
+        phase = self._phase
+        self._number = number
+        if pointed.population is not self._population:
+            self._take_shown()
+        for own in self._own_functions:
+            own.number = number
+        self._read.clear()
+        self._own_of_ctx["_rng"] = self._rngs[number]
+        self._changes = phase.strategy_changes, phase.sensor_changes
+        values.team_memories = self._team_memories[number]
+        over = self._state.over[number]
+        values.over = over
+        self._over = over
+        private = self._private_facts[number]
+        is_public = private is None or not any(private)
+        private = private or self._nothing_private
+        if private is not self._private_shown:
+            self._private_shown = private
+            values.agent_facts, values.team_facts = private
+        if pointed.alive != self._alive or is_public != self._is_public:
+            self._take_living(pointed.alive)
+        if self._state.radio is not None:
+            self._turns.inboxes = kept_in(self._inboxes, number, self._new_inboxes)
+        facts = self._facts_of[number]
+        if facts is not self._facts_own:
+            self._show_facts(facts)
+        self._show_attributes_of(number)
 
     def _show_facts(self, own: dict[str, Any] | None) -> None:
         """Show the facts of a game; None: the facts published before the batch."""
@@ -615,7 +611,7 @@ class Cursor:
     _make_began = _began
 
     def _make_scores(self) -> Scores:
-        self._scores_before = self._state.scores.of(np.array([self._number]))[0]
+        self._scores_before = self._state.scores.of(self._number)
         scores = Scores()
         dict.update(scores, self._scores_before)
         return scores
@@ -779,7 +775,7 @@ class Cursor:
     def call(self, named: NamedRule, games: IntArray, part: int | None = None) -> None:
         """Call a rule in each of these games, before agents of a part of the turn move; None: before or after all."""
         what = f"the rule {named.name!r} (phase {named.phase!r})"
-        self._call_each(lambda: named.rule(self._ctx), games, what, part=part)
+        self._call_each(partial(named.rule, self._ctx), games, what, part=part)
 
     def collect(self, games: IntArray) -> None:
         """Call the collectors in the games in which they are due."""
@@ -814,7 +810,7 @@ class Cursor:
         self._part = part
         turns.is_moving = part is not None or self._core.arrival is not None
         try:
-            for _ in self._each_that_stays(games[self._pointed.by_population(games)]):
+            for _ in self._each(games[self._pointed.by_population(games)]):
                 self._call(function)
         except Exception as error:
             if not self._have_left(games):
@@ -842,10 +838,9 @@ class Cursor:
             finally:
                 if not self._why:
                     self._take()
-                    self._refuse_changes()
             if table.begun != begun:
                 self._leave("draws by the streams of agents")
-            if not all(map(is_, map(itemgetter(0), self._cached.lasts), repeat(self._looks))):
+            if not hold(self._cached.lasts, self._looks):
                 self._forget_asking()
         except Exception:
             if not self._why:
@@ -861,14 +856,17 @@ class Cursor:
         return f"In game {self._number} of a batch, with the seed {self._state.seeds[self._number]}."
 
     def _take(self) -> None:
-        """Write the changes of a game into the columns."""
+        """Write the changes of a game into the columns; the game leaves if they are of values that all games share."""
         number = self._number
         over = self._values.over
         journal = self._journal
-        block = None
-        self._take_rng()
-        if self._has_other_agents():
-            block = self._take_population()
+        phase = self._phase
+        block: AgentBlock | None = self._block
+        rng = self._own_of_ctx["_rng"]
+        if rng is not None:
+            self._take_rng(rng)
+        if journal.log or journal.progressed or (phase.strategy_changes, phase.sensor_changes) != self._changes:
+            block = self._take_agents(journal)
             if block is None:
                 return
         if self._read:
@@ -876,30 +874,19 @@ class Cursor:
         if over is not self._over:
             self._state.over[number] = over
             self._state.is_going[number] = over is None
-        if block is not None or journal.log or journal.progressed:
-            self._take_agents(journal, block)
-        if self._pointed.has_changed_map():
+        if self._pointed.map.changes() != self._pointed.map_changes:
             self._take_roads()
         for name in _NUMBERS:
-            self._state.numbers[name][number, self._population.numbers] = getattr(block or self._block, name)
-        if self._facts != self._facts_shown:
+            self._state.numbers[name][number, self._population.numbers] = getattr(block, name)
+        if self._facts != self._facts_shown or any(self._nothing_private):
             self._take_facts()
-        if self._private_shown is self._nothing_private and any(self._nothing_private):
-            self._private_facts[number] = self._nothing_private
-            self._nothing_private = {}, {}
+        if self._what_is_fixed() != self._fixed:
+            self._leave("changes settings, rules or collectors")
 
-    def _has_other_agents(self) -> bool:
-        """Return whether a function has created or deleted agents, or changed their strategies or sensors."""
-        changes = self._phase.strategy_changes, self._phase.sensor_changes
-        if changes != self._changes or self._journal.log:
-            self._pointed.part_from_others()
-        return self._pointed.has_other_agents()
-
-    def _take_rng(self) -> None:
+    def _take_rng(self, rng: Generator) -> None:
         """Store the random stream of a game."""
-        rng = self._own_of_ctx["_rng"]
         self._rngs[self._number] = rng
-        if rng is not None and self._has_drawn:
+        if self._has_drawn:
             self._leave("draws from ctx.rng, as the code of the scenario does")
 
     def _take_population(self) -> AgentBlock | None:
@@ -980,9 +967,20 @@ class Cursor:
         are_exact = {key for key, column in columns.items() if column.dtype == object}
         if not all(key in are_exact or fits_float(points) for key, points in scores.items()):
             self._leave("sets scores that are no numbers")
-        columns.put(np.array([self._number]), scores)
+        columns.put(self._number, scores)
 
-    def _take_agents(self, journal: Journal, changed: AgentBlock | None) -> None:
+    def _take_agents(self, journal: Journal) -> AgentBlock | None:
+        """Store the changes of agents; return their block; None: games have to begin again."""
+        self._pointed.part_from_others()
+        changed = None
+        if self._pointed.has_other_agents():
+            changed = self._take_population()
+            if changed is None:
+                return None
+        self._take_changes(journal, changed)
+        return changed or self._block
+
+    def _take_changes(self, journal: Journal, changed: AgentBlock | None) -> None:
         """Write the nodes of agents that were placed elsewhere, and which agents live.
 
         Args:
@@ -1021,6 +1019,11 @@ class Cursor:
 
     def _take_facts(self) -> None:
         """Store the facts that a rule has published in a game."""
+        if any(self._nothing_private):
+            self._private_facts[self._number] = self._nothing_private
+            self._nothing_private = {}, {}
+        if self._facts == self._facts_shown:
+            return
         known = self._facts_shown
         now = self._facts
         changed = {name for name, fact in now.items() if name not in known or fact is not known[name]}
@@ -1074,7 +1077,7 @@ class Cursor:
         if self._core.courses is not None:
             self._core.courses.routes.forget()
         with self._deciding(games):
-            for place in self._each_that_stays(games):
+            for place in self._each(games):
                 number = self._number
                 self._living.table.rekey(state.seeds[number])
                 if here is None:
@@ -1157,7 +1160,6 @@ class Cursor:
         if self._journal.log or self._journal.progressed or self._values.over is not self._over:
             self._leave("that is a sensor changes agents or ends the game")
         self._take()
-        self._refuse_changes()
 
     def _choose_flights(self, flights: Flights, decisions: Decisions, asked: _AskedAgents) -> None:
         """Store the flights that agents of the current game have chosen."""
@@ -1300,8 +1302,8 @@ class Cursor:
         attributes = copied(self._attributes)
         undo_pointed = self._pointed.checkpoint()
         rngs = [rng and deepcopy(rng) for rng in self._rngs]
-        memories = [{name: copied(one) for name, one in each.items() if one} for each in self._memories]
-        team_memories = [{team: copied(one) for team, one in each.items()} for each in self._team_memories]
+        memories = [{name: copied(one) for name, one in each.items() if one} if each else {} for each in self._memories]
+        team_memories = [copied(each) if each else {} for each in self._team_memories]
         undone = copied(self._undone)
         collected = [one.snapshot() for one in self._collectors] if self._periods else []
         data: dict[int, dict[Any, Any] | None] = {}

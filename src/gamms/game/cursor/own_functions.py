@@ -68,7 +68,7 @@ def per_game(rule: NamedRule, of_game: FunctionPerGame) -> NamedRule:
         array_form=None,
         core_form=None,
         prepare_arrays=None,
-        fact_of_game=None,
+        facts_of=None,
         begin_arrays=None,
         is_array_function=False,
     )

@@ -198,10 +198,13 @@ class PointedContext:
         delayed_looks: the pending reports of sensors in each game.
         departed: the agents that were deleted in each game; see `GameState`.
         moved: game -> a moment, and the agents whose moves functions see then; others were created or deleted since.
+        map: the storage of the map of the context.
+        map_changes: the changes of the map that is shown; see `IMapStorage.changes`.
     """
 
     population: Population
     headings: Mapping[int, Heading] | None
+    map_changes: tuple[int, int, int, bool]
 
     def __init__(self, game: PlayedGame, state: GameArrays) -> None:
         self._game = game
@@ -215,6 +218,7 @@ class PointedContext:
         self.moved: dict[int, tuple[tuple[int, int | None], Population]] = {}
         self._known: WeakValueDictionary[tuple[Any, ...], Population] = WeakValueDictionary()
         self._own = vars(game.ctx)
+        self.map = game.ctx.graph.storage
         self.alive = b""
 
     def forget(self, games: IntArray) -> None:
@@ -227,8 +231,8 @@ class PointedContext:
 
     def checkpoint(self) -> Callable[[], None]:
         """Return a function that undoes all later changes."""
-        delayed_looks = [{**looks} for looks in self.delayed_looks]
-        departed = [{**one} for one in self.departed]
+        delayed_looks = [{**looks} if looks else {} for looks in self.delayed_looks]
+        departed = [{**one} if one else {} for one in self.departed]
         populations = [*self.population_of]
         moved = {**self.moved}
 
@@ -246,8 +250,7 @@ class PointedContext:
         self._first_looks = self._game.internals.state.delayed_looks
         self._first = Population(self._game, self._state)
         self._note_shown(self._first)
-        self._graph = self._game.ctx.graph.graph
-        self._first_map = self._game.ctx.graph.storage.snapshot()
+        self._first_map = self.map.snapshot()
         self._note_map(None)
 
     def release(self) -> None:
@@ -360,13 +363,16 @@ class PointedContext:
         values = self._game.internals.state
         turns = self._game.internals.parts.turns
         columns = self._nodes_of(population, games)
-        size = len(numbers)
         row_of = {number: row for row, number in enumerate(numbers.tolist())}
-        lives = np.ascontiguousarray(state.alive[games][:, numbers]).tobytes()
+        lives = [one.tobytes() for one in state.alive[games][:, numbers]]
         placed = self._placed(games)
         are_placed = np.any(placed, axis=1).tolist()
         roads = state.roads
-        if self.has_changed_map():  # by a function that has raised
+        are_closed = roads.are_closed
+        seeds = state.seeds
+        headings = state.headings
+        remembers = state.movement.remembers
+        if self.map_changes != self.map.changes():  # by a function that has raised
             self._show_roads(None)
         if self.has_other_agents():
             self.show(population)
@@ -377,21 +383,20 @@ class PointedContext:
             values.turn = played[at]
             values.delayed_looks = self.delayed_looks[number]
             values.departed = self.departed[number]
-            self._own["_seed"] = state.seeds[number]
+            self._own["_seed"] = seeds[number]
             turns.seed_changes += 1
             show_game(block, columns, at)
-            if population.rows_in_air or state.headings[number] != self.headings:
+            if population.rows_in_air or headings[number] != self.headings:
                 self._show_poses(number)
-            alive = lives[at * size : (at + 1) * size]
-            if alive != self.alive:
-                self.show_lives(alive)
+            if lives[at] != self.alive:
+                self.show_lives(lives[at])
             self._show_numbers(number)
             if block.placed or are_placed[at]:
                 block.placed = set(np.flatnonzero(placed[at][numbers]).tolist())
-            if state.movement.remembers:
+            if remembers:
                 on_edges = state.movement.on_edges(number, state.node[number])
                 show_progress(block, {row_of[agent]: one for agent, one in on_edges.items() if agent in row_of})
-            if roads.are_closed or self._roads is not None:
+            if are_closed or self._roads is not None:
                 self._show_roads(roads.of(number))
             yield number
 
@@ -437,19 +442,13 @@ class PointedContext:
 
     def _show_roads(self, roads: RoadMap | None) -> None:
         """Open and close roads as in a game; None: as at the start."""
-        if roads is not self._roads or self.has_changed_map():
-            self._game.ctx.graph.storage.restore(self._first_map if roads is None else roads.snapshot)
+        if roads is not self._roads or self.map_changes != self.map.changes():
+            self.map.restore(self._first_map if roads is None else roads.snapshot)
             self._note_map(roads)
 
     def _note_map(self, roads: RoadMap | None) -> None:
         self._roads = roads
-        self._revision = self._graph.revision
-        self._road_changes = self._game.ctx.graph.storage.road_changes
-
-    def has_changed_map(self) -> bool:
-        """Return whether the graph of the context was changed since the game was shown."""
-        changed: bool = self._graph.revision != self._revision
-        return changed
+        self.map_changes = self.map.changes()
 
     def change_roads(self, games: IntArray, verb: str, edges: Sequence[int]) -> None:
         """Close or open roads in some games.
@@ -471,16 +470,16 @@ class PointedContext:
     def take_roads(self, number: int) -> bool:
         """Store the map of the context for a game; return False, and do nothing, if more than roads was changed."""
         state = self._state
-        storage = self._game.ctx.graph.storage
-        others = self._graph.revision - self._revision - storage.road_changes + self._road_changes
-        if others:
+        revision, road_changes, *others = self.map.changes()
+        known_revision, known_road_changes, *known_others = self.map_changes
+        if revision - known_revision != road_changes - known_road_changes or others != known_others:
             return False
         try:
-            roads = state.roads.map_with(*storage.roads())
+            roads = state.roads.map_with(*self.map.roads())
         except BadValue:
             return False
         if roads is not None and roads.snapshot is None:
-            roads.snapshot = storage.snapshot()
+            roads.snapshot = self.map.snapshot()
         state.put_roads(np.array([number]), roads)
         self._note_map(roads)
         return True

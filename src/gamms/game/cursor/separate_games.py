@@ -229,7 +229,7 @@ class SeparateGames:
         state.turn[number] = game.turn
         state.over[number] = None if game.over is None else dict(game.over)
         state.is_going[number] = game.over is None
-        state.scores.put(np.array([number]), game.scores)
+        state.scores.put(number, game.scores)
         self._unobserved.add(number)
 
     def observe(self, numbers: Iterable[int]) -> None:
