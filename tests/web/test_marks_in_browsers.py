@@ -63,7 +63,7 @@ def test_marks_are_where_pictures_have_them_and_keep_their_size(chromium, game, 
         page.settle()
         marks = page.value(MARKS)
         assert {mark["name"]: mark["right"] for mark in marks} == rights
-        assert [mark["down"] for mark in marks] == pytest.approx([16.5] * len(marks))
+        assert [mark["down"] for mark in marks] == pytest.approx([12.0] * len(marks))
     assert {mark["name"] for mark in marks} == {"robot_0", "robot_1", "thief_0", "thief_1", "scout"}
     assert page.messages == []
 

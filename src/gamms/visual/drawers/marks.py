@@ -1,8 +1,8 @@
 """Drawers of marks on the nodes where agents were tagged, were eliminated, or arrived.
 
-A mark has the color of the agent that it is about. It stands beside the discs of agents, and below those that come
-there later, so that it crosses out none. Marks of one place stand in a row. `drawn_marks` returns them as labels need
-them, so that they get names.
+A mark has the color of the agent that it is about. Marks stand below discs of agents at their right and left, where
+grids have neither edges nor nodes, and apart from several agents on the node; they lie on a layer below agents, so that
+they cross out none. `drawn_marks` returns them as labels need them, so that they get names.
 """
 
 from collections import Counter
@@ -25,14 +25,13 @@ _ARM_PX = 7.0
 _RING_PX = 8.5
 _LINE_PX = 3.0
 _EDGE_PX = 3.0
-# a disc without a size on the map, and the free space around it
-_DISC_PX = 6.0
-_GAP_PX = 2.0
+# from the node aside and downward: radii of the discs there, and pixels; agents that share a node reach 2 radii
+_ASIDE = 1.0
+_ASIDE_PX = 12.0
 _STEP_PX = 20.0  # from a mark to the next one in a row
 _LABEL_PX = _STEP_PX / 2 + 0.5  # radius of the free space around a mark; in a row these circles touch
 _ROW_PX = 40.0  # at most from the first mark of a row to the last one at each side
-_DOWN_PX = _DISC_PX + _GAP_PX + _RING_PX  # from the disc to the marks
-MARK_PX = _DOWN_PX + _RING_PX + _LINE_PX  # how far marks reach below the disc
+MARK_PX = 28.0  # how far marks reach from nodes whose discs have a radius of 6
 _MARKS = "_marks"  # the key of the marks in the data of their artist
 _PALE = 190  # alpha of marks of earlier turns
 _CROSS = np.array([(-1.0, -1.0), (1.0, 1.0), (0.0, 0.0), (1.0, -1.0), (-1.0, 1.0), (0.0, 0.0)]) * _ARM_PX
@@ -122,17 +121,18 @@ def _aged(color: AnyColor, *, is_new: bool) -> Rgba:
 
 
 def _draw(ctx: IContext, marks: Sequence[_AgentMark], data: dict[str, Any]) -> None:
-    """Draw marks below their places, first the edges of all, and note in `data` where they are."""
+    """Draw marks beside their places, first the edges of all, and note in `data` where they are."""
     visual = drawing_of(ctx)
     last = {mark.place: mark.number for mark in marks}
     places = []
     shifts = []
     for mark in marks:
         x, y = mark.place
-        step = min(_STEP_PX, _ROW_PX / max((last[mark.place] + 1) // 2, 1))
-        right = (mark.number + 1) // 2 * step * (1.0 if mark.number % 2 else -1.0)  # from the middle outwards
-        places.append((x, y - data.get("size", 0.0)))
-        shifts.append((right, _DOWN_PX))
+        aside = _ASIDE * data.get("size", 0.0)
+        side = -1.0 if mark.number % 2 else 1.0
+        step = min(_STEP_PX, _ROW_PX / max(last[mark.place] // 2, 1))
+        places.append((x + side * aside, y - aside))
+        shifts.append((side * (_ASIDE_PX + mark.number // 2 * step), _ASIDE_PX))
     for more_px in (_EDGE_PX, 0.0):
         for mark, place, shift in zip(marks, places, shifts, strict=True):
             ink = visual.theme.background if more_px else mark.color
