@@ -218,8 +218,9 @@ def test_the_first_frame_shows_the_start(plain, tmp_path):
 # -- a context that films itself ----------------------------------------------------------------------------
 
 
-def test_a_film_shows_whole_fields_of_view_wherever_agents_go(ctx, tmp_path):
-    ctx.sensor.create_sensor("eye", gamms.sensor.SensorType.RANGE, sensor_range=4.0)
+@pytest.mark.parametrize(("range_m", "room"), [(2.5, 2.5), (20.0, 2.5)])
+def test_a_film_shows_fields_of_view_up_to_a_quarter_of_the_map_wherever_agents_go(ctx, tmp_path, range_m, room):
+    ctx.sensor.create_sensor("eye", gamms.sensor.SensorType.RANGE, sensor_range=range_m)
     red = ctx.agent.get_agent("red_0")
     red.register_sensor("eye", ctx.sensor.get_sensor("eye"))
     with ctx.visual.film(tmp_path / "a.gif") as film:
@@ -227,7 +228,7 @@ def test_a_film_shows_whole_fields_of_view_wherever_agents_go(ctx, tmp_path):
         move(ctx, "red_0", 1)
         camera = film._frames._view(1.0)[0]
         xy = ctx.graph.columns().xy
-        corners = camera.to_screen(np.array([xy.min(axis=0) - 4.0, xy.max(axis=0) + 4.0]))
+        corners = camera.to_screen(np.array([xy.min(axis=0) - room, xy.max(axis=0) + room]))
         assert (corners >= 0.0).all()
         assert (corners <= (camera.width, camera.height)).all()
 

@@ -18,7 +18,6 @@ from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import Drawer
 from gamms.visual.appearance import AgentData, AgentLooks, GraphData, Rgb
 from gamms.visual.artist import Artist, data_of, looks_of
-from gamms.visual.camera import BEYOND
 from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.drawers.agents import render_looks
@@ -53,6 +52,7 @@ RING = 1.7  # of a sensed agent, in radii of its disc
 # of a wall: in radii of agents, and at most in metres
 _WALL = 0.3
 _THICKEST = 0.5
+_MOST_ROOM = 0.25  # for fields of view at each side of a map that stays as it is, in lengths of its longer side
 
 
 ColoredSights = Mapping[str, list[tuple[Rgb, SensorView | None]]]
@@ -253,9 +253,9 @@ def artists_of_sights(
 
 
 def reach_of_views(ctx: IContext, artists: Mapping[str, IArtist]) -> float:
-    """Return how far fields of view reach from their agents, world units; at most as far as pictures show them."""
+    """Return how far fields of view reach from their agents, world units; at most as far as frames make room."""
     xy = ctx.graph.columns().xy
-    most = BEYOND * float(np.ptp(xy, axis=0).max()) if len(xy) else 0.0
+    most = _MOST_ROOM * float(np.ptp(xy, axis=0).max()) if len(xy) else 0.0
     far = 0.0
     for artist in artists.values():
         for _, view in data_of(artist).get("sights", ()):

@@ -233,6 +233,37 @@ def test_the_card_of_the_end_covers_no_panel_in_a_small_window(open_window, reco
     assert all(panels._overlap(card, box) == 0 for box in others)
 
 
+def test_a_turn_that_a_game_did_not_finish_is_not_counted(ctx, tmp_path):
+    path = tmp_path / "broken.ggr"
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as played:
+        played.graph.attach_networkx_graph(gamms.graph.grid(1, 5))
+        played.agent.create_agent("anna", start_node_id=0, team="red", strategy=gamms.strategies.random_walk)
+        played.record.start(path)
+        played.game.run(max_turns=2)
+        state = played.agent.get_agent("anna").get_state()
+        state["action"] = state["curr_pos"]
+        played.agent.get_agent("anna").set_state()
+    with gamms.recorder.open(path) as game:
+        assert game.turns == 2
+    for _ in ctx.record.replay(path):
+        pass
+    assert ctx.visual.playback.turn == ctx.visual.overlay.turns == 2
+
+
+@pytest.mark.parametrize(("width", "height", "is_below"), [(300, 600, True), (900, 300, False)])
+def test_the_map_is_beside_the_legend_or_below_it_where_it_is_larger_so(open_window, width, height, is_below):
+    ctx = open_window(is_empty=True, width=width, height=height)
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+    for team in ("red", "blue"):
+        ctx.agent.create_agent(team, start_node_id=0, team=team)
+    ctx.visual.update()
+    legend = ctx.visual.overlay.hud.legend
+    places = ctx.visual.camera.camera().to_screen(ctx.graph.columns().xy)
+    assert legend.width > 0
+    assert (places[:, 0].max() > width - legend.width) == is_below
+    assert not is_below or places[:, 1].min() > legend.height
+
+
 def test_the_map_lies_above_the_line_of_turns(open_window, recording):
     ctx = open_window(is_empty=True, width=400, height=300)
     for _ in ctx.record.replay(recording):

@@ -53,15 +53,17 @@ def test_an_impossible_option_is_refused(open_window, bad):
         open_window(**bad)
 
 
-def test_fields_of_view_are_seen_as_a_whole_wherever_agents_go(ctx):
-    ctx.sensor.create_sensor("eye", SensorType.RANGE, sensor_range=6.0)
+@pytest.mark.parametrize("range_m", [2.5, 60.0])
+def test_fields_of_view_are_seen_up_to_a_quarter_of_the_map_wherever_agents_go(ctx, range_m):
+    ctx.sensor.create_sensor("eye", SensorType.RANGE, sensor_range=range_m)
     red = ctx.agent.get_agent("red_0")
     red.register_sensor("eye", ctx.sensor.get_sensor("eye"))
     red.get_state()
     ctx.visual.simulate()
     left, right, low, high, _ = ctx.visual.get_viewport()
-    assert left < -6.0 < 16.0 < right
-    assert low < -6.0 < 16.0 < high
+    assert left < -2.5 < 12.5 < right
+    assert low < -2.5 < 12.5 < high
+    assert high - low < 24.0  # the map, 10 units high, stays large
 
 
 def test_without_visuals_the_whole_graph_is_seen_in_the_default_look(ctx, seen):

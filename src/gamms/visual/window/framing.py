@@ -70,9 +70,16 @@ class Framing:
         xy = self._ctx.graph.columns().xy
         if len(xy):
             side, top, low = (min(px, share * self._camera.screen_height) for px, share in _MARGINS)
-            right = max(side, self._overlay.hud.legend.width + EDGE_PX)
-            margins = side, top, right, max(low, self._overlay.foot + _FOOT_PX)
-            self._camera.look_at_box(xy.min(axis=0) - self._reach, xy.max(axis=0) + self._reach, margins)
+            low = max(low, self._overlay.foot + _FOOT_PX)
+            legend = self._overlay.hud.legend
+            beside = side, top, max(side, legend.width + EDGE_PX), low
+            below = side, max(top, legend.height + EDGE_PX), side, low
+            box = xy.min(axis=0) - self._reach, xy.max(axis=0) + self._reach
+            self._camera.look_at_box(*box, below)
+            size_below = self._camera.camera_size
+            self._camera.look_at_box(*box, beside)
+            if size_below < self._camera.camera_size:
+                self._camera.look_at_box(*box, below)
 
     def see_choices(self, places: FloatArray) -> None:
         """Look at the one who is asked, unless all choices are seen, and apart from it, already.
