@@ -319,7 +319,10 @@ class ContextTerminated(GammsError, AttributeError):
     """The context is terminated; its graph is closed, and nothing can be created in it."""
 
     def __init__(self, wanted: str) -> None:
-        super().__init__(f"The context is terminated: {wanted} is no longer there. Create a new context.")
+        super().__init__(
+            f"The context is terminated, by terminate(), the end of its `with` block or a closed window: {wanted} is "
+            "no longer there. Create a new context."
+        )
 
 
 def _refuse_mixed_installation() -> None:

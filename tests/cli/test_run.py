@@ -172,6 +172,33 @@ def test_a_game_is_served_until_ctrl_c_and_its_result_is_there_before(folder, mo
     assert (folder / "served" / "game.ggr").exists()
 
 
+def test_a_game_whose_window_is_closed_says_so_and_leaves_a_recording_that_a_window_can_close_too(folder, monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    import pygame
+
+    from gamms.visual.window import engine
+
+    draw = engine.WindowEngine.handle_single_draw
+
+    def close(self):
+        draw(self)
+        if self.overlay.turns == 2:
+            pygame.event.post(pygame.event.Event(pygame.QUIT))
+
+    monkeypatch.setattr(engine.WindowEngine, "handle_single_draw", close)
+    done = run("--seed", 1, "--window", "--out", "out")
+    assert done.exit_code == 0, done.stderr
+    assert "after 2 turns: closed" in done.stdout
+    assert json.loads((folder / "out/result.json").read_text())["reason"] == "closed"
+    done = CliRunner().invoke(cli.app, ["verify", "out/game.ggr"])
+    assert done.exit_code == 0, done.stderr
+    assert "all is well" in done.stdout
+
+    assert run("--seed", 1, "--max-turns", 5, "--out", "out").exit_code == 0
+    done = CliRunner().invoke(cli.app, ["replay", "out/game.ggr", "--window", "--seconds", "0.2"])
+    assert (done.exit_code, done.stdout.strip(), done.stderr) == (0, "game.ggr: closed at turn 2", "")
+
+
 def test_the_game_is_shown_in_a_window(folder, monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     import pygame

@@ -208,6 +208,10 @@ def replay(  # noqa: PLR0913, PLR0917 - one argument per option
                 raise
             warning = str(error)
         playback = getattr(ctx.visual, "playback", None)  # a person may have shown any turn with it
+        if ctx.is_terminated():
+            overlay: Any = getattr(ctx.visual, "overlay", None)
+            console().print(f"[bold]{escape(file.name)}[/]: closed at turn {overlay.turns}")
+            return
         _print_agents(ctx, file, start + len(turns) if playback is None else playback.turn)
         if window:
             ctx.visual.stay_open()

@@ -54,8 +54,8 @@ class Playback(IPlayback):
 
     @property
     def turn(self) -> int:
-        """The number of turns replayed."""
-        return self._replayer.turn
+        """The number of turns replayed, without one that the recorded game did not finish."""
+        return min(self._replayer.turn, self.turns)
 
     @property
     def turns(self) -> int:
