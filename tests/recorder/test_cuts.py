@@ -46,8 +46,8 @@ def names_in(data):
 def everything_in(data):
     """All that a reader gets out of it, as text."""
     with opened(io.BytesIO(data)) as recording:
-        frames = [recording._reader.keyframe(turn) for turn in range(len(recording) + 1)]
-        return repr([recording._reader.header | {"world": b""}, frames, list(recording.logs())])
+        frames = [recording.reader.keyframe(turn) for turn in range(len(recording) + 1)]
+        return repr([recording.reader.header | {"world": b""}, frames, list(recording.logs())])
 
 
 def test_others_are_there_while_sensors_of_the_team_see_them():
@@ -232,7 +232,7 @@ def test_a_cut_of_any_game_has_the_team_whole_and_of_others_whom_it_saw(before, 
                 rows = (sensed["turn"] == turn + 1).nonzero()[0].tolist()
                 seen = {sensed["other"][row] for row in rows if sensed["agent"][row] in own}
                 assert set(cut[turn].agents["name"].tolist()) - own <= seen
-        if recording._reader.turns > recording.turns:
+        if recording.reader.turns > recording.turns:
             return  # of the turn that was not over there is no state
         again, _ = replayed(data, empty_context(seed=2))
         assert {agent.name for agent in again.agent.create_iter()} == set(cut[-1].agents["name"].tolist())

@@ -209,7 +209,7 @@ def with_drawing(ctx, drawing, *, in_header=False):
     header = {"world": ctx.graph.storage.pack(), "visuals": {"artists": [SPEC], "is_declared": False}}
     writer = Writer(stream, header | ({"drawings": [drawing]} if in_header else {}))
     with gamms.recorder.open(io.BytesIO(recorded(lambda ctx: None, ctx))) as rec:
-        writer.keyframe(rec._reader.keyframe(0)[1])
+        writer.keyframe(rec.reader.keyframe(0)[1])
     writer.add_turn([(kinds.VISUAL_COMMANDS, drawing)])
     writer.close()
     return stream.getvalue()

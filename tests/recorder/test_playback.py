@@ -136,3 +136,19 @@ def test_agents_of_a_game_that_is_replayed_join_those_of_a_game_that_is_recorded
         data = recorded_of(lambda ctx: list(ctx.record.replay(io.BytesIO(GAME))), ctx)
     with gamms.recorder.open(io.BytesIO(data)) as recording:
         assert [state.agents["name"].tolist() for state in recording[:2]] == [["dora"], ["dora", "anna", "bert"]]
+
+
+def test_an_open_recording_is_replayed_and_stays_open(tmp_path):
+    path = tmp_path / "game.ggr"
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.agent.create_team("red", [0], strategy=gamms.strategies.random_walk)
+        ctx.game.run(4, record=path)
+    with gamms.recorder.open(path) as recording:
+        places = []
+        for start in (0, 2):
+            with gamms.create_context() as ctx:
+                for _ in ctx.record.replay(recording, start=start):
+                    pass
+                places.append(ctx.agent.get_agent("red_0").current_node_id)
+        assert places == [recording[-1].agents["node"][0]] * 2

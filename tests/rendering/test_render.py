@@ -276,3 +276,14 @@ def test_the_fog_below_a_flyer_is_where_it_would_see_no_agent(kind):
         fog.look()
         behind_the_wall = {8, 9} if kind == "aerial_agent" else set()  # over which it sees node 10
         assert fog._now == {4, 6, 7, 10} | behind_the_wall
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".html", ".gif"])
+def test_a_truncated_recording_of_version_2_gives_no_file(tmp_path, suffix):
+    whole = next(iter(sorted(SAMPLES.glob("*.ggr")))).read_bytes()
+    (tmp_path / "cut.ggr").write_bytes(whole[: len(whole) - 5])
+    out = tmp_path / f"cut{suffix}"
+    done = run(tmp_path / "cut.ggr", out)
+    assert done.exit_code == 1
+    assert "truncated" in done.stderr or "cut off" in done.stderr, done.stderr
+    assert not out.exists()

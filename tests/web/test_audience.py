@@ -151,7 +151,7 @@ def test_sides_that_are_no_names_are_refused(strangers, tmp_path):
         recording.cut(tmp_path / "mice.ggr", "mice")
     damaged = tmp_path / "damaged.ggr"
     with recorder.open(tmp_path / "mice.ggr") as cut, damaged.open("wb") as file:
-        writer = recorder.Writer(file, {**cut._reader.header, "sides": [3]}, seconds=None)
+        writer = recorder.Writer(file, {**cut.reader.header, "sides": [3]}, seconds=None)
         writer.keyframe(cut.detached(0).keyframe(0))
         writer.close()
     with gamms.create_context() as ctx, pytest.raises(recorder.RecordingError, match=r"sides .*\[3\]"):

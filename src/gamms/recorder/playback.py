@@ -12,7 +12,6 @@ from gamms.ir.progress import Progress
 from gamms.ir.schema import ON_EDGES
 from gamms.recorder import keyframes
 from gamms.recorder.errors import RecorderBusy, reporting_damage
-from gamms.recorder.formats.reader import Reader
 from gamms.recorder.recording import Recording
 from gamms.recorder.replaying import Replayer
 from gamms.recorder.resuming import EventHistory, delete_others, history
@@ -36,18 +35,18 @@ class Playback(IPlayback):
 
     Args:
         ctx: the context for the replay.
-        reader: reader of the recording.
+        recording: the recording.
         replayer: applies its events.
         owned: the file to close at the end, if it was opened for this replay.
     """
 
-    def __init__(self, ctx: HostContext, reader: Reader, replayer: Replayer, owned: BinaryIO | None) -> None:
+    def __init__(self, ctx: HostContext, recording: Recording, replayer: Replayer, owned: BinaryIO | None) -> None:
         self._ctx = ctx
-        self._reader = reader
+        self._reader = recording.reader
         self._replayer = replayer
         self._owned = owned
-        self._recording = Recording(reader)
-        self._past = EventHistory(reader)
+        self._recording = recording
+        self._past = EventHistory(recording.reader)
         self._drawn: list[tuple[int, str]] = []  # (log, artist) of recorded drawings by log
         self._drawn_until = 0
         self.is_open = True

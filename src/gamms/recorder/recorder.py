@@ -3,7 +3,7 @@
 import os
 import time
 from collections.abc import Generator, Iterator
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from copy import deepcopy
 from typing import Any, BinaryIO
 
@@ -24,6 +24,7 @@ from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Output
 from gamms.recorder.maps import without_map
 from gamms.recorder.playback import Playback
+from gamms.recorder.recording import Recording
 from gamms.recorder.replaying import TURN_NS, Record, Replayer
 from gamms.recorder.session import RecordingSession
 from gamms.recorder.streams import RecordingTarget, format_of, locks, readable
@@ -286,13 +287,13 @@ class Recorder(Surface, ComponentNames, Guarded, IRecorder):
     # -- replay -------------------------------------------------------------------------------------------------
 
     @refused_while_deciding
-    def replay(self, path: str | os.PathLike[str] | BinaryIO, *, start: int = 0) -> Iterator[Record]:
+    def replay(self, path: str | os.PathLike[str] | BinaryIO | Recording, *, start: int = 0) -> Iterator[Record]:
         """Apply a recording to this context, and yield its records one by one, as in 1.0.0.
 
         In a window any turn can be shown, so records may repeat or be skipped.
 
         Args:
-            path: path of the recording; or a binary stream.
+            path: path of the recording; a binary stream; or an open recording, which stays open.
             start: number of turns before the first shown turn; 0 for version 2.
 
         Raises (at the first `next`):
@@ -306,18 +307,10 @@ class Recorder(Surface, ComponentNames, Guarded, IRecorder):
             return
         if self.is_replaying:
             raise RecorderBusy("A recording is being replayed already.")
-        stream, is_owned = readable(path)
-        if is_owned:
-            locks(stream, alone=False)
+        records = self._records(path, start)
         self.is_replaying = True
-        is_kept = False
         try:
-            if not 0 <= format_of(stream) < 3:
-                is_kept = yield from self._replay_version_3(stream, start, stream if is_owned else None)
-            elif start:
-                raise BadValue(f"A recording of version 2 is replayed from its beginning, not from turn {start}.")
-            else:
-                yield from self._replay_version_2(stream)
+            yield from records
         except ContextTerminated:
             if not self.ctx.is_terminated():
                 raise
@@ -326,17 +319,36 @@ class Recorder(Surface, ComponentNames, Guarded, IRecorder):
                 self._session.end_replay()
             self.is_replaying = False
             self._replayer = None
-            if is_owned and not is_kept:
-                stream.close()
 
-    def _replay_version_3(self, stream: BinaryIO, start: int, owned: BinaryIO | None) -> Generator[Record, None, bool]:
+    def _records(self, path: str | os.PathLike[str] | BinaryIO | Recording, start: int) -> Iterator[Record]:
+        """Yield the records of a recording of any version while they are applied."""
+        if isinstance(path, Recording):
+            yield from self._replay_version_3(path, start, None)
+            return
+        stream, is_owned = readable(path)
+        with ExitStack() as closing:
+            if is_owned:
+                locks(stream, alone=False)
+                closing.callback(stream.close)
+            if not 0 <= format_of(stream) < 3:
+                owned = stream if is_owned else None
+                if (yield from self._replay_version_3(Recording(Reader(stream)), start, owned)):
+                    closing.pop_all()
+            elif start:
+                raise BadValue(f"A recording of version 2 is replayed from its beginning, not from turn {start}.")
+            else:
+                yield from self._replay_version_2(stream)
+
+    def _replay_version_3(
+        self, recording: Recording, start: int, owned: BinaryIO | None
+    ) -> Generator[Record, None, bool]:
         """Replay, and return whether a window keeps the recording open for seeking."""
-        reader = Reader(stream)
+        reader = recording.reader
         replayer = Replayer(self.ctx, self._recording)
         self._replayer = replayer
         if reader.warning:
             self.ctx.logger.warning(reader.warning)
-        playback = Playback(self.ctx, reader, replayer, owned)
+        playback = Playback(self.ctx, recording, replayer, owned)
         keep = getattr(self.ctx.visual, "show_playback", None)
         try:
             replayer.begin(reader)

@@ -93,6 +93,7 @@ class Recording(Surface, StreamOwner):
 
     Attributes:
         header: metadata: `format`, `package` (version of GAMMS), `seed`, `created`, `provenance`.
+        reader: reads the blocks of the file.
         warning: the missing part of an unfinished recording; else None.
     """
 
@@ -102,7 +103,7 @@ class Recording(Surface, StreamOwner):
         if not isinstance(reader, Reader):
             raise BadType(f"gamms.recorder.open opens a recording; this is made of a Reader, not {shown(reader)}.")
         super().__init__(owned)
-        self._reader = reader
+        self.reader = reader
         self._given = None if graph is None else given_map(graph, reader.header)
         self.header = {key: value for key, value in reader.header.items() if key not in _BLOBS}
         for key in _CALLERS:
@@ -171,8 +172,8 @@ class Recording(Surface, StreamOwner):
     def turns(self) -> int:
         """The number of completed turns."""
         if self._turns is None:
-            logs = self._reader.turns
-            last = self._reader.events(logs - 1, logs, {kinds.UNFINISHED}) if logs else ()
+            logs = self.reader.turns
+            last = self.reader.events(logs - 1, logs, {kinds.UNFINISHED}) if logs else ()
             self._turns = logs - any(True for _ in last)
         return self._turns
 
@@ -220,8 +221,8 @@ class Recording(Surface, StreamOwner):
     def _computed(self, turn: int) -> DetachedState:
         """Return a state, computed from the last keyframe or from the previous result."""
         state = self._state
-        if state is None or not max(self._reader.keyframe_before(turn), 0) <= self._at <= turn:
-            found = self._reader.keyframe(turn)
+        if state is None or not max(self.reader.keyframe_before(turn), 0) <= self._at <= turn:
+            found = self.reader.keyframe(turn)
             if found is None:
                 raise RecordingError("This recording has no initial state.")
             self._state = None
@@ -229,10 +230,10 @@ class Recording(Surface, StreamOwner):
             self._at = found[0]
             state = DetachedState(found[1], found[0])
             if "components" not in found[1]:  # missing in the first recordings of version 3
-                for _, _, kind, data in self._reader.events(0, self._at, COMPONENTS):
+                for _, _, kind, data in self.reader.events(0, self._at, COMPONENTS):
                     state.apply_event(kind, data)
         self._state = None  # cleared, because an error in the next line leaves it incomplete
-        state.advance(self._reader, self._at, turn)
+        state.advance(self.reader, self._at, turn)
         self._state = state
         self._at = turn
         return state
@@ -343,13 +344,13 @@ class Recording(Surface, StreamOwner):
         if ctx is not None:
             as_context(ctx, "resume")
         chosen = resuming.strategies_of(self.detached(turn), strategies)
-        seed = resuming.as_seed(seed, resuming.seed_at(self._reader, turn))
+        seed = resuming.as_seed(seed, resuming.seed_at(self.reader, turn))
         live: Any = resuming.opened_context(seed, vis_engine, is_quiet=is_quiet) if ctx is None else ctx
         try:
             with nullcontext() if ctx is None or live.is_recording else resuming.all_or_nothing(live):
                 become(live, self.map_hash(turn), lambda: then.graph.packed, (self.map_hash(0),))
                 live.reseed(seed)
-                resuming.resume(live, self._reader, turn, self.detached(turn), is_fresh=ctx is None)
+                resuming.resume(live, self.reader, turn, self.detached(turn), is_fresh=ctx is None)
                 for name, strategy in chosen.items():
                     live.agent.agents[name].register_strategy(strategy)
         except BaseException:
@@ -421,7 +422,7 @@ class Recording(Surface, StreamOwner):
         from gamms.recorder.cut import write_cut
 
         with written(path, overwrite=as_bool(overwrite, "overwrite")) as stream:
-            write_cut(self._reader, self.graph.columns(), stream, team)
+            write_cut(self.reader, self.graph.columns(), stream, team)
 
     def observation(self, turn: int, agent: str) -> dict[str, Any]:
         """Return the state that an agent's strategy received in a turn; requires recorded sensor data.
@@ -444,7 +445,7 @@ class Recording(Surface, StreamOwner):
         if not 1 <= turn <= self.turns:
             raise BadValue(f"There is no turn {turn}: this recording has turns 1 to {self.turns}.")
         with self._live(turn - 1, {}, is_quiet=True) as ctx:
-            return resuming.observation(ctx, self._reader.log(turn - 1), self.detached(turn - 1), turn, agent)
+            return resuming.observation(ctx, self.reader.log(turn - 1), self.detached(turn - 1), turn, agent)
 
     # -- the map ------------------------------------------------------------------------------------------------
 
@@ -458,7 +459,7 @@ class Recording(Surface, StreamOwner):
         return self._map(0, self._first_map)
 
     def _first_map(self) -> Any:
-        header = self._reader.header
+        header = self.reader.header
         if self._given is None and not has_map(header):
             raise RecordingError(
                 f"This recording does not contain its map, only the SHA-256 of it, {hash_in(header)}. Pass the map: "
@@ -469,12 +470,12 @@ class Recording(Surface, StreamOwner):
     def map_hash(self, turn: int) -> str:
         """Return the SHA-256 of the map after a number of turns, even if the recording does not contain the map."""
         last = self._map_turn(turn)
-        return hash_of(self.map_at(turn).packed) if last else hash_in(self._reader.header)
+        return hash_of(self.map_at(turn).packed) if last else hash_in(self.reader.header)
 
     def _map_turn(self, turn: int) -> int:
         """Return the last turn up to this one with a map change; 0 if there is none."""
         if self._map_turns is None:
-            self._map_turns = sorted({log + 1 for log, *_ in self._reader.events(kinds={kinds.WORLD})})
+            self._map_turns = sorted({log + 1 for log, *_ in self.reader.events(kinds={kinds.WORLD})})
         place = bisect_right(self._map_turns, self._as_turn(turn))
         return self._map_turns[place - 1] if place else 0
 
@@ -484,7 +485,7 @@ class Recording(Surface, StreamOwner):
         return self._map(last, lambda: self._changed_map(last)) if last else self.graph
 
     def _changed_map(self, turn: int) -> Any:
-        *_, (*_, data) = self._reader.events(turn - 1, turn, {kinds.WORLD})
+        *_, (*_, data) = self.reader.events(turn - 1, turn, {kinds.WORLD})
         return data.get("world") if isinstance(data, dict) else None
 
     def _map(self, turn: int, packed: Callable[[], Any]) -> IPackedGraph:
@@ -507,7 +508,7 @@ class Recording(Surface, StreamOwner):
             `turn`, `kind`, and the data of the event. For events of rules, the turn is the turn number of the game, as
             in a `Result`.
         """
-        return tables.events(self._reader, *self._logs_of(start, stop))
+        return tables.events(self.reader, *self._logs_of(start, stop))
 
     def steps(self, start: int | None = None, stop: int | None = None) -> Iterator[dict[str, Any]]:
         """Yield all events of these turns, in order.
@@ -516,7 +517,7 @@ class Recording(Surface, StreamOwner):
             `turn`; `event`, which is "MOVE", or the name of a kind of the format; `agent` and `node` for a move, `data`
             for other events.
         """
-        return tables.steps(self._reader, *self._logs_of(start, stop), self._names_at)
+        return tables.steps(self.reader, *self._logs_of(start, stop), self._names_at)
 
     def export(self, path: str | os.PathLike[str], *, turn_seconds: float = 1.0) -> Path:
         """Write the positions of agents at the start and after each turn: `.gpx`, `.geojson` or `.csv`.
@@ -556,7 +557,7 @@ class Recording(Surface, StreamOwner):
             UnknownName (KeyError): the table does not exist.
             BadValue (ValueError): `lat_lon` for a table without nodes or a map without a CRS.
         """
-        table = tables.table(self._reader, name, *self._logs_of(start, stop), self._names_at)
+        table = tables.table(self.reader, name, *self._logs_of(start, stop), self._names_at)
         return with_latlon(table, self.state(self.turns).graph.columns()) if as_bool(lat_lon, "lat_lon") else table
 
     def to_pandas(
@@ -572,22 +573,22 @@ class Recording(Surface, StreamOwner):
 
     def logs(self, start: int | None = None, stop: int | None = None) -> Iterator[Log]:
         """Yield the log of each turn from `start` until before `stop`; see docs/recording-format.md."""
-        return (self._reader.log(log) for log in range(*self._logs_of(start, stop)))
+        return (self.reader.log(log) for log in range(*self._logs_of(start, stop)))
 
     def content(self) -> bytes:
         """Return the present bytes of the file."""
-        return self._reader.content()
+        return self.reader.content()
 
     def counts(self) -> dict[str, int]:
         """Return the number of events of each kind of the format, without moves."""
         counts: Counter[str] = Counter()
-        for kind, count in self._reader.count_events().items():
+        for kind, count in self.reader.count_events().items():
             counts[tables.KINDS.get(kind, f"{kind:#010x}")] += count
         return dict(counts)
 
     def count_moves(self) -> int:
         """Return the number of moves of agents on the ground."""
-        return self._reader.count_moves()
+        return self.reader.count_moves()
 
     def _names_at(self, log: int) -> tuple[dict[int, str], int]:
         """See `tables.NamesAt`."""
@@ -597,8 +598,8 @@ class Recording(Surface, StreamOwner):
     def _logs_of(self, start: int | None, stop: int | None) -> tuple[int, int]:
         """Return the range of logs for turns from `start` until before `stop`; turn n is in log n - 1."""
         first = 0 if start is None else as_int(start, "start")
-        last = self._reader.turns + 1 if stop is None else as_int(stop, "stop")
+        last = self.reader.turns + 1 if stop is None else as_int(stop, "stop")
         if first < 0 or last < 0:
             raise BadValue(f"Turns are counted from 1 on; start={start} and stop={stop} are no such range.")
-        end = min(max(last - 1, 0), self._reader.turns)
+        end = min(max(last - 1, 0), self.reader.turns)
         return min(max(first - 1, 0), end), end

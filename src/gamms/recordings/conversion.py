@@ -4,15 +4,16 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from io import BytesIO
 from itertools import chain, islice
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 from gamms.arguments import as_path
 from gamms.context import Context, create_context
-from gamms.errors import BadValue, MissingFile
+from gamms.errors import BadValue
 from gamms.folders import whole_file, write_csv
 from gamms.ir import events as kinds
 from gamms.plain import Plain, as_json, to_plain
@@ -22,7 +23,7 @@ from gamms.recorder.formats import version2
 from gamms.recorder.maps import HASH
 from gamms.recorder.replaying import Replayer
 from gamms.recorder.sensed import packed
-from gamms.recorder.streams import format_of, named, refuse_other
+from gamms.recorder.streams import format_of, named, readable
 from gamms.recorder.tracks import checked_seconds
 from gamms.typing.actions import known_node
 from gamms.visual import Engine
@@ -41,15 +42,32 @@ def version_of(path: str | os.PathLike[str]) -> int:
         RecordingError (ValueError): it is not a recording.
         OSError: it cannot be read.
     """
-    given = as_path(path, "The path of a recording")
-    refuse_other(given)
-    if not given.exists():
-        raise MissingFile("a recording", given)
-    with given.open("rb") as file:
-        version = format_of(file)
-    if version < 0:
-        raise RecordingError(f"{str(path)!r} is not a recording: it does not begin with 'MMGR' and a version.")
-    return version
+    stream, _ = readable(as_path(path, "The path of a recording"))
+    with stream:
+        return format_of(stream)
+
+
+@contextmanager
+def in_version_3(path: str | os.PathLike[str], map: str | os.PathLike[str] | None = None) -> Iterator[Recording]:
+    """Open a recording of any version for a `with` block; version 2 is converted to a temporary file.
+
+    Args:
+        path: the file of the recording.
+        map: see `context_for`.
+
+    Raises:
+        RecordingError (ValueError): the recording is damaged, or an unfinished one of version 2.
+        OSError: a file cannot be read.
+    """
+    with ExitStack() as made:
+        if version_of(path) < 3:
+            folder = made.enter_context(TemporaryDirectory())
+            converted = Path(folder) / "converted.ggr"
+            flaw = to_version_3(path, converted, map)
+            if flaw is not None:
+                raise RecordingError(flaw)
+            path = converted
+        yield made.enter_context(opened(path, graph=map))
 
 
 def context_for(

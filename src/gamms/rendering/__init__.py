@@ -1,20 +1,20 @@
 """Pictures, films and pages of recordings. A client: it replays into a context, and draws the context."""
 
 import os
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
-from gamms import recorder, recordings
 from gamms.arguments import as_known, as_target
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.folders import write_whole
+from gamms.recorder import Recording
+from gamms.recordings.conversion import in_version_3, with_map
 from gamms.text import shown
 from gamms.typing import PictureOptions
 from gamms.typing.recorder import IPlayback, pages
@@ -112,118 +112,106 @@ def render(
         OSError: a file cannot be read or written.
     """
     options = options or RenderOptions()
-    out = Path(out)
-    if (suffix := out.suffix.lower()) != _PAGE and suffix not in FORMATS and suffix not in FILMS:
-        raise BadValue(f"Cannot write {out.suffix or out.name!r}; there is: {', '.join((*FILMS, *FORMATS, _PAGE))}.")
-    _refuse_unused(suffix, options)
-    total = _checked_turns(path, options)
-    if suffix == _PAGE:
-        return _save_page(path, out, options, map)
-    with recordings.context_for(path, map) as ctx:
-        renderer = _Renderer(ctx, options, total, show)
-        make = renderer.film if suffix in FILMS else renderer.picture
-        return make(ctx.record.replay(os.fspath(path)), out)
+    out = as_target(out)
+    suffix = out.suffix.lower()
+    _check_format(out, options)
+    with in_version_3(path, map) as recording:
+        _check_turns(recording, options)
+        if suffix == _PAGE:
+            return _save_page(recording, out, options)
+        with with_map(map) as ctx:
+            renderer = _Renderer(ctx, recording, options, show)
+            return renderer.film(out) if suffix in FILMS else renderer.picture(out)
 
 
-def _refuse_unused(suffix: str, options: RenderOptions) -> None:
-    """Raise for options that do not apply to a format."""
+def _check_format(out: Path, options: RenderOptions) -> None:
+    """Raise for an unknown format, and for options that do not apply to the format."""
     if not isinstance(options, RenderOptions):
         raise BadType(f"options are RenderOptions(…), not {shown(options)}.")
-    unused: tuple[str, ...] = (*_OF_FILMS, *_OF_PICTURES)
-    if suffix in FILMS:
-        unused = ()
+    suffix = out.suffix.lower()
+    default = RenderOptions()
+    unused: tuple[str, ...] = ()
+    if suffix == _PAGE:
+        unused = (*_OF_FILMS, *_OF_PICTURES)
+        if options.last is not None:
+            raise BadValue("A page holds all turns: give --turns FROM: for where it begins.")
     elif suffix in FORMATS:
         unused = _OF_FILMS
-    default = RenderOptions()
+    elif suffix not in FILMS:
+        raise BadValue(f"Cannot write {out.suffix or out.name!r}; there is: {', '.join((*FILMS, *FORMATS, _PAGE))}.")
     given = [name for name in unused if getattr(options, name) != getattr(default, name)]
     if given:
         raise BadValue(f"A file {suffix} has no {', '.join(given)}: omit options that apply only to pictures or films.")
 
 
-def _save_page(
-    path: str | os.PathLike[str], out: Path, options: RenderOptions, map: str | os.PathLike[str] | None
-) -> int:
-    """Write a page; return how many turns it has."""
-    as_target(out)  # fail early
-    if options.last is not None:
-        raise BadValue("A page holds all turns: give --turns FROM: for where it begins.")
-    with ExitStack() as made:
-        if recordings.version_of(path) < 3:
-            folder = made.enter_context(TemporaryDirectory())
-            converted = Path(folder) / "converted.ggr"
-            recordings.to_version_3(path, converted, map)
-            path = converted
-        recording = made.enter_context(recorder.open(path))
-        content = pages["gamms"](
-            recording,
-            title=options.title,
-            theme=options.theme,
-            labels=options.labels,
-            trails=options.trails,
-            turn=max((options.first or 1) - 1, 0),
-            follow=options.follow,
-            audience=options.fog,
-        )
-        write_whole(out, content, through_links=True)
-        return recording.turns
-
-
-def _checked_turns(path: str | os.PathLike[str], options: RenderOptions) -> int | None:
-    """Return the number of turns of a recording; None for version 2, whose number is known only after a replay."""
+def _check_turns(recording: Recording, options: RenderOptions) -> None:
+    """Raise for turns that do not exist."""
     first = options.first
     last = options.last
     if (first is not None and first < 1) or (last is not None and last < (first or 0)):
         raise BadValue(f"Turns are counted from 1 on; there are none from {first or 1} to {last or 'the end'}.")
-    if recordings.version_of(path) < 3:
-        return None
-    with recorder.open(path) as recording:
-        total = recording.turns
     wanted = max(first or 0, last or 0)
-    if wanted > total:
-        raise BadValue(f"There is no turn {wanted}: {os.fspath(path)!r} has {total} turns.")
-    return total
+    if wanted > recording.turns:
+        raise BadValue(f"There is no turn {wanted}: this recording has {recording.turns} turns.")
+
+
+def _save_page(recording: Recording, out: Path, options: RenderOptions) -> int:
+    """Write a page; return how many turns it has."""
+    content = pages["gamms"](
+        recording,
+        title=options.title,
+        theme=options.theme,
+        labels=options.labels,
+        trails=options.trails,
+        turn=max((options.first or 1) - 1, 0),
+        follow=options.follow,
+        audience=options.fog,
+    )
+    write_whole(out, content, through_links=True)
+    return recording.turns
 
 
 class _Renderer:
     """A context into which a recording is replayed, and its declarations."""
 
-    def __init__(self, ctx: Context, options: RenderOptions, total: int | None, show: Show) -> None:
+    def __init__(self, ctx: Context, recording: Recording, options: RenderOptions, show: Show) -> None:
         self._ctx = ctx
         self._options = options
-        self._total = total
+        self._total = recording.turns
+        self._records = ctx.record.replay(recording)
         self._show = show
         self._turn = 0
         self._fog: Fog | None = None
 
-    def picture(self, records: Iterator[Any], out: Path) -> int:
+    def picture(self, out: Path) -> int:
         """Save a picture of the state after the last requested turn."""
         from gamms.visual import files
 
         options = self._options
-        files.sheet(as_target(out), options.width, options.height, 96.0)  # fail early
+        files.sheet(out, options.width, options.height, 96.0)  # fail early
         if options.last == 0:
-            self._play_start(records)
+            self._play_start()
         else:
-            self._play(records, options.last)
+            self._play(options.last)
         self._begin()
         if options.crop:
             self._crop()
         self._ctx.visual.save(out, options.width, options.height, **self._page)
         return self._turn
 
-    def film(self, records: Iterator[Any], out: Path) -> int:
+    def film(self, out: Path) -> int:
         """Film the turns that were asked for."""
         from gamms.visual.files import film_plan
 
         options = self._options
         film_plan(out, options.fps, options.width, options.height, options.frames_per_turn)
-        self._play(records, max((options.first or 1) - 1, 0))
+        self._play(max((options.first or 1) - 1, 0))
         if self._turn == 0:
-            next(records, None)  # the map and the agents come with the first record
+            next(self._records, None)  # the map and the agents come with the first record
         begun = self._turn
         size = options.width, options.height, options.frames_per_turn
         with self._ctx.visual.film(out, options.fps, *size, **self._page):
-            self._play(records, options.last)
+            self._play(options.last)
             if self._turn == begun:
                 raise BadValue(f"There is no turn to film: this recording has {self._turn} turns.")
         return self._turn - begun
@@ -243,21 +231,21 @@ class _Renderer:
             "trails": options.trails,
         }
 
-    def _play(self, records: Iterator[Any], last: int | None) -> None:
+    def _play(self, last: int | None) -> None:
         """Replay up to and with a turn; the generator stays open for more."""
         visual = self._ctx.visual
         with ExitStack() as watching:
             visual.after_turn.append(self._end_turn)
             watching.callback(visual.after_turn.remove, self._end_turn)
             while last is None or self._turn < last:
-                if next(records, None) is None:
+                if next(self._records, None) is None:
                     return
 
-    def _play_start(self, records: Iterator[Any]) -> None:
+    def _play_start(self) -> None:
         """Show the start of a recording: map and agents come with the first record, which may be a move."""
         playbacks = list[IPlayback]()
         self._ctx.visual.show_playback = playbacks.append
-        next(records, None)
+        next(self._records, None)
         for playback in playbacks:
             playback.seek(0)
             playback.close()
@@ -296,7 +284,7 @@ class _Renderer:
         self._turn += 1
         if self._ctx.visual.pictures.films or self._options.fog is not None:
             self._begin()
-        self._show(f"Turn {self._turn}" if self._total is None else f"Turn {self._turn} of {self._total}")
+        self._show(f"Turn {self._turn} of {self._total}")
 
 
 def _view(ctx: Context) -> float:
