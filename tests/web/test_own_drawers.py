@@ -93,3 +93,26 @@ def test_it_shows_in_a_page(chromium, recording, tmp_path, theme):
     page.settle()
     assert shows(pixels_of(page.picture()))
     assert page.messages == []
+
+
+def test_a_drawing_that_stays_is_not_painted_again_when_another_changes(chromium, tmp_path):
+    def draw_turn(ctx, data):
+        ctx.visual.render_circle(10.0 * ctx.game.turn, 0.0, 2.0, COLOR)
+
+    draw_turn.once_a_turn = True
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4))
+        ctx.agent.create_agent("anna", start_node_id=5, team="red")
+        ctx.visual.add_artist("stays", {"drawer": lambda ctx, _: ctx.visual.render_circle(5.0, 5.0, 9.0), "layer": 12})
+        ctx.visual.add_artist("changes", {"drawer": draw_turn, "layer": 13})
+        ctx.game.run(max_turns=3, record=tmp_path / "game.ggr")
+    with recorder.open(tmp_path / "game.ggr") as game:
+        game.save(tmp_path / "game.html")
+    page = chromium.open(tmp_path / "game.html")
+    keys = []
+    for turn in (1, 2, 3):
+        page.value(f"gamms.seek({turn})")
+        page.settle()
+        keys.append(page.value("['lasting', 'new'].map((name) => gamms.views[0].scene.caches.get(name).key)"))
+    assert len({lasting for lasting, _ in keys}) == 1
+    assert len({new for _, new in keys}) == 3

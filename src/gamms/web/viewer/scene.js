@@ -46,7 +46,7 @@ export class Scene {
     /** @type {Disc[]} */ this.discs = [];
     /** @type {Mark[]} */ this.marks = []; // of agents that are out or were tagged
     /** @type {{lines: string[], box: number[]}[]} */ this.labels = []; // names on the map
-    /** @type {WeakMap<object, import("./draw_commands.js").Commands & {theme: string, number: number}>} */ this.commands = new WeakMap(); // of drawings
+    /** @type {WeakMap<object, import("./draw_commands.js").Commands & {theme: string, number: number, turn: number, lasts: boolean}>} */ this.commands = new WeakMap(); // of drawings; `lasts`: they were the same in another turn
     this.drawings = 0; // that were read
     /** @type {Map<string, HTMLCanvasElement>} */ this.pictures = new Map(); // of discs
     /** @type {Map<string, {key: string, canvas: HTMLCanvasElement}>} */ this.caches = new Map();
@@ -92,8 +92,9 @@ export class Scene {
     if (look.heat !== null) this.#cached("heat", `${look.heat} ${replay.state.turn}`, (into) => this.#paintHeat(into, look.heat ?? ""));
     const drawings = this.#drawings(look), below = drawings.filter((one) => one.get("layer") < AGENT_LAYER);
     const still = below.filter((one) => !one.get("follows") && !one.has("start"));
-    const version = `${still.map((one) => this.#commandsOf(one, look).number)} ${look.fog} ${look.fog === null ? "" : replay.state.turn}`;
-    if (still.length) this.#cached("drawings", version, (into) => this.#paintDrawings(into, still, look, share));
+    const changed = still.findIndex((one) => !this.#commandsOf(one, look).lasts), lasting = changed < 0 ? still.length : changed;
+    this.#paintStill("lasting", still.slice(0, lasting), look);
+    this.#paintStill("new", still.slice(lasting), look);
     this.#paintDrawings(to, below.filter((one) => !still.includes(one)), look, share);
     this.#paintTrails(look);
     this.#paintSights(look, colors);
@@ -226,10 +227,17 @@ export class Scene {
   #commandsOf(drawing, look) {
     let known = this.commands.get(drawing);
     if (known?.theme !== look.theme) {
-      known = { ...commandsOf(drawing, look.theme), theme: look.theme, number: ++this.drawings };
+      known = { ...commandsOf(drawing, look.theme), theme: look.theme, number: ++this.drawings, turn: this.replay.state.turn, lasts: false };
       this.commands.set(drawing, known);
     }
+    known.lasts ||= known.turn !== this.replay.state.turn;
     return known;
+  }
+
+  /** Paint drawings that are the same in all frames of a turn. @param {string} name @param {Map<string, any>[]} drawings @param {Look} look */
+  #paintStill(name, drawings, look) {
+    const version = `${drawings.map((one) => this.#commandsOf(one, look).number)} ${look.fog} ${look.fog === null ? "" : this.replay.state.turn}`;
+    if (drawings.length) this.#cached(name, version, (into) => this.#paintDrawings(into, drawings, look, 1));
   }
 
   /** @param {CanvasRenderingContext2D} to @param {Map<string, any>[]} drawings @param {Look} look @param {number} share */
