@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from gamms.game import batch as games
-from gamms.game import turn
 from gamms.game.block import travelers
+from gamms.game.movement import arrivals
 
 sys.path.insert(0, str(Path(__file__).parent))  # for the scenarios beside
 
@@ -16,7 +16,7 @@ sys.path.insert(0, str(Path(__file__).parent))  # for the scenarios beside
 def agents_arrive_few_times_in_a_turn():
     """Let agents that go to and fro on edges of no length wait soon, which else takes long."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(turn, "MOST_ARRIVALS", 20)
+        patch.setattr(arrivals, "MOST_ARRIVALS", 20)
         patch.setattr(travelers, "MOST_ARRIVALS", 20)
         yield
 

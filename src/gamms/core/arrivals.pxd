@@ -41,8 +41,14 @@ cdef class Arrivals:
     cdef bint has_end
     cdef double[::1] now
     cdef u8[::1] comes, late
-    cdef i64[::1] asked, loses, legs, passed, nodes
-    cdef TurnPaths kept
+    cdef i64[::1] asked, loses, legs, passed, nodes, here, counts
+    cdef TurnPaths kept, chosen
+    cdef bint keeps, has_chosen
+
+    @cython.locals(first=i64)
+    cdef int come(self, i64 game, i64 agent, i64 why) except -1 nogil
+    @cython.locals(first=i64, number=i64)
+    cdef int leave(self, i64 game) except -1 nogil
 
 
 cpdef int play(GameColumns games, Arrivals a, i64 game) except -1 nogil
@@ -56,15 +62,16 @@ cdef int put_back(GameColumns games, MetreMovers t, i64 game) except -1 nogil
 cdef int set_out(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
 @cython.locals(row=i64, edge=i64)
 cdef int begin(GameColumns games, Arrivals a, MetreMovers t, i64 game, i64 i) except -1 nogil
-@cython.locals(i=i64, row=i64)
+@cython.locals(number=i64, i=i64, row=i64)
 cdef int choose(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
+cdef int decide(GameColumns games, Arrivals a, MetreMovers t, i64 game, i64 i) except -1 nogil
 @cython.locals(leg=i64)
 cdef Py_ssize_t place_after(MetreMovers t, i64 row, i64 i, i64 legs) except -2 nogil
-@cython.locals(has_losers=bint, loses=bint, i=i64, row=i64)
+@cython.locals(has_losers=bint, loses=bint, number=i64, i=i64, row=i64)
 cdef int give_way(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
 @cython.locals(until=double)
 cdef int depart(Arrivals a, MetreMovers t, i64 game, i64 i) except -1 nogil
-@cython.locals(i=i64, row=i64)
+@cython.locals(number=i64, i=i64, row=i64)
 cdef int go_on(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil
 @cython.locals(now=double, i=i64, row=i64)
 cdef int arrive(GameColumns games, Arrivals a, MetreMovers t, i64 game) except -1 nogil

@@ -3,6 +3,8 @@
 First all agents set out: those on edges go on to the end that they move toward, the others decide. Then the agents
 that arrive earliest decide, and so on until the turn is over. An agent that loses a conflict at a node stops just
 before the node. If functions are called between, all games come to the end of a phase before the next begins.
+
+A game that is played alone is the only row. Functions find the paths of its agents, which are taken as they are.
 """
 
 from __future__ import annotations
@@ -98,7 +100,8 @@ class Arrivals:
     """The state of turns by metres in which agents decide on arrival; rows are as in `rules.GameColumns`.
 
     Args:
-        columns: (5 * rows,) 64-bit integers, working memory.
+        columns: (6 * rows + games,) 64-bit integers, working memory.
+        chosen: see the attribute.
 
     Attributes:
         travelers: the agents.
@@ -109,12 +112,15 @@ class Arrivals:
             agents have arrived.
         comes: (rows,) `DECIDES`: the agent arrives now, or is at rest as the turn begins, and decides if the turn is
             not over; `GOES_ON`: it continues on its way as the turn begins; 0: it does neither.
+        here: (rows,) the numbers of the agents that do either, game by game, ascending.
+        counts: (games,) their number.
         late: (rows,) 1: the agent has decided to do deeds at an arrival.
         asked: (rows,) the number of arrivals of each agent in this turn.
         loses: (rows,) 1: the agent has lost a conflict and may not go on.
         legs, passed, nodes: (rows,) the number of legs, the number of nodes and the node of each agent at its last
             arrival; see `travel.TurnPaths`.
-        kept: the paths of all games between phases; None: turns are played in one call, by `play`.
+        kept: the paths of all games between phases, if several games come to the end of a phase (`keeps`).
+        chosen: the paths from here that functions have found in this game, if it is the only one (`has_chosen`).
     """
 
     def __init__(
@@ -128,6 +134,7 @@ class Arrivals:
         columns: memoryview[int],
         *,
         has_end: bool,
+        chosen: TurnPaths | None = None,
     ) -> None:
         rows = len(comes)
         self.travelers = travelers
@@ -142,11 +149,33 @@ class Arrivals:
         self.legs = columns[2 * rows : 3 * rows]
         self.passed = columns[3 * rows : 4 * rows]
         self.nodes = columns[4 * rows : 5 * rows]
+        self.here = columns[5 * rows : 6 * rows]
+        self.counts = columns[6 * rows :]
         self.kept: TurnPaths | None = None
+        self.keeps = False
+        self.chosen = chosen
+        self.has_chosen = chosen is not None
 
     def keep_paths(self, kept: TurnPaths) -> None:
         """Keep the paths of all games between phases in other trips."""
         self.kept = kept
+        self.keeps = True
+
+    def come(self, game: int, agent: int, why: int) -> int:
+        """Let an agent decide or go on; `why` is as in `comes`."""
+        first = game * self.queue.agents
+        self.comes[first + agent] = why
+        self.here[first + self.counts[game]] = agent
+        self.counts[game] += 1
+        return 0
+
+    def leave(self, game: int) -> int:
+        """Let nobody decide or go on in a game."""
+        first = game * self.queue.agents
+        for number in range(self.counts[game]):
+            self.comes[first + self.here[first + number]] = 0
+        self.counts[game] = 0
+        return 0
 
 
 def play(games: GameColumns, a: Arrivals, game: int) -> int:
@@ -167,7 +196,7 @@ def play_phase(games: GameColumns, a: Arrivals, t: MetreMovers, phase: int, game
     if a.now[game] == travel.INFINITE:
         return 0
     has_begun = a.now[game] >= 0.0
-    for i in range(games.agents if has_begun else 0):
+    for i in range(games.agents if has_begun and a.keeps else 0):
         travel.copy_trip(a.kept, game * games.agents + i, t.trips, i)  # type: ignore[arg-type] # there are some
     if not has_begun:
         set_out(games, a, t, game)
@@ -177,10 +206,11 @@ def play_phase(games: GameColumns, a: Arrivals, t: MetreMovers, phase: int, game
         go_on(games, a, t, game)
     else:
         arrive(games, a, t, game)
-        show(games, a, t, game)
+        if a.keeps:
+            show(games, a, t, game)
     if a.now[game] == travel.INFINITE:
         return t.keep_all(game)
-    for i in range(games.agents):
+    for i in range(games.agents if a.keeps else 0):
         travel.copy_trip(t.trips, i, a.kept, game * games.agents + i)  # type: ignore[arg-type] # there are some
     return 0
 
@@ -221,6 +251,7 @@ def set_out(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     """Start a part of the turn: agents on their way continue, and others decide next."""
     a.now[game] = 0.0
     a.queue.sizes[game] = 0
+    a.counts[game] = 0
     for i in range(games.agents):
         row = game * games.agents + i
         a.asked[row] = 0
@@ -242,7 +273,7 @@ def begin(games: GameColumns, a: Arrivals, t: MetreMovers, game: int, i: int) ->
     row = game * games.agents + i
     edge = t.trips.edge[i]
     if games.alive[row] and t.part_of[i] == t.part[game]:
-        a.comes[row] = DECIDES
+        a.come(game, i, DECIDES)
         if edge >= 0 and travel.is_going(t.roads, edge, t.trips.motion[i]):
             a.comes[row] = GOES_ON
             travel.go(t.roads, t.trips, i, t.trips.motion[i], 0)
@@ -254,17 +285,27 @@ def begin(games: GameColumns, a: Arrivals, t: MetreMovers, game: int, i: int) ->
 
 def choose(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     """Let the agents that have arrived decide, unless the turn is over."""
-    for i in range(games.agents):
+    for number in range(a.counts[game]):
+        i = a.here[game * games.agents + number]
         row = game * games.agents + i
         if a.comes[row] == DECIDES:
             if a.now[game] < 1.0:
-                t.trips.now[i] = a.now[game]
-                t.trips.speed[i] = t.speeds[i]
-                t.trips.left[i] = 1
-                t.trips.pace[i] = -1.0
-                by_metres.choose(games, t, game, i)
+                decide(games, a, t, game, i)
                 by_metres.rest(t, i)
             t.end_places[row] = place_after(t, row, i, a.legs[row])
+    return 0
+
+
+def decide(games: GameColumns, a: Arrivals, t: MetreMovers, game: int, i: int) -> int:
+    """Let an agent decide and set out, or take the path that a function has chosen for it."""
+    if not a.has_chosen:
+        t.trips.now[i] = a.now[game]
+        t.trips.speed[i] = t.speeds[i]
+        t.trips.left[i] = 1
+        t.trips.pace[i] = -1.0
+        return by_metres.choose(games, t, game, i)
+    if a.chosen.legs[i] > 0:  # type: ignore[union-attr] # there are some
+        travel.add_trip(a.chosen, i, t.trips, i, 1)  # type: ignore[arg-type]
     return 0
 
 
@@ -284,7 +325,8 @@ def give_way(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     has_losers = False
     if t.has_conflicts:
         has_losers = resolve(t.contests, t.requests, game, games.turn[game]) > 0  # type: ignore[arg-type]
-    for i in range(games.agents):
+    for number in range(a.counts[game]):
+        i = a.here[game * games.agents + number]
         row = game * games.agents + i
         loses = t.held[row] or (has_losers and t.contests.stays[i])  # type: ignore[union-attr]
         a.loses[row] = 0
@@ -308,10 +350,9 @@ def depart(a: Arrivals, t: MetreMovers, game: int, i: int) -> int:
 def go_on(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     """Continue the agents that have decided, unless they lose conflicts or have arrived too often."""
     give_way(games, a, t, game)
-    for i in range(games.agents):
+    for number in range(a.counts[game]):
+        i = a.here[game * games.agents + number]
         row = game * games.agents + i
-        if not a.comes[row]:
-            continue
         if a.asked[row] == 0:
             if a.loses[row]:
                 t.stay(games, game, i)
@@ -336,14 +377,13 @@ def arrive(games: GameColumns, a: Arrivals, t: MetreMovers, game: int) -> int:
     """Move the agents that arrive next to their nodes; after the last arrivals, end the moves."""
     now = a.queue.first_time(game)
     a.now[game] = now
-    for i in range(games.agents):
-        a.comes[game * games.agents + i] = 0
+    a.leave(game)
     if now == travel.INFINITE:
         return put_back(games, t, game)
     while a.queue.first_time(game) == now:
         i = a.queue.pop(game)
         row = game * games.agents + i
-        a.comes[row] = DECIDES
+        a.come(game, i, DECIDES)
         a.asked[row] += 1
         a.legs[row] = t.trips.legs[i]
         a.passed[row] = t.trips.passed[i]

@@ -76,6 +76,10 @@ class MetreMovers(OneEdgeMovers):
         self.kept = kept
         self.keeps = True
 
+    def take_paths(self, trips: TurnPaths) -> None:
+        """Write the paths of the agents to other memory."""
+        self.trips = trips
+
     def take_map(self, first: int) -> int:
         """Use the map whose first node has this place."""
         self.roads.first = first

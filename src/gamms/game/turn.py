@@ -1,6 +1,5 @@
 """One turn: all agents observe the same state of the world, decide, and move simultaneously."""
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from operator import itemgetter
 from time import perf_counter
@@ -11,10 +10,10 @@ from gamms.game.conflicts import MovePlaces, MovesOf, TurnConflicts
 from gamms.game.decisions import Decisions
 from gamms.game.facts import PrivateForks
 from gamms.game.messages import Inboxes, Outboxes
-from gamms.game.movement.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
+from gamms.game.movement.arrivals import WAITS, ArrivingAgents
 from gamms.game.movement.legality import Legality
 from gamms.game.movement.moves import Refusals, TurnMoves
-from gamms.game.movement.travel import GamePaths
+from gamms.game.movement.travel import GamePaths, ResolvedAction
 from gamms.game.order import TurnOrder, TurnPart, left_out, note_lost
 from gamms.game.random_streams import DrawTable
 from gamms.game.settings import RuleSet, Settings, refuse_unused
@@ -89,6 +88,7 @@ class TurnEngine:
         self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the current turn
         self.refusals: Refusals | None = None
         self._conflicts = TurnConflicts()
+        self._last_arriving: dict[int, ArrivingAgents] = {}  # by the number of the part of a turn
         self.inboxes = Inboxes(ctx, state)
         self.outboxes = Outboxes(ctx, settings)
 
@@ -490,56 +490,60 @@ class TurnEngine:
 
     def _ask_at_arrivals(self, order: TurnOrder, part: TurnPart, observers: list[Observer]) -> TurnMoves:
         """Return the moves of a part whose agents decide first if they are not under way, then on each arrival."""
-        block = self._ctx.agent.block
         travel = self._legality.travel
         slots = order.slots
-        places = {i: block.on_edge(slots[i].row) for i in part.paced if slots[i].travels}
-        going = {i: place for i, place in places.items() if place is not None and travel.is_going(place)}
-        resting = [i for i in part.members if i not in going]
-        turn = self._ask(order, TurnPart(slots, resting, self._settings), observers)
-        turn.let_stand([i for i in places if i not in going], travel)
-        for i, place in going.items():
-            travel.go_on(place, block.node[slots[i].row], slots[i].speed)
-            turn.go(i, travel)
-        arrivals = Arrivals(turn, block, has_end=self._settings.conflicts is not None)
-        asked = Counter[int]()
-        paths = GamePaths(len(slots))
-        for i in self._give_way(turn, arrivals, part.members, turn.paths):
-            turn.stop(i)
-        for i in part.members:
-            arrivals.depart(i)
+        self._leave_closed_edges(order, part)
+        arrivals = self._arriving(order, part)
+        turn = self._ask(order, TurnPart(slots, arrivals.begin(), self._settings), observers, arrivals.chosen)
         try:
-            for now, here in arrivals.times():
-                travel.now = now
-                later = None
-                if now < 1.0:
-                    paths.clear()
-                    later = self._ask(order, TurnPart(slots, here, self._settings), [], paths)
-                losers = self._give_way(turn, arrivals, here, None if later is None else later.paths)
-                for i in here:
-                    asked[i] += 1
-                    if i in losers:
-                        arrivals.hold(i, travel)
-                    elif asked[i] >= MOST_ARRIVALS:
-                        self._note_illegal(slots[i], WAITS)
-                    elif later is not None and self._continue(turn, later, i):
-                        arrivals.depart(i)
+            self._set_out(turn, {}, arrivals)
+            while arrivals.arrive():
+                travel.now = arrivals.now
+                actions: Mapping[int, ResolvedAction] = {}
+                if arrivals.now < 1.0:
+                    here = TurnPart(slots, arrivals.here, self._settings)
+                    actions = self._ask(order, here, [], arrivals.chosen).actions
+                self._set_out(turn, actions, arrivals)
         finally:
             travel.now = 0.0
             arrivals.close()
+        arrivals.end(turn)
         return turn
 
-    def _give_way(self, turn: TurnMoves, arrivals: Arrivals, here: Sequence[int], paths: GamePaths | None) -> set[int]:
-        """Resolve conflicts; return the slots of the agents that have to stay at their places."""
-        if self._settings.conflicts is None:
-            return set()
-        before, after = arrivals.places(here, paths)
-        losers = self.losers_between(turn.order, before, after)
-        for i, place in losers:
-            self._block(turn.slots[i], in_conflict(place))
-            after[i] = before[i]
-        arrivals.take(after)
-        return {i for i, _ in losers}
+    def _arriving(self, order: TurnOrder, part: TurnPart) -> ArrivingAgents:
+        """Return the agents of a part that decide at arrivals, in the form of the core; the same if possible."""
+        known = self._last_arriving.get(self.part)
+        roads = self._legality.travel.roads
+        has_end = self._settings.conflicts is not None
+        if known is None or known.order is not order or known.roads is not roads or known.has_end != has_end:
+            known = ArrivingAgents(order, part.members, roads, has_end=has_end)
+            self._last_arriving[self.part] = known
+        return known
+
+    def _set_out(self, turn: TurnMoves, actions: Mapping[int, ResolvedAction], arrivals: ArrivingAgents) -> None:
+        """Let agents go on that have decided, unless they lose conflicts or have arrived too often.
+
+        Args:
+            turn: the moves of the turn.
+            actions: slot -> the action of an agent at its arrival, if it turns or does deeds.
+            arrivals: the agents.
+        """
+        arrivals.choose([i for i, action in actions.items() if action.deeds])
+        stopped = dict[int, Any]()
+        if self._settings.conflicts is not None:
+            before, after = arrivals.places()
+            losers = self.losers_between(turn.order, before, after)
+            stopped = {i: before[i] for i, _ in losers}
+            for i, place in losers:
+                turn.order.blocked[i] += 1
+                self._block(turn.slots[i], in_conflict(place))
+        for i, why in arrivals.go_on(stopped):
+            self._note_illegal(turn.slots[i], why)
+            if why == WAITS:
+                stopped[i] = why
+        for i, action in actions.items():
+            if i not in stopped and action.heading != ():
+                turn.turn_to(i, action.heading)
 
     def losers_between(self, order: TurnOrder, before: list[Any], after: list[Any]) -> list[tuple[int, Any]]:
         """Return the slots of the agents that lose conflicts of moves between places, and where they wanted to go."""
@@ -551,14 +555,6 @@ class TurnEngine:
 
         losers = self._losers(order, (before, after), named)
         return [(i, after[i]) for i in losers if before[i] != after[i]]
-
-    def _continue(self, turn: TurnMoves, later: TurnMoves, i: int) -> bool:
-        """Append the later move of an agent that has arrived; return whether it moves on."""
-        action = later.actions.get(i)
-        if action is not None and action.deeds:
-            self._note_illegal(turn.slots[i], NO_DEEDS)
-        turn.go_on(i, later)
-        return later.paths is not None and later.paths.num_legs(i) > 0
 
     def _leave_closed_edges(self, order: TurnOrder, part: TurnPart) -> None:
         """Move agents on removed edges to the node that they passed last."""

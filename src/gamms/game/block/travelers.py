@@ -9,7 +9,7 @@ import numpy as np
 from gamms.core import arrivals, by_edges, by_metres, contacts, moves, rules, travel
 from gamms.game.block.state import GameArrays
 from gamms.game.conflicts import flat
-from gamms.game.movement.arrivals import MOST_ARRIVALS
+from gamms.game.movement.arrivals import MOST_ARRIVALS, ArrivalColumns
 from gamms.game.movement.by_edges import EdgeMovement
 from gamms.game.movement.by_metres import MetricMovement
 from gamms.game.movement.courses import EdgeCourses, MetreCourses
@@ -170,33 +170,6 @@ class EdgeColumns:
         after: tuple[Any, Any] = (self._ahead.reshape(-1).data, self._covered.reshape(-1).data)
         walkers = by_edges.EdgeMovers(walks, *after, long_ways, *movers, **columns)
         return ThreadTravel(walkers, None, walks, (nodes, times, lengths), NO_LEGS, most, 0)
-
-
-class ArrivalColumns:
-    """Data that all threads share in games whose agents decide at arrivals; see `core.arrivals`.
-
-    Args:
-        shape: the numbers of games and agents.
-
-    Attributes:
-        now: (games,) the time of the last arrivals.
-        comes, late, loses: (games, agents) whether the agent arrives, wants to do deeds, and has lost a conflict.
-    """
-
-    def __init__(self, shape: tuple[int, int]) -> None:
-        self._columns = np.zeros((5, *shape), np.int64)
-        self._queue = arrivals.Queue(shape[1], shape[0])
-        self.now = np.full(shape[0], np.inf)
-        self.comes = np.zeros(shape, np.uint8)
-        self.late = np.zeros(shape, np.uint8)
-        self.loses = self._columns[1]
-
-    def thread(self, travelers: by_metres.MetreMovers, *, has_end: bool) -> arrivals.Arrivals:
-        """Return the data of one thread; `has_end` says whether arrivals at the end of a turn count."""
-        columns: list[Any] = [self.comes, self.late, self._columns]
-        views = [one.reshape(-1).data for one in columns]
-        now: Any = self.now.data
-        return arrivals.Arrivals(travelers, MOST_ARRIVALS, self._queue, now, *views, has_end=has_end)
 
 
 class MetreColumns:

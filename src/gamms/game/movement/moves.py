@@ -12,7 +12,7 @@ import numpy as np
 from gamms.core import travel as core
 from gamms.core.agents import MoveColumns
 from gamms.core.block import stop_moves
-from gamms.game.movement.travel import GamePaths, ResolvedAction, RoadMap, Travel
+from gamms.game.movement.travel import GamePaths, ResolvedAction, Travel
 from gamms.game.order import TurnOrder
 from gamms.ir.agents import AgentBlock, moves_of
 from gamms.ir.columns import copied_column
@@ -202,30 +202,10 @@ class TurnMoves:
         end = self.ends[i]
         return Track((start,), (0.0,)) if start == end else Track((start, end), (0.0, 1.0))
 
-    # -- turns in which agents decide at each arrival ---------------------------------------------------------------
-
-    def go(self, i: int, travel: Travel) -> None:
-        """Set the path of the agent of a slot to the one that was found last."""
-        self.paths = self.paths or GamePaths(len(self.slots))
-        travel.put(self.paths, i)
-        self.ends[i] = travel.end
-
-    def go_on(self, i: int, later: "TurnMoves") -> None:
-        """Append a later move to the move of an agent that has arrived."""
-        action = later.actions.get(i)
-        if action is not None and action.heading != ():
-            first = self.actions.get(i) or ResolvedAction(self.ends[i], (self.starts[i],))
-            self.actions[i] = first._replace(heading=action.heading)
-        if self.paths is not None and later.paths is not None:
-            self.paths.append(i, later.paths)
-            self.ends[i] = later.ends[i]
-
-    def stop_short(self, i: int, roads: RoadMap) -> None:
-        """Stop an agent just before the node at the end of its last leg, for the rest of the turn."""
-        assert self.paths is not None  # noqa: S101 - it arrives
-        self.order.blocked[i] += 1
-        core.stop_short(roads.map, self.paths.core, i)
-        self.ends[i] = self.paths.end(i)
+    def turn_to(self, i: int, heading: tuple[float, float] | None) -> None:
+        """Set the heading that the agent of a slot has chosen at an arrival."""
+        action = self.actions.get(i) or ResolvedAction(self.ends[i], (self.starts[i],))
+        self.actions[i] = action._replace(heading=heading)
 
     def was_put(self, i: int) -> bool:
         """Return whether an agent on the end node of its move got there otherwise: it flew, or a rule placed it."""
@@ -308,7 +288,8 @@ class TurnMoves:
             place = travel.place(slot.row) if slot.travels and not self.has_path(i) else None
             if place is not None and travel.roads.on(place.edge) is not None:
                 travel.stay(place, self.starts[i])
-                self.go(i, travel)
+                self.paths = self.paths or GamePaths(len(self.slots))
+                travel.put(self.paths, i)
 
     def on(self, order: TurnOrder) -> "TurnMoves":
         """Return the moves for another order; agents that are new in it stay."""

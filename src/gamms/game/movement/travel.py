@@ -6,7 +6,7 @@ ids are only looked up when code reads them.
 """
 
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property, lru_cache
@@ -201,13 +201,15 @@ class GamePaths:
             room: a number that is not less than the number of its legs, and of nodes beyond the first.
             roads: the ids of the map.
         """
-        self._reserve(room)
+        self.reserve(room)
         core.copy_trip(paths, row, self.core, i)
         self.maps[i] = roads
 
-    def clear(self) -> None:
-        """Drop all paths."""
-        self.maps = [None] * len(self.maps)
+    def drop(self, slots: Iterable[int]) -> None:
+        """Drop the paths of some agents."""
+        for i in slots:
+            self.maps[i] = None
+            self._legs[i] = 0
 
     def walk(
         self, i: int, path: Sequence[int], progress: Progress | None = None, times: Sequence[float] | None = None
@@ -220,7 +222,7 @@ class GamePaths:
             progress: the part of an edge beyond the last node that it covers; None: none.
             times: the time at each node; None: they are evenly spaced from 0 to 1.
         """
-        self._reserve(len(path))
+        self.reserve(len(path))
         ahead, covered = (0, 0.0) if progress is None else (progress.target, progress.share)
         core.begin(self.core, i, path[-1], 0, covered, Motion.NONE, 0.0, nan, 0)
         self._edge[i] = ahead
@@ -244,20 +246,16 @@ class GamePaths:
         core.stand_on(self.core, i, back)
         self.maps[i] = roads
 
-    def append(self, i: int, later: "GamePaths") -> None:
-        """Append the later path of an agent, from the node where its path ends; it may have none."""
-        if later.maps[i] is not None:
-            self._reserve(self._legs[i] + later._legs[i])
-            core.add_trip(later.core, i, self.core, i, 1)
-
-    def _reserve(self, legs: int) -> None:
-        """Make room for so many legs of an agent, and those for which it stands before and after them."""
-        if legs + _MORE_LEGS > self._most:
-            before = self.core
-            self._make_room(2 * legs + _MORE_LEGS)
-            for i, roads in enumerate(self.maps):
-                if roads is not None:
-                    core.copy_trip(before, i, self.core, i)
+    def reserve(self, legs: int) -> bool:
+        """Make room for so many legs of an agent, and legs before and after them; return whether memory is new."""
+        if legs + _MORE_LEGS <= self._most:
+            return False
+        before = self.core
+        self._make_room(2 * legs + _MORE_LEGS)
+        for i, roads in enumerate(self.maps):
+            if roads is not None:
+                core.copy_trip(before, i, self.core, i)
+        return True
 
     @property
     def most(self) -> tuple[int, int]:
@@ -325,17 +323,24 @@ class GamePaths:
         ahead = [self._edge[i]] if self._share[i] else []
         return [*self._nodes[first + 1 : first + self._passed[i]], *ahead]
 
-    def last_leg(self, i: int) -> Leg | None:
-        """Return the last leg of an agent; None: it has none."""
-        return self.legs_of(i, self._legs[i] - 1)[0] if self.num_legs(i) else None
+    def place_at(self, i: int, time: float) -> Progress | None:
+        """Return the position of an agent on its last leg at a time of the turn; None: it is on a node."""
+        leg = i * self._most + self._legs[i] - 1
+        edges, _, begins, ends, since, until = self._of_legs
+        share = core.share_at(begins[leg], ends[leg], since[leg], until[leg], time)
+        if not 0.0 < share < 1.0:
+            return None
+        roads: Any = self.maps[i]
+        source, target, id = roads.edge_ids[edges[leg]]
+        return Progress(source, target, share, id, _MOTIONS[core.motion_of(begins[leg], ends[leg])])
 
-    def legs_of(self, i: int, begin: int = 0) -> list[Leg]:
-        """Return the legs of an agent with a path, from number `begin` on."""
+    def legs_of(self, i: int) -> list[Leg]:
+        """Return the legs of an agent with a path."""
         # NOTE: loops without generators, because each agent goes a way in each turn (benchmarks: travel).
         edges, backs, begins, ends, since, until = self._of_legs
         roads: Any = self.maps[i]
         legs = list[Leg]()
-        for place in range(i * self._most + begin, i * self._most + self._legs[i]):
+        for place in range(i * self._most, i * self._most + self._legs[i]):
             source, target, id = roads.edge_ids[edges[place]]
             back = None if backs[place] < 0 else roads.edge_ids[backs[place]][2]
             legs.append(Leg(source, target, id, begins[place], ends[place], since[place], until[place], back))
@@ -594,14 +599,6 @@ class ResolvedAction(NamedTuple):
         return self.progress is None and (len(path) == 1 or (len(path) == 2 and path[0] != path[1]))
 
 
-def progress_at(leg: Leg, time: float) -> Progress | None:
-    """Return the position of an agent on a leg at a time of the turn; None: it is on a node."""
-    share = core.share_at(leg.begin, leg.end, leg.since, leg.until, time)
-    if not 0.0 < share < 1.0:
-        return None
-    return Progress(leg.source, leg.target, share, leg.edge, _MOTIONS[core.motion_of(leg.begin, leg.end)])
-
-
 class Travel:
     """Finds the paths of agents in a game by metres: the last one that it has found can be read.
 
@@ -687,10 +684,6 @@ class Travel:
         roads = self.roads
         self._begin(roads, place and place._replace(motion=Motion.STOPPED), here, None)
         core.stand(roads.map, self._trips, 0)
-
-    def go_on(self, place: Progress, here: int, speed: float | None) -> None:
-        """Find the path of an agent that continues to the end of its edge."""
-        self._go(self.roads, place, here, speed, place.motion, 0)
 
     def along(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> None:
         """Find the path along a route of nodes, as far as the turn allows.
