@@ -200,3 +200,27 @@ def test_agents_whose_actions_are_not_legal_neither_send_nor_do_anything(decide)
             flaws = {error["agent"] for error in games.result(0).errors if "outbox" not in error["message"]}
             assert flaws == {"a"}
             assert_as_alone(games, alone)
+
+
+def call(state):
+    """Call all others, and stay."""
+    state["outbox"].append({"channel": "radio", "to": None, "body": 7})
+    state["action"] = state["curr_pos"]
+
+
+def test_an_array_strategy_alone_hears_an_agent_that_was_deleted():
+    heard = []
+
+    @gamms.array_strategy
+    def listen(view):
+        found = view.heard("radio")
+        heard.append((found.senders.tolist(), found.bodies))
+        return np.zeros_like(view.node)
+
+    scenario = scene([], red=1, blue=1, channels={"radio": {"range_m": 99.0, "delay_turns": 2}})
+    with scenario.build(strategies={"red": call, "blue": listen}) as ctx:
+        ctx.game.step()
+        ctx.agent.delete_agent("red_0")
+        ctx.game.step()
+        ctx.game.step()
+    assert heard == [([], []), ([], []), ([-1], [7])]

@@ -60,7 +60,7 @@ class ReceivedMessages(NamedTuple):
     Attributes:
         at: (messages,) the game, as an index in the view.
         hearers: (messages,) the agent, as an index in the view.
-        senders: (messages,) the number of the sender in the roster.
+        senders: (messages,) the number of the sender in the roster; -1: it is not in the roster any more.
         bodies: (messages,) the bodies; read-only.
         turns: (messages,) the number of turns played when the message was sent.
         overheard: (messages,) whether the message was for other agents.
@@ -316,7 +316,7 @@ class MessageTraffic(GameLog[list[_SentMessages]]):
                 columns = (np.tile(column, len(games)) for column in np.array(arrivals).T)
                 fates = MessageOutcomes(np.repeat(np.arange(len(games)), len(arrivals)), *columns)
                 senders, turns, places = (
-                    np.full(len(games), one) for one in (number[entry["sender"]], entry["turn"], place)
+                    np.full(len(games), one) for one in (number.get(entry["sender"], -1), entry["turn"], place)
                 )
                 to = [entry["to"]] * len(games)
                 bodies = [entry["body"]] * len(games)
