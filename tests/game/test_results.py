@@ -105,14 +105,14 @@ def test_tables_of_a_game_in_which_nothing_happened_are_empty(ctx, play):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda plain: plain.pop("turns"), "'turns' is missing"),
-        (lambda plain: plain.update(turns="7"), "'turns' cannot be '7'"),
-        (lambda plain: plain.update(turns=True), "'turns' cannot be True"),
+        (lambda plain: plain.pop("turns"), "missing required field `turns`"),
+        (lambda plain: plain.update(turns="7"), "Expected `int`, got `str` - at `$.turns`"),
+        (lambda plain: plain.update(turns=True), "Expected `int`, got `bool` - at `$.turns`"),
         (lambda plain: plain.update(format="other"), "no 'format' 'gamms result 1'"),
-        (lambda plain: plain["events"].append({"turn": 3}), "events.3 cannot be"),
-        (lambda plain: plain["agents"].update(a=3), "agents.'a' cannot be 3"),
+        (lambda plain: plain["events"].append({"turn": 3}), "missing required field `kind` - at `$.events[3]`"),
+        (lambda plain: plain["agents"].update(a=3), "Expected `object`, got `int` - at `$.agents[...]`"),
         (lambda plain: plain["collected"]["node"].update(turn=[1]), "columns of different lengths"),
-        (lambda plain: plain["collected"].update(node=3), "collected.'node' cannot be 3"),
+        (lambda plain: plain["collected"].update(node=3), "Expected `object`, got `int` - at `$.collected[...]`"),
     ],
 )
 def test_a_file_that_is_no_result_is_refused(ctx, play, tmp_path, change, message):

@@ -8,14 +8,14 @@ from copy import deepcopy
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict
 
 import numpy as np
 
 from gamms.arguments import as_choice, as_function_of, as_key, as_path, as_target, as_text
 from gamms.compat import Surface
 from gamms.errors import BadFile, Duplicate, UnknownName, nearest
-from gamms.folders import bytes_of, write_whole
+from gamms.folders import as_kind, bytes_of, write_whole
 from gamms.ir.game_state import log_at
 from gamms.ir.messages import message_table
 from gamms.ir.tables import frame_of, table_of, with_latlon
@@ -114,10 +114,13 @@ class Result(Surface):
             raise BadFile(f"{str(file)!r} is not a result: {reason(error)}.") from None
         if not isinstance(plain, dict) or plain.get("format") != _FORMAT:
             raise BadFile(f"{str(file)!r} is not a result: it has no 'format' {_FORMAT!r}. Result.save writes one.")
-        flaw = next(_flaws(plain), None)
-        if flaw is not None:
-            raise BadFile(f"{str(file)!r} is not a result: {flaw}.")
-        return cls(timings={}, **{name: plain[name] for name in _SHAPES})
+        try:
+            as_kind(plain, _StoredResult)
+        except BadFile as error:
+            raise BadFile(f"{str(file)!r} is not a result: {error}.") from None
+        if any(len({*map(len, table.values())}) > 1 for table in plain["collected"].values()):
+            raise BadFile(f"{str(file)!r} is not a result: 'collected' has columns of different lengths.")
+        return cls(timings={}, **{name: plain[name] for name in _StoredResult.__annotations__})
 
     def table(self, name: str, *, lat_lon: IGraphEngine | None = None) -> dict[str, "np.ndarray[Any, Any]"]:
         """Return one table as columns of equal length, in a form that pandas and polars accept.
@@ -245,9 +248,67 @@ class Result(Surface):
             return NotImplemented
         mine = self.to_dict()
         theirs = other.to_dict()
-        return all(mine[name] == theirs[name] for name in _SHAPES if name != "provenance")
+        return all(mine[name] == theirs[name] for name in mine if name not in ("timings", "provenance"))
 
     __hash__ = None  # type: ignore[assignment] # it is mutable
+
+
+class _Event(TypedDict):
+    turn: int
+    kind: str
+
+
+class _Error(_Event):
+    agent: str
+    message: str
+
+
+class _Agent(TypedDict):
+    alive: bool
+    moves: int
+    team: Any
+
+
+class _Deed(TypedDict):
+    turn: int
+    agent: str
+    deed: str
+
+
+class _Message(TypedDict):
+    turn: int
+    channel: str
+    sender: str
+    to: Any
+    body: Any
+    size: int
+    heard: dict[str, Any]
+    overheard: dict[str, Any]
+    lost: list[Any]
+    jammed: list[Any]
+
+
+class _Collected(TypedDict):
+    turn: list[Any]
+    value: list[Any]
+
+
+class _StoredResult(TypedDict):
+    """A result in a file."""
+
+    turns: int
+    scores: dict[str, Any]
+    winner: Any
+    reason: str
+    truncated: bool
+    events: list[_Event]
+    agents: dict[str, _Agent]
+    errors: list[_Error]
+    deeds: list[_Deed]
+    messages: list[_Message]
+    seed: int
+    collected: dict[str, _Collected]
+    provenance: dict[str, Any]
 
 
 def _shown(value: object) -> str:
@@ -302,47 +363,6 @@ def misspelt_names(keys: Iterable[object], winner: object, names: Iterable[objec
 _MOST_SCORES = 16  # the maximum number of keys that are checked
 _FORMAT = "gamms result 1"
 _BYTES_PER_LETTER = 40  # of memory for each byte of JSON; the worst case is `{"":0}`
-_Shape = type | tuple[type, ...] | dict[str, Any]
-_EVENT = {"turn": int, "kind": str}
-_OUTCOMES = {"heard": dict, "overheard": dict, "lost": list, "jammed": list, "to": object, "body": object}
-_AGENT = {"alive": bool, "moves": int, "team": object}
-_SHAPES: dict[str, tuple[_Shape, _Shape]] = {  # key -> the type of its value, and of each item
-    "turns": (int, object),
-    "scores": (dict, object),
-    "winner": (object, object),
-    "reason": (str, object),
-    "truncated": (bool, object),
-    "events": (list, _EVENT),
-    "agents": (dict, _AGENT),
-    "errors": (list, {**_EVENT, "agent": str, "message": str}),
-    "deeds": (list, {"turn": int, "agent": str, "deed": str}),
-    "messages": (list, {"channel": str, "sender": str, **dict.fromkeys(("turn", "size"), int), **_OUTCOMES}),
-    "seed": (int, object),
-    "collected": (dict, {"turn": list, "value": list}),
-    "provenance": (dict, object),
-}
-
-
-def _flaws(plain: dict[str, Any]) -> Iterator[str]:
-    """Yield the reasons why plain values are not a result."""
-    for name, (shape, of_item) in _SHAPES.items():
-        if name not in plain:
-            yield f"{name!r} is missing"
-        elif not _is(plain[name], shape):
-            yield f"{name!r} cannot be {shown(plain[name])}"
-        elif shape in (list, dict):
-            items = plain[name].items() if shape is dict else enumerate(plain[name])
-            yield from (f"{name}.{shown(key)} cannot be {shown(one)}" for key, one in items if not _is(one, of_item))
-    lengths = [{len(column) for column in table.values()} for table in plain["collected"].values()]
-    if any(len(one) > 1 for one in lengths):
-        yield "'collected' has columns of different lengths"
-
-
-def _is(value: object, shape: _Shape) -> bool:
-    """Return whether a plain value has a type, or is a mapping with these keys and types."""
-    if isinstance(shape, dict):
-        return isinstance(value, dict) and all(key in value and _is(value[key], one) for key, one in shape.items())
-    return isinstance(value, shape) and (shape is not int or not isinstance(value, bool))
 
 
 def _plain(value: object) -> Plain:
