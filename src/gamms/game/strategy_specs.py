@@ -35,14 +35,11 @@ class StrategySpec:
 
     Attributes:
         array_form: returns the actions of all agents of an `ArrayView`; None: it has none.
-        core_form: the number of the strategy in `gamms.core.moves`; None: it has none.
-        core_steps: the steps that the core tries in order for agents without a `core_form`; None: the core does not
-            play the strategy.
+        core_steps: the steps that the core tries in order; None: the core does not play the strategy.
         is_called_each: whether batches call the strategy game by game although it has an array form.
     """
 
     array_form: Callable[..., Any] | None = None
-    core_form: int | None = None
     core_steps: tuple[CoreStep, ...] | None = None
     is_called_each: bool = False
 

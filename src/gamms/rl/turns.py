@@ -7,11 +7,10 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from gamms.core import moves
 from gamms.game.array_functions.given import flown
 from gamms.game.array_functions.view import ArrayView
 from gamms.game.batch import Batch
-from gamms.game.strategy_specs import StrategySpec
+from gamms.game.strategy_specs import CoreStep, StrategySpec
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.deeds import DeedChoices
@@ -189,4 +188,4 @@ class ScriptedActions:
     @property
     def strategy_spec(self) -> StrategySpec:
         """Declare that the core keeps the agent's stored action, instead of calling a decision."""
-        return StrategySpec(core_form=moves.STAY)
+        return StrategySpec(core_steps=(CoreStep("stay"),))

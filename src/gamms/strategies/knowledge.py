@@ -292,20 +292,17 @@ def _pass(_: object) -> None:
 # -- strategies in the core -----------------------------------------------------------------------------------
 
 
-def offer_steps(
-    strategy: Callable[..., None], *steps: CoreStep | Callable[[Any], None], core_form: int | None = None
-) -> None:
+def offer_steps(strategy: Callable[..., None], *steps: CoreStep | Callable[[Any], None]) -> None:
     """Declare the steps by which the core plays a strategy, if all strategies that it calls have steps, too.
 
     Args:
         strategy: a function of the state.
         steps: steps that the core tries, in order.
-        core_form: other ways in which the core plays it; see `StrategySpec`.
     """
     several = [(one,) if isinstance(one, CoreStep) else strategy_spec_of(one).core_steps for one in steps]
     if None not in several:
         found = tuple(step for own in several for step in own or ())
-        declare(strategy, StrategySpec(core_form=core_form, core_steps=found))
+        declare(strategy, StrategySpec(core_steps=found))
 
 
 offer_steps(_pass)

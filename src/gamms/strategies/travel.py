@@ -6,7 +6,6 @@ from typing import Any, TypeVar, overload
 
 from gamms.arguments import as_context, as_count, as_float, as_int, shown_as_called, signature_of
 from gamms.context import Context
-from gamms.core import moves
 from gamms.core import strategies as core
 from gamms.errors import BadType, BadValue
 from gamms.game.strategy_specs import CoreStep, strategy_spec_of
@@ -88,8 +87,8 @@ def _no_state(given: object, name: str) -> BadType:
     )
 
 
-offer_steps(stay, CoreStep("stay"), core_form=moves.STAY)
-offer_steps(random_walk, CoreStep("walk"), core_form=moves.RANDOM_WALK)
+offer_steps(stay, CoreStep("stay"))
+offer_steps(random_walk, CoreStep("walk"))
 
 
 @shown_as_called

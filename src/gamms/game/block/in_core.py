@@ -1,6 +1,6 @@
 """Plays the games of a batch in the core.
 
-`StrategySpec.core_form` is the number by which `gamms.core.moves` knows a strategy.
+`StrategySpec.core_steps` are the steps that `gamms.core.strategies` tries for an agent.
 `RuleSpec.core_form` is a function that makes the rule that `gamms.core.rules` plays.
 """
 
@@ -34,7 +34,7 @@ from gamms.game.movement.one_edge import AnyNodeMovement, Paths
 from gamms.game.movement.roads import OpenRoads, RoadTables
 from gamms.game.movement.travel import no_way
 from gamms.game.settings import NamedRule, as_called, declared, rule_spec_of
-from gamms.game.strategy_specs import strategy_spec_of
+from gamms.game.strategy_specs import CoreStep, strategy_spec_of
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -47,6 +47,7 @@ _REACH, _END = (rules.KINDS.index(kind) for kind in ("reach", "end"))
 _ILLEGAL, _WAITS, _LATE_DEED = (rules.KINDS.index(kind) for kind in ("illegal", "waits", "late deed"))
 _SCORING = np.isin(rules.KINDS, ["tag", "capture", "reach", "arrive"])  # (kinds,) of rules that score
 _FIRST_ROOM = 1024  # events
+_SINGLE_STEPS = {(CoreStep("stay"),): moves.STAY, (CoreStep("walk"),): moves.RANDOM_WALK}
 
 
 class CompiledRule(NamedTuple):
@@ -384,10 +385,9 @@ def core_form_of(game: PlayedGame, roster: AgentTable, number: int) -> int | Non
         return moves.STAY
     if roster.flies[number]:
         return None
-    spec = strategy_spec_of(decider)
-    steps = spec.core_steps or ()
-    if spec.core_form is not None:
-        return spec.core_form
+    steps = strategy_spec_of(decider).core_steps or ()
+    if steps in _SINGLE_STEPS:
+        return _SINGLE_STEPS[steps]
     kinds = {step.kind for step in steps}
     by_edges = settings["speed_unit"] == "edges"
     goes_on = agent.speed is not None and "follow" in kinds  # beyond its stops
