@@ -138,13 +138,7 @@ class Batch(Immutable):
         self._lock = RLock()  # of the thread that plays
 
     def _made_engine(self) -> BatchEngine:
-        """Return the engine of the games, and set `slow`."""
-        engine = self._made_in_core()
-        self._put_public(slow=first_called(self._sources[0].game, self._roster))
-        return engine
-
-    def _made_in_core(self) -> BatchEngine:
-        """Return the engine that plays the games in the core.
+        """Return the engine that plays the games in the core, and set `slow`.
 
         Raises:
             TooLarge: the games do not fit into memory.
@@ -155,6 +149,7 @@ class Batch(Immutable):
         each = zip(games, self._rosters, self._own, strict=True)
         movements = [movement_in_core(game, roster, own.more_edges) for game, roster, own in each]
         self._begin = self._starts(self.seeds, self.maps)
+        self._put_public(slow=first_called(games[0], self._roster))
         return BatchEngine(games, movements, self.seeds, self.maps, self._begin, self._rosters, self._own)
 
     def _take_functions(self, games: IntArray) -> None:
@@ -287,7 +282,7 @@ class Batch(Immutable):
         self._first_nodes = [
             roster.first_nodes(source.game) for source, roster in zip(self._sources, self._rosters, strict=True)
         ]
-        engine = self._made_in_core()
+        engine = self._made_engine()
         self._engine = engine
         self._separate.move_to(engine, self._roster)
         for place, given in enumerate(self._log or ()):

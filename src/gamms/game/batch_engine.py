@@ -132,7 +132,7 @@ class GamesOnOneMap:
         self._initial = InitialState(game, state, block, games)
         self._put_own(games)
         carried = [sensor for agent in roster.agents for sensor in sensors_of(agent).values()]
-        note_sensors(state, range(len(roster.names)), with_nodes=any(map(turns_with_agent, carried)))
+        note_sensors(state, with_nodes=any(map(turns_with_agent, carried)))
         pointed = PointedContext(game, state)
         state.look = partial(look, game, state, pointed)
         state.change_roads = pointed.change_roads

@@ -6,6 +6,7 @@ A single game is passed as a batch of one game: functions get the same view and 
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping
 from functools import WRAPPER_ASSIGNMENTS, partial, update_wrapper
+from itertools import takewhile
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -308,7 +309,7 @@ def _show(ctx: HostContext, block: GameArrays, state: dict[str, Any]) -> None:
         movement.now[0] = state.get("time", 0.0)
     blocked = game.internals.state.blocked
     block.blocked[0] = ["in conflict" in (blocked.get(one) or "") for one in roster.names]
-    note_sensors(block, range(len(roster.names)), with_nodes=True)
+    note_sensors(block, with_nodes=True)
 
     def look(games: IntArray) -> None:  # noqa: ARG001 - there is one game
         if "looked" not in block.now:
@@ -342,6 +343,10 @@ class _SingleGameTurn(ArrayTurn):
         state.scores.put(0, game.scores)
         self._scores_before = state.scores.of(0)
         state.placed[0] = [block.row_of(name) in block.placed for name in roster.names]
+        now = game.turn + game.is_moving
+        of_now = takewhile(lambda event: event["turn"] == now, reversed(game.events))
+        out = {event["agent"] for event in of_now if event["kind"] == "eliminated"}
+        state.fell[0] = [name in out for name in roster.names]
         self.took_part = np.zeros(self.node.shape, np.bool_)
         moves: TurnMoves | None = game.internals.state.moves
         if moves is not None:
@@ -358,13 +363,6 @@ class _SingleGameTurn(ArrayTurn):
                 self._game.scores[key] = points
         if self._state.kept:
             self._game.data[KEPT] = self._state.kept
-
-    @property
-    def is_playing(self) -> BoolArray:
-        """Whether each agent is alive, or was at the start of the turn, (1, agents)."""
-        now = self._game.turn + self._is_moving
-        out = {one["agent"] for one in self._game.events if one["kind"] == "eliminated" and one["turn"] == now}
-        return super().is_playing | np.array([name in out for name in self.roster.names], np.bool_)
 
     def _note(self, kind: str, at: IntArray, fields: Mapping[str, list[Any]]) -> None:
         for i in range(len(at)):

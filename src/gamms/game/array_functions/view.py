@@ -631,16 +631,6 @@ def lasting_in(
     return Encoder(xy, len(own.roster.names), others, own._movement.width), observers
 
 
-def alive_in(view: ArrayView) -> BoolArray:
-    """Return a mask of the living agents in all games of the batch, (all games, all agents); turns change it."""
-    return view._state.alive
-
-
-def roads_in(view: ArrayView) -> OpenRoads:
-    """Return the open roads of the games on the map of a view."""
-    return view._state.roads
-
-
 class _LazyMapping(Mapping[str, T]):
     """A mapping of sensor or channel names to data for the agents of a view, computed on access."""
 
@@ -771,5 +761,5 @@ def writers_of(
     found = lasting_in(views, agents, others, mask, first_node)
     if found is None:
         return None
-    roads = [roads_in(view) for view in views]
-    return VectorWriter(alive_in(views[0]), agents, mask, *found, first, first_node, roads, more, threads)
+    roads = [view._state.roads for view in views]
+    return VectorWriter(views[0]._state.alive, agents, mask, *found, first, first_node, roads, more, threads)

@@ -154,24 +154,22 @@ def called_each_turn(agent: IAgent) -> list[str]:
     return found
 
 
-def note_sensors(state: GameArrays, agents: Sequence[int], *, with_nodes: bool) -> None:
-    """Record which sensors of some agents are called in a context that is pointed at their games.
+def note_sensors(state: GameArrays, *, with_nodes: bool) -> None:
+    """Record which sensors of agents are called in a context that is pointed at their games.
 
     Args:
         state: the state of the games.
-        agents: the agents' numbers in the roster.
         with_nodes: whether to include sensors of nodes, because maps or headings may differ between games.
     """
     roster = state.roster
     are_few = len(state.roster.names) <= MOST_LOOKING
     each = zip(roster.agents, roster.flies | roster.varies, strict=True)
     are_plain = [are_few and not is_odd and has_plain_looks(one) for one, is_odd in each]
-    odd = [number for number in agents if not are_plain[number]]
-    found = {number: noted_sensors(roster.agents[number]) for number in odd}
+    found = {number: noted_sensors(roster.agents[number]) for number, is_plain in enumerate(are_plain) if not is_plain}
     state.noted = {number: names for number, names in found.items() if names}
     if with_nodes or roster.varies.any():
-        varies = roster.varies.tolist()
-        found = {number: noted_node_sensors(roster.agents[number], varies=varies[number]) for number in agents}
+        both = zip(roster.agents, roster.varies.tolist(), strict=True)
+        found = {number: noted_node_sensors(one, varies=varies) for number, (one, varies) in enumerate(both)}
         state.noted_nodes = {number: names for number, names in found.items() if names}
 
 

@@ -266,7 +266,7 @@ def note_game(state: GameArrays, game: PlayedGame, number: int) -> None:
     """
     if state.noted_moves is None:
         state.noted_moves = NotedMoves(state.node.shape)
-        note_sensors(state, range(len(state.roster.names)), with_nodes=True)
+        note_sensors(state, with_nodes=True)
         state.shared.clear()
     ctx = game.ctx
     known = ctx.agent.agents
