@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections import Counter
+from datetime import UTC, datetime, timedelta
 from urllib.error import HTTPError
 from urllib.request import ProxyHandler, Request, build_opener
 
@@ -84,9 +85,11 @@ def test_a_participant_agrees_practises_plays_and_gets_a_row_for_each_round(tmp_
     with begun(tmp_path) as study:
         assert ask(study, "P1") == {"stage": "consent", "text": "Do you agree?"}
         assert ask(study, "P1", begin=True)["stage"] == "consent"
-        assert ask(study, "P1", agree=True) == {"stage": "ready", "practice": True, "round": 1, "rounds": 2}
+        assert ask(study, "P1", agree=True) == {
+            "stage": "ready", "text": "", "practice": True, "round": 1, "rounds": 2,
+        }  # fmt: skip
         assert [play(study, "P1") for _ in range(3)] == [(True, 1), (False, 1), (False, 2)]
-        assert ask(study, "P1", begin=True) == {"stage": "end", "rounds": 2}
+        assert ask(study, "P1", begin=True) == {"stage": "end", "text": "You have played all rounds. Thank you."}
         assert study.wait(1, timeout=60.0)
         rows = study.rows
     turns = {"short": 1, "long": 2}[rows[0]["condition"]]
@@ -255,7 +258,10 @@ def test_a_code_belongs_to_the_browser_that_has_agreed_with_it(tmp_path):
             ask(study, "P1")
         with pytest.raises(KeyError, match="P3"):
             study.release("P3")
-    assert b"browser" not in (tmp_path / "participants.jsonl").read_bytes()
+    lines = (tmp_path / "participants.jsonl").read_text()
+    assert "browser" not in lines
+    consent = json.loads(lines.splitlines()[0])
+    assert abs(datetime.now(UTC) - datetime.fromisoformat(consent["time"])) < timedelta(minutes=5)
 
 
 DUEL = scenario.Scenario(

@@ -26,22 +26,24 @@ def go_on(page, words):
 def to_next_round(page):
     """Wait until the game is over, and go back to the page of the study by its button."""
     page.wait("window.gamms && !document.querySelector('.live .wanted').hidden")
+    assert page.value("document.querySelector('.live .words').textContent") == "This round is over."
     click_middle(page, "document.querySelector('.live .wanted')")
 
 
 def test_a_participant_goes_from_consent_to_thanks_by_mouse_and_keys(chromium, tmp_path):
     given = {"people": "red", "consent": "Do you agree?\n\nYou may stop.", "conditions": {"short": {"max_turns": 1}}}
+    given |= {"instructions": "Reach the corner.", "thanks": "Your completion code is C1A7."}
     with web.study(ALONE, out=tmp_path, rounds=1, seconds=60.0, **given) as study:
         begin(chromium, study.link("P1"))
         assert chromium.value(WORDS) == "Do you agree?\n\nYou may stop."
         go_on(chromium, "Do you agree?")
-        chromium.wait(f"{WORDS}.includes('Practice round 1. It does not count.')")
+        chromium.wait(f"{WORDS}.includes('Practice round 1. It does not count.\\n\\nReach the corner.')")
         chromium.call("Page.reload")  # and the same browser goes on
         go_on(chromium, "Practice round 1")
         asked(chromium, 0)
         chromium.click(*place_of(chromium, 1))
         to_next_round(chromium)
-        chromium.wait(f"document.getElementById('words') && {WORDS}.includes('Round 1 of 1.')")
+        chromium.wait(f"document.getElementById('words') && {WORDS}.includes('Round 1 of 1.\\n\\nReach the corner.')")
         click_middle(chromium, "document.getElementById('go')")
         asked(chromium, 0)
         for key in ("1", "Enter"):
@@ -50,7 +52,7 @@ def test_a_participant_goes_from_consent_to_thanks_by_mouse_and_keys(chromium, t
             begin(other, study.link("P1"))
             assert other.value(WORDS).startswith("This code is used in another browser.")
         to_next_round(chromium)
-        chromium.wait(f"document.getElementById('words') && {WORDS} === 'You have played all rounds. Thank you.'")
+        chromium.wait(f"document.getElementById('words') && {WORDS} === 'Your completion code is C1A7.'")
         assert chromium.value("document.getElementById('go').hidden")
         assert chromium.messages == []
         rows = study.rows

@@ -28,6 +28,8 @@ _KEYS = (
     "partner_within",
     "seed",
     "title",
+    "instructions",
+    "thanks",
 )
 _MOST_CONSENT = 1 << 16  # bytes
 

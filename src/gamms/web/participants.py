@@ -8,6 +8,7 @@ import re
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
 from time import monotonic
@@ -33,11 +34,12 @@ Line = dict[str, Any]
 
 
 class _ConsentLine(TypedDict):
-    """A line of the file: a participant has consented, or a code was released (`secret` is None)."""
+    """A line of the file: a participant has consented, or a code was released (`secret` is None), and when."""
 
     participant: str
     number: int
     secret: str | None
+    time: NotRequired[str]
 
 
 class _GroupLine(TypedDict):
@@ -227,7 +229,8 @@ class Participants:
     def keep_secret(self, one: Participant, digest: str | None) -> None:
         """Assign a code to the browser whose secret has this digest; None: to the next browser that consents."""
         one.secret = digest
-        add_lines(self._file, [{"participant": one.code, "number": one.number, "secret": digest}])
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        add_lines(self._file, [{"participant": one.code, "number": one.number, "secret": digest, "time": now}])
 
     def group_of(self, one: Participant) -> Group | None:
         """Form a group of the participants who have waited longest, and return it; None: there are not enough.

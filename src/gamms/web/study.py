@@ -52,6 +52,7 @@ _CODE = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _MOST_AT_ONCE = 50  # games
 _LINE = "a line of a study"
 _FILES = ("study.jsonl", "participants.jsonl", "rows.jsonl")
+_THANKS = "You have played all rounds. Thank you."
 _ALL = ""  # the name of the link that all participants share
 Row = Line
 
@@ -85,6 +86,10 @@ class StudyOptions(TypedDict, total=False):
     """The seed of the study; the rounds of each participant have this seed and the following integers; 0."""
     title: str
     """The title of the pages; the name of the scenario."""
+    instructions: str
+    """The text above the button that begins a round, such as the goal of the game; none."""
+    thanks: str
+    """The text of the last page, such as a completion code; "You have played all rounds. Thank you."."""
     port: int
     """See `ServeOptions`."""
     host: str
@@ -149,6 +154,8 @@ class Study(Handle):
             )
         self.folder = folder
         self._consent = consent
+        self._instructions = as_text(options.get("instructions", ""), "instructions")
+        self._thanks = as_text(options.get("thanks", _THANKS), "thanks")
         self._options = options
         self._seed = as_int(options.get("seed", 0), "seed")
         self._practice = as_count(options.get("practice", 1), "practice", 0)
@@ -374,7 +381,7 @@ class Study(Handle):
         if group is None:
             return {"stage": "alone" if one.came_at is None else "wait", **within}
         if self._is_done(group):
-            return {"stage": "end", "rounds": self._rounds}
+            return {"stage": "end", "text": self._thanks}
         is_practice = group.played < self._practice
         number = group.played + 1 - (0 if is_practice else self._practice)
         where: Json = {"practice": is_practice, "round": number, "rounds": self._rounds}
@@ -382,7 +389,7 @@ class Study(Handle):
             where["role"] = self._people[group.members.index(one.code)]
         if group.live is None:
             if message.get("begin") is not True:
-                return {"stage": "ready", **where}
+                return {"stage": "ready", "text": self._instructions, **where}
             if not self._may_begin(group, one):
                 return {"stage": "wait", **where, **within}
             self._begin(group)

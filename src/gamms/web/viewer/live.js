@@ -157,8 +157,9 @@ class LiveStrip {
     this.edge.classList.toggle("now", Boolean(app?.isLive));
     this.edge.setAttribute("aria-pressed", String(Boolean(app?.isLive)));
     const isOpen = socket?.readyState === WebSocket.OPEN;
-    this.words.textContent = this.refused || (isOpen ? wordsOfStatus(status) : "connecting again");
     this.next.hidden = !(this.study && status?.over);
+    const words = this.next.hidden ? wordsOfStatus(status) : "This round is over.";
+    this.words.textContent = this.refused || (isOpen ? words : "connecting again");
     this.control.hidden = !status?.control || !isOpen;
     if (!status?.control) return;
     refill(this.pause, icon(status.paused ? "play" : "pause"));
