@@ -387,6 +387,17 @@ def as_context(value: T, caller: str) -> T:
     return value
 
 
+def as_recording(value: T, caller: str) -> T:
+    """Check that a value is an open recording.
+
+    Raises:
+        BadType: it is not.
+    """
+    if not hasattr(value, "header"):
+        raise BadType(f"{caller} takes a recording, as gamms.recorder.open gives it, not {shown(value)}.")
+    return value
+
+
 def as_text(value: object, name: str, form: str = "a string") -> str:
     """Return plain Unicode text.
 

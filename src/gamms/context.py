@@ -8,7 +8,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
-from gamms.arguments import as_int, as_mapping, as_member, as_path, as_text, names_keywords
+from gamms.arguments import as_choice, as_int, as_mapping, as_member, as_path, as_text, names_keywords
 from gamms.compat import Surface
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownEngine
@@ -488,6 +488,8 @@ def _configured_logger(config: dict[str, Any]) -> logging.Logger:
     if level is None:
         level = os.environ.get("GAMMS_LOG_LEVEL", "INFO").upper()
         level = level if level in _LEVELS else "INFO"
+    if isinstance(level, str):
+        as_choice(level, "level of logger_config", list(logging.getLevelNamesMapping()))
     try:
         logging.basicConfig(**{**config, "level": level})
     except (TypeError, ValueError) as error:

@@ -36,7 +36,7 @@ ScenarioError (scenario), RecordingError, RecorderBusy and Damaged (recorder), U
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from itertools import chain, islice
 from typing import Any, NoReturn
 
@@ -101,8 +101,13 @@ class UnknownAttribute(GammsError, AttributeError):
     """A name that a package or a part of the context lacks."""
 
     def __init__(self, owner: str, name: str, known: Iterable[str]) -> None:
-        public = [one for one in known if not one.startswith("_")]
-        super().__init__(f"{owner} has no attribute {name!r}.{_way_out(name, public)}")
+        super().__init__(f"{owner} has no attribute {name!r}.")
+        self._wanted = name
+        self._known = [one for one in known if not one.startswith("_")]
+
+    def __str__(self) -> str:
+        # Looked for here, because `hasattr` and imports of submodules show no message.
+        return super().__str__() + _way_out(self._wanted, self._known)
 
     @staticmethod
     def hint_of(error: BaseException) -> str:
@@ -115,13 +120,13 @@ class UnknownAttribute(GammsError, AttributeError):
         return _way_out(error.name, [one for one in dir(error.obj) if not one.startswith("_")])
 
 
-def no_attribute(package: str, known: Iterable[str]) -> Callable[[str], NoReturn]:
-    """Return the `__getattr__` of a package with these names, which suggests the most similar known name."""
+def suggest_names(package: str, known: Iterable[str]) -> None:
+    """Let a package answer unknown names with the most similar of these names."""
 
     def refuse(name: str) -> NoReturn:
         raise UnknownAttribute(package, name, () if name.startswith("_") else known)
 
-    return refuse
+    vars(sys.modules[package])["__getattr__"] = refuse  # set here, so that type checkers still know all names
 
 
 def _way_out(name: object, known: Iterable[object]) -> str:

@@ -1,5 +1,7 @@
 """Wrong names in Python: the error names the thing, the value, what there is, and the way out."""
 
+import pickle
+
 import pytest
 
 import gamms
@@ -52,6 +54,22 @@ WRONG = {
         lambda _: gamms.experiment.run(None, sed=3),
         "run takes no keyword 'sed'. Did you mean 'seeds'?",
     ),
+    "a keyword of robots": (
+        lambda _: gamms.bridge.drive("anna", print, spee=3),
+        "drive takes no keyword 'spee'. There are: agent, feed, send, limit_s, arrive_m, checks, clock.",
+    ),
+    "a keyword of rendering": (
+        lambda _: gamms.rendering.render("game.ggr", "a.svg", turn=3),
+        "render takes no keyword 'turn'. There are: path, out, options, map, show.",
+    ),
+    "a keyword of map files": (
+        lambda _: gamms.osm.graph_from_file("a.osm", resolutoin=3),
+        "graph_from_file takes no keyword 'resolutoin'. Did you mean 'resolution'?",
+    ),
+    "a keyword of areas": (
+        lambda _: gamms.osm.graph_from_point(60, 25, 9, osm_typ="walk"),
+        "A graph of an area takes no keyword 'osm_typ'. Did you mean 'osm_type'?",
+    ),
     "a range": (
         lambda ctx: ctx.agent.create_team("g", [3], sensors={"eyes": gamms.sensor.agent_range(range_m=-3)}),
         "range_m of 'g_0/eyes' must not be negative, not -3.0.",
@@ -63,6 +81,47 @@ WRONG = {
     "a file of a recording": (
         lambda _: gamms.rendering.render("gme.ggr", "a.svg"),
         "There is no file 'gme.ggr' for a recording. Did you mean 'game.ggr'?",
+    ),
+    "a file of a map": (
+        lambda ctx: ctx.graph.load("hnt.gamms"),
+        "There is no file 'hnt.gamms' for a map. Did you mean 'hunt.yaml'?",
+    ),
+    "a file of a page": (
+        lambda _: gamms.web.map_page("hnt.yaml"),
+        "There is no file 'hnt.yaml' for a map. Did you mean 'hunt.yaml'?",
+    ),
+    "a program": (
+        lambda _: gamms.bridge.Process(["hnt.yaml"]),
+        "There is no file 'hnt.yaml' for a program. Did you mean 'hunt.yaml'?",
+    ),
+    "a recording": (
+        lambda _: gamms.web.page("game.ggr"),
+        "page takes a recording, as gamms.recorder.open gives it, not 'game.ggr'.",
+    ),
+    "a column of a table": (
+        lambda _: gamms.experiment.Table({"turns": [3]})["turnz"],
+        "Unknown column 'turnz'. Did you mean 'turns'?",
+    ),
+    "a context of a filter": (
+        lambda _: gamms.belief.Filter(3, gamms.belief.random_walk(), ["anna"]),
+        "Filter takes a context, as gamms.create_context gives it, not 3.",
+    ),
+    "a goal of a model of motion": (
+        lambda ctx: gamms.belief.Filter(ctx, gamms.belief.to_goals([99]), ["anna"]),
+        NODES,
+    ),
+    "a state of a belief": (lambda ctx: gamms.belief.observe(ctx, 3), "state must be a dict, not 3 (int)."),
+    "an agent of an artist": (
+        lambda _: gamms.belief.artist(3, "anna"),
+        "The name of an agent must be a string, not 3 (int).",
+    ),
+    "a graph to check": (
+        lambda _: gamms.testing.check_graph(3),
+        "check_graph takes a function that makes an empty graph, not 3.",
+    ),
+    "a level of the log": (
+        lambda _: gamms.create_context(logger_config={"level": "EROR"}),
+        "level of logger_config must be 'CRITICAL' or",
     ),
     "a format of pictures": (
         lambda ctx: ctx.visual.save("a.mp4"),
@@ -224,6 +283,22 @@ WRONG = {
         "map.grdi: unknown key",
     ),
 }
+
+
+PACKAGES = [
+    "belief", "bridge", "experiment", "graph", "llm", "osm", "planning", "recorder", "rendering", "rl", "rules",
+    "scenario", "sensor", "solve", "strategies", "suite", "testing", "tournament", "web",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_package_answers_an_unknown_name_with_those_that_it_has(package):
+    module = getattr(gamms, package)
+    known = max((name for name in module.__all__ if name.islower()), key=len, default=max(module.__all__, key=len))
+    with pytest.raises(AttributeError) as caught:
+        getattr(module, f"{known}_")
+    assert str(caught.value) == f"gamms.{package} has no attribute '{known}_'. Did you mean {known!r}?"
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
 
 def test_a_recording_names_what_is_like_an_unknown_name(town, tmp_path):

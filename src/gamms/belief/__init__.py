@@ -21,6 +21,7 @@ from gamms.belief.belief import Belief, artist, belief_of, believed, observe
 from gamms.belief.evidence import Sighting, merge, note
 from gamms.belief.filter import Filter, GamesFilter
 from gamms.belief.motion import Motion, mixture, random_walk, to_goals
+from gamms.errors import suggest_names as _suggest_names
 
 __all__ = [
     "Belief",
@@ -38,3 +39,5 @@ __all__ = [
     "random_walk",
     "to_goals",
 ]
+
+_suggest_names(__name__, __all__)

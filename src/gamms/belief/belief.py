@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from gamms.arguments import as_context, as_items, as_range
+from gamms.arguments import as_context, as_items, as_name, as_range
 from gamms.belief.evidence import (
     HORIZON,
     ExactPosition,
@@ -318,8 +318,10 @@ def artist(observer: str, target: str, motion: Motion | None = None, *, can_be: 
         can_be: whether to show all possible nodes instead of probabilities.
 
     Raises:
-        BadType: the motion is not a model.
+        BadType: the motion is not a model, or a name is not a string.
     """
+    for name in (observer, target):
+        as_name(name, "an agent")
     model = random_walk() if motion is None else as_motion(motion, "motion of artist")
 
     def chances_of(ctx: Context) -> tuple[dict[int, float], float]:

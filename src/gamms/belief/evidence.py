@@ -26,7 +26,7 @@ from gamms.arguments import as_context, as_count, as_int, as_mapping
 from gamms.belief.ground import Arc, BeliefMap, belief_map_of
 from gamms.context import Context
 from gamms.deciding import phase_of
-from gamms.errors import BadType, BadValue, MissingKey, NotOffered, UnknownName
+from gamms.errors import BadType, BadValue, MissingKey, NotOffered
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensor_results import Coverage
 from gamms.text import shown
@@ -291,8 +291,7 @@ def note(
     """
     where = as_int(node, f"node of agent {shown(name)}")
     now = required(state, "turn")
-    if not as_context(ctx, "note").graph.graph.has_node(where):
-        raise UnknownName("node", where)
+    as_context(ctx, "note").graph.graph.get_node(where)
     agent = ctx.agent.get_agent(name)
     then = now if turn is None else as_count(turn, "turn of note", 0)
     if then > now:
@@ -334,7 +333,7 @@ def required(state: State | AerialState, key: str) -> Any:
     Raises:
         MissingKey (KeyError): the key is missing.
     """
-    if key not in state:
+    if key not in as_mapping(state, "state"):
         raise MissingKey(
             f"A belief needs state[{key!r}]. ctx.game sets it; in your own loop, set name, team, turn and "
             "memory, a dict that you store for the agent."

@@ -5,7 +5,18 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_array, as_count, as_ids, as_items, as_key, as_known, as_mapping, as_numbers_of, as_range
+from gamms.arguments import (
+    as_array,
+    as_context,
+    as_count,
+    as_ids,
+    as_items,
+    as_key,
+    as_known,
+    as_mapping,
+    as_numbers_of,
+    as_range,
+)
 from gamms.belief.ground import BeliefMap, belief_map_of
 from gamms.belief.motion import Motion, MotionChain, as_motion, chain_of, evidence_of
 from gamms.core import belief as core
@@ -119,7 +130,7 @@ class Filter(StateProbabilities):
 
     def __init__(self, ctx: IContext, motion: Motion, targets: Iterable[str], *, metres: float | None = None) -> None:
         self.targets: Sequence[str] = tuple(as_items(targets, "targets", "names"))
-        super().__init__(belief_map_of(ctx.graph.columns()), motion, metres, len(self.targets))
+        super().__init__(belief_map_of(as_context(ctx, "Filter").graph.columns()), motion, metres, len(self.targets))
 
     def update(
         self,

@@ -52,7 +52,7 @@ class BeliefMap:
         """
         rows = self.rows(node_ids)
         if (rows < 0).any():
-            raise UnknownName("node", int(node_ids[np.argmax(rows < 0)]))
+            raise UnknownName("node", int(node_ids[np.argmax(rows < 0)]), self.columns.node_ids.tolist())
         return rows
 
     @cached_property

@@ -17,6 +17,7 @@ from gamms.bridge.rosbridge import RosBridge, rosbridge
 from gamms.bridge.rules import positions, publish, traffic
 from gamms.bridge.simulated import SimulatedRobot
 from gamms.bridge.tracks import TrackMatch, recording_from_tracks
+from gamms.errors import suggest_names as _suggest_names
 
 __all__ = [
     "Clock",
@@ -40,3 +41,5 @@ __all__ = [
     "rosbridge",
     "traffic",
 ]
+
+_suggest_names(__name__, __all__)

@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from gamms.arguments import as_name, as_range
+from gamms.arguments import as_name, as_range, names_keywords
 from gamms.bridge.feeds import Clock, Feed, Message, Send, Source, WallClock, as_feed
 from gamms.bridge.matching import XY, FixChecks, PositionTracker, RoadRoute, RoutePoint, route_along, route_of
 from gamms.context import Context
@@ -31,6 +31,7 @@ _LINE_PX = 2
 _WAY_PX = 4
 
 
+@names_keywords
 def drive(
     agent: IAgent | str,
     feed: Feed | Source,

@@ -25,7 +25,7 @@ from gamms.arguments import as_count, as_items, as_name
 from gamms.bridge.feeds import Clock, Feed, Message
 from gamms.bridge.lines import LONGEST_LINE, BadLine, Fix, RoadChanges, line_of, parse
 from gamms.child_processes import die_with_parent
-from gamms.errors import BadType, BadValue, NetworkError
+from gamms.errors import BadType, BadValue, MissingFile, NetworkError
 from gamms.plugins import needing
 from gamms.text import shown
 
@@ -277,6 +277,9 @@ class Process(Link):
                 stdout=subprocess.PIPE,
                 preexec_fn=ending,  # noqa: PLW1509 - it loads nothing and takes no lock
             )
+        except FileNotFoundError:
+            started.set_exception(MissingFile("a program", words[0]))
+            return
         except BaseException as error:  # noqa: BLE001 - it is for the thread that waits
             started.set_exception(error)
             return

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_float, as_name, as_path, as_positive
+from gamms.arguments import as_float, as_name, as_path, as_positive, names_keywords
 from gamms.bridge.feeds import FixLike
 from gamms.bridge.lines import as_fix
 from gamms.context import Context, create_context
@@ -89,6 +89,7 @@ class _TrackPart(NamedTuple):
     along: FloatArray  # (knots,) distances from the start at these times
 
 
+@names_keywords
 def recording_from_tracks(
     tracks: Tracks,
     graph: Context | str | os.PathLike[str],

@@ -9,6 +9,7 @@ samples, `games.py` plays in a worker, `executors.py` chooses the executor, `fol
 import: `scenario` and below.
 """
 
+from gamms.errors import suggest_names as _suggest_names
 from gamms.experiment.folders import merge, pack, unpack
 from gamms.experiment.rows import Rows, power
 from gamms.experiment.running import load, run
@@ -16,3 +17,5 @@ from gamms.experiment.sampling import Sample, sample
 from gamms.experiment.tables import Table
 
 __all__ = ["Rows", "Sample", "Table", "load", "merge", "pack", "power", "run", "sample", "unpack"]
+
+_suggest_names(__name__, __all__)

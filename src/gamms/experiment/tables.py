@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gamms.errors import UnknownName
 from gamms.experiment.statistics import Interval
 from gamms.ir.tables import table_of
 from gamms.plugins import needing
@@ -39,6 +40,9 @@ class Table(dict[str, Any]):
         super().__init__(columns)
         self.notes = list(notes)
         self.least = dict(least or {})
+
+    def __missing__(self, column: object) -> Any:
+        raise UnknownName("column", column, self)
 
     @classmethod
     def of(

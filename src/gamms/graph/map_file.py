@@ -19,7 +19,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_path, as_target
-from gamms.errors import BadFile, BadValue, GammsError, WriteConflict
+from gamms.errors import BadFile, BadValue, GammsError, MissingFile, WriteConflict
 from gamms.folders import write_whole
 from gamms.graph import records
 from gamms.graph.obstacles import Obstacles, checked_face
@@ -195,7 +195,10 @@ def load(path: str | os.PathLike[str]) -> SavedMap:
         BadFile (ValueError): the file is damaged, foreign, too new or absurdly large.
         OSError: the file cannot be read.
     """
-    data = as_path(path, "path").read_bytes()
+    file = as_path(path, "path")
+    if not file.exists():
+        raise MissingFile("a map", file)
+    data = file.read_bytes()
     try:
         return decode(data)
     except BadFile as error:

@@ -9,11 +9,14 @@ knows the client library. May import: `strategies`, `recorder` and below. To des
 template: see docs/llm.md.
 """
 
+from gamms.errors import suggest_names as _suggest_names
 from gamms.llm.limits import Options
 from gamms.llm.server import connect
 from gamms.llm.strategy import MissingDecision, Strategy
 
 __all__ = ["MissingDecision", "Options", "Strategy", "connect"]
+
+_suggest_names(__name__, __all__)
 
 FOR_SCENARIOS = {"Strategy": Strategy}
 """Names that scenario files may use, if the reader of the file allows them."""

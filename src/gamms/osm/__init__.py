@@ -16,6 +16,7 @@ May import: `gamms.typing` and below, never another engine. To read another kind
 everything after that is the same.
 """
 
+from gamms.errors import suggest_names as _suggest_names
 from gamms.osm import settings
 from gamms.osm.buildings import (
     WallOptions,
@@ -91,3 +92,5 @@ __all__ = [
     "settings",
     "wall_estimates",
 ]
+
+_suggest_names(__name__, __all__)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_float, as_items, as_range, with_options
+from gamms.arguments import as_float, as_items, as_range, refuse_keywords, with_options
 from gamms.errors import BadType, BadValue, nearest
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, crs_of, project, project_back_and_forth, utm_crs
@@ -16,7 +16,6 @@ from gamms.osm import footprints
 from gamms.osm.constants import BARRIER_HEIGHTS, OSM_OBSTACLE_TAGS, wall_estimates
 from gamms.osm.elevation import Elevation, ElevationPath, as_elevation
 from gamms.osm.footprints import HeightEstimates, TagFilter, WallProfile
-from gamms.osm.load import refuse_unknown
 from gamms.osm.network import OsmRoads, RoadSegments, largest_part, segments_of
 from gamms.osm.osmium_reader import as_file, read_barriers, read_footprints, read_ways
 from gamms.osm.overpass import Location, features_of_place
@@ -263,7 +262,7 @@ def _checked(
     tags: TagFilter | None, estimates: HeightEstimates | None, tolerances: tuple[float, float], more: WallOptions
 ) -> tuple[footprints.WallRules, SimplifyTolerance]:
     """Return the checked rules for walls, and the tolerance of their simplification."""
-    refuse_unknown(more, WallOptions, "walls")
+    refuse_keywords(more, WallOptions.__annotations__, "A map of obstacles")
     heights = _barrier_heights(more.get("barriers", False))
     rules = footprints.WallRules(tags, wall_estimates() if estimates is None else estimates, heights)
     tolerance = SimplifyTolerance(

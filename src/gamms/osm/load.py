@@ -11,8 +11,17 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypedDict, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_context, as_float, as_positive, as_range, with_options
-from gamms.errors import BadFile, BadType, BadValue, nearest
+from gamms.arguments import (
+    as_bool,
+    as_context,
+    as_float,
+    as_positive,
+    as_range,
+    refuse_keywords,
+    signature_of,
+    with_options,
+)
+from gamms.errors import BadFile, BadValue
 from gamms.ir.geometry import region_of
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
@@ -141,17 +150,6 @@ class FileOptions(MapOptions, total=False):
     """
 
 
-def refuse_unknown(given: Mapping[str, Any], options: type, of: str) -> None:
-    """Refuse unknown options; `of` names the function.
-
-    Raises:
-        BadType: an option is unknown.
-    """
-    for option in given:
-        if option not in options.__annotations__:
-            raise BadType(f"There is no option {option!r} of {of}.{nearest(option, options.__annotations__)}")
-
-
 def graph_from_xml(
     filepath: FilePath,
     resolution: float = 10.0,
@@ -222,7 +220,7 @@ def graph_from_file(
 
     Raises: as `graph_from_xml`.
     """
-    refuse_unknown(more, FileOptions, "graph_from_file")
+    refuse_keywords(more, signature_of(graph_from_file).parameters, "graph_from_file")
     mode = None if osm_type is None else as_mode(osm_type)
     tolerance = tolerance_of(mode) if tolerance is None else tolerance
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)

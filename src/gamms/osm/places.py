@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_float, with_options
+from gamms.arguments import as_bool, as_float, refuse_keywords, with_options
 from gamms.errors import BadType, BadValue, PlaceError
 from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, project, utm_crs
-from gamms.osm.load import ElevationSource, GraphRecipe, MapOptions, as_ground, cut, for_mode, recipe_of, refuse_unknown
+from gamms.osm.load import ElevationSource, GraphRecipe, MapOptions, as_ground, cut, for_mode, recipe_of
 from gamms.osm.modes import ModeFunction, as_mode, honouring_traffic, tolerance_of
 from gamms.osm.network import OSMType, RoadNetwork, as_osm_type
 from gamms.osm.overpass import Location, StreetOptions, streets_of_place, streets_of_polygon
@@ -169,7 +169,7 @@ def get_network_type(osm_type: OSMType | str) -> str:
 def _graph_of_area(
     streets_of: Callable[..., RoadNetwork], area: "Location | BaseGeometry", name: str, given: PlaceOptions
 ) -> "nx.DiGraph[int]":
-    refuse_unknown(given, PlaceOptions, "areas")
+    refuse_keywords(given, PlaceOptions.__annotations__, "A graph of an area")
     rest: dict[str, Any] = {**_DEFAULTS, **given}
     mode = as_mode(rest.pop("osm_type"))
     bidirectional = rest["bidirectional"]

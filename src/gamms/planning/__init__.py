@@ -14,10 +14,13 @@
 `Model` from its state.
 """
 
+from gamms.errors import suggest_names as _suggest_names
 from gamms.planning.mcts import SearchOptions, mcts
 from gamms.planning.model import Model, ModelOptions, Policy, closeness
 
 __all__ = ["Model", "ModelOptions", "Policy", "SearchOptions", "closeness", "mcts"]
+
+_suggest_names(__name__, __all__)
 
 FOR_SCENARIOS = {"closeness": closeness, "mcts": mcts}
 """Names that scenario files may use."""

@@ -12,6 +12,7 @@ May import: typing, kernels, ir and below, never another engine. To record a new
 a field of the game names its kind in `ir/game_state.py`. A new format is a class in `ENCODERS`.
 """
 
+from gamms.errors import suggest_names as _suggest_names
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Writer
@@ -20,3 +21,5 @@ from gamms.recorder.recording import Recording, open  # noqa: A004 - as `Recordi
 from gamms.recorder.states import State
 
 __all__ = ["Reader", "Recorder", "RecorderBusy", "Recording", "RecordingError", "State", "Writer", "open"]
+
+_suggest_names(__name__, __all__)

@@ -9,9 +9,10 @@ from typing import Literal
 
 import numpy as np
 
-from gamms.arguments import as_known, as_target
+from gamms.arguments import as_known, as_target, names_keywords
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
+from gamms.errors import suggest_names as _suggest_names
 from gamms.folders import write_whole
 from gamms.recorder import Recording
 from gamms.recordings.conversion import in_version_3, with_map
@@ -23,6 +24,8 @@ from gamms.visual.drawers.graph import longer_side, typical_edge_length
 from gamms.visual.fog import Fog
 
 __all__ = ["Fog", "RenderOptions", "render"]
+
+_suggest_names(__name__, __all__)
 
 # around the agent that is followed: on a real map, and on any other
 _VIEW_M = 400.0
@@ -82,6 +85,7 @@ class RenderOptions:
     crop: bool = False
 
 
+@names_keywords
 def render(
     path: str | os.PathLike[str],
     out: str | os.PathLike[str],

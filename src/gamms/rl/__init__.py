@@ -14,6 +14,7 @@ observation or a reward write a function of arrays: see docs/learning.md.
 
 from importlib.util import find_spec
 
+from gamms.errors import suggest_names as _suggest_names
 from gamms.rl.environments import parallel_env, sb3_env, single_agent_env, torchrl_env, vector_env
 from gamms.rl.learners import Learners, Observation, Reward, default_observation
 from gamms.rl.observations import graph, neighbourhood
@@ -37,6 +38,8 @@ __all__ = [
     "torchrl_env",
     "vector_env",
 ]
+
+_suggest_names(__name__, __all__)
 
 if find_spec("gymnasium") is not None:
     from gamms.rl.ids import register

@@ -14,9 +14,7 @@ a function `(contest, ctx) -> winners`; no registration is needed. Annotate para
 `gamms.typing.game.Team`, TEAMS or OWNERS, so that scenario files with misspelled teams are refused.
 """
 
-import typing as _typing
-
-from gamms.errors import no_attribute as _no_attribute
+from gamms.errors import suggest_names as _suggest_names
 from gamms.game.conflicts import Conflicts, Contest, at_random
 from gamms.rules import territory
 from gamms.rules.conflicts import by_priority, by_rank, nobody
@@ -54,5 +52,4 @@ __all__ = [
     "time_limit",
 ]
 
-if not _typing.TYPE_CHECKING:  # which would take every misspelt name for one that is there
-    __getattr__ = _no_attribute(__name__, __all__)
+_suggest_names(__name__, __all__)

@@ -9,8 +9,11 @@ beyond types, and `code.py` finds, imports and calls the functions that a file n
 May import: `context` and below. To add a key, declare it in `spec.py` and implement it in `builder.py`.
 """
 
+from gamms.errors import suggest_names as _suggest_names
 from gamms.scenario.documents import ScenarioError
 from gamms.scenario.scenario import Scenario, from_gallery, from_recording, gallery, load
 from gamms.scenario.spec import Spec, schema
 
 __all__ = ["Scenario", "ScenarioError", "Spec", "from_gallery", "from_recording", "gallery", "load", "schema"]
+
+_suggest_names(__name__, __all__)

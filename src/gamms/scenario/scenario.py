@@ -9,10 +9,10 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
-from gamms.arguments import as_int, as_items, as_known, as_mapping, as_path, as_text, names_keywords
+from gamms.arguments import as_int, as_items, as_known, as_mapping, as_path, as_recording, as_text, names_keywords
 from gamms.compat import Surface
 from gamms.context import Context, create_context
-from gamms.errors import BadType, BadValue, UnknownName
+from gamms.errors import BadValue, UnknownName
 from gamms.game.batch import Batch, BatchSource, MostAgents
 from gamms.game.block.columns import as_seeds
 from gamms.game.result import Result, warn_of_idle
@@ -472,9 +472,7 @@ def from_recording(
     Raises:
         ScenarioError: the recorded game was built by a program, or its scenario is invalid.
     """
-    if not hasattr(recording, "header"):
-        raise BadType(f"from_recording takes a recording, as gamms.recorder.open gives it, not {shown(recording)}.")
-    raw = recording.header.get("scenario")
+    raw = as_recording(recording, "from_recording").header.get("scenario")
     if raw is None:
         raise ScenarioError(
             "", "this recording holds no scenario, for a program built its game: give branch(…) that as build=."

@@ -4,9 +4,7 @@ Read `catalog.py` first: the table of all kinds of sensors. A new kind is one ro
 May import: typing, kernels, ir and below, never another engine.
 """
 
-import typing as _typing
-
-from gamms.errors import no_attribute as _no_attribute
+from gamms.errors import suggest_names as _suggest_names
 from gamms.kernels import multiply_quaternions, quaternion_to_direction
 from gamms.sensor.air import AerialAgentSensor, AerialSensor, OccludedAerialAgentSensor, OccludedAerialSensor
 from gamms.sensor.catalog import (
@@ -64,5 +62,4 @@ __all__ = [
     "range",
 ]
 
-if not _typing.TYPE_CHECKING:  # which would take every misspelt name for one that is there
-    __getattr__ = _no_attribute(__name__, __all__)
+_suggest_names(__name__, __all__)

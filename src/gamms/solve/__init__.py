@@ -12,6 +12,7 @@ A client of scenarios, batches, planning and learning: May import: `planning`, `
 responses, add it to `responses.py`.
 """
 
+from gamms.errors import suggest_names as _suggest_names
 from gamms.solve.mixtures import DoubleOracle, MatrixGame, double_oracle, matrix_game
 from gamms.solve.responses import Evaluation, Response, best_response, evaluate, exploitability, nash_conv, openspiel
 from gamms.solve.solution import Choice, Solution, SolvedStrategy, solve
@@ -35,3 +36,5 @@ __all__ = [
     "openspiel",
     "solve",
 ]
+
+_suggest_names(__name__, __all__)

@@ -31,9 +31,7 @@ team that shares out enemies, `sweeping.py` a team that visits all nodes; `paces
 May import: `belief`, `context` and below. To add a strategy, write a function and name it below.
 """
 
-import typing as _typing
-
-from gamms.errors import no_attribute as _no_attribute
+from gamms.errors import suggest_names as _suggest_names
 from gamms.strategies.assignment import assign
 from gamms.strategies.encounters import chase, flee, follow_belief, guard, intercept, safest_exit
 from gamms.strategies.sweeping import sweep
@@ -71,5 +69,4 @@ __all__ = [
     "unblock",
 ]
 
-if not _typing.TYPE_CHECKING:  # which would take every misspelt name for one that is there
-    __getattr__ = _no_attribute(__name__, __all__)
+_suggest_names(__name__, __all__)

@@ -8,8 +8,11 @@ Read `protocol.py` first: it defines tasks, and the ten tasks of this version. `
 `experiment`, `scenario` and below.
 """
 
+from gamms.errors import suggest_names as _suggest_names
 from gamms.suite.generator import KINDS, MAPS, generate
 from gamms.suite.protocol import VERSION, Task, tasks
 from gamms.suite.results import BASELINES, Results, references, run
 
 __all__ = ["BASELINES", "KINDS", "MAPS", "VERSION", "Results", "Task", "generate", "references", "run", "tasks"]
+
+_suggest_names(__name__, __all__)

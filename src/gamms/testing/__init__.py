@@ -9,8 +9,11 @@ checked objects as any program would. `contracts.py` checks graphs and sensors, 
 list it below.
 """
 
+from gamms.errors import suggest_names as _suggest_names
 from gamms.testing.backends import check_backend
 from gamms.testing.contracts import check_graph, check_sensor
 from gamms.testing.reproducibility import check_rule, check_strategy
 
 __all__ = ["check_backend", "check_graph", "check_rule", "check_sensor", "check_strategy"]
+
+_suggest_names(__name__, __all__)

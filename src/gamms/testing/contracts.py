@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from copy import deepcopy
 
+from gamms.errors import BadType
+from gamms.text import shown
 from gamms.typing import IGraph, ISensor, SensorType
 
 _NODES = [(1, 0.0, 0.0), (2, 3.0, 4.0), (7, 10.0, 0.0), (5, 0.0, 5.0)]
@@ -14,7 +16,10 @@ def check_graph(make: Callable[[], IGraph]) -> None:
 
     Raises:
         AssertionError: a promise is broken; the message names it.
+        BadType: `make` is not a function.
     """
+    if not callable(make):
+        raise BadType(f"check_graph takes a function that makes an empty graph, not {shown(make)}.")
     for promise in (_answers, _refuses, _edits, _copies_what_it_is_given, _offers_derived_methods):
         promise(_filled(make()))
 

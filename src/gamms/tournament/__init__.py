@@ -11,8 +11,11 @@ entries. `players.py` asks the process of an entry and detects faults; `launcher
 A client of scenarios and experiments: May import: `experiment` and below.
 """
 
+from gamms.errors import suggest_names as _suggest_names
 from gamms.tournament.players import FAULTS
 from gamms.tournament.running import load, run
 from gamms.tournament.table import Cycle, Payoff, Rating, Standing, Table
 
 __all__ = ["FAULTS", "Cycle", "Payoff", "Rating", "Standing", "Table", "load", "run"]
+
+_suggest_names(__name__, __all__)

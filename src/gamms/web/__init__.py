@@ -15,6 +15,7 @@ their participants. `places.py` makes a page of a map on which people choose pla
 May import: all layers below the clients. It uses only public methods of recordings and contexts.
 """
 
+from gamms.errors import suggest_names as _suggest_names
 from gamms.web.live import Live, ServeOptions, serve
 from gamms.web.pages import page, page_of_two
 from gamms.web.people import human
@@ -33,6 +34,8 @@ __all__ = [
     "serve",
     "study",
 ]
+
+_suggest_names(__name__, __all__)
 
 FOR_SCENARIOS = {"human": human}
 """Names that scenario files may use without a package: `strategy: human`."""

@@ -13,7 +13,7 @@ from html import escape
 from io import BytesIO
 from typing import Any, Unpack
 
-from gamms.arguments import as_int
+from gamms.arguments import as_int, as_recording
 from gamms.errors import BadValue
 from gamms.plain import Plain
 from gamms.recorder import Recording
@@ -51,7 +51,7 @@ def page(recording: Recording, **options: Unpack[PageOptions]) -> bytes:
         UnknownName (KeyError): the team does not exist.
         RecordingError (ValueError): the recording is damaged, or lacks its map.
     """
-    look = _checked(options, recording.turns, recording.title)
+    look = _checked(options, as_recording(recording, "page").turns, recording.title)
     return _assembled(look, options.get("still"), [_rewritten(recording, options.get("audience"))])
 
 
@@ -69,7 +69,8 @@ def page_of_two(
     Raises:
         BadValue, UnknownName, RecordingError: see `page`.
     """
-    look = _checked(options, max(first.turns, second.turns), f"{names[0]} and {names[1]}")
+    turns = max(as_recording(one, "page_of_two").turns for one in (first, second))
+    look = _checked(options, turns, f"{names[0]} and {names[1]}")
     found = first_difference(first, second)
     look |= {"names": list(names), **({} if found is None else {"parts": found.turn})}
     recordings = [_rewritten(one, options.get("audience")) for one in (first, second)]

@@ -15,7 +15,7 @@ import numpy as np
 from gamms import osm
 from gamms.arguments import as_path
 from gamms.context import create_context
-from gamms.errors import BadValue, GammsError
+from gamms.errors import BadValue, GammsError, MissingFile
 from gamms.scenario import Scenario, ScenarioError, load
 from gamms.scenario.spec import LatLon, Rule, Team
 from gamms.text import shown
@@ -68,6 +68,8 @@ def _opened(source: str | os.PathLike[str] | Scenario) -> tuple[Scenario, bool]:
     if isinstance(source, Scenario):
         return source, True
     file = as_path(source, "source")
+    if not file.exists():
+        raise MissingFile("a map", file)
     with file.open("rb"):
         pass  # raises the most precise error
     is_geojson = file.suffix == ".geojson" or (file.suffix == ".json" and osm.is_geojson(file))
