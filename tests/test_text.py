@@ -49,8 +49,8 @@ def test_messages_name_integers_of_any_length(call):
 
 
 def test_control_characters_are_written_as_escapes():
-    text = "a\x1b]0;b\x07\x9b2J\r\u202ec\ud800\n\ue000ü \u200d 😀"
-    assert printable(text) == r"a\u001b]0;b\u0007\u009b2J\u000d\u202ec\ud800" + "\n\ue000ü \u200d 😀"
+    text = "a\x1b]0;b\x07\x9b2J\r\u202ec\ud800\n\ue000ü \u200d 😀\U000e0001"
+    assert printable(text) == r"a\u001b]0;b\u0007\u009b2J\u000d\u202ec\ud800" + "\n\ue000ü \u200d 😀" + r"\U000e0001"
     assert printable_line("a\nb") == r"a\nb"
 
 

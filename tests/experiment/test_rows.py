@@ -28,7 +28,8 @@ def test_every_combination_is_played_with_every_seed():
 
 
 def test_a_row_says_what_came_of_the_game_that_its_seed_and_settings_play():
-    row = experiment.run(HUNT, [7], {"teams.red.count": [3]}, collect={"tags": small_hunts.count_tags})[0]
+    collect = {"tags": small_hunts.count_tags, "ends": lambda result: [result.turns, None]}
+    row = experiment.run(HUNT, [7], {"teams.red.count": [3]}, collect=collect)[0]
     result = HUNT.replace(**{"teams.red.count": 3}).play(seed=7)
     assert row["turns"] == result.turns
     assert row["reason"] == result.reason
@@ -37,6 +38,7 @@ def test_a_row_says_what_came_of_the_game_that_its_seed_and_settings_play():
     assert row["agents.red"] == 3
     assert row["moves.red"] == sum(one["moves"] for one in result.agents.values() if one["team"] == "red")
     assert row["collector.tags"] == small_hunts.count_tags(result)
+    assert row["collector.ends"] == f"[{result.turns}, null]"
     assert row["error"] is None
 
 
@@ -58,6 +60,13 @@ def test_a_value_has_the_name_that_a_dict_gives_it():
 def test_variants_can_be_listed():
     rows = experiment.run(HUNT, [1], [{"teams.red.count": 1, "max_turns": 2}, {"teams.red.count": 2, "max_turns": 1}])
     assert [(row["agents.red"], row["max_turns"]) for row in rows] == [(1, 2), (2, 1)]
+    again = experiment.run(HUNT, [1], [{"max_turns": np.int64(2), "teams.red.count": 1}])[0]
+    assert (again["id"], again["max_turns"]) == (rows[0]["id"], 2), "neither the order of keys nor NumPy matters"
+
+
+def test_a_column_of_numbers_and_texts_has_them_as_they_are():
+    rows = experiment.run(HUNT.replace(data={"pay": 0}), [1], {"data.pay": [1, "two"]})
+    assert rows.table()["data.pay"].tolist() == [1, "two"]
 
 
 @pytest.mark.parametrize(

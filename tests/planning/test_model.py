@@ -89,9 +89,12 @@ def test_a_decision_leaves_the_model_in_world_0_with_what_the_policies_remember(
         assert model.decide() == {"ann": state["curr_pos"]}
         found = model.game.ctx.seed == seed, model.game.memories["ann"]["asked"]
         model.play(1)
-        return *found, model.game.memories["ann"]["asked"]
+        forgetful = Model(state, seed=5, rollout=walk)
+        forgetful.sample(7)
+        forgetful.decide()
+        return *found, model.game.memories["ann"]["asked"], forgetful.game.ctx.seed == seed
 
-    assert play(tag, look, 1) == [(True, 1, 2)]
+    assert play(tag, look, 1) == [(True, 1, 2, True)]
 
 
 def test_a_world_is_the_same_whenever_it_is_sampled(tag):

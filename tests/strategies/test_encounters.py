@@ -10,6 +10,7 @@ from gamms.agent import AgentType
 from gamms.errors import BadValue
 from gamms.sensor import SensorType
 from gamms.strategies import chase, first, flee, goto, guard, mix, patrol, random_walk, stay
+from gamms.strategies.knowledge import mates_in_sight
 
 NODES = st.integers(0, 35)
 
@@ -86,6 +87,13 @@ def test_those_of_no_team_are_everybodys_enemies(world):
     assert world.play(2)["cat"] == [0, 6, 12]
     world.add("dog", 24, chase(world.ctx), team="dogs")
     assert decided(world, "dog") == 18
+
+
+def test_mates_in_sight_are_those_of_the_own_team(world):
+    for node, (name, team) in enumerate({"cat": "red", "mate": "red", "mouse": "blue", "stray": None}.items()):
+        world.add(name, node, stay, team=team)
+    mates = [mates_in_sight(world.ctx, world.state_of(world.agents[name])) for name in ("cat", "stray")]
+    assert mates == [{"mate": 1}, {}]
 
 
 def test_an_agent_does_not_chase_itself_where_a_fixed_sensor_shows_it(world):
