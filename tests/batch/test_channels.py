@@ -1,6 +1,5 @@
 """Messages of array strategies: heard, lost and jammed in batches as in games that are played alone."""
 
-import numpy as np
 import pytest
 from batch_scenes import assert_as_alone, assert_as_played, scene
 
@@ -11,42 +10,6 @@ from gamms.game.movement.legality import IllegalAction
 OUT = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "mutual": True, "then": "eliminate"}}
 
 
-def talk(state):
-    """Walk at random, tell others what was heard, and follow who tells much."""
-    legal, draw = state["legal"], state["draw"]
-    heard = [message for message in state["inbox"] if message["channel"] == "radio"]
-    told = sum(message["body"] for message in heard if not message["overheard"])
-    node = legal[(draw.below(len(legal)) + told) % len(legal)]
-    if draw.random() < 0.7:
-        body = len(heard) + state["turn"] - (heard[-1]["turn"] if heard else 0)
-        state["outbox"].append({"channel": "radio", "to": None, "body": body})
-    if state["team"] == "red":
-        state["outbox"].append({"channel": "radio", "to": "red_0" if state["name"] != "red_0" else "blue", "body": 1})
-        if draw.random() < 0.5:
-            state["outbox"].append({"channel": "mesh", "to": "red", "body": {"at": state["curr_pos"], "x": [None]}})
-    state["action"] = node
-
-
-def talk_in_arrays(view):
-    heard, shape = view["inbox"]["radio"], view.node.shape
-    told, number, last = np.zeros(shape, np.int64), np.zeros(shape, np.int64), np.zeros(shape, np.int64)
-    np.add.at(told, (heard.at, heard.hearers), np.where(heard.overheard, 0, np.array(heard.bodies, np.int64)))
-    np.add.at(number, (heard.at, heard.hearers), 1)
-    last[heard.at, heard.hearers] = heard.turns
-    actions = (view.draw.below(view.counts) + told) % view.counts
-    body = number + np.where(number > 0, view.turn[:, None] - last, view.turn[:, None])
-    view.send("radio", view.draw.random() < 0.7, body)
-    is_red = np.array([team == "red" for team in view["team"]])
-    is_first = np.array([name == "red_0" for name in view["name"]])
-    view.send("radio", is_red & ~is_first, 1, to="red_0")
-    view.send("radio", is_red & is_first, 1, to="blue")
-    places = np.empty(shape, object)
-    places[:] = [[{"at": node, "x": [None]} for node in nodes] for nodes in view["curr_pos"].tolist()]
-    reds = view.only(np.broadcast_to(is_red, shape))
-    view.send("mesh", is_red & (reds.draw.random() < 0.5), places, to="red")
-    return actions
-
-
 def channels(**radio):
     return {
         "radio": {"range_m": 25.0, **radio},
@@ -54,23 +17,7 @@ def channels(**radio):
     }
 
 
-TOLD = gamms.array_strategy(talk_in_arrays)
-
-
 MAPS = [{"grid": {"width": 4, "height": 4}}, {"grid": {"width": 7, "height": 3}}]
-
-
-@pytest.mark.parametrize("team", [TOLD, talk])
-def test_games_with_channels_on_several_maps_are_those_of_their_maps(team):
-    scenario = scene([OUT], max_turns=6, channels=channels(hops=2, loss=0.2))
-    both = {"red": team, "blue": team}
-    with scenario.batch(6, maps=MAPS, strategies=both) as games:
-        games.run()
-        games.reset([0, 1], seeds=[7, 8])
-        games.run()
-        assert games.is_in_arrays
-        assert len(set(games.maps)) == 2
-        assert_as_played(games, scenario, both, MAPS)
 
 
 @pytest.mark.parametrize(
@@ -121,6 +68,18 @@ def plainly(state):
     chatter(state)
     if state["turn"] % 2:
         state["action"] = -1
+
+
+def test_games_with_channels_on_several_maps_are_those_of_their_maps():
+    scenario = scene([OUT], max_turns=6, channels=channels(hops=2, loss=0.2) | {"wire": {"hops": 9}})
+    both = {"red": chatter, "blue": chatter}
+    with scenario.batch(6, maps=MAPS, strategies=both) as games:
+        games.run()
+        games.reset([0, 1], seeds=[7, 8])
+        games.run()
+        assert games.is_in_arrays
+        assert len(set(games.maps)) == 2
+        assert_as_played(games, scenario, both, MAPS)
 
 
 BOUNDED = {"radio": {"range_m": 25.0, "max_bytes_per_turn": 4}, "wire": {"hops": 9}}

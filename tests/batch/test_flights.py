@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from batch_scenes import WALK, assert_as_played, plain, scene
+from batch_scenes import WALK, plain, scene
 
 import gamms
 from gamms.errors import BadValue
@@ -17,12 +17,6 @@ def flying(*rules, drone=None, **more):
     return scene(rules, teams=teams | {"air": DRONE | (drone or {})}, **more)
 
 
-def swerve(state):
-    """Fly somewhere, turned."""
-    x, y, _ = state["curr_pos"]
-    state["action"] = {"direction": (20.0 - x, 20.0 - y, 1.0), "quat": (1.0, 0.0, 0.0, state["draw"].random())}
-
-
 @gamms.array_strategy
 def climb(view):
     """Fly to the middle, and up."""
@@ -30,20 +24,8 @@ def climb(view):
     return np.stack([20.0 - x, 20.0 - y, view.draw.random() - view["z"] / 40.0], axis=-1)
 
 
-CAPTURE = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}, "goal": None}}
 TAG = {"rule": "tag", "with": {"taggers": "air", "tagged": "blue", "hops": 1, "air": True}}
 BACK = {"rule": "tag", "with": {"taggers": "red", "tagged": "air", "hops": 2, "air": True}}
-
-
-@pytest.mark.parametrize("settings", [{}, {"speed_unit": "metres"}, {"legal": "any"}])
-@pytest.mark.parametrize("near", [{"hops": 1}, {"euclid": 9}])
-def test_games_in_which_agents_fly_are_played_in_the_core(near, settings):
-    tags = [{"rule": "tag", "with": {"taggers": "air", "tagged": "blue", "air": True, **near}}]
-    scenario = flying(*tags, BACK, CAPTURE, settings=settings, conflicts={"capacity": 1})
-    with scenario.batch(3, seed=1, strategies={"air": swerve}) as games:
-        games.run()
-        assert games.is_in_arrays, games.slow
-        assert_as_played(games, scenario, {"air": swerve})
 
 
 @gamms.array_rule

@@ -2,8 +2,6 @@
 
 import pytest
 from batch_scenes import scene
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from gamms import belief
 from gamms.game import IllegalAction
@@ -103,20 +101,3 @@ def test_strategies_that_call_functions_have_no_array_form():
             agent.register_strategy(strategy)
             with ctx.game.batch(2) as games:
                 assert games.slow == slow
-
-
-SIGHTS = st.sampled_from(
-    [
-        {},
-        {"detection": 0.5},
-        {"sensor_range": 1e6},
-        {"type": "AGENT_ARC", "fov": 2.5},
-        {"false_alarm_rate": 0.8, "delay_turns": 2},
-    ]
-)
-
-
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(red=st.sampled_from([*MADE]), blue=st.sampled_from([*MADE]), seed=st.integers(0, 1000), sight=SIGHTS)
-def test_any_strategies_play_the_same_with_any_sight(red, blue, seed, sight, same_as_one_by_one):
-    same_as_one_by_one(hunted(sight=sight), [seed], {"red": MADE[red], "blue": MADE[blue]})

@@ -127,7 +127,7 @@ def programmes(draw):
             number = draw(st.sampled_from(flyers))
             flight = kinds.AERIAL_AGENT_FLIGHT, (number, node, *position_of(node, z))
             turn = kinds.AERIAL_AGENT_TURN, (number, 0.0, 0.6, 0.8, 0.0)
-            found.append(flight if what == "fly" else turn)
+            found += [flight if what == "fly" else turn] * draw(st.sampled_from([1, 1, 30]))
         elif what in ("put", "came", "face", "speed", "progress") and walkers:
             number = draw(st.sampled_from(walkers))
             name = {"agent_name": agents[number][0]}

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from recordings import written
+from test_event_kinds import programmes
 
 import gamms
 from gamms import recorder
@@ -200,56 +201,16 @@ def blank(agents):
     }
 
 
-@st.composite
-def logs(draw):
-    """Logs of turns in which agents move, fly, come, go and change, and a keyframe to begin with."""
-    living = dict(enumerate(f"a{i}" for i in range(draw(st.integers(1, 5)))))
-    begin, new, turns = blank(len(living)), len(living), []
-    flies = begin["kind"].tolist()
-    for _ in range(draw(st.integers(0, 5))):
-        log = []
-        for _ in range(draw(st.integers(0, 12))):
-            rare = ["put", "come", "go", "set", "score", "by name"]
-            what = draw(st.sampled_from(["walk"] * 3 + ["fly"] * 3 + ["turn"] + rare))
-            number = draw(st.sampled_from(sorted(living))) if living else None
-            name, node = living.get(number), draw(st.integers(0, NODES - 1))
-            if what == "come":
-                kwargs = {"start_node_id": node, "type": node % 2}
-                state = {"position": (node, node, 0), "quat": (1, 0, 0, 0)} if node % 2 else {}
-                log.append((kinds.AGENT_CREATE, {"name": f"a{new}", "kwargs": kwargs, "state": state}))
-                living[new], new = f"a{new}", new + 1
-                flies.append(node % 2)
-            elif name is None or what == "score":
-                log.append((kinds.GAME_SCORES, {"scores": [("red", node)]}))
-            elif what == "walk":
-                for _ in range(draw(st.sampled_from([1, 1, 2, 30]))):
-                    log += [number, draw(st.integers(0, NODES - 1))]
-            elif what == "fly" and flies[number]:
-                for _ in range(draw(st.sampled_from([1, 1, 2, 30]))):
-                    aim = draw(st.integers(0, NODES - 1))
-                    log.append((kinds.AERIAL_AGENT_FLIGHT, (number, aim, float(aim), -0.5, 1.0)))
-            elif what == "turn":
-                log.append((kinds.AERIAL_AGENT_TURN, (number, float(node), 0.0, 0.0, 1.0)))
-            elif what == "by name" and flies[number]:
-                log.append((kinds.AERIAL_AGENT_QUATERNION, {"agent_name": name, "quat": (0, node, 0, 0)}))
-                log.append((kinds.AERIAL_AGENT_POSITION, {"agent_name": name, "position": (node, 0, 1), "node": node}))
-            elif what in ("put", "fly", "by name"):
-                kind = draw(st.sampled_from([kinds.AGENT_CURRENT_NODE, kinds.AGENT_PREV_NODE]))
-                log.append((kind, {"agent_name": name, "node_id": node}))
-            elif what == "set":
-                log.append((kinds.AGENT_TEAM, {"agent_name": name, "team": node}))
-                log.append((kinds.AGENT_ALIVE, {"agent_name": name, "alive": node > 3}))
-            else:
-                log.append((kinds.AGENT_DELETE, {"name": name}))
-                del living[number]
-        turns.append(log)
-    return begin, turns
-
-
 @settings(deadline=None)
-@given(logs(), st.integers(1, 4), st.data())
-def test_many_moves_at_once_do_what_they_do_one_by_one(game, turns, data):
-    begin, game = game
+@given(programmes(), st.integers(1, 9), st.integers(1, 4), st.data())
+def test_many_moves_at_once_do_what_they_do_one_by_one(events, most, turns, data):
+    with context() as ctx:
+        begin = captured(ctx)
+    game = []
+    for number, (kind, what) in enumerate(events):
+        if number % most == 0:
+            game.append([])
+        game[-1] += what if kind == kinds.MOVES else [(kind, what)]
     stream = io.BytesIO()
     writer = Writer(stream, {"world": b""}, turns=turns)
     writer.keyframe(begin)

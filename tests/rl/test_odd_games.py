@@ -25,6 +25,26 @@ def arrest(ctx):
         ctx.game.scores[deed.team] += 1
 
 
+def join(ctx):
+    if ctx.game.turn == 3:
+        ctx.agent.create_agent("red_late", start_node_id=0, team="red")
+        ctx.agent.create_agent("red_later", start_node_id=0, team="red", strategy=stay)
+
+
+def stay(state):
+    state["action"] = state["curr_pos"]
+
+
+def leave(ctx):
+    if ctx.game.turn == 4:
+        ctx.agent.delete_agent("red_0")
+
+
+def defect(ctx):
+    if ctx.game.turn == 2:
+        ctx.agent.agents["blue_0"].team = "red"
+
+
 def out_at_once(ctx):
     ctx.game.scores["red"] += 1
     for agent in [one for one in ctx.game.agents if one.team == "red"]:
@@ -58,6 +78,9 @@ GAMES = {
         "map": {"grid": {"width": 10, "height": 10}},
     },
     "one agent": {"teams": {"red": {"count": 1}}, "rules": [{"rule": "reach", "with": {"team": "red", "nodes": [15]}}]},
+    "agents join": {"rules": [TAG, "own:join"]},
+    "agents leave": {"rules": [TAG, "own:leave"]},
+    "agents change teams": {"rules": [TAG, "own:defect"]},
     "out at once": {"rules": ["own:out_at_once"]},
     "sensors that report late": {"sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 30, "delay_turns": 2}}},
     "sensors that look ahead": {"sensors": {"near": {"type": "AGENT_ARC", "sensor_range": 30, "fov": 1.0}}},

@@ -44,26 +44,28 @@ def test_groups_are_teams_of_games_and_agents():
     assert played["next", "red", "reward"].shape == (6, 4, 2, 1)
 
 
-def test_tensors_are_the_same_games_as_those_of_gymnasium():
-    tensors = rl.torchrl_env(scene(), num_games=4, team="blue", seed=5)
-    arrays = rl.vector_env(scene(), num_games=4, team="blue", seed=5)
+@pytest.mark.parametrize("maps", [None, [{"grid": {"width": width, "height": 4}} for width in (3, 5, 9)]])
+def test_tensors_are_the_same_games_as_those_of_gymnasium(maps):
+    tensors = rl.torchrl_env(scene(), num_games=9, team="blue", seed=5, maps=maps)
+    arrays = rl.vector_env(scene(), num_games=9, team="blue", seed=5, maps=maps)
     state, (observed, _) = tensors.reset(), arrays.reset()
+    assert len({*tensors.learners.games.maps.tolist()}) == len(maps or [None])
     ended = 0
     for turn in range(40):
         assert np.array_equal(state["blue", "observation"].flatten(0, 1).numpy(), observed["observation"])
         assert np.array_equal(state["blue", "action_mask"].flatten(0, 1).numpy(), observed["action_mask"].astype(bool))
         masks = observed["action_mask"]
         actions = np.array([np.flatnonzero(mask)[turn % mask.sum()] for mask in masks])
-        state["blue", "action"] = torch.from_numpy(actions.reshape(4, 3))
+        state["blue", "action"] = torch.from_numpy(actions.reshape(9, 3))
         played, state = tensors.step_and_maybe_reset(state)
         observed, rewards, _, truncated, infos = arrays.step(actions)
         after = played["next"]
         assert np.array_equal(after["blue", "reward"].flatten().numpy(), rewards.astype(np.float32))
-        assert np.array_equal(after["truncated"].flatten().numpy(), truncated.reshape(4, 3).any(axis=1))
+        assert np.array_equal(after["truncated"].flatten().numpy(), truncated.reshape(9, 3).any(axis=1))
         over = after["done"].flatten().numpy()
         ended += over.sum()
         if over.any():
-            last = infos["final_obs"]["observation"].reshape(4, 3, -1)[over]
+            last = infos["final_obs"]["observation"].reshape(9, 3, -1)[over]
             assert np.array_equal(after["blue", "observation"].numpy()[over], last)
     assert ended > 4
 
@@ -200,22 +202,3 @@ def test_agents_that_fly_have_a_box_without_masks(settings):
     )  # a direction, and what each deed and none is worth
     assert ("red", "action_mask") not in played.keys(include_nested=True)
     assert ("blue", "action_mask") in played.keys(include_nested=True)
-
-
-def test_tensors_have_the_games_on_the_maps_that_their_seeds_draw():
-    maps = [{"grid": {"width": width, "height": 4}} for width in (3, 5, 9)]
-    tensors = rl.torchrl_env(scene(), num_games=9, team="red", seed=5, maps=maps)
-    arrays = rl.vector_env(scene(), num_games=9, team="red", seed=5, maps=maps)
-    state, (observed, _) = tensors.reset(), arrays.reset()
-    assert len({*tensors.learners.games.maps.tolist()}) == 3
-    for turn in range(25):
-        assert np.array_equal(state["red", "observation"].flatten(0, 1).numpy(), observed["observation"])
-        masks = observed["action_mask"]
-        assert np.array_equal(state["red", "action_mask"].flatten(0, 1).numpy(), masks.astype(bool))
-        actions = np.array([np.flatnonzero(mask)[turn % mask.sum()] for mask in masks])
-        state["red", "action"] = torch.from_numpy(actions.reshape(9, 2))
-        played, state = tensors.step_and_maybe_reset(state)
-        observed, rewards, *_ = arrays.step(actions)
-        assert np.array_equal(played["next", "red", "reward"].flatten().numpy(), rewards.astype(np.float32))
-    tensors.close()
-    arrays.close()
