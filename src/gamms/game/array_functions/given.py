@@ -170,7 +170,7 @@ def _one_of(value: Any, number: int, agent: int) -> Any:  # Any: what a caller h
 class _OutsideStrategy:
     """A plan that sets the given actions of a team's living agents; it may replace a plan of the game.
 
-    Agents that rules have created follow their strategies, or stay.
+    Other agents, such as those that rules have created, follow their strategies, or stay.
     """
 
     given: OutsideActions
@@ -184,9 +184,10 @@ class _OutsideStrategy:
 
     def __call__(self, states: dict[str, Any]) -> None:
         agents = self._game.ctx.agent.agents
+        places = self._place_of if self.given.name is None else {self.given.name: 0}
         for name, state in states.items():
-            if name in self._place_of:
-                self._act(state, self._place_of[name], agents[name].speed)
+            if name in places:
+                self._act(state, places[name], agents[name].speed)
             elif agents[name].strategy is None:
                 state["action"] = state["legal"][0]
             else:
