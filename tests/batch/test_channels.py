@@ -1,5 +1,6 @@
 """Messages of array strategies: heard, lost and jammed in batches as in games that are played alone."""
 
+import numpy as np
 import pytest
 from batch_scenes import assert_as_alone, assert_as_played, scene
 
