@@ -14,6 +14,7 @@ from array import array
 from copy import deepcopy
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import patch
 
 import games_of_both_forms
@@ -76,7 +77,20 @@ CASES = {
     ),
     ("copies", "copied"): st.tuples(PLAIN),
     ("copies", "copied_values"): st.tuples(st.dictionaries(SCALARS, PLAIN)),
+    ("copies", "copied_dict"): st.tuples(KINDS),
     ("copies", "copied_each"): st.tuples(DICTS),
+    ("copies", "copied_fields"): st.lists(PLAIN, min_size=3, max_size=3).map(
+        lambda one: (one, [(0, deepcopy), (2, deepcopy)])
+    ),
+    ("copies", "restore_fields"): st.tuples(SCALARS, st.lists(SCALARS), KINDS, KINDS).map(
+        lambda one: (
+            SimpleNamespace(turn=0, log=[1], counts=one[3]),
+            [*one[:3]],
+            [(0, "turn")],
+            [(1, "log", deepcopy, list)],
+            [(2, "counts", deepcopy, dict.update)],
+        )
+    ),
     ("copies", "refill"): st.tuples(KINDS, KINDS),
     ("copies", "refill_each"): st.tuples(DICTS, DICTS),
     ("copies", "refill_counts"): st.tuples(DICTS, DICTS),

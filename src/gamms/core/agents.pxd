@@ -37,12 +37,13 @@ cdef class MoveColumns:
 cdef class MovingAgents:
     cdef AgentColumns columns
     cdef const i64[::1] rows
-    cdef int[::1] counts
+    cdef int[::1] counts, blocked
 
     @cython.locals(columns=AgentColumns, i=Py_ssize_t, node=i64)
     cpdef int begin(self, MoveColumns moves) except -1
     @cython.locals(i=Py_ssize_t)
     cpdef int count(self, MoveColumns moves) except -1
+    cpdef list counted(self)
 
 
 cdef class AgentView:

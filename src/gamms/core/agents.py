@@ -138,12 +138,16 @@ class MovingAgents:
         columns: the columns of all agents.
         rows: (agents,) the row of each agent of the turn.
         counts: (agents,) the number of moves to another node that each has made.
+        blocked: (agents,) the number of moves of each that were stopped.
     """
 
-    def __init__(self, columns: AgentColumns, rows: memoryview[int], counts: memoryview[int]) -> None:
+    def __init__(
+        self, columns: AgentColumns, rows: memoryview[int], counts: memoryview[int], blocked: memoryview[int]
+    ) -> None:
         self.columns = columns
         self.rows = rows
         self.counts = counts
+        self.blocked = blocked
 
     def begin(self, moves: MoveColumns) -> int:
         """Set the start and the end of each move to the agent's current node (IndexError: a row does not exist)."""
@@ -160,6 +164,10 @@ class MovingAgents:
             if moves.starts[i] != moves.ends[i]:
                 self.counts[i] += 1
         return 0
+
+    def counted(self) -> list[int]:
+        """Return the numbers of the agents that have moved or were stopped."""
+        return [i for i in range(len(self.rows)) if self.counts[i] != 0 or self.blocked[i] != 0]
 
 
 class AgentView:

@@ -5,8 +5,13 @@ cdef extern from "Python.h":
 
 cpdef copied(object value, object memo=*)
 cpdef copied_values(object each, object memo=*)
+cpdef copied_dict(object value, object memo=*)
 @cython.locals(made=dict)
-cpdef copied_each(object dicts)
+cpdef copied_each(object dicts, object memo=*)
+@cython.locals(one=tuple)
+cpdef list copied_fields(list values, list copies)
+@cython.locals(one=tuple)
+cpdef int restore_fields(object state, list values, list shared, list replaced, list refilled) except -1
 cpdef refill(object known, object value)
 cpdef refill_each(object known, object value)
 cpdef refill_counts(object known, object value)

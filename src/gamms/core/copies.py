@@ -40,12 +40,54 @@ def copied_values(each: Any, memo: Any = None) -> Any:
         return {key: _copied_or_shared(value, memo) for key, value in each.items()}
 
 
-def copied_each(dicts: Any) -> Any:
+def copied_dict(value: Any, memo: Any = None) -> Any:  # noqa: ARG001 - called as `copied` is
+    """Return a shallow copy of a dict, as a plain dict."""
+    return dict(value)
+
+
+def copied_each(dicts: Any, memo: Any = None) -> Any:  # noqa: ARG001 - called as `copied` is
     """Return a dict of shallow copies of inner dicts."""
     made = {}
     for key, one in dicts.items():
         made[key] = one.copy()
     return made
+
+
+def copied_fields(values: list[Any], copies: list[tuple[int, Any]]) -> list[Any]:
+    """Replace some values of a list by copies, and empty ones by None; return the list.
+
+    Args:
+        values: the values.
+        copies: the index of each of these values, and the function that copies it; see `copied`.
+    """
+    for one in copies:
+        value = values[one[0]]
+        values[one[0]] = one[1](value, None) if value else None
+    return values
+
+
+def restore_fields(state: Any, values: list[Any], shared: list[Any], replaced: list[Any], refilled: list[Any]) -> int:
+    """Set attributes of an object to values from `copied_fields`.
+
+    Args:
+        state: the object.
+        values: the values.
+        shared: (index, name) of values that are set without a copy.
+        replaced: (index, name, copy, make) of values that are set to a copy; None: to the result of `make`.
+        refilled: (index, name, copy, fill) of dicts whose items are replaced by `fill`.
+    """
+    for one in shared:
+        setattr(state, one[1], values[one[0]])
+    for one in replaced:
+        value = values[one[0]]
+        if value:
+            setattr(state, one[1], one[2](value, None))
+        elif getattr(state, one[1]):
+            setattr(state, one[1], one[3]())
+    for one in refilled:
+        value = values[one[0]]
+        one[3](getattr(state, one[1]), one[2](value, None) if value else {})
+    return 0
 
 
 def refill(known: Any, value: Any) -> Any:

@@ -231,7 +231,7 @@ class TurnOrder:
         self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the nodes at that version
         if before is not None and change is not None:
             self._follow(before, change)
-        self.moving = MovingAgents(block, self.selection.buffer, self._moved.data)
+        self.moving = MovingAgents(block, self.selection.buffer, self._moved.data, self.blocked.data)
         self._blank = array(INT64, bytes(16 * len(slots)))
 
     def _follow(self, before: "TurnOrder", change: AgentSetChange) -> None:
@@ -295,8 +295,10 @@ class TurnOrder:
 
     def update_counts(self) -> None:
         """Add the counted moves and conflicts to the counts of the agents."""
-        self._add_to_counts(np.flatnonzero(self._moved + self.blocked).tolist())
-        self.restart_counts()
+        counted = self.moving.counted()
+        if counted:
+            self._add_to_counts(counted)
+            self.restart_counts()
 
     def _add_to_counts(self, indices: list[int]) -> None:
         """Add the counted moves and conflicts of some slots."""

@@ -9,7 +9,16 @@ from operator import attrgetter
 from types import NoneType
 from typing import Any, Self, cast
 
-from gamms.core.copies import copied, copied_each, refill, refill_counts, refill_each
+from gamms.core.copies import (
+    copied,
+    copied_dict,
+    copied_each,
+    copied_fields,
+    refill,
+    refill_counts,
+    refill_each,
+    restore_fields,
+)
 from gamms.errors import BadType, BadValue
 from gamms.ir.schema import Audience, ChangeEvent, GameField, Memo, game_field
 from gamms.plain import Plain, plain_subset, to_plain
@@ -173,14 +182,6 @@ def _same(value: object, _: Memo | None) -> object:
     return value
 
 
-def _dict_of(value: Mapping[Any, Any], _: Memo | None) -> dict[Any, Any]:
-    return dict(value)
-
-
-def _dicts_of(value: Mapping[Any, Mapping[Any, Any]], _: Memo | None) -> Any:
-    return copied_each(value)
-
-
 def _memories_of(value: Mapping[Any, Any], memo: Memo | None) -> dict[Any, Any]:
     return {name: copied(memory, memo) for name, memory in value.items() if memory}
 
@@ -193,7 +194,7 @@ def _private_facts(each: Iterable[tuple[Any, dict[str, Any]]]) -> dict[Any, dict
     return {to: {name: published(name, value) for name, value in facts.items()} for to, facts in each}
 
 
-_FACTS = (_dicts_of, _captured_each, _private_facts)
+_FACTS = (copied_each, _captured_each, _private_facts)
 
 
 def as_scores(scores: Plain) -> Scores:
@@ -288,7 +289,7 @@ class GameState:
 
     scores: Scores = game_field(
         Scores,
-        _dict_of,
+        copied_dict,
         refill=refill,
         captured=lambda scores: list(to_plain(scores).items()),
         restored=as_scores,
@@ -311,7 +312,7 @@ class GameState:
         axis="agent",
         event=ChangeEvent(0x04000009, "GAME_BLOCKED", Audience.ALL, "blocked"),
     )
-    facts: dict[str, Any] = game_field(dict, _dict_of, refill=refill, axis="game")
+    facts: dict[str, Any] = game_field(dict, copied_dict, refill=refill, axis="game")
     agent_facts: dict[str, dict[str, Any]] = game_field(dict, *_FACTS, is_seldom=True, axis="agent")
     team_facts: dict[Any, dict[str, Any]] = game_field(dict, *_FACTS, is_seldom=True, axis="team")
     memories: dict[str, dict[Any, Any]] = game_field(
@@ -319,7 +320,7 @@ class GameState:
         _memories_of,
         refill=refill_each,
         captured=lambda memories: dict(sorted(_captured_each(memories))),
-        restored=lambda memories: _dicts_of(deepcopy(memories), None),
+        restored=lambda memories: copied_each(deepcopy(memories)),
         axis="agent",
     )
     team_memories: dict[Any, dict[Any, Any]] = game_field(
@@ -331,17 +332,17 @@ class GameState:
     )
     delayed_looks: dict[tuple[str, str], dict[int, dict[str, Any]]] = game_field(
         dict,
-        _dicts_of,
+        copied_each,
         captured=lambda looks: [[*key, to_plain(one)] for key, one in sorted(looks.items()) if one],
         restored=lambda each: {(sensor, owner): as_looks(deepcopy(one)) for sensor, owner, one in each},
         is_seldom=True,
     )
-    counts: dict[str, dict[str, int]] = game_field(dict, _dicts_of, refill=refill_counts, axis="agent")
-    timings: dict[str, float] = game_field(lambda: dict.fromkeys(PHASES, 0.0), _dict_of, refill=refill)
+    counts: dict[str, dict[str, int]] = game_field(dict, copied_each, refill=refill_counts, axis="agent")
+    timings: dict[str, float] = game_field(lambda: dict.fromkeys(PHASES, 0.0), copied_dict, refill=refill)
     moves: Any = game_field(NoneType, _same, is_own=True)
-    departed: dict[str, tuple[Any, int]] = game_field(dict, _dict_of)
+    departed: dict[str, tuple[Any, int]] = game_field(dict, copied_dict)
     last_turn: int | None = game_field(NoneType, _same, axis="game")
-    began: dict[str, Any] = game_field(dict, _dict_of, is_own=True)
+    began: dict[str, Any] = game_field(dict, copied_dict, is_own=True)
     start: Any = game_field(NoneType, _same, is_own=True)
     drawn: Any = game_field(NoneType, _same, is_own=True)
     parts_played: int | None = game_field(NoneType, _same)
@@ -365,21 +366,11 @@ class GameState:
 
     def copies(self) -> list[Any]:
         """Return the values for snapshots, of the fields `SAVED` in order; None for an empty dict."""
-        values = [*_saved_of(self)]
-        for i, copy in _COPIED:
-            values[i] = copy(values[i], None) if values[i] else None
-        return values
+        return copied_fields([*_saved_of(self)], _COPIED)
 
     def restore(self, values: list[Any]) -> None:
         """Set the fields to copies of the values from `copies`."""
-        for i, name in _SHARED:
-            setattr(self, name, values[i])
-        for i, name, copy, make in _REPLACED:
-            value = values[i]
-            if value or getattr(self, name):
-                setattr(self, name, copy(value, None) if value else make())
-        for i, name, copy, fill in _REFILLED:
-            fill(getattr(self, name), copy(values[i], None) if values[i] else {})
+        restore_fields(self, values, _SHARED, _REPLACED, _REFILLED)
 
     def marks(self) -> LogMarks:
         """Return markers of the present logs, for `go_to`."""
@@ -436,7 +427,7 @@ _SHARED = [(i, name) for i, name in enumerate(SAVED) if COPY_OF[name] is _same]
 _COPIED = [(i, COPY_OF[name]) for i, name in enumerate(SAVED) if COPY_OF[name] is not _same]
 _REPLACED = [(i, SAVED[i], copy, _MAKERS[SAVED[i]]) for i, copy in _COPIED if FIELDS[SAVED[i]].refill is None]
 _REFILLED = [  # filling a dict of dicts copies them
-    (i, SAVED[i], _same if copy in (_dict_of, _dicts_of) else copy, fill)
+    (i, SAVED[i], _same if copy in (copied_dict, copied_each) else copy, fill)
     for i, copy in _COPIED
     if (fill := FIELDS[SAVED[i]].refill) is not None
 ]
