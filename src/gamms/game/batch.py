@@ -124,8 +124,8 @@ class Batch(Immutable):
         ]
         self._engine = self._made_engine()
         self._separate = SeparateGames(self._engine, self._roster, self._begun_at, self._playing_alone)
-        is_kept = as_bool(record, "record") or self._engine.may_leave
-        self._log: list[dict[Hashable, OutsideActions]] | None = [] if is_kept else None
+        self._keeps_given = as_bool(record, "record") or self._engine.may_leave
+        self._log: list[dict[Hashable, OutsideActions]] = []  # of each turn, the actions that were given and kept
         self._begun = np.zeros(len(seeds), np.int64)  # the length of the log at each game's start; -1: loaded
         self._steps = 0
         self._ran_from: IntArray | None = None  # (games,) the turns played before the current run; None: none runs
@@ -134,7 +134,7 @@ class Batch(Immutable):
         self._shown: _SingleGame | None = None  # the game in the context that `context` returned
         self._window: _SingleGame | None = None  # the game in the window, with the number of its map
         self._alone: _SingleGame | None = None  # the game that is playing now
-        self._was_given = False  # whether actions were passed to `step` and not logged
+        self._was_given = False  # whether actions were passed to `step` and not kept
         self._lock = RLock()  # of the thread that plays
 
     def _made_engine(self) -> BatchEngine:
@@ -285,7 +285,7 @@ class Batch(Immutable):
         engine = self._made_engine()
         self._engine = engine
         self._separate.move_to(engine, self._roster)
-        for place, given in enumerate(self._log or ()):
+        for place, given in enumerate(self._log):
             turns = engine.turns()
             try:
                 engine.step(given, only=self._begun <= place)
@@ -333,15 +333,15 @@ class Batch(Immutable):
 
     def _note(self, given: Mapping[Hashable, OutsideActions]) -> None:
         """Log the actions of a played turn."""
-        if self._log is not None:
-            self._log.append({team: one._replace(moves=as_kept(one.moves)) for team, one in given.items()})
-        self._was_given |= self._log is None and bool(given)
+        kept = given if self._keeps_given else {}
+        self._log.append({team: one._replace(moves=as_kept(one.moves)) for team, one in kept.items()})
+        self._was_given |= len(kept) < len(given)
         self._steps += 1
 
     def _as_given(self, team: Hashable, value: object) -> OutsideActions:
-        """Return the checked actions of a team; copies if they are logged."""
+        """Return the checked actions of a team; copies if they are kept."""
         members = self._roster.members(team)
-        given = as_given(value, team, (len(self), len(members)), is_copied=self._log is not None)
+        given = as_given(value, team, (len(self), len(members)), is_copied=self._keeps_given)
         if given.flights is not None and not self._roster.flies[members].any():
             raise BadValue(f"team {shown(team)} was given flights, and none of its agents flies.")
         return given
@@ -402,8 +402,7 @@ class Batch(Immutable):
             else:
                 with uninterrupted(at_most_once=True):
                     played = self._engine.play(turns, threads)
-                    if self._log is not None:
-                        self._log += [{}] * played
+                    self._log += [{}] * played
                     self._steps += played
             if show is not None:
                 self._show_progress(show)
@@ -454,13 +453,12 @@ class Batch(Immutable):
         self._engine.start(np.array(numbers), given, self.maps[numbers], self._begin[numbers])
         self._separate.forget(numbers)
         if len(changed) == len(self):
-            self._log = None if self._log is None else []
+            self._log = []
             self._was_given = False
-        self._begun[numbers] = len(self._log or ())
-        if self._log:  # drop the turns that no game needs any more
-            first = max(0, int(self._begun.min()))
-            del self._log[:first]
-            self._begun[self._begun >= 0] -= first
+        self._begun[numbers] = len(self._log)
+        first = max(0, int(self._begun.min()))  # drop the turns that no game needs any more
+        del self._log[:first]
+        self._begun[self._begun >= 0] -= first
 
     def columns(self) -> Columns:
         """Return the state of all games as arrays, key -> (games, …), for `load`.
@@ -653,14 +651,14 @@ class Batch(Immutable):
 
     def _play_alone(self, game: PlayedGame, number: int, turns: int, *, ends_before_moves: bool = False) -> None:
         """Play a game in a separate context up to a turn, and the rules that end it before the moves of the next."""
-        first = self._entry_of(number) - self._first_turn
-        log = self._log or []
-        num_given = self._separate.ran_from.get(number, turns)
+        first = self._entry_of(number)
+        end = first + self._separate.ran_from.get(number, turns) - self._first_turn
+        given = self._log[first:end]
         acting = OutsideActor(game, self._roster)
         try:
             with self._playing_alone(number, game), seeded_for_run(game.ctx, game.turn):
-                for turn in range(game.turn, turns):
-                    acting.take(log[first + turn] if log and turn < num_given else {}, number)
+                for turn in range(game.turn - self._first_turn, turns - self._first_turn):
+                    acting.take(given[turn] if turn < len(given) else {}, number)
                     _step_again(game)
                 if ends_before_moves and game.over is None:
                     game.step()
@@ -718,8 +716,7 @@ class Batch(Immutable):
         if self._shown is None or self._shown.number != number or self._shown.game.ctx.is_terminated():
             self._refuse_unknown_past(number)
             self._hide()
-            if self._log is None:
-                self._begin_log()
+            self._keeps_given = True
             show = self._sources[self.maps[number]].show
             game = self._begun_alone(number) if show is None else self._shown_in_window(show, number)
             self._shown = _SingleGame(number, game)
@@ -757,13 +754,6 @@ class Batch(Immutable):
         if self._window is not None:
             self._window.game.ctx.terminate()
             self._window = None
-
-    def _begin_log(self) -> None:
-        """Log actions from now on; none were passed before."""
-        turns = self._engine.turns() - self._first_turn
-        most = int(turns.max())
-        self._log = [{} for _ in range(most)]
-        self._begun[self._begun >= 0] = (most - turns)[self._begun >= 0]
 
     def _follow(self) -> None:
         """Advance the separate context to the current turn of its game."""

@@ -624,8 +624,7 @@ class BatchEngine:
     @property
     def plays_by_phases(self) -> bool:
         """Whether functions are called, or messages are sent, between phases of a turn."""
-        has_more = self._radio is not None or self._state.flights is not None
-        return has_more or self.calls_each or len(self.functions) > 0
+        return self._radio is not None or self._state.flights is not None or self.may_leave
 
     @property
     def calls_each(self) -> bool:
