@@ -313,17 +313,14 @@ class GameArrays:
         self.seeds = list(seeds)
         games = len(seeds)
         shape = (len(seeds), len(roster.names))
-        self.start = np.where(roster.is_first, start, -1)
-        self.node = start.copy()
-        self.previous = start.copy()
-        self.alive: BoolArray = np.tile(roster.is_first, (games, 1))
-        self.is_there = self.alive.copy()
+        self.start, self.node, self.previous = np.zeros((3, *shape), np.int64)
+        self.alive, self.is_there = np.zeros((2, *shape), np.bool_)
         self.turn = np.zeros(games, np.int64)
         self.scores = Scores(games)
         self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
         self.errors: list[list[dict[str, Any]]] = [[] for _ in seeds]
         self.over = list[dict[str, Any] | None]([None] * games)
-        self.is_going = np.ones(games, np.bool_)
+        self.is_going = np.zeros(games, np.bool_)
         self.stops = np.zeros(shape, np.int64)
         self.blocked = np.zeros(shape, np.bool_)
         self.placed = np.zeros(shape, np.bool_)
@@ -342,6 +339,7 @@ class GameArrays:
         self._draw_keys: dict[str, BitArray] = {}  # by purpose
         self._seeds: IntArray | None = None  # as an array
         self._be_on(movement)
+        self.reset(np.arange(games), seeds, start)
 
     def _be_on(self, movement: Movement) -> None:
         """Initialize the attributes that depend on the map."""
