@@ -1,7 +1,6 @@
 """Messages by channels: who hears what and when, what is refused, and that snapshots and recordings hold it all."""
 
 import io
-from math import sqrt
 from random import Random
 
 import numpy as np
@@ -356,54 +355,6 @@ def block(x, y, width, depth):
 
 
 # -- chance -------------------------------------------------------------------------------------------------------
-
-
-def losses(names, *, seed=5, turns=40, extra=(), **options):
-    """Return (turn, sender, receiver) of all that is lost where all send to all."""
-    with world(dict.fromkeys([*names, *extra], 0), seed=seed, plan=lambda name, turn: [send(None)] * 2) as ctx:
-        ctx.game.add_channel("radio", **({"range_m": 0, "loss": 0.3} | options))
-        table = ctx.game.run(turns).table("messages")
-        rows = zip(table["turn"].tolist(), table["sender"].tolist(), table["receiver"].tolist(), strict=True)
-        return [row for row, outcome in zip(rows, table["outcome"], strict=True) if outcome == "lost"], len(
-            table["turn"]
-        )
-
-
-def test_losses_are_as_probable_as_declared():
-    lost, count = losses([f"a{i}" for i in range(8)])
-    assert count == 40 * 8 * 2 * 7
-    assert abs(len(lost) - 0.3 * count) < 4.0 * sqrt(0.3 * 0.7 * count)  # 1 seed in 16,000 is farther off
-    per_sender = [sum(one[1] == f"a{i}" for one in lost) for i in range(8)]
-    assert all(abs(some - 0.3 * count / 8) < 4.5 * sqrt(0.3 * 0.7 * count / 8) for some in per_sender)
-
-
-def test_losses_by_distance_have_straight_lines_between():
-    with world({"ann": 0, "bob": 5}, plan=lambda name, turn: [send("bob")] * 50 if name == "ann" else []) as ctx:
-        ctx.game.add_channel("radio", range_m=100, loss=[(0, 0.0), (100, 0.8)])
-        outcome = ctx.game.run(60).table("messages")["outcome"]
-    assert abs((outcome == "lost").mean() - 0.4) < 4.0 * sqrt(0.4 * 0.6 / 3000)
-
-
-@settings(max_examples=8)
-@given(st.permutations(["ann", "bob", "cat", "dan", "eve"]), st.integers(0, 2**31))
-def test_losses_follow_names_and_seeds_not_the_order_of_creation(names, seed):
-    assert losses(names, seed=seed, turns=3) == losses(sorted(names), seed=seed, turns=3)
-
-
-def test_one_more_agent_changes_no_luck_of_others():
-    names = ["ann", "bob", "cat"]
-    more, _ = losses(names, extra=["aaa", "zoe"])
-    fewer, _ = losses(names)
-    assert fewer
-    assert [one for one in more if {one[1], one[2]} <= set(names)] == fewer
-
-
-def test_losses_differ_by_turn_number_sender_receiver_and_seed():
-    lost, _ = losses(["ann", "bob", "cat"])
-    others, _ = losses(["ann", "bob", "cat"], seed=6)
-    assert lost != others
-    pairs = {(a, b): frozenset(one[0] for one in lost if one[1:] == (a, b)) for _, a, b in lost}
-    assert len(set(pairs.values())) == len(pairs) == 6
 
 
 @settings(max_examples=15)

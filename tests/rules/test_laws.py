@@ -131,6 +131,8 @@ def test_the_order_in_which_rules_that_refuse_count_and_end_games_are_added_neve
     rules = [
         *(hold(node, 2, score=1, key=f"hill {node}") for node in range(0, SIDE**2, 3)),
         *(resource("fuel", 90, per_metre=1, empty="eliminate"), cooldown("shout", 2)),
+        *(tag("red", "blue", then="eliminate", score=3), tag("blue", "red", then="eliminate"), respawn(2, times=3)),
+        *(discover({0: "flag", 15: "decoy"}, score=2), payoff({"tag": {"agent": 3, "other": -3}}, key="more")),
         *(reach({"red": 15, "blue": 0}), last_team(), time_limit(8, "blue"), time_limit(8)),
         payoff({"empty": {"agent": -1}, "hold": {"team": 2}}, zero_sum=True),
     ]

@@ -1,25 +1,9 @@
 """Rules that tag are called as one: which of them was added first does not matter."""
 
-import pytest
-
-import gamms
-from gamms.rules import respawn, tag
+from gamms.rules import tag
 from gamms.scenario import Scenario
-from gamms.strategies import random_walk
 
 SIDES = [("red", "blue"), ("blue", "red")]
-
-
-def walkers(*, width, seed, rules):
-    """A game of two walkers a side on a grid."""
-    ctx = gamms.create_context(seed=seed, logger_config={"level": "ERROR"})
-    ctx.graph.attach_networkx_graph(gamms.graph.grid(width, width))
-    for number, team in enumerate(("red", "blue", "red", "blue")):
-        start = (width * width - 1) * (number < 2) + (-1) ** (number < 2) * 2 * number
-        ctx.agent.create_agent(f"a{number}", start_node_id=start, team=team, strategy=random_walk)
-    for rule in rules:
-        ctx.game.add(rule)
-    return ctx
 
 
 def test_two_sides_that_tag_each_other_score_about_the_same_in_500_games():
@@ -32,19 +16,6 @@ def test_two_sides_that_tag_each_other_score_about_the_same_in_500_games():
     red, blue = (sum(score.get(team, 0) for score in scores) for team in ("red", "blue"))
     assert red + blue > 1000
     assert 0.9 < red / blue < 1.1
-
-
-@pytest.mark.parametrize("then", ["respawn", "eliminate"])
-def test_the_order_in_which_rules_are_added_changes_no_game(then):
-    def play(sides, seed):
-        rules = [tag(*side, then=then, score=score) for side, score in sides]
-        with walkers(width=3, seed=seed, rules=[*rules, respawn(2)]) as ctx:
-            ctx.game.run(20)
-            return list(ctx.game.events), dict(ctx.game.scores)
-
-    scored = list(zip(SIDES, (1, 3), strict=True))
-    for seed in range(10):
-        assert play(scored, seed) == play(scored[::-1], seed)
 
 
 def test_a_rule_that_is_removed_tags_no_more_and_the_others_go_on(road):
