@@ -10,6 +10,7 @@ from gamms.ir.columns import Selection
 from gamms.ir.journal import Journal
 from gamms.ir.positions import Positions
 from gamms.ir.schema import BY_ROW
+from gamms.typing import IAgentEngine
 
 
 @pytest.fixture
@@ -171,3 +172,13 @@ def test_recordings_and_pictures_have_copies_of_where_all_members_went():
     assert [*before] == [0] * MANY
     assert [*after] == moves[:, 1].tolist() == [*range(1, MANY + 1)]
     assert [*positions.noted()[1]] == [*range(1, 8), 3, *range(9, MANY + 1)]
+
+
+def test_positions_by_the_default_of_the_contract_are_those_of_the_engine(ctx, anna):
+    ctx.agent.create_agent("kite", start_node_id=2, type="AERIAL", speed=1.0, team="red", position=(1.0, 2.0, 3.0))
+    ctx.agent.create_agent("bert", start_node_id=1, team="red")
+    ctx.game.eliminate("bert")
+    fast, slow = ctx.agent.positions, IAgentEngine.positions.fget(ctx.agent)
+    assert (fast.names, fast.teams, fast.inactive) == (slow.names, slow.teams, slow.inactive)
+    for column in ("node_ids", "flyers", "flyer_xyz"):
+        assert getattr(fast, column).tolist() == getattr(slow, column).tolist()

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from gamms import cli, experiment
 from gamms.cli import experiments
 from gamms.experiment import folders
-from gamms.experiment.files import read_experiment
+from gamms.experiment.files import read_experiment, seeds_of
 from gamms.scenario import ScenarioError
 
 GAME = """
@@ -137,6 +137,10 @@ def test_a_file_that_is_none_is_refused(folder, text, message):
 def test_a_file_may_say_how_many_processes_play(folder):
     (folder / "hunts.yaml").write_text(HUNTS + "workers: 1\n")
     assert read_experiment("hunts.yaml").workers == 1
+
+
+def test_seeds_may_be_a_list():
+    assert seeds_of([7, 3]) == [7, 3]
 
 
 @pytest.mark.parametrize("code", ["os:system", "subprocess:run", "gamms.llm:Strategy", "../players:stay"])

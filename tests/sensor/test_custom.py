@@ -89,6 +89,7 @@ def test_a_built_in_sensor_can_be_made_ones_own(ctx):
     sensor.sense(1)
     assert (sensor.type, sensor.data) == (SensorType.TWO_STEPS, [0, 1])
     assert ctx.sensor.create_sensor("r", SensorType.RANGE).type is SensorType.RANGE
+    assert (MapSensor.sees_world_only, TwoSteps.sees_world_only) == (True, False)
 
 
 def test_a_class_that_derives_from_nothing_becomes_a_sensor_by_being_decorated(ctx):
