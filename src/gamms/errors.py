@@ -285,13 +285,19 @@ class MissingFile(GammsError, FileNotFoundError):
         super().__init__(f"There is no file {str(path)!r}{of_what}.{_similar_file(str(path))}")
 
 
+_YAML = (".yaml", ".yml")
+
+
 def _similar_file(path: str) -> str:
-    """Return the hint of an error message: the file of the same folder whose name is most like that of a path."""
+    """Return the hint of an error message: the file of the same folder and kind whose name is most like a path's."""
     folder, name = os.path.split(path)
+    kind = os.path.splitext(name)[1]  # noqa: PTH122 - pathlib is loaded late
+    kinds = _YAML if kind in _YAML else (kind,)
     try:
-        return nearest(name, sorted(os.listdir(folder or ".")))  # noqa: PTH208
+        files = sorted(os.listdir(folder or "."))  # noqa: PTH208
     except OSError:
         return f" There is no folder {folder!r}."
+    return nearest(name, [file for file in files if file.endswith(kinds)])
 
 
 class Outdated(GammsError, RuntimeError):

@@ -16,6 +16,14 @@ def test_a_state_has_exactly_two_keys(anna):
     assert type(anna.get_state()["curr_pos"]) is int
 
 
+@pytest.mark.parametrize("flight", [{}, {"type": "aerial", "position": (0.0, 0.0, 9.0), "speed": 1.0}])
+def test_an_eliminated_agent_shows_that_it_is(ctx, flight):
+    agent = ctx.agent.create_agent("ben", start_node_id=0, **flight)
+    assert "alive" not in repr(agent)
+    ctx.game.eliminate("ben")
+    assert repr(agent).endswith(", alive=False)")
+
+
 def test_before_the_first_look_the_state_is_empty(anna):
     assert anna.state == {}
 

@@ -170,6 +170,9 @@ def test_a_game_is_served_until_ctrl_c_and_its_result_is_there_before(folder, mo
     signal.signal(signal.SIGINT, before)
     assert results == [scenario.load("game.yaml").play(seed=3)]
     assert (folder / "served" / "game.ggr").exists()
+    links = re.findall(r"^  (.*?) +http", Path("said").read_text(), re.MULTILINE)
+    assert links[:2] == ["pause and change", "watch everything"]
+    assert all(words.startswith("watch as ") for words in links[2:])
 
 
 def test_a_game_whose_window_is_closed_says_so_and_leaves_a_recording_that_a_window_can_close_too(folder, monkeypatch):

@@ -83,8 +83,8 @@ WRONG = {
         "There is no file 'gme.ggr' for a recording. Did you mean 'game.ggr'?",
     ),
     "a file of a map": (
-        lambda ctx: ctx.graph.load("hnt.gamms"),
-        "There is no file 'hnt.gamms' for a map. Did you mean 'hunt.yaml'?",
+        lambda ctx: ctx.graph.load("hunt.gamms"),
+        "There is no file 'hunt.gamms' for a map.",
     ),
     "a file of a page": (
         lambda _: gamms.web.map_page("hnt.yaml"),
@@ -192,8 +192,9 @@ WRONG = {
     "a setting": (lambda _: gamms.create_context(game={"max_turn": 3}), "Did you mean 'max_turns'?"),
     "a setting that is set": (
         lambda ctx: setattr(ctx.game, "speed_units", "m"),
-        "ctx.game has no 'speed_units'. Did you mean",
+        "ctx.game has no 'speed_units'. Did you mean 'speed_unit'? What rules remember belongs into ctx.game.data.",
     ),
+    "a note of a rule": (lambda ctx: setattr(ctx.game, "hideouts", {}), "The settings are: legal"),
     "a setting that is read": (
         lambda ctx: ctx.game.max_turn,
         "ctx.game has no attribute 'max_turn'. Did you mean 'max_turns'?",
@@ -318,6 +319,12 @@ def test_an_error_names_the_thing_and_what_there_is(town, thing, tmp_path, monke
     with pytest.raises((LookupError, AttributeError, TypeError, ValueError, NotImplementedError, OSError)) as caught:
         call(town)
     assert said in str(caught.value)
+
+
+def test_a_file_of_another_kind_is_not_suggested(tmp_path):
+    (tmp_path / "hunt.mp4").touch()
+    with pytest.raises(FileNotFoundError, match=r"^There is no file '.*hunts\.yaml' for a scenario\.$"):
+        gamms.scenario.load(tmp_path / "hunts.yaml")
 
 
 STATE = (

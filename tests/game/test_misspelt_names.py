@@ -7,22 +7,6 @@ from gamms.rules import Conflicts, capture_flag, last_team, tag, time_limit
 from gamms.strategies import first, goto, random_walk, stay
 
 
-@pytest.mark.parametrize(
-    ("name", "hint"),
-    [("speed_units", "speed_unit"), ("conflict", "conflicts"), ("max_turn", "max_turns"), ("on_ilegal", "on_illegal")],
-)
-def test_a_misspelt_setting_is_refused_with_the_right_name(ctx, name, hint):
-    with pytest.raises(AttributeError, match=f"ctx.game has no '{name}'. Did you mean '{hint}'") as caught:
-        setattr(ctx.game, name, "metres")
-    assert not hasattr(ctx.game, name)
-    assert "ctx.game.data" in str(caught.value)
-
-
-def test_notes_of_a_rule_have_no_place_on_the_game_itself(ctx):
-    with pytest.raises(AttributeError, match="The settings are: legal"):
-        ctx.game.hideouts = {}
-
-
 def test_scores_that_look_like_those_of_a_team_or_an_agent_are_warned_about_once(ctx, heard):
     ctx.agent.create_agent("anna", start_node_id=0, team="red", strategy=stay)
 

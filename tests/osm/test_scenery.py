@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import gamms
+from gamms.strategies import stay
 from gamms.visual.constants import Layer
+from gamms.visual.themes import THEMES
 
 
 @pytest.fixture
@@ -27,6 +29,35 @@ def test_buildings_are_drawn_and_hide_nothing(helsinki):
     assert polygons(helsinki) > 400
     low, high = helsinki.graph.columns().xy.min(axis=0), helsinki.graph.columns().xy.max(axis=0)
     assert helsinki.graph.visible([*low, 1.0], [[*high, 1.0]]).all()
+
+
+def test_water_ends_where_the_sheet_of_the_map_ends(helsinki):
+    commands = helsinki.visual.draw_commands()
+    rows = np.flatnonzero(commands.layer == Layer.BASE_MAP)
+    shapes = [commands.points[commands.offsets[row] : commands.offsets[row + 1]] for row in rows]
+    sheet = shapes[0]
+    assert len(sheet) == 4
+    assert all((sheet.min(axis=0) <= shape.min(axis=0)).all() for shape in shapes)
+    assert all((shape.max(axis=0) <= sheet.max(axis=0)).all() for shape in shapes)
+
+
+@pytest.mark.parametrize("theme", ["light", "dark", "print"])
+@pytest.mark.parametrize(("team", "channel"), [("red", 0), ("green", 1)])
+def test_a_field_of_view_over_water_has_the_hue_of_its_team(helsinki, theme, team, channel):
+    pytest.importorskip("pygame")
+    columns = helsinki.graph.columns()
+    east = columns.xy[:, 0].argmax()
+    sensors = {"eyes": gamms.sensor.agent_range(range_m=200)}
+    helsinki.agent.create_team(team, [int(columns.node_ids[east])], sensors=sensors, strategy=stay)
+    helsinki.game.run(1)
+    helsinki.visual.look_at(*columns.xy[east].tolist(), 500.0)
+    look = {"scale_bar": False, "labels": False, "legend": False, "theme": theme}
+    before = helsinki.visual.frame(400, 400, sensors=False, **look)
+    seen = helsinki.visual.frame(400, 400, **look)
+    is_water = (before == THEMES[theme].map.ground.water).all(axis=2)
+    tinted = seen[is_water & (before != seen).any(axis=2)]
+    assert len(tinted) > 1000
+    assert (tinted.argmax(axis=1) == channel).mean() > 0.95
 
 
 def test_what_is_drawn_is_what_would_be_an_obstacle(helsinki):

@@ -34,7 +34,7 @@ def test_code_is_named_before_it_is_imported(folder):
     done = run("scenario", "check", "little.yaml", "--build")
     assert done.exit_code == 1
     assert f"imports teams.red.strategy: players:wander, from {folder / 'players.py'}" in done.stdout
-    assert "imports rules.0: gamms.rules:tag, installed" in done.stdout
+    assert "imports item 1 of rules (tag): gamms.rules:tag, installed" in done.stdout
     done = run("run", "little.yaml")
     assert done.exit_code == 1
     assert "imports" not in done.stdout  # what is in the folder of the scenario is the caller's own

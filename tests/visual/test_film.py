@@ -64,6 +64,23 @@ def test_agents_glide_along_the_street_by_its_length(plain):
     np.testing.assert_allclose(where, [(10, 0), (11, 2.5), (12, 5), (11, 7.5), (10, 10)])
 
 
+def test_a_field_of_view_glides_with_its_agent(tmp_path):
+    with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 20))
+        eyes = {"eyes": gamms.sensor.agent_range(range_m=25)}
+        east = lambda state: state.update(action=max(state["legal"]))
+        ctx.agent.create_agent("anna", start_node_id=8, team="red", sensors=eyes, strategy=east)
+        with ctx.visual.film(tmp_path / "a.mp4", 10, 640, 360, 4, captions=False, labels=False, legend=False):
+            ctx.game.run(2)
+        color = ctx.visual.drawing.group_colors()["red"]
+    pictures, _ = frames_of(tmp_path / "a.mp4")
+    discs = [center_of(picture, color)[0] for picture in pictures]
+    tinted = [np.flatnonzero((picture[..., 0].astype(int) - picture[..., 2] > 8).any(axis=0)) for picture in pictures]
+    fields = [(columns[0] + columns[-1]) / 2 for columns in tinted]
+    assert len({round(disc) for disc in discs}) >= 8
+    assert fields == pytest.approx(discs, abs=3)
+
+
 def test_where_no_street_leads_agents_glide_straight(plain):
     agent = plain.agent.get_agent("red_0")
     agent.prev_node_id, agent.current_node_id = 2, 0

@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 
 import gamms
@@ -49,6 +50,16 @@ def test_a_goal_where_an_agent_stands_differs_from_an_agent_in_view(race):
     ends = [commands.points[commands.offsets[row] + 2] for row in ticks.nonzero()[0]]
     assert {tuple(end.tolist()) for end in ends} == {(16.0, 0.0), (0.0, 16.0), (-16.0, 0.0), (0.0, -16.0)}
     assert sum(len(part.points) == 2 for part in _SIGNS["goal"]) == 4  # in the legend, too
+
+
+def test_a_goal_at_the_edge_of_the_map_is_drawn_whole(race):
+    pytest.importorskip("pygame")
+    race.game.add(reach("red", 39))
+    seen = race.visual.frame(400, 100, labels=False, legend=False, scale_bar=False).astype(int)
+    rows, columns = np.nonzero(np.abs(seen - RED).max(axis=2) < 40)
+    is_goal = columns > 200  # and not the agent, which is at the other edge
+    assert np.ptp(rows[is_goal]) > 16
+    assert np.ptp(rows[is_goal]) == pytest.approx(np.ptp(columns[is_goal]), abs=1)
 
 
 def test_two_rules_may_have_goals_of_one_team(race):

@@ -107,6 +107,12 @@ def test_an_agent_that_passes_a_mark_covers_it(street):
     assert pixels[place[::-1]].tolist() == [0, 0, 0]
 
 
+@pytest.mark.parametrize("then", ["eliminate", "respawn"])
+def test_a_mark_has_the_color_of_the_agent_that_it_is_about(street, then):
+    ctx = chase(street, then)
+    assert {mark.color[:3] for mark in marks(ctx)} == {ctx.visual.drawing.group_colors()["blue"][:3]}
+
+
 def test_who_is_out_has_one_mark_and_not_that_of_a_tag_besides(street):
     ctx = chase(street)
     words = re.findall(r">([^<>]+)</text>", ctx.visual.picture(".svg").decode())

@@ -497,8 +497,9 @@ class AerialAgent(BaseAgent, IAerialAgent):
             setattr(self, key, value)
 
     def __repr__(self) -> str:
-        """Return a text with the name and the position."""
-        return f"{type(self).__name__}({self.name!r}, position={self.position})"
+        """Return a text with the name and the position, and whether the agent is eliminated."""
+        state = "" if self.alive else ", alive=False"
+        return f"{type(self).__name__}({self.name!r}, position={self.position}{state})"
 
     @property
     def position(self) -> Position:

@@ -51,12 +51,13 @@ def check(
 ) -> None:
     """Check a scenario file, without running its code."""
     from gamms import scenario
+    from gamms.scenario.documents import in_words
 
     game = scenario.load(file, allow or (), key_variable=key_variable)
     done = game.check()
     warn(game)
     for one in game.code() if build else []:
-        echo(f"imports {printable_line(f'{one.path}: {one}')}")
+        echo(f"imports {printable_line(f'{in_words(one.path, game.to_dict())}: {one}')}")
     if build:
         game.build().terminate()
         done.append("the whole game, built once")

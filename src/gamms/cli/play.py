@@ -224,10 +224,11 @@ def _serve(game: "Scenario", options: "ServeOptions", out: Path) -> None:
     with made_folder(out), web.serve(game, **options) as live, suppress(KeyboardInterrupt):
         live.when_failed.append(lambda error: echo(explained(error), err=True))
         echo("The game is served until Ctrl-C. Open a link in a browser:")
-        for name, link in live.links.items():
-            echo(f"  {name:<12} {link}")
-        for name, link in live.players.items():
-            echo(f"  {printable_line(name):<12} {link} (plays)")
+        words = {"admin": "pause and change", "everything": "watch everything"}
+        links = {words.get(name, f"watch as {name}"): link for name, link in live.links.items()}
+        links |= {f"play {printable_line(name)}": link for name, link in live.players.items()}
+        for name, link in links.items():
+            echo(f"  {name:<18} {link}")
         result = live.wait()
         if result is not None:
             result.save(without_link(out / "result.json"))

@@ -42,7 +42,7 @@ class ScenarioError(GammsError, ValueError):
 
     def within(self, file: object, raw: Plain) -> "ScenarioError":
         """Return the error with its file, and its place in words."""
-        place = _in_words(self.path, raw) if self.place == self.path else self.place
+        place = in_words(self.path, raw) if self.place == self.path else self.place
         return ScenarioError(self.path, self.message, self.file or file, place)
 
 
@@ -101,7 +101,7 @@ def on_map(number: int | None) -> Iterator[None]:
         raise ScenarioError(error.path, message, error.file, error.place) from error.__cause__
 
 
-def _in_words(path: str, raw: Plain) -> str:
+def in_words(path: str, raw: Plain) -> str:
     """Return a path with list items counted from 1: `item 3 of rules (tag), with.hops`."""
     words = ""
     here = raw

@@ -65,7 +65,7 @@ THEMES = {
             ground=GroundTones(
                 land=(246, 245, 241),
                 green=(228, 238, 218),
-                water=(213, 227, 236),
+                water=(219, 228, 234),
                 waterway=(196, 215, 228),
                 rail=(206, 198, 204),
             ),
@@ -83,7 +83,7 @@ THEMES = {
             nodes=(122, 129, 142),
             walls=WallTones(low=(37, 40, 45), high=(70, 68, 66), outline=(86, 84, 81), wall=(140, 130, 116)),
             ground=GroundTones(
-                land=(29, 32, 38), green=(30, 43, 35), water=(26, 39, 54), waterway=(34, 51, 70), rail=(62, 58, 66)
+                land=(29, 32, 38), green=(30, 43, 35), water=(28, 38, 47), waterway=(34, 51, 70), rail=(62, 58, 66)
             ),
         ),
         fog=((42, 45, 51), (104, 109, 118), (206, 210, 216)),

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import inf
+from tempfile import gettempdir
 from time import monotonic, sleep
 from types import ModuleType
 from typing import Any, Protocol
@@ -17,6 +18,7 @@ from gamms.visual.appearance import PAPER, TEAM_COLORS
 from gamms.visual.backends.pygame_backend import load
 
 _NO_HANDLERS = "SDL_NO_SIGNAL_HANDLERS"  # or else SIGTERM would become one more event, and the process live on
+_RUNTIME = "XDG_RUNTIME_DIR"  # or else Wayland's library complains of it where there is no display at all
 _RESIZED = "Requested window was forcibly resized"  # as a window manager that tiles does; the caller asks for its size
 _FALLBACK = "offscreen"
 _DRIVER_CHOSEN = ("SDL_VIDEODRIVER", "SDL_VIDEO_DRIVER")
@@ -41,7 +43,11 @@ def open_window(owner: Owner, width: int, height: int, title: str) -> Any:
         NoDisplay: no window can be opened here.
     """
     pygame = load()
-    with _default_environment(_NO_HANDLERS), warnings.catch_warnings():
+    with (
+        _default_environment(_NO_HANDLERS, "1"),
+        _default_environment(_RUNTIME, gettempdir()),
+        warnings.catch_warnings(),
+    ):
         warnings.filterwarnings("ignore", message=_RESIZED, category=RuntimeWarning)
         try:
             pygame.display.init()
@@ -115,10 +121,10 @@ def window_surface() -> Any:
 
 
 @contextmanager
-def _default_environment(name: str) -> Iterator[None]:
+def _default_environment(name: str, value: str) -> Iterator[None]:
     """Set an environment variable for a moment, unless the user has set it."""
     is_ours = name not in os.environ
-    os.environ.setdefault(name, "1")
+    os.environ.setdefault(name, value)
     try:
         yield
     finally:
