@@ -6,6 +6,7 @@ import gamms
 from gamms.agent import AgentType
 from gamms.errors import UnknownName
 from gamms.visual.window.input import FlightChoice
+from gamms.visual.window.panels import Hud
 
 
 def star(ctx, leaves):
@@ -32,6 +33,32 @@ def ctx(open_window):
 def test_a_digit_chooses_where_no_longer_number_is_meant(ctx, person):
     person.press("3")
     assert ask(ctx) == 3
+
+
+def test_the_panel_of_the_one_who_is_asked_covers_no_choice(open_window, person, monkeypatch):
+    ctx = open_window(is_empty=True)
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(6, 6))
+    ctx.agent.create_agent("anna", start_node_id=0, team="red")
+    panels = []
+    paint = Hud.paint_facts
+    monkeypatch.setattr(Hud, "paint_facts", lambda self, *given: paint(self, *given) or panels.append(self.taken[-1]))
+    frames = iter(range(4))
+
+    def act(ctx):
+        frame = next(frames)
+        if frame == 1:
+            person.point(320, 180)
+        if frame == 3:
+            person.press("0")
+        return []
+
+    ctx.visual.hud = act
+    assert ask(ctx) == 0
+    places = ctx.visual.camera.camera().to_screen(ctx.graph.columns().xy[[0, 1, 6]])
+    assert places[0].tolist() == [320.0, 180.0]
+    assert panels
+    for left, top, right, low in panels:
+        assert not any(left < x < right and top < y < low for x, y in places)
 
 
 def test_zero_stays(ctx, person):

@@ -320,6 +320,8 @@ class Overlay(Guarded):
                     break
             taken.append(at)
             self.hud.badge(canvas, str(number), *at.tolist())
+        half = BADGE_PX / 2
+        self.hud.taken += [(x - half, y - half, x + half, y + half) for x, y in places.tolist()]
 
     def _paint_names(self, canvas: Canvas) -> None:
         """Paint the labels beside agents, but not below the panels of the previous frame."""
