@@ -21,11 +21,11 @@ from gamms.visual.artist import Artist, data_of, looks_of
 from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.drawers.agents import render_looks
-from gamms.visual.drawers.graph import longer_side, obstacles_to_draw, render_base_map
+from gamms.visual.drawers.graph import longer_side, obstacles_to_draw, render_base_map, typical_edge_length
 from gamms.visual.drawers.marks import render_tags
 from gamms.visual.drawers.messages import has_messages, render_messages
 from gamms.visual.drawers.sensors import render_rings, render_sight, render_sights, sparse
-from gamms.visual.drawers.streets import has_tunnels, median, render_tunnels
+from gamms.visual.drawers.streets import has_tunnels, render_tunnels
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import SIGN, LegendRow, LegendRows, legend_only
 from gamms.visual.shown_turn import ShownView, has_content
@@ -254,15 +254,13 @@ def artists_of_sights(
 
 def reach_of_views(ctx: IContext, artists: Mapping[str, IArtist]) -> float:
     """Return how far fields of view reach from their agents, world units; at most as far as frames make room."""
-    xy = ctx.graph.columns().xy
-    most = _MOST_ROOM * float(np.ptp(xy, axis=0).max()) if len(xy) else 0.0
     far = 0.0
     for artist in artists.values():
         for _, view in data_of(artist).get("sights", ()):
             if view is not None and len(view.outline) and view.carrier in ctx.agent.agents:
                 away = view.outline - drawing_of(ctx).position_of(view.carrier, 1.0)
                 far = max(far, float(np.abs(away).max()))
-    return min(far, most)
+    return min(far, _MOST_ROOM * longer_side(ctx.graph.columns()))
 
 
 def legend_of_sights(given: Iterable[tuple[Rgb, SensorView | None]]) -> LegendRows | None:
@@ -313,10 +311,4 @@ def _is_worth_drawing(view: SensorView, nodes: int) -> bool:
 
 def sight_radius(columns: GraphColumns) -> float:
     """Return the radius of agents, in world units: large enough to be seen, small enough not to hide streets."""
-    if len(columns.xy) == 0:
-        return 1.0
-    widest = longer_side(columns)
-    ways = columns.xy[columns.targets] - columns.xy[columns.sources]
-    lengths = np.hypot(ways[:, 0], ways[:, 1])
-    typical = median(lengths) if len(lengths) else widest
-    return min(0.22 * typical, 0.018 * widest) or 1.0
+    return min(0.22 * typical_edge_length(columns), 0.018 * longer_side(columns)) or 1.0

@@ -108,29 +108,20 @@ def _backend(path: Path) -> Backend:
 
 def painted(source: "FrameSource", sheet: PictureTarget, style: PageStyle) -> bytes:
     """Return a picture of the present state, with everything around the map, as the bytes of a file."""
-    artists = source.artists.shown(style.trails, sensors=style.sensors)
     viewpoint = source.drawing.viewpoint
-    blocks = blocks_of(source.ctx, artists)
-    group = ArtistGroup(source.ctx, artists)
     fine = sheet.dpi / CSS_DPI  # so that lines, letters and marks are as large on paper whatever the dpi
-
-    def fitted(commands: DrawCommands) -> tuple[Page, Camera, Point | None]:
-        box = framed(commands)
-        reach = spill(commands, box)
-        width, height = size(*_sides(sheet.asked, box, blocks, viewpoint, style, fine, reach))
-        page = Page(width, height, blocks, style, fine)
-        camera = page.looking(viewpoint)
-        page.spill = reach
-        return (page, *page.fit(*box)) if camera is None else (page, camera, None)
-
-    commands = group.commands()
-    page, camera, corner = fitted(commands)
-    labels = page.labels(Labels(), camera, source.ctx, artists, corner)
-    commands = joined(joined(commands, labels), page.commands(camera, corner))
-    if page.has_captions:
-        bar = Captions(source.ctx, source.drawing).now(source.hidden)
-        commands = joined(commands, page.captions(camera, bar, corner))
-    commands = magnified(commands, fine)
+    artists, commands, blocks = source.drawn(style)
+    box = framed(commands)
+    reach = spill(commands, box)
+    width, height = size(*_sides(sheet.asked, box, blocks, viewpoint, style, fine, reach))
+    page = Page(width, height, blocks, style, fine, reach)
+    corner: Point | None = None
+    camera = page.looking(viewpoint)
+    if camera is None:
+        camera, corner = page.fit(*box)
+    bar = Captions(source.ctx, source.drawing).now(source.hidden)
+    around = page.drawing(camera, corner, source.ctx, artists, Labels(), bar)
+    commands = magnified(joined(commands, around), fine)
     return sheet.backend(commands, camera, title=style.title, background=style.background, dpi=sheet.dpi)
 
 
@@ -212,6 +203,11 @@ class FrameSource(NamedTuple):
         """The agents that fog hides."""
         return () if self.artists.fog is None else self.artists.fog.hidden
 
+    def drawn(self, style: PageStyle) -> tuple[dict[str, IArtist], DrawCommands, tuple[Block, ...]]:
+        """Return the artists that a page shows, their drawings, and the blocks of its legend."""
+        artists = self.artists.shown(style.trails, sensors=style.sensors)
+        return artists, ArtistGroup(self.ctx, artists).commands(), blocks_of(self.ctx, artists)
+
 
 class Frames:
     """Paints the state of a context at any time between two turns, always through the same camera.
@@ -251,9 +247,7 @@ class Frames:
         width, height = asked
         if width is None or height is None or self._style.is_tight:
             with self._themed():
-                artists = source.artists.shown(self._style.trails, sensors=self._style.sensors)
-                commands = ArtistGroup(self.ctx, artists).commands()
-                blocks = blocks_of(self.ctx, artists)
+                artists, commands, blocks = source.drawn(self._style)
             box = framed(commands)
             reach = self._reach(spill(commands, box))
             box = self._roomy(box, artists)
@@ -280,9 +274,7 @@ class Frames:
         if (blocks, style) != (self._blocks, self._style):
             self._blocks = blocks
             self._style = style
-            reach = self._page.spill
-            self._page = Page(self.width, self.height, blocks, style)
-            self._page.spill = reach
+            self._page = Page(self.width, self.height, blocks, style, spill=self._page.spill)
         if style.has_captions:
             with self._themed():
                 self._caption_bar = self.captions.now(self._source.hidden)
@@ -296,12 +288,9 @@ class Frames:
         camera, corner = self._view(share)
         budget = None if self._viewpoint.followed is None else whole_frame()  # so that streets are shifted
         self.scene.paint(self.canvas, camera, self._style.background, budget)
-        page = self._page
         with self._themed():
-            labels = page.labels(self._labels, camera, self.ctx, self._artists or {}, corner)
-        around = joined(labels, page.commands(camera, corner))
-        if page.has_captions:
-            around = joined(around, page.captions(camera, self._caption_bar, corner))
+            artists = self._artists or {}
+            around = self._page.drawing(camera, corner, self.ctx, artists, self._labels, self._caption_bar)
         Painting(around).paint(self.canvas, camera)
         self._camera = camera
         return self.canvas

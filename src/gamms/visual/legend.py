@@ -244,12 +244,13 @@ class Pen:
 
     Attributes:
         camera: the camera of the picture.
+        ink: the color of texts.
         commands: what was drawn.
     """
 
     def __init__(self, camera: Camera, fine: float, ink: Rgb) -> None:
         self.camera = camera
-        self._ink = ink
+        self.ink = ink
         self.commands = Commands()
         self._scale = camera.scale / fine
         self._zoom = 1.0
@@ -265,7 +266,7 @@ class Pen:
     @property
     def faint(self) -> Rgb:
         """The color of headings: a pale variant of the text color."""
-        return _FAINT if sum(self._ink) < 3 * 128 else _FAINT_BY_NIGHT
+        return _FAINT if sum(self.ink) < 3 * 128 else _FAINT_BY_NIGHT
 
     def _place(self, x: float, y: float) -> tuple[float, float]:
         left, top = (begin + self._zoom * way for begin, way in zip(self._begin, (x, y), strict=True))
@@ -296,7 +297,7 @@ class Pen:
     def text(self, words: str, x: float, middle: float, font_px: float, ink: Rgb | None = None) -> None:
         """Write words whose small letters have their middle so far down."""
         place = self._place(x, middle - MIDDLE * font_px)
-        self.commands.add_text(words, *place, ink or self._ink, self._zoom * font_px)
+        self.commands.add_text(words, *place, ink or self.ink, self._zoom * font_px)
 
 
 def _draw_bar(pen: Pen, bar: ColorScale, top: float) -> None:

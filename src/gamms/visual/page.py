@@ -18,15 +18,15 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import IArtist, IContext
 from gamms.typing.visualization_engine import PictureOptions
 from gamms.visual.appearance import PAPER, Rgb, Rgba, inks, rgba
-from gamms.visual.artist import drawn_looks
 from gamms.visual.camera import NO_MARGINS, Box, Camera, Margins, Point, Viewpoint, fit_box
 from gamms.visual.captions import LINE_PX, CaptionBar, ResultCard, draw_caption_bar, draw_card
 from gamms.visual.drawers.streets import in_metres
+from gamms.visual.drawing import joined
 from gamms.visual.font import shortened, words_width
-from gamms.visual.labels import AUTO, Choice, Labels, Rectangle, as_choice, dots_in
+from gamms.visual.labels import AUTO, Choice, Labels, Rectangle, as_choice
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.shown_turn import as_turns
-from gamms.visual.street_names import name_ink, street_names
+from gamms.visual.street_names import draw_street_names
 from gamms.visual.themes import THEMES, Theme, theme_called
 
 _FITS = "page", "tight"
@@ -120,14 +120,22 @@ class Page:
         blocks: the blocks of the legend.
         style: the texts, and the parts around the map.
         fine: the number of pixels per 1/96 inch, the unit of the parts around the map.
+        spill: how far signs on the map reach beyond it, in 96ths of an inch.
 
     Attributes:
         legend: the legend; empty if it does not fit.
         has_captions: whether there is room for what happens.
-        spill: how far signs on the map reach beyond it, in 96ths of an inch.
     """
 
-    def __init__(self, width: int, height: int, blocks: tuple[Block, ...], style: PageStyle, fine: float = 1.0) -> None:
+    def __init__(
+        self,
+        width: int,
+        height: int,
+        blocks: tuple[Block, ...],
+        style: PageStyle,
+        fine: float = 1.0,
+        spill: Margins = NO_MARGINS,
+    ) -> None:
         self._fine = fine
         self._size = (width / fine, height / fine)
         self._margin = min(_MARGIN_PX, _MARGIN * max(self._size))
@@ -147,7 +155,7 @@ class Page:
         self.legend = Legend(blocks if style.has_legend else (), self._size[0], self._size[1] - header - foot)
         aside = self._margin + (self.legend.width + self._margin if self.legend.width else 0.0)
         self._margins = self._margin, header, aside, foot
-        self.spill: Margins = NO_MARGINS
+        self.spill = spill
 
     def fit(self, low: FloatArray, high: FloatArray) -> tuple[Camera, Point]:
         """Return a camera that sees all from corner to corner, and the pixel of the map's upper right corner."""
@@ -230,19 +238,37 @@ class Page:
             top = max(min(corner[1] / self._fine, height - bottom - self.legend.height), top)
         return left, top
 
-    def labels(
-        self, labels: Labels, camera: Camera, ctx: IContext, artists: Mapping[str, IArtist], corner: Point | None
+    def drawing(
+        self,
+        camera: Camera,
+        corner: Point | None,
+        ctx: IContext,
+        artists: Mapping[str, IArtist],
+        labels: Labels,
+        bar: CaptionBar,
+    ) -> DrawCommands:
+        """Return the names on the map, the parts around it, and the captions if there is room for them.
+
+        Args:
+            camera: of the map.
+            corner: see `commands`.
+            ctx: the context.
+            artists: that have drawn the map.
+            labels: place the names of agents.
+            bar: the captions.
+        """
+        around = joined(self._names(camera, corner, ctx, artists, labels), self.commands(camera, corner))
+        return joined(around, self._captions(camera, bar, corner)) if self.has_captions else around
+
+    def _names(
+        self, camera: Camera, corner: Point | None, ctx: IContext, artists: Mapping[str, IArtist], labels: Labels
     ) -> DrawCommands:
         """Return the names of streets, and the labels beside agents, for the position of the map on this page."""
-        style = self._style
         page, taken = self._free(corner)
         pen = self.pen(camera)
-        found = labels.placed(camera, self._fine, ctx, artists, style.labels, page, taken)
-        if style.street_names:
-            dots = dots_in(drawn_looks(artists)[1], camera, self._fine)
-            boxes = np.array([*taken, *(label.box for label in found)]).reshape(-1, 4)
-            for name in street_names(camera, self._fine, ctx, page, np.vstack([dots.boxes(), boxes])):
-                name.draw(pen, name_ink(style.background))
+        found = labels.placed(camera, self._fine, ctx, artists, self._style.labels, page, taken)
+        if self._style.street_names:
+            draw_street_names(pen, self._fine, ctx, artists, page, [*taken, *(label.box for label in found)])
         for label in found:
             label.draw(pen)
         return pen.commands.freeze()
@@ -259,7 +285,7 @@ class Page:
             taken = [(width - self._column_px, 0.0, width, height)] * bool(self.legend.width)
         return page, taken
 
-    def captions(self, camera: Camera, bar: CaptionBar, corner: Point | None) -> DrawCommands:
+    def _captions(self, camera: Camera, bar: CaptionBar, corner: Point | None) -> DrawCommands:
         """Return the captions of the turn, below the map, or on the map if the page has no free corner."""
         width, height = self._size
         (left, *_, foot) = self._margins
@@ -356,15 +382,12 @@ def page_size(
     if width is None and height is None:
         across, up = np.maximum(high - low, 1e-9).tolist()
         ratio = min(max(across / up, _SLIMMEST), 1 / _SLIMMEST)
-        page = Page(_ENDLESS, _ENDLESS, blocks, style)
-        page.spill = spill
+        page = Page(_ENDLESS, _ENDLESS, blocks, style, spill=spill)
         free = page.around((_AREA * ratio) ** 0.5, (_AREA / ratio) ** 0.5)
         width, height = (round(side * fine) for side in free)
     width = width or round((height or 0) / _SLIMMEST)
     height = height or round(width / _SLIMMEST)
-    page = Page(width, height, blocks, style, fine)
-    page.spill = spill
-    tight = page.tight(low, high)
+    tight = Page(width, height, blocks, style, fine, spill).tight(low, high)
     if style.is_tight:
         return tight
     return asked[0] or tight[0], asked[1] or tight[1]

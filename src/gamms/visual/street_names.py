@@ -1,6 +1,6 @@
 """Names of streets: along straight parts of streets, clear of agents, labels, legends and each other."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from math import atan2, cos, degrees, radians, sin
 from typing import NamedTuple
 
@@ -9,13 +9,14 @@ import numpy as np
 from gamms import kernels
 from gamms.ir.geometry import straight_parts
 from gamms.ir.graph import FloatArray, GraphColumns
-from gamms.typing import IContext
-from gamms.visual.appearance import Rgb, Rgba, inks
+from gamms.typing import IArtist, IContext
+from gamms.visual.appearance import Rgb
+from gamms.visual.artist import drawn_looks
 from gamms.visual.camera import Camera
 from gamms.visual.drawers.streets import classes_of, in_metres, levels_of, one_way_each, polylines
 from gamms.visual.drawing import drawing_of
 from gamms.visual.font import EM, MIDDLE, words_width
-from gamms.visual.labels import Rectangle, are_hit
+from gamms.visual.labels import Rectangle, are_hit, dots_in
 from gamms.visual.legend import Pen
 
 STREET_PX = 15.0
@@ -67,6 +68,30 @@ class _StraightParts(NamedTuple):
     begins: FloatArray  # (parts, 2)
     ends: FloatArray  # (parts, 2)
     widths: FloatArray  # (parts,)  of the words, pixels
+
+
+def draw_street_names(
+    pen: Pen,
+    fine: float,
+    ctx: IContext,
+    artists: Mapping[str, IArtist],
+    page: Rectangle,
+    taken: Sequence[Rectangle],
+) -> None:
+    """Write the names of streets, a little paler than those of agents, but readable on a street.
+
+    Args:
+        pen: the pen of the page.
+        fine: the number of camera pixels per page pixel.
+        ctx: the context.
+        artists: that have drawn the agents, which stay visible.
+        page: the area for names.
+        taken: other occupied areas.
+    """
+    dots = dots_in(drawn_looks(artists)[1], pen.camera, fine).boxes()
+    red, green, blue = (round((2 * ink + faint) / 3) for ink, faint in zip(pen.ink, pen.faint, strict=True))
+    for name in street_names(pen.camera, fine, ctx, page, np.vstack([dots, np.array(taken).reshape(-1, 4)])):
+        name.draw(pen, (red, green, blue))
 
 
 def street_names(
@@ -144,9 +169,3 @@ def _first_text(value: object) -> str:
     """Return a name, or the first of several; "" for invalid or too long names."""
     text = value[0] if isinstance(value, list | tuple) and value else value
     return text.strip() if isinstance(text, str) and len(text) <= _LONGEST_NAME else ""
-
-
-def name_ink(background: Rgba) -> Rgb:
-    """Return the color of street names: a little paler than agent names, but readable on a street."""
-    red, green, blue = (round((2 * ink + faint) / 3) for ink, faint in zip(*inks(background), strict=True))
-    return red, green, blue

@@ -51,7 +51,7 @@ def typical_edge_length(columns: GraphColumns) -> float:
     ways = columns.xy[columns.targets] - columns.xy[columns.sources]
     if len(ways):
         return median(np.hypot(ways[:, 0], ways[:, 1]))
-    return float(np.ptp(columns.xy, axis=0).max()) if len(columns.xy) > 1 else 1.0
+    return longer_side(columns) if len(columns.xy) > 1 else 1.0
 
 
 def _draw_nodes(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: float, color: AnyColor) -> None:

@@ -80,7 +80,7 @@ def render_sights(ctx: IContext, data: dict[str, Any]) -> None:
         marked = [view.nodes for view in of_color if len(view.nodes)]
         if marked:
             nodes = np.unique(np.concatenate(marked), axis=0)
-            visual.render_circles(nodes, _MANY_PX / 2, _see_through(color), in_pixels=True)
+            visual.render_circles(nodes, _MANY_PX / 2, _faint(color), in_pixels=True)
         for view in of_color:
             if len(view.agents) and not view.names:
                 rings(ctx, view.agents, data["size"], rgba(color), _RING_PX)
@@ -107,7 +107,7 @@ def _draw(ctx: IContext, data: dict[str, Any], view: SensorView) -> None:
     if len(view.outline):
         field_of_view(ctx, _carried(ctx, view, data), color)
     if len(view.lines):
-        edge_color = _see_through(data.get("edge_color", color))
+        edge_color = _faint(data.get("edge_color", color))
         drawing_of(ctx).render_lines(view.lines, view.offsets, edge_color, _EDGE_PX)
     if len(view.nodes):
         default = _JUNCTION_RADIUS if len(view.lines) else _NODE_RADIUS
@@ -130,13 +130,7 @@ def _mark(ctx: IContext, centers: Points, radius: float, color: AnyColor) -> Non
     """Draw a ring, and a small dot for when the ring is too small: an agent there keeps its own color."""
     visual = drawing_of(ctx)
     visual.render_circles(centers, radius, color, 2.0)
-    visual.render_circles(centers, _NODE_PX, _see_through(color), in_pixels=True)
-
-
-def _see_through(color: AnyColor) -> Rgba:
-    """Return the color with our transparency, unless it brings its own."""
-    red, green, blue, alpha = rgba(color)
-    return red, green, blue, min(alpha, _ALPHA)
+    visual.render_circles(centers, _NODE_PX, _faint(color), in_pixels=True)
 
 
 render_sensor.once_a_turn = True  # type: ignore[attr-defined] # sensors look once a turn
@@ -225,7 +219,7 @@ def _is_whole(corners: FloatArray, low: FloatArray, high: FloatArray) -> bool:
     return bool(((corners == low) | (corners == high)).any(axis=1).all())
 
 
-def _faint(color: AnyColor, alpha: int) -> Rgba:
+def _faint(color: AnyColor, alpha: int = _ALPHA) -> Rgba:
     """Return a color with the default transparency, unless it is more transparent already."""
     red, green, blue, own = rgba(color)
     return red, green, blue, min(own, alpha)

@@ -8,6 +8,7 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import IContext
 from gamms.visual.camera import WindowCamera
 from gamms.visual.default_scene import reach_of_views
+from gamms.visual.drawers.graph import longer_side
 from gamms.visual.drawers.marks import MARK_PX
 from gamms.visual.window.input import Input
 from gamms.visual.window.overlay import Overlay
@@ -41,9 +42,8 @@ class Framing:
 
     @property
     def map_extent(self) -> float | None:
-        """The larger side of the graph, in world units; None for fewer than two nodes."""
-        xy = self._ctx.graph.columns().xy
-        return float(np.ptp(xy, axis=0).max()) if len(xy) > 1 else None
+        """The larger side of the graph, in world units; None if all nodes are at one place."""
+        return longer_side(self._ctx.graph.columns()) or None
 
     def fit(self) -> None:
         """Show the whole graph, as long as the camera was not moved."""

@@ -32,7 +32,7 @@ from gamms.visual.drawing import Drawing
 from gamms.visual.labels import AUTO, Choice, Labels, dots_in
 from gamms.visual.legend import LegendRows, Pen
 from gamms.visual.page import noted
-from gamms.visual.street_names import name_ink, street_names
+from gamms.visual.street_names import draw_street_names
 from gamms.visual.themes import Theme
 from gamms.visual.window.display import FrameTiming
 from gamms.visual.window.input import NodeChoice, Question
@@ -331,10 +331,8 @@ class Overlay(Guarded):
         labels = self._names.placed(view, 1.0, self._ctx, self.shown, self.labels, page, self.hud.taken)
         pen = Pen(view, 1.0, theme.ink[:3])
         if self.has_street_names:
-            dots = dots_in(drawn_looks(self.shown)[1], view)
-            boxes = np.array([*self.hud.taken, *(label.box for label in labels)]).reshape(-1, 4)
-            for name in street_names(view, 1.0, self._ctx, page, np.vstack([dots.boxes(), boxes])):
-                name.draw(pen, name_ink(theme.background))
+            taken = [*self.hud.taken, *(label.box for label in labels)]
+            draw_street_names(pen, 1.0, self._ctx, self.shown, page, taken)
         for label in labels:
             label.draw(pen)
         paper = Canvas(canvas.width, canvas.height, canvas.surface, paper=theme.background[:3])
