@@ -45,7 +45,7 @@ class SurfacePool:
 
 
 SIDE = 128  # px of a tile
-_AHEAD = 1  # tiles around the view that are painted before they are seen
+_AROUND = 2  # tiles around the view that are kept
 # the memory of all levels: at least 50 MiB, or this number of views
 _MOST_TILES = 800
 _MOST_VIEWS = 4
@@ -234,15 +234,6 @@ class Tiles:
             level.tiles[place] = _part(surface, tiles, place)
             level.rough.discard(place)
 
-    def _paint_in_time(self, level: _Level, wanted: Iterable[Place], budget: FrameBudget) -> None:
-        """Paint tiles in order until the time is over."""
-        for column, row in wanted:
-            if not budget.has_time(self._cost):
-                return
-            began = perf_counter()
-            self._paint(level, _Area(column, row, column + 1, row + 1))
-            self._cost = perf_counter() - began
-
     def _painted(self, camera: Camera) -> Any:
         if self.background is None:
             return painted_transparent(lambda color: self._painted_on(camera, color))
@@ -259,16 +250,12 @@ class Tiles:
         middle = (tiles.left + tiles.right - 1) / 2, (tiles.top + tiles.bottom - 1) / 2
         rough = level.rough.intersection(tiles.places()) if level.rough else set()
         outwards = sorted(rough, key=lambda place: abs(place[0] - middle[0]) + abs(place[1] - middle[1]))
-        self._paint_in_time(level, outwards, budget)
-
-    def paint_ahead(self, camera: Camera, budget: FrameBudget) -> None:
-        """Paint tiles around the view until the time is over, unless the camera zooms."""
-        if budget.is_zooming:
-            return
-        level = self._levels[_grid_of(camera)]
-        around = level.view(camera).tiles().wider(_AHEAD)
-        missing = (place for place in around.places() if place not in level.tiles and not self._is_empty(level, place))
-        self._paint_in_time(level, sorted({*missing, *level.rough.intersection(around.places())}), budget)
+        for column, row in outwards:
+            if not budget.has_time(self._cost):
+                return
+            began = perf_counter()
+            self._paint(level, _Area(column, row, column + 1, row + 1))
+            self._cost = perf_counter() - began
 
     # -- other levels ----------------------------------------------------------------------------------------
 
@@ -308,7 +295,7 @@ class Tiles:
             if old is not level and old is not farthest:
                 del self._levels[grid]
         for one in self._levels.values():
-            kept = set(tiles.wider(2 * _AHEAD).places()) if one is level else set()
+            kept = set(tiles.wider(_AROUND).places()) if one is level else set()
             for place in [place for place in one.tiles if place not in kept]:
                 one.forget(place)
 
@@ -518,9 +505,6 @@ class Scene:
                 canvas.surface.blit(overlay, (0, 0))
             if place + 1 in stops:
                 self._stages.append((self._parts[: place + 1], camera, background, canvas.surface.copy()))
-        for part in tiled:
-            if part.tiles is not None and budget is not None:
-                part.tiles.paint_ahead(camera, budget)
 
     def is_sharp(self, camera: Camera) -> bool:
         """Return whether all parts are painted at the scale of the camera."""
