@@ -163,21 +163,18 @@ class _Circles:
         self.width = commands.width[rows]
         self.color = commands.color[rows]
         self.is_in_world = commands.space[rows] == DrawSpace.WORLD
-        # the visible circles at the last scale
-        self._seen: tuple[float, tuple[np.ndarray[Any, Any], ...]] | None = None
         self.largest_in_world = float(self.size[self.is_in_world].max(initial=0.0))
         self.largest_px, self.widest_px, self.farthest_px = (
             float(px.max(initial=0.0)) for px in (self.size[~self.is_in_world], self.width, np.abs(self.shift))
         )
 
     def __call__(self, canvas: Canvas, camera: Camera) -> None:
-        if self._seen is None or self._seen[0] != camera.scale:
-            self._seen = camera.scale, self._large_enough(camera.scale)
-        centers, shift, radius, width, color = self._seen[1]
+        radius = self.size * np.where(self.is_in_world, camera.scale, 1.0)
         farthest = max(self.largest_in_world * camera.scale, self.largest_px) + self.widest_px + _BEYOND_PX
-        near = touching(centers, centers, _view(camera, farthest + self.farthest_px))
-        if not near.all():
-            centers, shift, radius, width, color = (column[near] for column in (centers, shift, radius, width, color))
+        near = touching(self.centers, self.centers, _view(camera, farthest + self.farthest_px))
+        near &= (radius >= _SMALLEST_RADIUS_PX) & (self.color[:, 3] > 0)
+        columns: tuple[np.ndarray[Any, Any], ...] = (self.centers, self.shift, radius, self.width, self.color)
+        centers, shift, radius, width, color = (column[near] for column in columns)
         centers = camera.to_screen(centers) + shift
         reach = (radius + width)[:, None] + 1.0
         inside = touching(centers - reach, centers + reach, (0.0, 0.0, canvas.width, canvas.height))
@@ -187,12 +184,6 @@ class _Circles:
             rows = seen[begin:end]
             paint = _stamped if is_small[begin] else _large
             paint(canvas, centers[rows], radius[rows], width[rows], color[rows])
-
-    def _large_enough(self, scale: float) -> tuple["np.ndarray[Any, Any]", ...]:
-        """Return centers, shifts, radii in pixels, widths and colors of circles that are large enough at a scale."""
-        radius = self.size * np.where(self.is_in_world, scale, 1.0)
-        seen = (radius >= _SMALLEST_RADIUS_PX) & (self.color[:, 3] > 0)
-        return tuple(column[seen] for column in (self.centers, self.shift, radius, self.width, self.color))
 
 
 def _stamped(canvas: Canvas, centers: FloatArray, radius: FloatArray, width: FloatArray, color: ByteArray) -> None:
