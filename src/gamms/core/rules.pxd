@@ -1,15 +1,15 @@
 cimport cython
 
 from gamms.core cimport contacts, draws
-from gamms.core.agents cimport AgentColumns, MovingAgents, MoveColumns
+from gamms.core.agents cimport AgentColumns, MoveColumns
 from gamms.core.contacts cimport Contacts, Legs, NodeNumbers, MotionIntervals, Tracks
 
 ctypedef unsigned char u8
 ctypedef unsigned long long u64
 ctypedef long long i64
 
-cdef i64 TAG, RESPAWNED, ELIMINATED, TAKE, DROP, CAPTURE, REACH, ARRIVE, END, ILLEGAL, WAITS, LATE_DEED
-cdef i64 NOTHING, RESPAWN, ELIMINATE, NOBODY, LEADER, ITS_TEAM
+cdef i64 TAG, RESPAWNED, ELIMINATED, TAKE, DROP, CAPTURE, REACH, ARRIVE, END, CALL, ILLEGAL, WAITS, LATE_DEED
+cdef i64 NOTHING, RESPAWN, ELIMINATE, FUNCTION, GONE, NOBODY, LEADER, ITS_TEAM
 
 
 
@@ -34,11 +34,12 @@ cdef class Events:
     cpdef int make_room(self, i64 room) except -1 with gil
     @cython.locals(row=i64)
     cdef int put(self, i64 game, i64 turn, i64 rule, i64 kind, i64 agent, i64 other, i64 node) except -1 nogil
+    @cython.locals(row=Py_ssize_t)
+    cpdef list taken(self)
 
 
 @cython.locals(row=i64, node=i64)
 cpdef int respawn(GameColumns games, Events events, i64 game, i64 agent) except -1 nogil
-cpdef bint comes_back(i64 out, i64 wait, i64 turn, i64 times, i64 most) noexcept nogil
 @cython.locals(row=i64)
 cpdef int eliminate(GameColumns games, Events events, i64 game, i64 agent) except -1 nogil
 cpdef int end_game(GameColumns games, Events events, i64 game, i64 rule, i64 winner) except -1 nogil
@@ -46,8 +47,8 @@ cpdef int end_game(GameColumns games, Events events, i64 game, i64 rule, i64 win
 cpdef i64 leader(const double[::1] scores, i64 nobody=*) except? -1 nogil
 
 
-@cython.locals(agent=i64, node=i64)
-cpdef int take_moves(GameColumns games, NodeNumbers numbers, MoveColumns moves, AgentColumns columns, MovingAgents agents, i64 turn) except -1
+@cython.locals(agent=i64, node=i64, slot=i64)
+cpdef int take_moves(GameColumns games, NodeNumbers numbers, MoveColumns moves, AgentColumns columns, const i64[::1] rows, const i64[::1] slots) except -1
 
 
 cdef class AgentPaths:
@@ -56,6 +57,10 @@ cdef class AgentPaths:
     cdef double[::1] times
 
     @cython.locals(agent=i64, row=i64, node=i64)
+    cdef int fill(self, GameColumns games, i64 game) except -1 nogil
+
+
+cdef class GivenPaths(AgentPaths):
     cdef int fill(self, GameColumns games, i64 game) except -1 nogil
 
 
@@ -88,24 +93,24 @@ cdef class Tags:
     cdef bint _is_before(self, i64 one, i64 other) except -1 nogil
     @cython.locals(number=i64, place=i64, row=i64, a=i64, b=i64)
     cpdef Py_ssize_t match(self) except -1 nogil
-    cpdef list made(self, NodeNumbers numbers)
     cdef int _make(self, i64 tag, i64 tagging, i64 tagger, i64 other, i64 node) except -1 nogil
 
 
 @cython.final
 cdef class Tagging:
-    cdef Contacts contacts
+    cdef public Contacts contacts
     cdef Tagging behind
     cdef int search
     cdef i64 then
     cdef double limit, points
     cdef bint mutual, is_last
-    cdef const i64[::1] plays, owners
+    cdef const i64[::1] plays
+    cdef public const i64[::1] owners
     cdef i64[::1] sides
 
     cdef int collect(self, Tags tags, GameColumns games, i64 game, i64 number) except -1 nogil
     cdef int score(self, i64 number, GameColumns games, i64 game, i64 tagger) except -1 nogil
-    cdef int follow_up(self, i64 number, GameColumns games, Events events, i64 game, i64 other) except -1 nogil
+    cdef bint follow_up(self, i64 number, GameColumns games, Events events, i64 game, i64 other) except? True nogil
 
 
 @cython.final
@@ -113,7 +118,8 @@ cdef class Flags:
     cdef i64 flags, goal, involved
     cdef double points
     cdef const i64[::1] team, base, home, takes
-    cdef public const i64[::1] owners, starts, members
+    cdef const i64[::1] starts, members
+    cdef public const i64[::1] owners
     cdef const u64[::1] names, purposes
     cdef i64[::1] carriers, stops, captures
     cdef double[::1] taken

@@ -19,7 +19,7 @@ from itertools import pairwise
 from typing import Any
 
 from gamms.core import contacts, draws
-from gamms.core.agents import AgentColumns, MoveColumns, MovingAgents
+from gamms.core.agents import AgentColumns, MoveColumns
 from gamms.core.contacts import Contacts, Legs, MotionIntervals, NodeNumbers, Tracks
 
 # kinds of events
@@ -32,22 +32,26 @@ CAPTURE = 5  # agent, other: the flag, node
 REACH = 6  # agent, node
 ARRIVE = 7  # agent, node
 END = 8  # agent: the team that wins, -1: none
-ILLEGAL = 9  # agent, other: the edge that it is on, node: it cannot move there from the edge
-WAITS = 10  # agent, node: it has arrived too often in a turn, and waits there
-LATE_DEED = 11  # agent, node: it has decided there to do a deed, when the turn had begun
+CALL = 9  # agent, other: whom it tagged, node; a function of the caller follows
+ILLEGAL = 10  # agent, other: the edge that it is on, node: it cannot move there from the edge
+WAITS = 11  # agent, node: it has arrived too often in a turn, and waits there
+LATE_DEED = 12  # agent, node: it has decided there to do a deed, when the turn had begun
 # effects of a tag
 NOTHING = 0
 RESPAWN = 1
 ELIMINATE = 2
+FUNCTION = 3  # of the caller
+GONE = -2  # instead of the agent that carries a flag: it was deleted
 NOBODY = -1
 LEADER = -2  # as a winner: the team with the highest score
 ITS_TEAM = -3  # the team that reached its goal
 # the same for callers in Python, which do not see constants with a C type
 KINDS = (  # by number
-    *("tag", "respawned", "eliminated", "take", "drop", "capture", "reach", "arrive", "end"),
+    *("tag", "respawned", "eliminated", "take", "drop", "capture", "reach", "arrive", "end", "call"),
     *("illegal", "waits", "late deed"),
 )
-THEN = {"": NOTHING, "respawn": RESPAWN, "eliminate": ELIMINATE}
+THEN = {"": NOTHING, "respawn": RESPAWN, "eliminate": ELIMINATE, "function": FUNCTION}
+CARRIERS = {"nobody": NOBODY, "gone": GONE}
 WINNERS = {"nobody": NOBODY, "leader": LEADER, "its team": ITS_TEAM}
 
 
@@ -166,6 +170,15 @@ class Events:
         self.count = row + 1
         return 0
 
+    def taken(self) -> list[tuple[int, int, int, int, int]]:
+        """Remove all events; return the kind, rule, agent, other and node of each."""
+        found = [
+            (self.kinds[row], self.rules[row], self.agents[row], self.others[row], self.nodes[row])
+            for row in range(self.count)
+        ]
+        self.count = 0
+        return found
+
 
 def extended(kind: str, column: memoryview[Any], room: int) -> memoryview[Any]:
     """Return a copy of a column with room for `room` numbers; `kind` is a type code of `array`."""
@@ -190,19 +203,6 @@ def respawn(games: GameColumns, events: Events, game: int, agent: int) -> int:
         games.edge[row] = -1
         games.share[row] = 0.0
     return events.put(game, games.turn[game], NOBODY, RESPAWNED, agent, -1, node)
-
-
-def comes_back(out: int, wait: int, turn: int, times: int, most: int) -> bool:
-    """Return whether an eliminated agent respawns at the end of a turn.
-
-    Args:
-        out: the turn of its elimination.
-        wait: the number of turns that it misses.
-        turn: the current turn.
-        times: the number of its respawns so far.
-        most: the maximum number of respawns; -1: no limit.
-    """
-    return out + wait <= turn and times != most
 
 
 def eliminate(games: GameColumns, events: Events, game: int, agent: int) -> int:
@@ -257,24 +257,29 @@ def leader(scores: memoryview[float], nobody: int = -1) -> int:
 
 
 def take_moves(
-    games: GameColumns, numbers: NodeNumbers, moves: MoveColumns, columns: AgentColumns, agents: MovingAgents, turn: int
+    games: GameColumns,
+    numbers: NodeNumbers,
+    moves: MoveColumns,
+    columns: AgentColumns,
+    rows: memoryview[int],
+    slots: memoryview[int],
 ) -> int:
-    """Write the start and end nodes of the agents of a single game, and which agents a rule has placed elsewhere.
+    """Write the start and end nodes of the agents of a single game, and which agents have made no move to their node.
 
     Args:
         games: the block.
         numbers: numbers the node ids.
         moves: the start and end of each move.
         columns: hold the ids of the current nodes.
-        agents: the agents.
-        turn: the number of turns played.
+        rows: (agents,) the row of each agent in these columns.
+        slots: (agents,) the move of each agent; -1: it took no part.
     """
-    games.turn[0] = turn
     for agent in range(games.agents):
-        node = columns._node_of(agents.rows[agent])
-        games.start[agent] = numbers.number(moves.starts[agent])
+        node = columns._node_of(rows[agent])
+        slot = slots[agent]
         games.node[agent] = numbers.number(node)
-        games.placed[agent] = node != moves.ends[agent]
+        games.placed[agent] = slot < 0 or node != moves.ends[slot]
+        games.start[agent] = games.node[agent] if slot < 0 else numbers.number(moves.starts[slot])
     return 0
 
 
@@ -309,6 +314,18 @@ class AgentPaths:
             elif games.start[row] != node:
                 self.nodes[2 * agent] = games.start[row]
                 self.lengths[agent] = 2
+        return 0
+
+
+class GivenPaths(AgentPaths):
+    """The paths of the agents of a single game, written by the caller."""
+
+    def __init__(self, nodes: memoryview[int], times: memoryview[float], lengths: memoryview[int]) -> None:
+        super().__init__(nodes, times, lengths)
+        self.are_one_edge = False
+
+    def fill(self, games: GameColumns, game: int) -> int:  # noqa: ARG002 - as that of other paths
+        """Leave the paths as they are."""
         return 0
 
 
@@ -507,13 +524,6 @@ class Tags:
         self.number = number
         return number
 
-    def made(self, numbers: NodeNumbers) -> list[tuple[int, int, int, int]]:
-        """Return the tags as (tagging, tagger, tagged agent, id of its node)."""
-        return [
-            (self.taggings[tag], self.taggers[tag], self.others[tag], numbers.ids[self.nodes[tag]])
-            for tag in range(self.number)
-        ]
-
     def _make(self, tag: int, tagging: int, tagger: int, other: int, node: int) -> int:
         self.taggings[tag] = tagging
         self.taggers[tag] = tagger
@@ -533,7 +543,7 @@ class Tagging:
         sides: (agents,) the sides of the tracks; written before each search.
         mutual: see `Tags.add`.
         owners: see `Tags.add`.
-        then: the effect on tagged agents: `NOTHING`, `RESPAWN` or `ELIMINATE`.
+        then: the effect on tagged agents: `NOTHING`, `RESPAWN`, `ELIMINATE` or `FUNCTION`.
         points: the points for the tagger's team.
         behind: the next tagging of the chain; None: this is the last.
     """
@@ -581,15 +591,15 @@ class Tagging:
         games.score[game * games.teams + games.team[tagger]] += self.points
         return 0
 
-    def follow_up(self, number: int, games: GameColumns, events: Events, game: int, other: int) -> int:
-        """Apply the effect of tagging `number`, counted from this one, to a tagged agent."""
+    def follow_up(self, number: int, games: GameColumns, events: Events, game: int, other: int) -> bool:
+        """Apply the effect of tagging `number`, counted from this one; return whether a function is to be called."""
         if number > 0:
             return self.behind.follow_up(number - 1, games, events, game, other)  # type: ignore[union-attr]
         if self.then == RESPAWN:
-            return respawn(games, events, game, other)
-        if self.then == ELIMINATE:
-            return eliminate(games, events, game, other)
-        return 0
+            respawn(games, events, game, other)
+        elif self.then == ELIMINATE:
+            eliminate(games, events, game, other)
+        return self.then == FUNCTION
 
 
 # -- flags -------------------------------------------------------------------------------------------------------------
@@ -607,7 +617,8 @@ class Flags:
         takes: (agents,) the team of each agent; -1: it takes no flags, because it has no team or flies.
         names: (agents,) the keys of their names.
         purposes: (games * flags,) the keys of the draws that choose between agents at a base.
-        carriers: (games * flags,) the agent that carries each flag; -1: the flag is on its base.
+        carriers: (games * flags,) the agent that carries each flag; -1: the flag is on its base; `GONE`: the agent was
+            deleted.
         stops: (games * flags,) `GameColumns.stops` of the carrier at the end of the last turn.
         captures: (games * teams,) the number of captures of each team.
         starts: (games * members,) the start nodes of agents; -1: in the air.
@@ -659,12 +670,15 @@ class Flags:
         """Drop the flags of carriers that are out or deleted, or were tagged or respawned since the last turn."""
         for flag in range(game * self.flags, (game + 1) * self.flags):
             agent = self.carriers[flag]
-            if agent < 0:
+            if agent == NOBODY:
                 continue
             row = game * games.agents + agent
-            if not games.alive[row] or games.stops[row] != self.stops[flag]:
-                number = flag - game * self.flags
-                node = self.base[number] if games.home[row] < 0 else games.node[row]  # -1: it was deleted
+            number = flag - game * self.flags
+            if agent == GONE or games.home[row] < 0:
+                events.put(game, games.turn[game], rule, DROP, agent, number, self.base[number])
+                self.carriers[flag] = -1
+            elif not games.alive[row] or games.stops[row] != self.stops[flag]:
+                node = games.node[row]
                 events.put(game, games.turn[game], rule, DROP, agent, number, node)
                 self.carriers[flag] = -1
         return 0
@@ -955,7 +969,11 @@ class TagRule(Rule):
             self.games.stops[game * self.games.agents + other] += 1
             self.first.score(by, self.games, game, tagger)
         for tag in range(number):
-            self.first.follow_up(self.tags.taggings[tag], self.games, self.events, game, self.tags.others[tag])
+            tagger = self.tags.taggers[tag]
+            other = self.tags.others[tag]
+            by = self.tags.taggings[tag]
+            if self.first.follow_up(by, self.games, self.events, game, other):
+                self.events.put(game, self.turn[0], self.number + by, CALL, tagger, other, self.tags.nodes[tag])
         return 0
 
 
@@ -1069,7 +1087,7 @@ class RespawnRule(Rule):
                 continue
             if self.out[row] < 0:
                 self.out[row] = self.games.turn[game]
-            if comes_back(self.out[row], self.wait, self.games.turn[game], self.times[row], self.most):
+            if self.out[row] + self.wait <= self.games.turn[game] and self.times[row] != self.most:
                 self.times[row] += 1
                 self.out[row] = -1
                 respawn(self.games, self.events, game, agent)

@@ -354,11 +354,12 @@ class RuleSpec:
             place of the first of them.
         parts: the parts for `act_as_one`.
         brings_back: whether eliminated agents respawn, so that learners wait for it.
+        uses_scores: whether the rule adds to scores or compares them, so that learners get rewards.
         last_turn: the turn after which the rule ends the game, for progress displays.
         array_form: applies the rule to many games: called with a `batch.turn.ArrayTurn`; None: batches play game by
             game.
-        core_form: called with a `batch.in_core.RuleBuilder`; returns the rule in the form of the core, for batches.
-            None: it has none.
+        core_form: called with a `block.in_core.RuleBuilder`; returns the rule of the core. None: the core of batches
+            does not have it.
         needs_nodes: whether that form is for games in which no agent flies or is on an edge.
         prepare_arrays: called with the state of a batch at its start, to publish facts as arrays.
         facts_of: called with the state of a batch and the numbers of games; returns the fact under the key of the rule
@@ -378,6 +379,7 @@ class RuleSpec:
     act_as_one: Callable[[Sequence[Any]], Rule] | None = None
     parts: Sequence[Any] = ()
     brings_back: bool = False
+    uses_scores: bool = False
     last_turn: int | None = None
     array_form: Callable[[Any], None] | None = None
     core_form: Callable[[Any], CoreRule] | None = None
@@ -407,7 +409,9 @@ def rule_spec_of(rule: object) -> RuleSpec:
     """
     spec: RuleSpec = getattr(rule, _SPEC, _NOTHING)
     if spec is getattr(getattr(rule, "__wrapped__", None), _SPEC, None):
-        spec = RuleSpec(**{name: getattr(spec, name) for name in (*_ATTRIBUTES, "brings_back", "last_turn")})
+        spec = RuleSpec(
+            **{name: getattr(spec, name) for name in (*_ATTRIBUTES, "brings_back", "uses_scores", "last_turn")}
+        )
     own = {name: value for name in _ATTRIBUTES if (value := getattr(rule, name, None)) is not None}
     return replace(spec, **own) if own else spec
 

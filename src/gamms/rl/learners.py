@@ -651,8 +651,8 @@ def _brings_back(rule: object) -> bool:
 
 
 def _gives_scores(rule: object) -> bool:
-    """Return whether the code of a rule, or of a function that it calls, uses the scores of the game."""
-    return any("scores" in code.co_names for code in _codes_of(rule, set()))
+    """Return whether a rule declares that it uses scores, or code that it can reach does."""
+    return rule_spec_of(rule).uses_scores or any("scores" in code.co_names for code in _codes_of(rule, set()))
 
 
 def _codes_of(value: object, seen: set[int]) -> Iterator[CodeType]:

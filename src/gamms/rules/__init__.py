@@ -5,10 +5,10 @@
     ctx.game.conflicts = gamms.rules.Conflicts(capacity=1, resolve=gamms.rules.by_priority(["red", "blue"]))
 
 Read `contacts.py` first: which agents meet (`gamms.core.contacts` finds them; `meetings.py` passes it the columns of a
-turn). `gamms.core.rules` decides who tags whom and moves flags for `tagging.py`, `flags.py` and `endings.py`. A rule is
-declared by a `RuleSpec` of `game/settings.py`. `places.py`, `resources.py` and `payoffs.py` have rules about nodes,
-resources and points, and `territory.py` makes their shared data. `conflicts.py` decides which agents win conflicts,
-which `game/conflicts.py` defines.
+turn). `gamms.core.rules` plays the rules of `tagging.py`, `flags.py` and `endings.py`, in one game and in batches;
+`in_core.py` builds them. A rule is declared by a `RuleSpec` of `game/settings.py`. `places.py`, `resources.py` and
+`payoffs.py` have rules about nodes, resources and points, and `territory.py` makes their shared data. `conflicts.py`
+decides which agents win conflicts, which `game/conflicts.py` defines.
 May import: `context` and below. To add a rule write a function `rule(ctx)`; to add a resolver call `by_rank`, or write
 a function `(contest, ctx) -> winners`; no registration is needed. Annotate parameters that name teams by
 `gamms.typing.game.Team`, TEAMS or OWNERS, so that scenario files with misspelled teams are refused.

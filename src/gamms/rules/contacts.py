@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 from gamms.arguments import as_context, as_flag, as_items, as_key, as_range
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
-from gamms.rules.meetings import ContactOptions, Side, in_air, turn_of
+from gamms.game.block.in_core import ContactOptions
+from gamms.rules.meetings import Side, in_air, turn_of
 from gamms.text import shown
 
 

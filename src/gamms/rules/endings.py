@@ -1,26 +1,23 @@
 """Rules that end games: an agent reaches its goal, time is up, or one team is left."""
 
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
-from functools import lru_cache
 from typing import Annotated, Any, overload
 
 import numpy as np
 
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_key, shown_as_called
 from gamms.context import Context
-from gamms.core import rules as core
 from gamms.errors import BadValue, UnknownName
-from gamms.game.block.in_core import ONE_THAT_SHOWS, reason_of_goals
+from gamms.game.block.in_core import ONE_THAT_SHOWS
 from gamms.game.settings import Rank, RuleSpec, declared
 from gamms.rules.in_core import fits_core, in_core
-from gamms.rules.meetings import column, living_teams, turn_of
+from gamms.rules.meetings import made_for
 from gamms.text import shown
 from gamms.typing import NodeId, Rule
 from gamms.typing.game import TEAMS, Team
 from gamms.visual.drawers.rules import GOALS, as_text, render_goals
 
 _STARTS = "starts of "
-_MOST_GOALS = 64  # goals for which the owners are cached
 
 Nodes = NodeId | Iterable[NodeId] | str  # one node, several nodes, or "starts of X"
 
@@ -91,22 +88,17 @@ def reach(
     def reach(ctx: Context) -> None:
         if ctx.game.turn == 1:  # now starts are known
             _publish(ctx, goals)
-        there = _arrive(ctx, goals, passing=passing)
-        for one in there if score else ():
-            ctx.game.scores[one] += score
-        if there:
-            reason, won = _end_of(there, winner)
-            ctx.game.end(reason, winner=won)
+        made_for(ctx, form).play(ctx)
 
-    shown_winner = ONE_THAT_SHOWS if winner is ITS_TEAM else winner
-    core_form = in_core("reach", goals, shown_winner, score, passing) if fits_core(score) else None
+    form = in_core("reach", goals, ONE_THAT_SHOWS if winner is ITS_TEAM else winner, score, passing)
     return declared(
         reach,
         RuleSpec(
             prepare=prepare,
             drawer=render_goals,
+            uses_scores=True,
             teams=named,
-            core_form=core_form,
+            core_form=form if fits_core(score) else None,
         ),
     )
 
@@ -140,21 +132,17 @@ def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) 
     def arrive(ctx: Context) -> None:
         if ctx.game.turn == 1:  # now starts are known
             _publish(ctx, goals)
-        there = _at_goal(ctx, team, goal, passing=counts_passing)
-        for _, node, name, _ in there:
-            ctx.game.emit("arrive", agent=name, node=node)
-        for _, _, name, _ in there:
-            ctx.game.scores[team] += points
-            ctx.game.eliminate(name)
+        made_for(ctx, form).play(ctx)
 
-    core_form = in_core("arrive", team, goal, points, counts_passing) if fits_core(points) else None
+    form = in_core("arrive", team, goal, points, counts_passing)
     return declared(
         arrive,
         RuleSpec(
             prepare=prepare,
             drawer=render_goals,
+            uses_scores=True,
             teams=list(goals),
-            core_form=core_form,
+            core_form=form if fits_core(points) else None,
         ),
     )
 
@@ -176,17 +164,18 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
     named = _named_winner(winner)
 
     def time_limit(ctx: Context) -> None:
-        if ctx.game.turn >= last:
-            ctx.game.end("time limit", winner=_leader(ctx) if winner is LEADER else winner, truncated=True)
+        if ctx.game.turn >= last:  # NOTE: else the rule takes a twentieth of a turn of two agents (benchmarks: turns)
+            made_for(ctx, form, follows=False).play(ctx)
 
-    core_form = in_core("time_limit", last, ONE_THAT_SHOWS if winner is LEADER else winner)
+    form = in_core("time_limit", last, ONE_THAT_SHOWS if winner is LEADER else winner)
     return declared(
         time_limit,
         RuleSpec(
             teams=named,
             last_turn=last,
+            uses_scores=winner is LEADER,
             rank=Rank.END,
-            core_form=core_form,
+            core_form=form,
         ),
     )
 
@@ -206,16 +195,16 @@ def none_left(team: Team, winner: Team = LEADER) -> Rule:
     reason = f"all agents of {team} arrived or were eliminated"
 
     def none_left(ctx: Context) -> None:
-        if team not in living_teams(ctx) and team in ctx.agent.teams:
-            ctx.game.end(reason, winner=_leader(ctx) if winner is LEADER else winner)
+        made_for(ctx, form, follows=False).play(ctx)
 
-    core_form = in_core("none_left", team, reason, ONE_THAT_SHOWS if winner is LEADER else winner)
+    form = in_core("none_left", team, reason, ONE_THAT_SHOWS if winner is LEADER else winner)
     return declared(
         none_left,
         RuleSpec(
             teams=named,
+            uses_scores=winner is LEADER,
             rank=Rank.END,
-            core_form=core_form,
+            core_form=form,
         ),
     )
 
@@ -228,12 +217,10 @@ def last_team() -> Rule:
     """
 
     def last_team(ctx: Context) -> None:
-        left = living_teams(ctx) - {None}
-        if len(left) <= 1:
-            ctx.game.end("last team", winner=next(iter(left), None))
+        made_for(ctx, form, follows=False).play(ctx)
 
-    core_form = in_core("last_team")
-    return declared(last_team, RuleSpec(rank=Rank.END, core_form=core_form))
+    form = in_core("last_team")
+    return declared(last_team, RuleSpec(rank=Rank.END, core_form=form))
 
 
 def _named_winner(winner: Team) -> list[Hashable]:
@@ -286,50 +273,6 @@ def refuse_unknown(ctx: Context, nodes: Iterable[int]) -> None:
             raise UnknownName("node", node, ctx.graph.graph.get_nodes())
 
 
-def _arrive(ctx: Context, goals: Mapping[Any, frozenset[int] | str], *, passing: bool) -> list[Hashable]:
-    """Return the teams of the first agents at a goal of their team; each agent is an event."""
-    arrived = []
-    for team, goal in goals.items():
-        arrived += _at_goal(ctx, team, goal, passing=passing)
-    earliest = min((one[0] for one in arrived), default=None)
-    first = [one for one in arrived if one[0] == earliest]
-    for _, node, name, _ in first:
-        ctx.game.emit("reach", agent=name, node=node)
-    return list(dict.fromkeys(team for *_, team in first))
-
-
-def _at_goal(
-    ctx: Context, team: Hashable, goal: frozenset[int] | str, *, passing: bool
-) -> list[tuple[float, int, str, Hashable]]:
-    """Return (time, node, name, team) of the first visit of each agent of a team to its goal."""
-    turn = turn_of(ctx)
-    roster = turn.roster
-    pieces = turn.scratch()
-    if team not in roster.teams:
-        return []
-    owners = roster.owners(_goal_of(_starts(ctx, goal) if isinstance(goal, str) else goal, team), turn.numbers)
-    tracks = turn.visits(passing=passing)
-    count = core.find_arrivals(tracks, turn.legs, pieces, roster.team, owners, roster.teams[team])
-    found = []
-    for piece in pieces.order[:count] if count else ():
-        node = turn.numbers.ids[pieces.nodes[piece]]
-        name = roster.names[pieces.agents[piece]]
-        found.append((pieces.since[piece], node, name, team))
-    return found
-
-
-@lru_cache(_MOST_GOALS)
-def _goal_of(nodes: frozenset[int], team: Hashable) -> Mapping[int, Hashable]:
-    """Return nodes as a territory of a team; cached, so that equal nodes give the same object."""
-    return dict.fromkeys(nodes, team)
-
-
-def _end_of(there: list[Hashable], winner: Team) -> tuple[str, Hashable]:
-    """Return the reason of the end and the winner, from the teams that have reached their goals."""
-    won = there[0] if winner is ITS_TEAM else winner
-    return reason_of_goals(there), won if len(there) == 1 else None
-
-
 def _publish(ctx: Context, goals: Mapping[Any, frozenset[int] | str]) -> None:
     """Publish the goals, for drawers."""
     known: dict[Any, str] = ctx.game.data.setdefault(GOALS, {})
@@ -337,13 +280,6 @@ def _publish(ctx: Context, goals: Mapping[Any, frozenset[int] | str]) -> None:
         nodes = _starts(ctx, goal) if isinstance(goal, str) else goal
         parts = [*known.get(team, "").split(), *as_text(np.array(sorted(nodes), np.int64)).split()]
         known[team] = " ".join(dict.fromkeys(parts))  # another rule may have other goals for the team
-
-
-def _leader(ctx: Context) -> Hashable:
-    """Return the only team with the highest score; None if there are several, or no other team."""
-    teams = [team for team in ctx.agent.teams if team is not None]
-    best = core.leader(column("d", [ctx.game.scores[team] for team in teams]))
-    return None if best < 0 else teams[best]
 
 
 def _as_goal(goal: object, team: Hashable) -> frozenset[int] | str:

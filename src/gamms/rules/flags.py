@@ -1,12 +1,9 @@
 """Capture the flag: an agent takes the flag of another team and brings it home."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from functools import partial
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
-import numpy as np
-
-from gamms import kernels
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_name, shown_as_called
 from gamms.context import Context
 from gamms.core import rules as core
@@ -17,13 +14,16 @@ from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
 from gamms.readonly import published
 from gamms.rules.endings import all_know, refuse_unknown
-from gamms.rules.in_core import FlagArguments, fits_core, flags_in_core, in_core
-from gamms.rules.meetings import TurnContacts, column, turn_of
-from gamms.rules.territory import NO_TERRITORY, Colors, Territory, as_territory
+from gamms.rules.in_core import FlagArguments, fits_core, in_core
+from gamms.rules.meetings import GameRule, made_for
+from gamms.rules.territory import Colors, Territory, as_territory
 from gamms.text import shown
-from gamms.typing import AgentType, NodeId, Rule
+from gamms.typing import NodeId, Rule
 from gamms.typing.game import OWNERS
 from gamms.visual.drawers.rules import FlagsDrawer
+
+_NOBODY = core.CARRIERS["nobody"]
+_GONE = core.CARRIERS["gone"]
 
 
 @shown_as_called
@@ -83,9 +83,9 @@ def capture_flag(
     )
 
     def capture_flag(ctx: Context) -> None:
-        game.play(ctx)
+        game.play(ctx, made_for(ctx, form))
 
-    core_form = in_core("capture_flag", game) if fits_core(score) else None
+    form = in_core("capture_flag", game)
     return declared(
         capture_flag,
         RuleSpec(
@@ -93,7 +93,8 @@ def capture_flag(
             drawer=FlagsDrawer(game.key, colors),
             disclose=all_know(game.key),
             key=game.key,
-            core_form=core_form,
+            uses_scores=True,
+            core_form=form if fits_core(score) else None,
             prepare_arrays=game.prepare_arrays,
             facts_of=game.facts_of if game.announce else None,
             begin_arrays=game.begin_arrays,
@@ -128,19 +129,41 @@ class _FlagRule(FlagArguments):
 
     def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
         """Return the state of the rule in a game as arrays; see `start`."""
-        known = ctx.game.data.get(self.key, {})
-        roster = state.roster
-        first = self.start(len(roster.teams), 1)
-        stopped = _stopped(ctx.game.events[known.get("seen", 0) :]) if known else set()
-        for number, flag in enumerate(self.bases):
-            name = known.get("carriers", {}).get(flag)
-            if name is not None:
-                carrier = roster.names.index(name)
-                first["carriers"][0, number] = carrier
-                first["stops"][0, number] = state.stops[0, carrier] - (name in stopped)
-        for team, times in known.get("captures", {}).items():
-            first["captures"][0, roster.teams.index(team)] = times
+        known = ctx.game.data.get(self.key)
+        first = self.start(len(state.roster.teams), 1)
+        if known is not None:
+            numbers = {name: number for number, name in enumerate(state.roster.names)}
+            fresh = ctx.game.events[known["seen"] :]
+            self._take(known, first, state.roster.teams, numbers, state.stops[0], fresh)
         return {("capture_flag", self.key): first}
+
+    def _take(
+        self,
+        known: Mapping[str, Any],
+        kept: Arrays,
+        teams: Sequence[Hashable],
+        numbers: Mapping[str, int],
+        stops: Sequence[int],
+        fresh: list[dict[str, Any]],
+    ) -> None:
+        """Write the state of the rule to arrays of one game; see `start`.
+
+        Args:
+            known: the state.
+            kept: the arrays.
+            teams: the teams of the game.
+            numbers: name -> number of the agent.
+            stops: (agents,) how often the agents were stopped.
+            fresh: the events since the last turn of the rule.
+        """
+        stopped = _stopped(fresh)
+        for flag, name in enumerate(map(known["carriers"].get, self.bases)):
+            carrier = _NOBODY if name is None else numbers.get(name, _GONE)
+            kept["carriers"][0, flag] = carrier
+            if carrier >= 0:
+                kept["stops"][0, flag] = stops[carrier] - (name in stopped)
+        for number, team in enumerate(teams):
+            kept["captures"][0, number] = known["captures"].get(team, 0)
 
     def _state(self, game: GameState) -> dict[str, Any]:
         """Return the state of the rule in this game."""
@@ -151,39 +174,30 @@ class _FlagRule(FlagArguments):
         state: dict[str, Any] = data[self.key]
         return state
 
-    def play(self, ctx: Context) -> None:
-        turn = turn_of(ctx)
+    def play(self, ctx: Context, made: GameRule) -> None:
+        """Play a turn of one game by the rule of the core."""
         key = self.key
-        game = turn.game.state
+        game = made.makes.turn.game.state
         data = game.data.get(key) or self._state(game)
-        events = game.events
         carriers: dict[Hashable, str | None] = data["carriers"]
-        known = turn.roster.kept.get(key)
+        captures = data["captures"]
+        events = game.events
         fresh = events[data["seen"] :]
-        # All other agents that carried flags at the end of the last turn are alive and were not stopped.
-        may_drop = fresh or known is None or known.told != carriers
-        if may_drop and any(carriers.values()):
-            self._drop(ctx, carriers, _stopped(fresh))
-        if known is None or not known.take(self):
-            known = _CoreFlags(self, turn)
-            turn.roster.kept[key] = known
-        if known.seed != turn.seed:
-            known.draw_by(turn.seed)
-        if known.concern(turn, carriers):
-            known.play(ctx, turn, data)
+        is_read = made.read == (carriers, captures, game.facts.get(key))
+        roster = made.makes.turn.roster
+        if fresh or not is_read:
+            self._take(data, made.kept, roster.table.teams, roster.number, roster.stops, fresh)
+            made.carriers = [*map(carriers.get, self.bases)]
+        happened = made.play(ctx)
+        for kind, name, flag in happened:
+            carriers[[*self.bases][flag]] = name if kind == "take" else None
+            if kind == "capture":
+                team = roster.teams[roster.number[name]]
+                captures[team] = captures.get(team, 0) + 1
         data["seen"] = len(events)
-        if known.fact is not game.facts.get(key) or known.told != carriers:
+        if happened or not is_read:
             self._publish(ctx, carriers)
-            known.told = dict(carriers)
-            known.fact = game.facts.get(key)
-
-    def _drop(self, ctx: Context, carriers: dict[Hashable, str | None], stopped: set[str]) -> None:
-        for flag, name in carriers.items():
-            carrier = None if name is None else ctx.agent.agents.get(name)
-            if name is not None and (carrier is None or not carrier.alive or name in stopped):
-                node = self.bases[flag] if carrier is None else carrier.current_node_id
-                ctx.game.emit("drop", agent=name, flag=flag, node=node)
-                carriers[flag] = None
+            made.read = dict(carriers), dict(captures), game.facts.get(key)
 
     def _publish(self, ctx: Context, carriers: Mapping[Any, str | None]) -> None:
         if self.announce:
@@ -193,126 +207,6 @@ class _FlagRule(FlagArguments):
 
     def _fact(self, carriers: Mapping[Any, str | None]) -> dict[Hashable, dict[str, Any]]:
         return {team: {"node": base, "carrier": carriers[team]} for team, base in self.bases.items()}
-
-
-class _CoreFlags:
-    """The flags of one game in the core, for a fixed set of agents.
-
-    Args:
-        flags: the checked arguments of the rule.
-        turn: the turn in which these agents play.
-
-    Attributes:
-        flags, seed: the present arguments; see `take` and `draw_by`.
-        told: the carriers when they were published last.
-        fact: the fact that was published last.
-    """
-
-    _taken: dict[Hashable, str | None] | None = None  # flag -> carrier, as last set in the core
-    told: dict[Hashable, str | None] | None = None
-    fact: object = None
-
-    def __init__(self, flags: _FlagRule, turn: TurnContacts) -> None:
-        roster = turn.roster
-        count = len(flags.bases)
-        teams = list(turn.roster.teams)
-        self.flags = flags
-        self._purposes = column("Q", [0] * count)
-        self.draw_by(turn.seed)
-        self._teams = [] if flags.ground is not None else [team for team in teams if team not in flags.bases]
-        ground = np.array(roster.team)
-        if roster.fly is not None:
-            ground[roster.fly] = -1
-        self._carriers = column("q", [-1] * count)
-        self._captures = column("q", [0] * len(teams))
-        self._events = core.Events(0)
-        self._core = flags_in_core(
-            flags,
-            teams,
-            ground,
-            np.array([*map(turn.numbers.number, flags.bases.values())]),
-            owners=NO_TERRITORY,
-            names=roster.keys,
-            purposes=self._purposes,
-            carriers=self._carriers,
-            stops=column("q", [0] * count),
-            captures=self._captures,
-            starts=NO_TERRITORY,
-            members=NO_TERRITORY,
-        )
-
-    def take(self, flags: _FlagRule) -> bool:
-        """Switch to the arguments of another game's rule if they are equal; return whether they are."""
-        if flags is not self.flags and (flags != self.flags or [*flags.bases] != [*self.flags.bases]):
-            return False
-        self.flags = flags
-        return True
-
-    def draw_by(self, seed: int) -> None:
-        """Use the random draws of another seed, for another game, and forget the carriers."""
-        self.seed = seed
-        self.told = None
-        for flag, team in enumerate(self.flags.bases):
-            self._purposes[flag] = kernels.purpose_key(seed, "capture_flag", self.flags.key, str(team))
-
-    def concern(self, turn: TurnContacts, carriers: Mapping[Hashable, str | None]) -> bool:
-        """Set the carriers; return whether any flag may be taken or captured in this turn."""
-        if carriers != self._taken:
-            number = turn.roster.number
-            for flag, team in enumerate(self.flags.bases):
-                name = carriers[team]
-                self._carriers[flag] = -1 if name is None else number[name]
-            self._taken = dict(carriers)
-        return not turn.are_steps or self._core.concern(turn.roster.games, 0)
-
-    def play(self, ctx: Context, turn: TurnContacts, data: dict[str, Any]) -> None:
-        """Score flags that come home, note taken flags, and update the data of the rule."""
-        flags = self.flags
-        roster = turn.roster
-        captures = data["captures"]
-        self._taken = None
-        for number, team in enumerate(roster.teams):
-            self._captures[number] = captures.get(team, 0)
-        if flags.ground is not None:
-            self._core.owners = flags.ground.in_turn(ctx, turn)
-        elif self._teams:
-            self._take_starts(ctx, turn)
-        tracks = turn.visits(passing=flags.passing)
-        self._core.pass_turn(roster.games, self._events, 0, 0, tracks, turn.legs, turn.scratch())
-        for kind, agent, flag, node in self._happened():
-            if kind == "end":
-                won = [team for team, number in captures.items() if number >= cast("int", flags.goal)]
-                ctx.game.end("flags captured", winner=won[0] if len(won) == 1 else None)
-                return
-            name = roster.names[agent]
-            owner = [*flags.bases][flag]
-            ctx.game.emit(kind, agent=name, flag=owner, node=turn.numbers.ids[node])
-            data["carriers"][owner] = name if kind == "take" else None
-            if kind == "capture":
-                team = roster.team_of[agent]
-                ctx.game.scores[team] += flags.score
-                captures[team] = captures.get(team, 0) + 1
-
-    def _happened(self) -> list[tuple[str, int, int, int]]:
-        """Return (kind, agent, flag, node) of each event."""
-        events = self._events
-        columns = (events.kinds, events.agents, events.others, events.nodes) if events.count else ()
-        rows = zip(*[column[: events.count] for column in columns], strict=True)
-        happened = [(core.KINDS[kind], agent, flag, node) for kind, agent, flag, node in rows]
-        events.count = 0
-        return happened
-
-    def _take_starts(self, ctx: Context, turn: TurnContacts) -> None:
-        """Set the start nodes of agents whose team has no base."""
-        agents = [
-            (turn.roster.teams[team], agent)
-            for team in self._teams
-            for agent in ctx.agent.teams[team]
-            if agent.type is not AgentType.AERIAL
-        ]
-        self._core.members = column("q", [team for team, _ in agents])
-        nodes = [cast("int", ctx.game.start_node(agent)) for _, agent in agents]
-        self._core.starts = column("q", map(turn.numbers.number, nodes))
 
 
 def _stopped(events: list[dict[str, Any]]) -> set[str]:

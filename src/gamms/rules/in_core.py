@@ -1,4 +1,4 @@
-"""Translations of the rules that the core plays in batches, one function per rule."""
+"""The shipped rules in the form of the core, for one game and for batches: one function per rule."""
 
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from functools import partial
@@ -8,13 +8,12 @@ import numpy as np
 
 from gamms.core import contacts, rules
 from gamms.errors import BadValue
-from gamms.game.block.columns import kept_in
-from gamms.game.block.in_core import ONE_THAT_SHOWS, CompiledRule, RuleBuilder, floats, ints, memory_of
+from gamms.game.block.in_core import ONE_THAT_SHOWS, CompiledRule, Near, RuleBuilder, floats, ints, memory_of
 from gamms.game.block.state import Arrays
 from gamms.game.conflicts import flat
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rules.meetings import ContactOptions, Near, ask, reach_of, search_for
+from gamms.rules.meetings import ask, search_for
 
 _NOTHING = ints(0)
 _MOST_EXACT = 1 << 53  # of integers as floats
@@ -54,92 +53,94 @@ def fits_core(points: float) -> bool:
 
 def tag(taggings: Sequence[Any], making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.tag` from all such rules of a game."""
-    roster = making.state.roster
-    state = making.state
+    roster = making.roster
     purpose = np.zeros(1, np.uint64).data
     turn = ints(1)
     behind: rules.Tagging | None = None
     for one in reversed(taggings):
-        sides = ints(len(roster.names))
-        nearness = one.nearness
-        tracks = making.tracks(sides, at_end=not nearness.passing)
-        near = _near(nearness, making)
-        found = contacts.Contacts(making.pieces)
-        ask(
-            found,
-            nearness,
-            near,
-            tracks,
-            making.legs,
-            flat(roster.keys, np.uint64),
-            purpose,
-            turn,
-            by_metres=making.by_metres,
-        )
-        taggers, tagged = (roster.plays_for([side]) & (nearness.air | ~roster.flies) for side in one.sides)
-        behind = rules.Tagging(
-            found,
-            search_for(near, nearness, by_metres=making.by_metres),
-            nearness.limit,
-            flat(taggers + 2 * tagged, np.int64),
-            sides,
-            mutual=one.mutual,
-            owners=_owners(one.ground, making),
-            then=rules.THEN[one.then],
-            points=one.score,
-            behind=behind,
-        )
+        behind = _tagging(one, making, purpose, turn, behind)
     if behind is None:
         raise BadValue("A tag rule needs at least one pair of sides.")
-    number = making.number(*(CompiledRule(bool(one.score), isinstance(one.score, float)) for one in taggings))
-    tags = rules.Tags(ints(len(roster.names)))
-    purposes = memory_of(state.purposes("contacts"))
-    return rules.TagRule(making.games, making.events, number, behind, tags, making.steps, purpose, turn, purposes)
-
-
-def _near(nearness: ContactOptions, making: RuleBuilder) -> Near:
-    """Return the distances between agents that count as contacts; None: agents must be on the same node."""
-    state = making.state
-    unit, limit, *_ = nearness
-    if unit is None:
-        return None
-    if unit != "euclid":
-        weight = None if unit == "hops" else "length"
-
-        def make() -> contacts.NearNodes:
-            near = reach_of(state.streets.ways(weight), limit)
-            state.roads.searches.append((weight, near))
-            return near
-
-        return kept_in(state.shared, ("reach", unit, limit, making.thread), make)
-    return contacts.NodePositions(
-        making.columns[0], flat(np.insert(state.streets.columns.xy, 2, 0.0, axis=1), np.float64)
+    played = [CompiledRule(one.score or None, then=None if isinstance(one.then, str) else one.then) for one in taggings]
+    return rules.TagRule(
+        making.games,
+        making.events,
+        making.number(*played),
+        behind,
+        rules.Tags(ints(len(roster.names))),
+        making.steps,
+        purpose,
+        turn,
+        making.purposes(("contacts",)),
     )
+
+
+def _tagging(
+    one: Any, making: RuleBuilder, purpose: memoryview, turn: memoryview, behind: rules.Tagging | None
+) -> rules.Tagging:
+    """Make one tag rule of a game, in front of the others."""
+    nearness = one.nearness
+    sides = ints(len(making.roster.names))
+    tracks = making.tracks(sides, at_end=not nearness.passing)
+    near = making.near(nearness)
+
+    def search(near: Near, pieces: contacts.MotionIntervals) -> contacts.Contacts:
+        found = contacts.Contacts(pieces)
+        columns = tracks, making.legs, flat(making.roster.keys, np.uint64), purpose, turn
+        ask(found, nearness, near, *columns, by_metres=making.by_metres)
+        return found
+
+    plays = making.sides(*one.sides, air=nearness.air)
+    tagging = rules.Tagging(
+        search(near, making.pieces),
+        search_for(near, nearness, by_metres=making.by_metres),
+        nearness.limit,
+        plays,
+        sides,
+        mutual=one.mutual,
+        owners=making.owners(one.ground),
+        then=rules.THEN[one.then if isinstance(one.then, str) else "function"],
+        points=one.score,
+        behind=behind,
+    )
+    making.follow(tagging, one.ground)
+    if nearness.unit == "euclid":
+        making.follow_places(tagging, nearness, (plays, sides), search)
+    return tagging
 
 
 def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.capture_flag`."""
-    state = making.state
-    roster = making.state.roster
-    kept = state.keep(("capture_flag", flags.key), partial(flags.start, len(roster.teams)))
-    making.agents_in.append(kept["carriers"])
-    purposes = state.several_purposes(*(("capture_flag", flags.key, str(team)) for team in flags.bases))
+    roster = making.roster
+    kept = making.keep(("capture_flag", flags.key), partial(flags.start, len(roster.teams)))
     ground = np.where(roster.flies, -1, roster.team_of)
-    core = flags_in_core(
-        flags,
-        roster.teams,
-        ground,
-        state.streets.rows([*flags.bases.values()]),
-        owners=_owners(flags.ground, making),
+    number_of = {team: number for number, team in enumerate(roster.teams)}
+    owners = np.array([number_of.get(team, -1) for team in flags.bases])
+    bases = making.rows([*flags.bases.values()])
+    home = np.full(len(roster.teams), -1)
+    home[owners[owners >= 0]] = bases[owners >= 0]
+    if flags.ground is None:
+        making.read_starts((ground >= 0) & (home[ground] < 0))
+    core = rules.Flags(
+        len(flags.bases),
+        team=flat(owners, np.int64),
+        base=flat(bases, np.int64),
+        home=flat(home, np.int64),
+        owners=making.owners(flags.ground),
+        takes=flat(np.where(ground == number_of.get(None, -1), -1, ground), np.int64),
         names=flat(roster.keys, np.uint64),
-        purposes=flat(purposes, np.uint64),
+        purposes=making.purposes(*(("capture_flag", flags.key, str(team)) for team in flags.bases)),
         carriers=memory_of(kept["carriers"]),
         stops=memory_of(kept["stops"]),
         captures=memory_of(kept["captures"]),
         starts=memory_of(making.home),
         members=flat(ground, np.int64),
+        taken=floats(len(flags.bases)),
+        goal=flags.goal or 0,
+        points=flags.score,
     )
-    played = CompiledRule(True, isinstance(flags.score, float), tuple(flags.bases), "flags captured")
+    making.follow(core, flags.ground)
+    played = CompiledRule(flags.score, tuple(flags.bases), "flags captured")
     return rules.FlagRule(
         making.games,
         making.events,
@@ -149,46 +150,16 @@ def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:
     )
 
 
-def flags_in_core(
-    flags: FlagArguments, teams: Sequence[Hashable], team_of: IntArray, bases: IntArray, **columns: memoryview
-) -> rules.Flags:
-    """Return flags in the form of the core.
-
-    Args:
-        flags: the arguments of the rule.
-        teams: the teams of the game.
-        team_of: (agents,) the number of each agent's team; -1: it flies.
-        bases: (flags,) the node of each flag.
-        columns: the columns of games and agents, see `core.rules.Flags`.
-    """
-    number_of = {team: number for number, team in enumerate(teams)}
-    owners = np.array([number_of.get(team, -1) for team in flags.bases])
-    home = np.full(len(teams), -1)
-    home[owners[owners >= 0]] = bases[owners >= 0]
-    takes = np.where(team_of == number_of.get(None, -1), -1, team_of)
-    return rules.Flags(
-        len(flags.bases),
-        team=flat(owners, np.int64),
-        base=flat(bases, np.int64),
-        home=flat(home, np.int64),
-        takes=flat(takes, np.int64),
-        taken=floats(len(flags.bases)),
-        goal=flags.goal or 0,
-        points=flags.score,
-        **columns,
-    )
-
-
 def respawn(
     key: str, teams: Collection[Hashable] | None, wait: int, most: int | None, making: RuleBuilder
 ) -> rules.Rule:
     """Make `gamms.rules.respawn`."""
-    shape = making.state.node.shape[1:]
+    agents = len(making.roster.names)
 
     def make(games: int) -> dict[str, IntArray]:
-        return {"out": np.full((games, *shape), -1), "times": np.zeros((games, *shape), np.int64)}
+        return {"out": np.full((games, agents), -1), "times": np.zeros((games, agents), np.int64)}
 
-    kept = making.state.keep(("respawn", key), make)
+    kept = making.keep(("respawn", key), make)
     return rules.RespawnRule(
         making.games,
         making.events,
@@ -204,23 +175,24 @@ def respawn(
 def time_limit(last: int, winner: object, making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.time_limit`; the winner is a team or `ONE_THAT_SHOWS`."""
     number = making.number(CompiledRule(reason="time limit", winner=winner, truncated=True))
-    return rules.TimeLimitRule(making.games, making.events, number, last=last, winner=_code(winner))
+    return rules.TimeLimitRule(making.games, making.events, number, last=last, winner=_code(winner, making))
 
 
 def none_left(team: Hashable, reason: str, winner: object, making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.none_left`; for a team without agents, a rule that does nothing."""
-    if team not in making.state.roster.teams:
+    if team not in making.roster.teams:
         return _nothing(making)
     number = making.number(CompiledRule(reason=reason, winner=winner))
-    return rules.NoneLeftRule(making.games, making.events, number, team=making.team(team), winner=_code(winner))
+    return rules.NoneLeftRule(making.games, making.events, number, team=making.team(team), winner=_code(winner, making))
 
 
 def reach(
     goals: Mapping[Hashable, Collection[int] | str], winner: object, score: float, passing: bool, making: RuleBuilder
 ) -> rules.Rule:
     """Make `gamms.rules.reach`; the winner is a team or `ONE_THAT_SHOWS`."""
-    roster = making.state.roster
-    is_goal = np.zeros((making.state.streets.num_nodes, len(roster.teams)), np.int64)
+    roster = making.roster
+    rows = {team: making.rows(sorted(goal)) for team, goal in goals.items() if not isinstance(goal, str)}
+    is_goal = np.zeros((making.num_nodes, len(roster.teams)), np.int64)
     starters = np.zeros((len(roster.teams), len(roster.names)), np.int64)
     order = []
     for team, goal in goals.items():
@@ -230,11 +202,11 @@ def reach(
             if isinstance(goal, str):
                 starters[number] = _starters(goal, making)
             else:
-                is_goal[making.rows(goal), number] = 1
+                is_goal[rows[team], number] = 1
     return rules.ReachRule(
         making.games,
         making.events,
-        making.number(CompiledRule(bool(score), isinstance(score, float), winner=winner)),
+        making.number(CompiledRule(score or None, winner=winner)),
         visitors=making.visitors(at_end=not passing),
         goals=flat(is_goal, np.int64),
         starters=flat(starters, np.int64) if starters.any() else _NOTHING,
@@ -248,18 +220,20 @@ def arrive(
     team: Hashable, goal: Collection[int] | str, points: float, passing: bool, making: RuleBuilder
 ) -> rules.Rule:
     """Make `gamms.rules.arrive`; for a team without agents, a rule that does nothing."""
-    if team not in making.state.roster.teams:
+    if team not in making.roster.teams:
         return _nothing(making)
-    owners = np.full(making.state.streets.num_nodes, -1)
     starters = _NOTHING
+    rows = np.zeros(0, np.int64)
     if isinstance(goal, str):
         starters = flat(_starters(goal, making), np.int64)
     else:
-        owners[making.rows(goal)] = making.team(team)
+        rows = making.rows(sorted(goal))
+    owners = np.full(making.num_nodes, -1)
+    owners[rows] = making.team(team)
     return rules.ArriveRule(
         making.games,
         making.events,
-        making.number(CompiledRule(True, isinstance(points, float))),
+        making.number(CompiledRule(points)),
         visitors=making.visitors(at_end=not passing),
         team=making.team(team),
         owners=flat(owners, np.int64),
@@ -270,21 +244,10 @@ def arrive(
 
 def _starters(team: str, making: RuleBuilder) -> BoolArray:
     """Return a mask (agents,) of the agents on the ground that are on the team named in a text."""
-    roster = making.state.roster
-    return roster.plays_for([one for one in roster.teams if str(one) == team]) & ~roster.flies
-
-
-def _owners(ground: Any, making: RuleBuilder) -> Any:
-    """Return the numbers of the teams that own the nodes, (nodes,); empty without a territory."""
-    state = making.state
-    if ground is None:
-        return _NOTHING
-    owners = ground.of(state.facts)
-
-    def make() -> tuple[object, IntArray]:
-        return owners, ground.rows(state.facts, state.streets, state.roster.teams)
-
-    return flat(kept_in(state.shared, ("territory", id(owners)), make)[1], np.int64)
+    roster = making.roster
+    found = roster.plays_for([one for one in roster.teams if str(one) == team]) & ~roster.flies
+    making.read_starts(found)
+    return found
 
 
 def last_team(making: RuleBuilder) -> rules.Rule:
@@ -295,7 +258,7 @@ def last_team(making: RuleBuilder) -> rules.Rule:
 
 def published(fact: str, nodes: Mapping[int, Hashable], making: RuleBuilder) -> rules.Rule:
     """Make `gamms.rules.territory.published`, which does nothing during a turn."""
-    making.state.facts.setdefault(fact, nodes)
+    making.publish(fact, nodes)
     return _nothing(making)
 
 
@@ -303,8 +266,11 @@ def _nothing(making: RuleBuilder) -> rules.Rule:
     return rules.Rule(making.games, making.events, making.number(CompiledRule()))
 
 
-def _code(winner: object) -> int:
-    return rules.WINNERS["leader" if winner is ONE_THAT_SHOWS else "nobody"]
+def _code(winner: object, making: RuleBuilder) -> int:
+    if winner is not ONE_THAT_SHOWS:
+        return rules.WINNERS["nobody"]
+    making.read_scores()
+    return rules.WINNERS["leader"]
 
 
 FORMS: Mapping[str, Callable[..., rules.Rule]] = {

@@ -1,13 +1,13 @@
-"""Queries to `gamms.core.contacts`: the columns of agents that it needs, and the contacts that it finds.
+"""One game in the core: the columns of its agents in a turn, the contacts between them, and its shipped rules.
 
-`turn_of` returns the query object for the game of a context.
+`turn_of` returns the columns and finds contacts; `made_for` returns a rule, which the core plays.
 """
 
 from array import array
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from functools import cache, lru_cache
 from itertools import accumulate, chain
-from typing import Annotated, Any, NamedTuple, cast
+from typing import Annotated, Any, cast
 
 import numpy as np
 
@@ -15,38 +15,40 @@ from gamms import kernels
 from gamms.context import Context
 from gamms.core import contacts as core
 from gamms.core import rules
-from gamms.game.block.in_core import motion_intervals
-from gamms.game.block.travelers import NO_LEGS
+from gamms.core.rules import Flags, Tagging
+from gamms.game.block.columns import AgentTable
+from gamms.game.block.in_core import (
+    SCORING,
+    ContactOptions,
+    ContactSearch,
+    Ground,
+    Near,
+    RuleBuilder,
+    motion_intervals,
+    reach_of,
+)
+from gamms.game.block.state import NAMED, Arrays, Purpose
 from gamms.game.conflicts import flat, node_numbers
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import ReachableNodes, RoadIds
+from gamms.game.order import TurnOrder
 from gamms.graph import Graph
 from gamms.ir.agents import AgentBlock, Position
-from gamms.kernels.draws import BitArray
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.rules.visits import Line, TraveledEdges, at_end
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import TEAMS, Leg, Track
 
 _MOST_DISTANCES = 8  # contact distances whose near nodes are cached per game
-_MOST_TERRITORIES = 8  # territories whose owners are cached per game
+_MOST_RULES = 32  # rules that are kept per game
+_CALL = rules.KINDS.index("call")
 _NOWHERE = 0.0, 0.0, 0.0
 UNKNOWN_PLACE = 4  # a flag of legs, see `core.Legs`
 
 
 Side = Annotated[Hashable | Callable[[IAgent], object], TEAMS]  # a team, or a function of an agent
-
-
-class ContactOptions(NamedTuple):
-    """The distance and options that define a contact; see `contacts`."""
-
-    unit: str | None  # "hops", "metres" or "euclid"; None: on the same node
-    limit: float
-    crossing: bool
-    air: bool
-    passing: bool
-
-
-Near = core.NearNodes | core.NodePositions | core.PathSegments | None
+Form = Callable[[RuleBuilder], rules.Rule]
 
 
 def ask(found: core.Contacts, nearness: ContactOptions, near: Near, *columns: Any, by_metres: bool) -> None:
@@ -88,107 +90,98 @@ _ON_NODES = core.SEARCHES["on nodes"]
 # -- in the game of a context ------------------------------------------------------------------------------------------
 
 
-class NodeOwners:
-    """The teams that own nodes, as numbers of nodes and teams.
-
-    Args:
-        territory: node -> team.
-        teams: team -> number.
-    """
-
-    def __init__(self, territory: Mapping[int, Hashable], teams: Mapping[Hashable, int]) -> None:
-        self._territory = territory
-        self._teams = teams
-        self._count = 0
-        self._owners = np.zeros(0, np.int64)
-
-    def of(self, numbers: core.NodeNumbers) -> Any:
-        """Return the number of the team that owns each node, (nodes,); -1 if it is none of these teams."""
-        count = numbers.count
-        if self._count < count:
-            ids = numbers.ids[self._count : count]
-            territory = self._territory
-            new = [self._teams.get(territory[id], -1) if id in territory else -1 for id in ids]
-            if count > len(self._owners):
-                self._owners = np.concatenate(
-                    (self._owners[: self._count], np.empty(2 * count - self._count, np.int64))
-                )
-            self._owners[self._count : count] = new
-            self._count = count
-        return self._owners.data
-
-
 class Roster:
-    """The living agents of a game, and maybe eliminated ones, ordered by name, and their columns.
+    """All agents of a game, dead or alive, ordered by name, and their columns.
 
     Args:
-        names: names of the agents.
-        teams: team of each agent.
-        keys: keys of the names, for draws.
-        fly: whether each agent flies; None: no agent does.
-        out: whether each agent is eliminated and takes no part; None: all are living.
+        block: the agents.
 
     Attributes:
-        names: the argument `names`.
-        team_of: the argument `teams`.
-        number: name -> index of the agent.
-        teams: team -> index of the team, in the order of their first agents.
-        fly, out: the arguments `fly` and `out`.
-        keys: (agents,) the argument `keys`.
-        team: (agents,) indices of teams.
+        names, teams: the names and teams of the agents.
+        number: name -> number of the agent.
+        rows: (agents,) the row of each agent in the block.
+        flies: (agents,) whether each agent flies.
+        alive: (agents,) whether each agent is alive; see `take_lives`.
+        table: these agents in the form of a batch.
         games: the columns of agents, for one game.
         turn: (1,) the number of turns played.
         placed: (agents,) whether each agent was relocated after its move, in `games`.
-        columns: columns of the tracks of agents that move along at most one edge per turn; filled by `steps`.
-        tags: reusable buffer.
-        kept: data of rules about these agents, by rule.
+        stops, no_stops: (agents,) how often the rule that is played has stopped the agents, and zeros.
+        home: (1, agents) the start nodes of agents, as far as rules read them.
     """
 
-    def __init__(
-        self,
-        names: Sequence[str],
-        teams: Sequence[Hashable],
-        keys: BitArray,
-        *,
-        fly: Sequence[bool] | None = None,
-        out: Sequence[bool] | None = None,
-    ) -> None:
-        agents = len(names)
-        self.names = names
-        self.number = {name: i for i, name in enumerate(names)}
-        self.teams = {team: i for i, team in enumerate(dict.fromkeys(teams))}
-        self.fly = fly
-        self.team_of = teams
-        self.out = out
-        self.keys: Any = keys.data
-        self.team = column("q", [self.teams[team] for team in teams])
-        ints = np.zeros((8, agents), np.int64)
-        floats = np.zeros((2, agents))
+    def __init__(self, block: AgentBlock) -> None:
+        gone = {*block.removed}
+        rows = sorted((row for row in range(len(block)) if row not in gone), key=block.names.__getitem__)
+        agents = len(rows)
+        self.rows = np.array(rows, np.int64)
+        self.names = [block.names[row] for row in rows]
+        self.teams = [block.teams[row] for row in rows]
+        self.number = {name: i for i, name in enumerate(self.names)}
+        self.flies = np.asarray(block.kind)[self.rows] != 0
+        self.alive = np.ones(agents, np.bool_)
+        number = {team: i for i, team in enumerate(dict.fromkeys(self.teams))}
+        team_of = np.array([number[team] for team in self.teams], np.int64)
+        everyone = np.ones(agents, np.bool_)
+        keys = kernels.name_keys(self.names)
+        self.table = AgentTable(
+            tuple(self.names), tuple(number), team_of, keys, [], everyone, everyone, ~everyone, self.flies
+        )
+        node, start, previous, stops, home = np.zeros((5, agents), np.int64)
+        self._node: Any = node.data
+        self.stops: Any = stops.data
+        self.no_stops: Any = stops.copy().data
+        self.home = home.reshape(1, agents)
         self.turn = column("q", [0])
-        self.placed: Any = bytearray(agents)
+        self.placed: Any = memoryview(bytearray(agents))
+        self._score = column("d", [0.0] * len(number))
         self.games = rules.GameColumns(
             agents,
-            len(self.teams),
-            node=ints[0].data,
-            start=ints[1].data,
-            previous=ints[2].data,
-            alive=memoryview(bytearray(b"\1" * agents)),
-            placed=memoryview(self.placed),
-            stops=ints[3].data,
-            home=ints[4].data,
+            len(number),
+            node=node.data,
+            start=start.data,
+            previous=previous.data,
+            alive=self.alive.view(np.uint8).data,
+            placed=self.placed,
+            stops=self.stops,
+            home=home.data,
             turn=self.turn,
             over=memoryview(bytearray(1)),
-            score=column("d", [0.0] * len(self.teams)),
-            team=self.team,
+            score=self._score,
+            team=team_of.data,
             first_node=column("q", [0]),
+            nobody=number.get(None, -1),
         )
-        columns: Any = ints[5:7].reshape(-1).data, floats.reshape(-1).data, ints[7].data
-        self.columns: list[Any] = [*columns]
-        self.steps = rules.AgentPaths(*columns)
-        self.tags = rules.Tags(column("q", [0] * agents))
-        self.kept: dict[Hashable, Any] = {}
         self._sides: dict[Hashable, Any] = {}
-        self._owners: dict[int, NodeOwners] = {}  # by id of the territory
+
+    def is_of(self, block: AgentBlock) -> bool:
+        """Return whether a block has these agents, with the same teams."""
+        rows = self.rows.tolist()
+        if len(block) - len(block.removed) != len(rows) or (rows and max(rows) >= len(block)):
+            return False
+        names = [block.names[row] for row in rows]
+        teams = [block.teams[row] for row in rows]
+        flies = np.asarray(block.kind)[self.rows] != 0
+        return names == self.names and teams == self.teams and bool((flies == self.flies).all())
+
+    def take_lives(self, block: AgentBlock) -> None:
+        """Take from the block which agents are alive."""
+        self.alive[:] = np.asarray(block.alive)[self.rows]
+        self._sides.clear()
+
+    def take_nodes(self, block: AgentBlock, numbers: core.NodeNumbers) -> None:
+        """Take the current nodes of the agents."""
+        numbers.write(np.asarray(block.node)[self.rows].data, self._node)
+
+    def take_scores(self, scores: Mapping[Any, float]) -> None:
+        """Take the scores of the teams."""
+        for number, team in enumerate(self.table.teams):
+            self._score[number] = scores[team]
+
+    def take_starts(self, ctx: Context, numbers: core.NodeNumbers, agents: Sequence[int]) -> None:
+        """Take the start nodes of agents on the ground."""
+        for agent in agents:
+            self.home[0, agent] = numbers.number(cast("int", ctx.game.start_node(self.names[agent])))
 
     def sides(self, ctx: Context, a: Side, b: Side, *, air: bool) -> Any:
         """Return the side of each agent, for `core.Tracks`; None if one side has no agents.
@@ -207,111 +200,351 @@ class Roster:
         return self._sides[key]
 
     def _of_sides(self, ctx: Context, a: Side, b: Side, *, air: bool) -> Any:
-        ours = self._members(ctx, a, air=air)
-        theirs = self._members(ctx, b, air=air)
-        if not (any(ours) and any(theirs)):
-            return None
-        return column("q", [one + 2 * other for one, other in zip(ours, theirs, strict=True)])
+        takes_part = self.alive if air else self.alive & ~self.flies
+        ours = self.members(ctx, a, takes_part)
+        theirs = self.members(ctx, b, takes_part)
+        return flat(ours + 2 * theirs, np.int64) if ours.any() and theirs.any() else None
 
-    def _members(self, ctx: Context, side: Side, *, air: bool) -> list[bool]:
-        """Return for each agent whether it is on a side and takes part."""
-        fly = None if air else self.fly
+    def members(self, ctx: Context, side: Side, takes_part: BoolArray) -> BoolArray:
+        """Return which of the agents that take part are on a side, (agents,)."""
         if not callable(side):
-            return self._of_those([team == side for team in self.team_of], fly)
-        agents: Sequence[IAgent | None] = ctx.game.agents
-        if self.out is not None:
-            living = iter(agents)
-            agents = [None if is_out else next(living) for is_out in self.out]
-        absent = fly or [False] * len(agents)
-        return [
-            agent is not None and not is_absent and bool(side(agent))
-            for agent, is_absent in zip(agents, absent, strict=True)
-        ]
+            return self.table.plays_for([side]) & takes_part
+        found = np.zeros(len(self.names), np.bool_)
+        for agent in ctx.game.agents:
+            number = self.number[agent.name]
+            found[number] = takes_part[number] and bool(side(agent))
+        return found
 
-    def _of_those(self, members: list[bool], fly: Sequence[bool] | None) -> list[bool]:
-        """Return the members without agents that fly or are eliminated."""
-        for absent in (fly, self.out):
-            if absent is not None:
-                members = [one and not is_absent for one, is_absent in zip(members, absent, strict=True)]
-        return members
 
-    def owners(self, territory: Mapping[int, Hashable], numbers: core.NodeNumbers) -> Any:
-        """Return the number of the team that owns each node, (nodes,); -1 if none of these agents is on the team."""
-        if id(territory) not in self._owners:
-            if len(self._owners) == _MOST_TERRITORIES:
-                self._owners.clear()
-            self._owners[id(territory)] = NodeOwners(territory, self.teams)
-        return self._owners[id(territory)].of(numbers)
+class GameRules(RuleBuilder):
+    """The data from which the shipped rules of one game are built, and these rules.
 
-    def ground(self) -> Any:
-        """Return 1 for each agent that is on the ground and not eliminated, else 0."""
-        if "ground" not in self._sides:
-            self._sides["ground"] = column("q", self._of_those([True] * len(self.names), self.fly))
-        return self._sides["ground"]
+    Args:
+        turn: the columns of the agents.
+        pieces: working memory.
+
+    Attributes:
+        most_numbers: the number of nodes for which tables of the rules have room.
+    """
+
+    def __init__(self, turn: "TurnContacts", pieces: core.MotionIntervals) -> None:
+        self.turn = turn
+        self.roster = turn.roster.table
+        self.games = turn.roster.games
+        self.home = turn.roster.home
+        self.events = rules.Events(16)
+        self.steps = turn.steps
+        self.columns = turn.columns
+        self.most = turn.most
+        self.legs = turn.legs
+        self.by_metres = turn.by_metres
+        self.pieces = pieces
+        self.rules = []
+        self.most_numbers = turn.game.keys
+        self._made: dict[int, GameRule] = {}  # by id of its form
+        self._making: GameRule | None = None
+        self._purposes: list[tuple[tuple[Purpose, ...], Any]] = []
+        self._owners: dict[int, tuple[Any, Any]] = {}  # id of a territory -> it, and the owners
+
+    def made(self, form: Form) -> "GameRule":
+        """Return the rule of a form."""
+        known = self._made.get(id(form))
+        if known is None:
+            if len(self._made) == _MOST_RULES:
+                self._made.clear()
+            known = GameRule(self, form)
+            self._making = known
+            known.rule = form(self)
+            self._made[id(form)] = known
+        return known
+
+    def draw_by(self, seed: int) -> None:
+        """Use the random draws of another seed."""
+        for several, keys in self._purposes:
+            for place, purpose in enumerate(several):
+                keys[place] = kernels.purpose_key(seed, *purpose)
+
+    @property
+    def num_nodes(self) -> int:
+        """The number of nodes in tables by node, with room for nodes that are numbered later."""
+        count = 2 * self.turn.numbers.count
+        self.most_numbers = min(self.most_numbers, count)
+        return count
+
+    def rows(self, nodes: Sequence[int]) -> IntArray:
+        """Return the numbers of nodes, given their ids."""
+        return np.array([*map(self.turn.numbers.number, nodes)], np.int64)
+
+    def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:  # noqa: ARG002 - as for batches
+        """Return new memory of a rule, which takes it from `ctx.game.data` in each turn."""
+        assert self._making is not None  # noqa: S101 - a rule is made
+        self._making.kept = make(1)
+        return self._making.kept
+
+    def purposes(self, *several: Purpose) -> Any:
+        """Return the keys of draws for several purposes, (purposes,)."""
+        keys = column("Q", [kernels.purpose_key(self.turn.seed, *purpose) for purpose in several])
+        self._purposes.append((several, keys))
+        return keys
+
+    def sides(self, ours: Side, theirs: Side, *, air: bool) -> Any:
+        """Return the sides of agents, (agents,); functions are called in each turn."""
+        if not (callable(ours) or callable(theirs)):
+            return super().sides(ours, theirs, air=air)
+        roster = self.turn.roster
+        found = np.zeros(len(roster.names), np.int64)
+
+        def call(ctx: Context) -> None:
+            takes_part = roster.alive if air else roster.alive & ~roster.flies
+            found[:] = roster.members(ctx, ours, takes_part)
+            found[:] += 2 * roster.members(ctx, theirs, takes_part)
+
+        self._in_each_turn(call)
+        return found.data
+
+    def owners(self, ground: Ground | None) -> Any:
+        """Return the numbers of the teams that own the nodes, (nodes,); empty without a territory (None)."""
+        if ground is None:
+            return column("q")
+        territory = ground.of(self.turn.game.state.facts)
+        known = self._owners.get(id(territory))
+        if known is None:
+            teams = {team: number for number, team in enumerate(self.roster.teams)}
+            nodes = [node for node, team in territory.items() if team in teams]
+            rows = self.rows(nodes)
+            owners = np.full(self.num_nodes, -1)
+            owners[rows] = [teams[territory[node]] for node in nodes]
+            known = territory, owners.data
+            self._owners[id(territory)] = known
+        return known[1]
+
+    def near(self, nearness: ContactOptions) -> Near:
+        """Return the distances between agents that count as contacts; `follow_places` sets straight lines."""
+        unit, limit, *_ = nearness
+        if unit is None:
+            return None
+        if unit == "euclid":
+            return _NO_LINES if self.by_metres else _NO_PLACES
+        count = self.turn.game.number_all()
+        self.most_numbers = min(self.most_numbers, count)
+        return self.turn.game.near(unit, limit, count)
+
+    def read_starts(self, agents: BoolArray) -> None:
+        """Take the start nodes of some agents, (agents,), in each turn."""
+        turn = self.turn
+        numbers = np.flatnonzero(agents).tolist()
+        if numbers:
+            self._in_each_turn(lambda ctx: turn.roster.take_starts(ctx, turn.numbers, numbers))
+
+    def read_scores(self) -> None:
+        """Take the scores of the teams in each turn."""
+        self._in_each_turn(lambda ctx: self.turn.roster.take_scores(ctx.game.scores))
+
+    def follow(self, rule: Flags | Tagging, ground: Ground | None) -> None:
+        """Keep the owners of nodes in a rule up to date, if the territory is a fact."""
+        if ground is not None and isinstance(ground.given, str):
+            self._in_each_turn(lambda _: setattr(rule, "owners", self.owners(ground)))
+
+    def follow_places(
+        self, tagging: Tagging, nearness: ContactOptions, sides: tuple[Any, Any], search: ContactSearch
+    ) -> None:
+        """Set the positions of agents in a tagging in each turn."""
+        turn = self.turn
+
+        def find(ctx: Context) -> None:
+            rules.fill_steps(self.steps, self.games, 0)
+            rules.fill_sides(self.games, 0, *sides)
+            near = turn.near(ctx, sides[1], nearness)
+            tagging.contacts = search(near, turn.scratch(near.parts if isinstance(near, core.PathSegments) else 0))
+
+        self._in_each_turn(find)
+
+    def _in_each_turn(self, function: Callable[[Context], object]) -> None:
+        assert self._making is not None  # noqa: S101 - a rule is made
+        self._making.in_each_turn.append(function)
+
+
+class GameRule:
+    """A shipped rule in one game.
+
+    Args:
+        makes: the data from which it is built.
+        form: builds it.
+
+    Attributes:
+        rule: the rule in the core.
+        kept: its memory: name -> array (1, …); the caller fills it before each turn.
+        carriers: the names of agents that carried a flag and were deleted, by the number of the flag.
+        in_each_turn: functions of the context that are called before each turn.
+        read: the state of the rule that `kept` holds.
+    """
+
+    rule: rules.Rule
+
+    def __init__(self, makes: GameRules, form: Form) -> None:
+        self.makes = makes
+        self.form = form  # its id must not be used again
+        self.kept: Arrays = {}
+        self.carriers: Sequence[Any] = ()
+        self.in_each_turn: list[Callable[[Context], object]] = []
+        self.read: object = None
+
+    def play(self, ctx: Context) -> list[tuple[str, str, int]]:
+        """Apply the rule to the game; return the kind, the agent and the flag of each event."""
+        rules.play(self.rule, 0)
+        if not self.makes.events.count:
+            return []
+        turn = self.makes.turn
+        turn.game.forget()
+        turn.roster.stops[:] = turn.roster.no_stops
+        return self._tell(ctx, self.makes.events.taken())
+
+    def _tell(self, ctx: Context, events: list[tuple[int, int, int, int, int]]) -> list[tuple[str, str, int]]:
+        """Do in the context what the core has done."""
+        game = ctx.game
+        roster = self.makes.turn.roster
+        names = roster.names
+        agent_of = ctx.agent.get_agent
+        calls = [event for event in events if event[0] == _CALL]
+        pairs = iter([(agent_of(names[agent]), agent_of(names[other])) for _, _, agent, other, _ in calls])
+        told = []
+        reached: list[Hashable] = []
+        for number, rule, agent, other, node in events:
+            kind = rules.KINDS[number]
+            played = self.makes.rules[rule]
+            if kind == "respawned":
+                game.respawn(names[agent])
+            elif kind == "eliminated":
+                game.eliminate(names[agent])
+            elif kind == "call":
+                played.then(ctx, *next(pairs))  # type: ignore[misc] # it has a function
+            elif kind == "end":
+                game.end(**played.end(agent, reached, roster.table.teams))
+            else:
+                name = names[agent] if agent >= 0 else self.carriers[other]
+                fields = {}
+                if kind in NAMED:
+                    fields[NAMED[kind]] = names[other] if kind == "tag" else played.flags[other]
+                game.emit(kind, agent=name, **fields, node=self.makes.turn.numbers.ids[node])
+                told.append((kind, name, other))
+                if kind in SCORING:
+                    team = roster.teams[agent]
+                    is_again = kind == "reach" and team in reached  # a team scores once
+                    reached.append(team)
+                    if played.points is not None and not is_again:
+                        game.scores[team] += played.points
+        return told
 
 
 class TurnContacts:
-    """Contact queries for one turn of one game.
+    """The paths of the agents of one game in a turn, contacts between them, and the rules that the core plays.
 
     Args:
         game: cached data of the game and its map.
         roster: the agents.
-        seed: seed of the context.
+        are_steps: whether every agent moves along at most one edge.
 
     Attributes:
-        game, roster: the arguments of these names.
+        game, roster, are_steps: see the arguments.
         numbers: numbers of the nodes of the map.
-        are_steps: whether every agent moved along at most one edge.
         by_metres: whether positions are in metres along edges.
         most, columns: capacity and columns of tracks, for `core.Tracks`: nodes, times and lengths.
+        steps: the paths in these columns.
         most_legs, legs: capacity and columns of legs, for `core.Tracks`.
         edges: edges that the agents move along.
         seed: the present seed; see `draw_by`.
         purpose: purpose key of the draws.
+        ready: configured searches for contacts on nodes between agents that are alive.
     """
 
-    def __init__(self, game: "GameContacts", roster: Roster, seed: int) -> None:
+    def __init__(self, game: "GameContacts", roster: Roster, *, are_steps: bool) -> None:
         self.game = game
         self.numbers = game.numbers
         self.roster = roster
-        self.are_steps = True
-        self.by_metres = False
-        self.most = 2
-        self.columns = roster.columns
-        self.most_legs = 0
-        self.legs = NO_LEGS
-        self._where: Sequence[Track | int] = ()  # the track of each agent, or its slot in `_moves`
-        self._moves: TurnMoves | None = None
-        self.edges: TraveledEdges | None = None
+        self.are_steps = are_steps
+        self.by_metres = not are_steps and game.by_metres
+        self.edges = game.edges
         self.purpose = column("Q", [0])
-        self.draw_by(seed)
-        self._ready: dict[Hashable, core.Contacts] = {}  # configured searches for contacts on nodes
-        self._visits: dict[bool, core.Tracks] = {}
+        self.seed: int | None = None
+        self._seeds = -1  # how often the seed had changed when draws were last derived from it
+        self._order: TurnOrder | None = None
+        self._slots: Any = column("q")  # (agents,) the slot of each agent in this order
+        self._rules: GameRules | None = None
+        self.ready: dict[Hashable, core.Contacts] = {}
+        self._where: dict[int, Track | int] = {}  # the track of each living agent, or its slot in `_moves`
+        self._moves: TurnMoves | None = None
+        self._make_room(2, 0)
 
-    def draw_by(self, seed: int) -> None:
-        """Use the random draws of another seed."""
-        self.seed = seed
-        self.purpose[0] = kernels.purpose_key(seed, "contacts")
+    def _make_room(self, most: int, most_legs: int) -> None:
+        """Make columns with room for `most` nodes and `most_legs` legs of each agent."""
+        size = len(self.roster.names)
+        self.most = most
+        self.most_legs = most_legs
+        self.columns = _zeros("q", size * most), _zeros("d", size * most), _zeros("q", size)
+        self.steps = (rules.AgentPaths if self.are_steps else rules.GivenPaths)(*self.columns)
+        self._counts = _zeros("q", size)
+        self._flags = _zeros("q", size * most_legs)
+        ints = [self._counts, *[_zeros("q", size * most_legs) for _ in range(3)], self._flags]
+        self.legs = core.Legs(most_legs, *ints, *[_zeros("d", size * most_legs) for _ in range(5)])
+        self._rules = None
+        self.ready.clear()
 
-    def follow(self, ctx: Context, agents: Sequence[IAgent]) -> None:
+    def draw_by(self, ctx: Context, seeds: int) -> None:
+        """Use the random draws of the present seed, which has changed `seeds` times."""
+        if self._seeds != seeds:
+            self._seeds = seeds
+            self.seed = ctx.seed
+            self.purpose[0] = kernels.purpose_key(ctx.seed, "contacts")
+            if self._rules is not None:
+                self._rules.draw_by(ctx.seed)
+
+    def made(self, ctx: Context, form: Form) -> GameRule:
+        """Return the rule of a form, ready to be played."""
+        game = self.game
+        numbers = self.numbers
+        while True:
+            known = self._rules
+            has_room = known is not None and known.pieces is game.pieces and game.streets.count <= game.keys
+            if known is None or not has_room or numbers.count > known.most_numbers:
+                known = GameRules(self, self.scratch())
+                self._rules = known
+            found = known.made(form)
+            for function in found.in_each_turn:
+                function(ctx)
+            if numbers.count <= known.most_numbers:  # no further nodes were numbered
+                return found
+
+    def take_steps(self, moves: TurnMoves, block: AgentBlock) -> None:
+        """Take the moves of agents along at most one edge."""
+        roster = self.roster
+        order = moves.order
+        if order is not self._order:
+            slots = np.full(len(block), -1)
+            slots[order.selection.array] = np.arange(len(order.slots))
+            self._order = order
+            self._slots = slots[roster.rows].data
+        rules.take_moves(roster.games, self.numbers, moves.in_core(), block, roster.rows.data, self._slots)
+        for row in block.placed:
+            agent = roster.number.get(block.names[row])
+            if agent is not None:
+                roster.placed[agent] = 1
+
+    def follow(self, ctx: Context) -> None:
         """Take the tracks of agents that may have moved along several edges, or parts of edges."""
         moves: TurnMoves | None = self.game.state.moves
         paths = None if moves is None else moves.paths
+        number = self.roster.number
+        self.roster.take_nodes(ctx.agent.block, self.numbers)
         self._moves = moves
-        self._where = [_where(moves, agent) for agent in agents]
-        self.are_steps = False
-        self.by_metres = ctx.game.speed_unit != "edges"
-        self.edges = self.game.edges
+        self._where = {number[agent.name]: _where(moves, agent) for agent in ctx.game.agents}
         most_legs, most = (0, 2) if paths is None else paths.most
-        self.most = max([2, most, *[len(where.path) for where in self._where if isinstance(where, Track)]])
-        self.most_legs = most_legs
-        size = len(agents)
-        self.columns = [_zeros("q", size * self.most), _zeros("d", size * self.most), _zeros("q", size)]
-        flags = _zeros("q", size * most_legs)
-        ints = [_zeros("q", size), *[_zeros("q", size * most_legs) for _ in range(3)], flags]
-        self.legs = core.Legs(most_legs, *ints, *[_zeros("d", size * most_legs) for _ in range(5)])
+        most = max([2, most, *[len(where.path) for where in self._where.values() if isinstance(where, Track)]])
+        if most > self.most or most_legs > self.most_legs:
+            self._make_room(max(most, self.most), max(most_legs, self.most_legs))
+        self._counts[:] = _zeros("q", len(self._counts))
         columns = self._tracks(self.columns[2], at_end=False)
-        for agent, where in enumerate(self._where):
+        self.columns[2][:] = column("q", [1] * len(self._counts))
+        for agent, where in self._where.items():
             if isinstance(where, Track):
                 self._put_track(agent, where)
             elif paths is not None:
@@ -319,7 +552,7 @@ class TurnContacts:
                 numbers = self.numbers, self.game.streets
                 core.put_path(paths.core, where, roads.map, roads.edges, *numbers, columns, self.legs, agent)
                 if roads.revision != self.game.revision:
-                    self._mark_removed(flags, agent, paths.legs_of(where))
+                    self._mark_removed(agent, paths.legs_of(where))
 
     def _put_track(self, agent: int, track: Track) -> None:
         """Write a track along no edges."""
@@ -331,11 +564,11 @@ class TurnContacts:
         times[first : first + self.most] = column("d", at + (1.0,) * more)
         lengths[agent] = len(path)
 
-    def _mark_removed(self, flags: memoryview, agent: int, legs: Sequence[Leg]) -> None:
+    def _mark_removed(self, agent: int, legs: Sequence[Leg]) -> None:
         """Mark legs on edges that were removed since."""
         for place, leg in enumerate(legs):
             if self.game.edges.length_of(leg) is None:
-                flags[agent * self.most_legs + place] |= UNKNOWN_PLACE
+                self._flags[agent * self.most_legs + place] |= UNKNOWN_PLACE
 
     def track(self, agent: int) -> Track:
         """Return the track of an agent, by its number."""
@@ -346,8 +579,10 @@ class TurnContacts:
         """Find the contacts between two sides; return None if there are none."""
         # NOTE: searches for contacts on nodes are reused in each turn (benchmarks: turns).
         key = a, b, nearness
-        found = self._ready.get(key)
+        found = self.ready.get(key)
         game = self.game
+        if self.are_steps:
+            rules.fill_steps(self.steps, self.roster.games, 0)
         if found is not None and found.pieces is game.pieces and self.numbers.count <= game.keys:
             return found if found.find(_ON_NODES, 0.0) else None
         sides = self.roster.sides(ctx, a, b, air=nearness.air)
@@ -355,11 +590,11 @@ class TurnContacts:
             return None
         near: Near = None
         if nearness.unit is not None:
-            near = self._near(sides, nearness, in_air(ctx, nearness))
+            near = self.near(ctx, sides, nearness)
         pieces = self.scratch(near.parts if isinstance(near, core.PathSegments) else 0)
         if near is None and self.are_steps and not (callable(a) or callable(b)):
             found = core.Contacts(pieces)
-            self._ready[key] = found
+            self.ready[key] = found
         else:
             found = self.game.contacts(pieces)
         self._ask(found, sides, nearness, near)
@@ -377,25 +612,20 @@ class TurnContacts:
         return core.Tracks(len(sides), self.most, nodes, times, lengths, sides, at_end=at_end)
 
     def _ask(self, found: core.Contacts, sides: memoryview, nearness: ContactOptions, near: Near) -> None:
-        columns = self.legs, self.roster.keys, self.purpose, self.roster.turn
+        columns = self.legs, flat(self.roster.table.keys, np.uint64), self.purpose, self.roster.turn
         tracks = self._tracks(sides, at_end=not nearness.passing)
         ask(found, nearness, near, tracks, *columns, by_metres=self.by_metres)
-
-    def visits(self, *, passing: bool) -> core.Tracks:
-        """Return the tracks of the agents on the ground, to find visits of nodes."""
-        if passing not in self._visits:
-            sides = self.roster.ground()
-            self._visits[passing] = self._tracks(sides, at_end=not passing)
-        return self._visits[passing]
 
     def xy_of(self, agent: int, time: float, node: int, nearness: ContactOptions, at: Position | None) -> Any:
         """Return the map position (x, y) of an agent in a contact of a game by metres."""
         track = self.track(agent)
         # If agents pass each other at the end of a turn counted in edges, the way they came decides.
-        return cast("TraveledEdges", self.edges).xy_at(track if nearness.passing else at_end(track), time, node, at)
+        return self.edges.xy_at(track if nearness.passing else at_end(track), time, node, at)
 
-    def _near(self, sides: memoryview, nearness: ContactOptions, flying: Mapping[str, Position]) -> Near:
+    def near(self, ctx: Context, sides: memoryview, nearness: ContactOptions) -> Near:
+        """Return the distances between agents on a side."""
         game = self.game
+        flying = in_air(ctx, nearness)
         unit = nearness.unit
         if unit != "euclid":
             return game.near(unit, nearness.limit, game.number_all())
@@ -412,7 +642,6 @@ class TurnContacts:
 
     def _segments(self, sides: memoryview, flying: Sequence[Position | None], *, passing: bool) -> core.PathSegments:
         """Return the straight parts of the paths of agents on a side: stays on nodes, then parts of edges."""
-        edges = cast("TraveledEdges", self.edges)
         pieces = self.scratch()
         core.put_visits(self._tracks(sides, at_end=not passing), self.legs, pieces)
         columns = [column[: pieces.count] for column in (pieces.agents, pieces.nodes, pieces.since, pieces.until)]
@@ -421,11 +650,13 @@ class TurnContacts:
             place = self.game.place(self.numbers.ids[node])
             parts[agent].append((since, until, place, place))
         for agent, at in enumerate(flying):
+            if not sides[agent]:
+                continue
             track = self.track(agent) if passing else at_end(self.track(agent))
-            if sides[agent] and at is not None:
+            if at is not None:
                 parts[agent] = [(track.times[0], 1.0, at, at)]
-            elif sides[agent]:
-                parts[agent] += edges.lines_of(track)
+            else:
+                parts[agent] += self.edges.lines_of(track)
         lines = list(chain.from_iterable(parts))
         return core.PathSegments(
             column("q", [0, *accumulate(map(len, parts))]),
@@ -451,12 +682,6 @@ def in_air(ctx: Context, nearness: ContactOptions) -> dict[str, Position]:
     return {agent.name: agent.position for agent in ctx.game.agents if agent.type is AgentType.AERIAL}
 
 
-def reach_of(arcs: kernels.Arcs, limit: float) -> core.NearNodes:
-    """Return a search for the nodes within a distance of a node, along the edges of a map."""
-    ends = flat(arcs.offsets, np.int64), flat(arcs.ends, np.int64)
-    return core.NearNodes(*ends, flat(arcs.weights, np.float64), limit, ReachableNodes(len(arcs.offsets) - 1).core)
-
-
 def search_for(near: Near, nearness: ContactOptions, *, by_metres: bool) -> int:
     """Return the code of the search method of the core."""
     if near is None:
@@ -480,6 +705,7 @@ class GameContacts:
         graph, revision: the map and its revision.
         state: state of the game.
         numbers: the argument `numbers`.
+        by_metres: whether positions are in metres along edges.
         place: node id -> position of the node on the ground.
         near: unit and limit of a `ContactOptions` -> nodes near each node.
         pieces: the present buffers.
@@ -494,7 +720,7 @@ class GameContacts:
         self.numbers = numbers
         self.streets = core.NodeNumbers()
         self.state = ctx.game.internals.state
-        self._turns = ctx.game.internals.parts.turns
+        self._parts = ctx.game.internals.parts.turns
         self.edges = TraveledEdges(ctx)
         graph = self.edges.graph
         self.graph = graph
@@ -503,13 +729,12 @@ class GameContacts:
         self.near = lru_cache(_MOST_DISTANCES)(self._near)
         self._columns: Any = None  # columns of the map, whose nodes have these numbers
         self._numbers = np.zeros(0, np.int64)
-        self._steps: TurnContacts | None = None
-        self._steps_of: tuple[Any, ...] = ()
-        self._seeds = -1  # how often the seed had changed when draws were last derived from it
+        self.by_metres = ctx.game.speed_unit != "edges"
+        self._agents: tuple[AgentBlock, int] | None = None  # the block of the agents, and its version
+        self._turns: list[TurnContacts] = []  # of any moves, and of steps; empty: not made
         self._turn: TurnContacts | None = None
-        self._moves: TurnMoves | None = None  # the moves, block and versions of the present turn
-        self._block: AgentBlock | None = None
-        self._versions = 0, 0, 0, 0
+        self._moves: TurnMoves | None = None  # the moves and versions of the present turn
+        self._versions = 0, 0, 0
 
     def scratch(self, pieces: int, keys: int) -> core.MotionIntervals:
         """Return buffers with room for this many pieces and keys."""
@@ -546,83 +771,80 @@ class GameContacts:
             self.numbers.write(columns.node_ids.data, self._numbers.data)
         return self.numbers.count
 
+    def turns(self, ctx: Context) -> list[TurnContacts]:
+        """Return the contact queries for any moves of the present agents, and for moves along one edge each."""
+        turns = self._turns
+        block = ctx.agent.block
+        agents = block, block.structure.version
+        if self._agents != agents:
+            roster = turns[0].roster if turns else None
+            if roster is None or not roster.is_of(block):
+                roster = Roster(block)
+                turns = [TurnContacts(self, roster, are_steps=are_steps) for are_steps in (False, True)]
+                self._turns = turns
+            roster.take_lives(block)
+            self._agents = agents
+            for one in turns:
+                one.ready.clear()
+            self.forget()
+        turns[0].roster.turn[0] = self.state.turn
+        return turns
+
+    def forget(self) -> None:
+        """Take the moves of the turn again when they are read."""
+        self._turn = None
+
     def turn(self, ctx: Context) -> TurnContacts:
         """Return the contact queries for this turn."""
         state = self.state
         block = ctx.agent.block
-        turns = self._turns
         moves: TurnMoves | None = state.moves
-        versions = block.version, block.structure.version, state.turn, turns.seed_changes
+        turns = self.turns(ctx)
+        versions = block.version, state.turn, self._parts.seed_changes
         # NOTE: before agents are moved, rules may undo their moves without changing a version.
-        is_known = moves is self._moves and block is self._block and versions == self._versions and not turns.is_moving
+        is_known = moves is self._moves and versions == self._versions and not self._parts.is_moving
         if self._turn is None or not is_known:
             self._moves = moves
-            self._block = block
             self._versions = versions
-            if moves is not None and moves.are_steps(block):
-                self._turn = self._of_steps(ctx, moves, block, versions)
+            are_steps = moves is not None and moves.are_steps(block)
+            self._turn = turns[are_steps]
+            if moves is not None and are_steps:
+                self._turn.take_steps(moves, block)
             else:
-                self._turn = self._of_tracks(ctx, state.turn)
+                self._turn.follow(ctx)
+        self._turn.draw_by(ctx, self._parts.seed_changes)
         return self._turn
-
-    def _of_steps(self, ctx: Context, moves: TurnMoves, block: AgentBlock, versions: tuple[int, ...]) -> TurnContacts:
-        order = moves.order
-        _, structure, turn, seeds = versions
-        key = order, structure
-        if self._steps is None or self._steps_of != key:
-            self._steps_of = key
-            out = [not alive for alive in order.selection.of(block.alive)]
-            roster = Roster(order.names, order.all_teams(), order.keys, out=out if any(out) else None)
-            self._steps = TurnContacts(self, roster, ctx.seed)
-        if self._seeds != seeds:
-            self._seeds = seeds
-            self._steps.draw_by(ctx.seed)
-        roster = self._steps.roster
-        rules.take_moves(roster.games, self.numbers, moves.in_core(), block, order.moving, turn)
-        for row in block.placed:
-            agent = roster.number.get(block.names[row])
-            if agent is not None:
-                roster.placed[agent] = 1
-        rules.fill_steps(roster.steps, roster.games, 0)
-        return self._steps
-
-    def _of_tracks(self, ctx: Context, turn: int) -> TurnContacts:
-        agents = ctx.game.agents
-        names = [agent.name for agent in agents]
-        teams = [agent.team for agent in agents]
-        fly = [agent.type is AgentType.AERIAL for agent in agents] if ctx.agent.block.flyers else None
-        roster = None if self._turn is None else self._turn.roster
-        if roster is None or (roster.names, roster.team_of, roster.fly, roster.out) != (names, teams, fly, None):
-            roster = Roster(names, teams, kernels.name_keys(names), fly=fly)
-        roster.turn[0] = turn
-        found = TurnContacts(self, roster, ctx.seed)
-        found.follow(ctx, agents)
-        return found
-
-
-def living_teams(ctx: Context) -> frozenset[Hashable]:
-    """Return the teams that have living agents."""
-    kept = ctx.game.internals.kept
-    block = ctx.agent.block
-    key = block, block.structure.version
-    known = kept.get("living teams")
-    if known is None or known[0] != key:
-        known = key, frozenset([agent.team for agent in ctx.game.agents])
-        kept["living teams"] = known
-    teams: frozenset[Hashable] = known[1]
-    return teams
 
 
 def turn_of(ctx: Context) -> TurnContacts:
     """Return the contact queries of a context for this turn; valid until agents are moved or the next call."""
+    return _game_of(ctx).turn(ctx)
+
+
+def made_for(ctx: Context, form: Form, *, follows: bool = True) -> GameRule:
+    """Return a rule of the core, ready to be played in the game of a context.
+
+    Args:
+        ctx: the context.
+        form: builds the rule.
+        follows: whether the rule depends on how agents have moved.
+    """
+    game = _game_of(ctx)
+    turn = game.turn(ctx) if follows else game.turns(ctx)[1]
+    return turn.made(ctx, form)
+
+
+def _game_of(ctx: Context) -> GameContacts:
     internals = ctx.game.internals
     graph = ctx.graph.graph
     known: GameContacts | None = internals.kept.get("contacts")
-    if known is None or known.graph is not graph or known.revision != graph.revision:
+    by_metres = ctx.game.speed_unit != "edges"
+    is_of_map = known is not None and known.graph is graph and known.revision == graph.revision
+    if known is None or not is_of_map or known.by_metres != by_metres:
         numbers = node_numbers(graph.columns()) if known is None else known.numbers
         known = GameContacts(ctx, numbers)
         internals.kept["contacts"] = known
-    return known.turn(ctx)
+    return known
 
 
 def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:

@@ -1,20 +1,24 @@
 """Tagging: an agent that meets a tagger is respawned, eliminated, or passed to a function; and respawn of agents."""
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
-from typing import Annotated, NamedTuple, cast
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from typing import Annotated, Any, NamedTuple, cast
+
+import numpy as np
 
 from gamms.agent import BaseAgent
 from gamms.arguments import as_count, as_flag, as_float, shown_as_called
 from gamms.context import Context
-from gamms.core import rules as core
 from gamms.errors import BadType, BadValue, nearest
+from gamms.game.block.columns import AgentTable
+from gamms.game.block.in_core import ContactOptions
 from gamms.game.block.state import Arrays, GameArrays
 from gamms.game.settings import Rank, RuleSpec, declared
+from gamms.ir.graph import IntArray
 from gamms.rules.contacts import as_nearness, as_side
 from gamms.rules.endings import all_know, as_teams, state_of
 from gamms.rules.in_core import fits_core, in_core
-from gamms.rules.meetings import ContactOptions, Side, TurnContacts, turn_of
-from gamms.rules.territory import NO_TERRITORY, Territory, TerritorySource, as_territory
+from gamms.rules.meetings import Side, made_for
+from gamms.rules.territory import Territory, TerritorySource, as_territory
 from gamms.text import shown
 from gamms.typing.game import TEAMS, Rule
 from gamms.visual.drawers.marks import render_tags
@@ -22,10 +26,7 @@ from gamms.visual.drawers.marks import render_tags
 Then = Callable[[Context, BaseAgent, BaseAgent], object]  # called with the context, the tagger and the tagged agent
 
 
-_THEN: dict[str, Then] = {
-    "respawn": lambda ctx, _, tagged: ctx.game.respawn(tagged),
-    "eliminate": lambda ctx, _, tagged: ctx.game.eliminate(tagged),
-}
+_THEN = ("respawn", "eliminate")
 
 
 @shown_as_called
@@ -102,20 +103,12 @@ class _TagRule(NamedTuple):
         """Whether the core can play the rule in batches."""
         return isinstance(self.then, str) and not any(map(callable, self.sides)) and fits_core(self.score)
 
-    def collect(self, ctx: Context, turn: TurnContacts, number: int) -> None:
-        """Add the contacts that are tags to `turn.roster.tags`, marked with the number of this rule."""
-        found = turn.find(ctx, self.taggers, self.tagged, self.nearness)
-        roster = turn.roster
-        owners = NO_TERRITORY if self.ground is None else self.ground.in_turn(ctx, turn)
-        if found is not None:
-            roster.tags.add(found, number, self.mutual, owners, roster.team)
-
 
 def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
     def tag(ctx: Context) -> None:
-        _tag(ctx, taggings)
+        made_for(ctx, form).play(ctx)
 
-    core_form = in_core("tag", taggings) if all(tagging.has_core_form for tagging in taggings) else None
+    form = in_core("tag", taggings)
     return declared(
         tag,
         RuleSpec(
@@ -123,35 +116,11 @@ def _rule_of(taggings: Sequence[_TagRule]) -> Rule:
             teams=[side for tagging in taggings for side in tagging.sides if not callable(side)],
             act_as_one=_rule_of,
             parts=taggings,
-            core_form=core_form,
+            core_form=form if all(tagging.has_core_form for tagging in taggings) else None,
+            uses_scores=True,
             needs_nodes=any(tagging.nearness.unit == "euclid" for tagging in taggings),
         ),
     )
-
-
-def _tag(ctx: Context, taggings: Sequence[_TagRule]) -> None:
-    """Play the tags of one turn of one game."""
-    turn = turn_of(ctx)
-    tags = turn.roster.tags
-    tags.begin()
-    for number, tagging in enumerate(taggings):
-        tagging.collect(ctx, turn, number)
-    if tags.count == 0:
-        return
-    tags.match()
-    game = ctx.game
-    agents = ctx.agent
-    names = turn.roster.names
-    done = list[tuple[_TagRule, BaseAgent, BaseAgent]]()
-    for number, tagger, other, node in tags.made(turn.numbers):
-        tagging = taggings[number]
-        one = agents.get_agent(names[tagger])
-        done.append((tagging, one, agents.get_agent(names[other])))
-        game.emit("tag", agent=names[tagger], other=names[other], node=node)
-        if tagging.score:
-            game.scores[one.team] += tagging.score
-    for tagging, one, another in done:
-        (_THEN[tagging.then] if isinstance(tagging.then, str) else tagging.then)(ctx, one, another)
 
 
 def _as_then(then: object) -> str | Then:
@@ -191,30 +160,24 @@ def respawn(
 
     def respawn(ctx: Context) -> None:
         state = state_of(ctx, "respawns", key, {"out": {}, "times": {}})
-        out = state["out"]
-        done = state["times"]
-        block = ctx.agent.block
-        agents = ctx.agent.agents
-        for name in sorted({*out, *[block.names[row] for row in block.inactive]}):
-            agent = agents.get(name)
-            if agent is None:
-                continue
-            if agent.alive or not (those is None or agent.team in those):
-                out.pop(name, None)
-                continue
-            gone = out.setdefault(name, ctx.game.turn)
-            before = done.get(name, 0)
-            if core.comes_back(gone, wait, ctx.game.turn, before, -1 if most is None else most):
-                done[name] = before + 1
-                del out[name]
-                ctx.game.respawn(agent)
+        if not (state["out"] or ctx.agent.block.inactive):
+            return
+        made = made_for(ctx, form, follows=False)
+        roster = made.makes.roster
+        for name, values in memory(state, roster).items():
+            made.kept[name][:] = values
+        made.play(ctx)
+        deleted = {name: turn for name, turn in state["out"].items() if name not in roster.names}
+        state["out"] = {**deleted, **_by_name(made.kept["out"], roster.names, -1)}
+        state["times"] |= _by_name(made.kept["times"], roster.names, 0)
+
+    def memory(known: Mapping[str, Any], roster: AgentTable) -> Arrays:
+        return {"out": roster.column(known.get("out", {}), -1), "times": roster.column(known.get("times", {}), 0)}
 
     def begin_arrays(ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
-        known = ctx.game.data.get("respawns", {}).get(key, {})
-        column = state.roster.column
-        return {("respawn", key): {"out": column(known.get("out", {}), -1), "times": column(known.get("times", {}), 0)}}
+        return {("respawn", key): memory(ctx.game.data.get("respawns", {}).get(key, {}), state.roster)}
 
-    core_form = in_core("respawn", key, those, wait, most)
+    form = in_core("respawn", key, those, wait, most)
     return declared(
         respawn,
         RuleSpec(
@@ -223,7 +186,12 @@ def respawn(
             key=key,
             brings_back=True,
             disclose=all_know("respawns", key),
-            core_form=core_form,
+            core_form=form,
             begin_arrays=begin_arrays,
         ),
     )
+
+
+def _by_name(column: IntArray, names: Sequence[str], default: int) -> dict[str, int]:
+    """Return the values of agents in one game, (1, agents), by name, except for a default."""
+    return {names[agent]: int(column[0, agent]) for agent in np.flatnonzero(column[0] != default).tolist()}

@@ -1,6 +1,5 @@
 """Territories: mappings from nodes to the teams that own them, published by a game as facts."""
 
-from array import array
 from collections.abc import Hashable, Iterable, Mapping, Sequence
 from math import inf
 from typing import Annotated, Any, NamedTuple, cast
@@ -15,7 +14,6 @@ from gamms.game.settings import RuleSpec, declared
 from gamms.ir.graph import IntArray
 from gamms.rules.endings import all_know
 from gamms.rules.in_core import in_core
-from gamms.rules.meetings import TurnContacts
 from gamms.text import shown
 from gamms.typing import ColorType, NodeId, Rule
 from gamms.typing.game import OWNERS, TEAMS
@@ -26,7 +24,6 @@ __all__ = ["by_distance", "halves", "published"]
 _AXES = ("x", "y")
 
 Territory = Mapping[int, Hashable]  # node id -> team
-NO_TERRITORY = memoryview(array("q"))  # to the core
 Colors = Mapping[Any, ColorType]  # team -> color
 
 
@@ -140,11 +137,6 @@ class TerritorySource(NamedTuple):
             return self.given
         as_known(self.given, "fact", facts)
         return cast("Territory", facts[self.given])
-
-    def in_turn(self, ctx: Context, turn: TurnContacts) -> Any:
-        """Return the number of the team that owns each node, (nodes,); -1 for nodes of other teams."""
-        owners = self.of(ctx.game.facts) if isinstance(self.given, str) else self.given
-        return turn.roster.owners(owners, turn.numbers)
 
     def rows(self, facts: Mapping[str, Any], streets: StreetGraph, teams: Sequence[Hashable]) -> IntArray:
         """Return the number of the team that owns each node, (nodes,); -1 for nodes of other teams."""

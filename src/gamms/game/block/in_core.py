@@ -4,18 +4,21 @@
 `RuleSpec.core_form` is a function that makes the rule that `gamms.core.rules` plays.
 """
 
-from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from gamms import kernels
 from gamms.core import arrivals, conflicts, contacts, draws, moves, rules, turn
+from gamms.core.rules import Flags, Tagging, Visitors
 from gamms.errors import BadValue, NoPath
-from gamms.game.block.columns import AgentTable, Failure, PlayedGame, decider_of
+from gamms.game.block.columns import AgentTable, Failure, PlayedGame, decider_of, kept_in
 from gamms.game.block.scores import fits_float
-from gamms.game.block.state import CoreEvents, GameArrays
+from gamms.game.block.state import Arrays, CoreEvents, GameArrays, Purpose
 from gamms.game.block.strategy_steps import (
     LOOKING,
     MOST_LOOKING,
@@ -32,7 +35,8 @@ from gamms.game.movement.by_metres import MetricMovement
 from gamms.game.movement.courses import EdgeCourses, MetreCourses, paths_in_parts
 from gamms.game.movement.one_edge import AnyNodeMovement, Paths
 from gamms.game.movement.roads import OpenRoads, RoadTables
-from gamms.game.movement.travel import no_way
+from gamms.game.movement.streets import StreetGraph
+from gamms.game.movement.travel import ReachableNodes, no_way
 from gamms.game.settings import NamedRule, as_called, declared, rule_spec_of
 from gamms.game.strategy_specs import CoreStep, strategy_spec_of
 from gamms.ir.game_state import joined_end
@@ -45,7 +49,8 @@ from gamms.typing.game import EdgePlace
 ONE_THAT_SHOWS = "a winner that the core finds"
 _REACH, _END = (rules.KINDS.index(kind) for kind in ("reach", "end"))
 _ILLEGAL, _WAITS, _LATE_DEED = (rules.KINDS.index(kind) for kind in ("illegal", "waits", "late deed"))
-_SCORING = np.isin(rules.KINDS, ["tag", "capture", "reach", "arrive"])  # (kinds,) of rules that score
+SCORING = ("tag", "capture", "reach", "arrive")  # kinds of events of rules that score
+_SCORING = np.isin(rules.KINDS, SCORING)  # (kinds,)
 _FIRST_ROOM = 1024  # events
 _SINGLE_STEPS = {(CoreStep("stay"),): moves.STAY, (CoreStep("walk"),): moves.RANDOM_WALK}
 
@@ -54,34 +59,171 @@ class CompiledRule(NamedTuple):
     """The data of a rule of the core that its events refer to.
 
     Attributes:
-        is_scored: whether each of its events scores for the team of the agent.
-        has_floats: whether some points are not integers.
+        points: the points of each of its events for the team of the agent; None: its events do not score.
         flags: the teams that own its flags, by number.
         reason, winner, truncated: the end of a game; the winner may be `ONE_THAT_SHOWS`. Without a reason, the reason
             names the teams that have reached their goals.
+        then: in one game, the function that is called with the context and both agents of an event `call`.
     """
 
-    is_scored: bool = False
-    has_floats: bool = False
+    points: float | None = None
     flags: tuple[Hashable, ...] = ()
     reason: str = ""
     winner: object = ONE_THAT_SHOWS
     truncated: bool = False
+    then: Callable[[Any, Any, Any], object] | None = None
+
+    def end(self, winner: int, reached: Iterable[Hashable], teams: Sequence[Hashable]) -> dict[str, Any]:
+        """Return the reason, the winner and the truncation of an end.
+
+        Args:
+            winner: the number of the winning team that the core has found; -1: none.
+            reached: the teams that have reached their goals.
+            teams: the teams of the game.
+        """
+        who = self.winner
+        if who is ONE_THAT_SHOWS:
+            who = None if winner < 0 else teams[winner]
+        reason = self.reason or f"{' and '.join(map(str, dict.fromkeys(reached)))} reached the goal"
+        return {"reason": reason, "winner": who, "truncated": self.truncated}
 
 
-class RuleBuilder:
-    """The data from which the rules of one thread and one map are built.
+class ContactOptions(NamedTuple):
+    """The distance and options that define a contact; see `gamms.rules.contacts`."""
+
+    unit: str | None  # "hops", "metres" or "euclid"; None: on the same node
+    limit: float
+    crossing: bool
+    air: bool
+    passing: bool
+
+
+Near = contacts.NearNodes | contacts.NodePositions | contacts.PathSegments | None
+"""The distances between agents that count as contacts; None: agents must be on the same node."""
+ContactSearch = Callable[[Near, contacts.MotionIntervals], contacts.Contacts]
+"""Returns a search for contacts with these distances, in this working memory."""
+
+
+class Ground(Protocol):
+    """A territory; see `gamms.rules.territory.TerritorySource`."""
+
+    @property
+    def given(self) -> Mapping[int, Hashable] | str:
+        """The territory, or the name of a fact."""
+
+    def of(self, facts: Mapping[str, Any]) -> Mapping[int, Hashable]:
+        """Return the territory."""
+
+    def rows(self, facts: Mapping[str, Any], streets: StreetGraph, teams: Sequence[Hashable]) -> IntArray:
+        """Return the numbers of the teams that own the nodes, (nodes,)."""
+
+
+class RuleBuilder(ABC):
+    """The data from which rules of the core are built: those of a batch (`BatchRules`) or of one game.
 
     Attributes:
-        state: the state of all games.
-        thread: the number of the thread.
+        roster: the agents.
         games, events, steps, pieces: see `gamms.core.rules`.
         columns: the nodes, times and lengths of the tracks of one game's agents.
+        most: the room for nodes of each agent in `columns`.
         legs: the legs of these agents; empty in games that count edges.
         by_metres: whether the games are by metres.
         home: (all games, agents) the nodes where agents respawn; -1: not in the game yet.
         rules: the rule of each rule number in events.
-        agents_in: stored columns of agent numbers, -1 for none; they may have been loaded.
+    """
+
+    roster: AgentTable
+    games: rules.GameColumns
+    events: rules.Events
+    steps: rules.AgentPaths
+    columns: tuple[Any, Any, Any]
+    most: int
+    legs: contacts.Legs
+    by_metres: bool
+    pieces: contacts.MotionIntervals
+    home: IntArray
+    rules: list[CompiledRule]
+
+    def number(self, *played: CompiledRule) -> int:
+        """Number the parts of a rule; return the first number."""
+        self.rules += played
+        return len(self.rules) - len(played)
+
+    def tracks(self, sides: memoryview, *, at_end: bool) -> contacts.Tracks:
+        """Return the tracks of the agents of a game, with these sides."""
+        return contacts.Tracks(len(self.roster.names), self.most, *self.columns, sides, at_end=at_end)
+
+    def visitors(self, *, at_end: bool) -> Visitors:
+        """Return the agents on the ground, with the nodes that they visit."""
+        sides = ints(len(self.roster.names))
+        tracks = self.tracks(sides, at_end=at_end)
+        return Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(None, air=False), sides)
+
+    def plays(self, teams: Collection[Hashable] | None, *, air: bool = True) -> Any:
+        """Return 1 for each agent of these teams, else 0; None: all teams. `air` includes flying agents."""
+        return flat(self.roster.plays_for(teams) & (air | ~self.roster.flies), np.int64)
+
+    def sides(self, ours: object, theirs: object, *, air: bool) -> Any:
+        """Return the sides of agents, (agents,), for `contacts.Tracks`."""
+        both = [self.roster.plays_for([team]) & (air | ~self.roster.flies) for team in (ours, theirs)]
+        return flat(both[0] + 2 * both[1], np.int64)
+
+    def team(self, team: Hashable) -> int:
+        """Return the number of a team; -1: no agent plays for it."""
+        teams = self.roster.teams
+        return teams.index(team) if team in teams else -1
+
+    @property
+    @abstractmethod
+    def num_nodes(self) -> int:
+        """The number of nodes in tables by node; get it after `rows`."""
+
+    @abstractmethod
+    def rows(self, nodes: Sequence[int]) -> IntArray:
+        """Return the numbers of nodes, given their ids."""
+
+    @abstractmethod
+    def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
+        """Return the memory of a rule in all games, made by `make(games)`."""
+
+    @abstractmethod
+    def purposes(self, *several: Purpose) -> Any:
+        """Return the keys of draws for several purposes, (games * purposes,)."""
+
+    @abstractmethod
+    def owners(self, ground: Ground | None) -> Any:
+        """Return the numbers of the teams that own the nodes, (nodes,); empty without a territory (None)."""
+
+    @abstractmethod
+    def near(self, nearness: ContactOptions) -> Near:
+        """Return the distances between agents that count as contacts."""
+
+    def publish(self, fact: str, value: object) -> None:  # noqa: B027 - one game has published it
+        """Publish a fact, unless it is published."""
+
+    # The following methods do nothing for batches, whose columns hold what the rules read.
+
+    def read_starts(self, agents: BoolArray) -> None:  # noqa: B027
+        """Note that a rule reads the start nodes of some agents, (agents,), in `home`."""
+
+    def read_scores(self) -> None:  # noqa: B027
+        """Note that a rule reads the scores of the teams."""
+
+    def follow(self, rule: Flags | Tagging, ground: Ground | None) -> None:  # noqa: B027
+        """Keep the owners of nodes in a rule up to date, if the territory is a fact that changes."""
+
+    def follow_places(  # noqa: B027
+        self, tagging: Tagging, nearness: ContactOptions, sides: tuple[Any, Any], search: ContactSearch
+    ) -> None:
+        """Keep straight-line distances in a tagging up to date, if agents may be beside nodes."""
+
+
+class BatchRules(RuleBuilder):
+    """The data from which the rules of one thread and one map of a batch are built.
+
+    Attributes:
+        state: the state of all games.
+        thread: the number of the thread.
     """
 
     def __init__(
@@ -97,6 +239,7 @@ class RuleBuilder:
         agents = len(state.roster.names)
         streets = state.streets
         self.state = state
+        self.roster = state.roster
         self.thread = thread
         self.games = games
         self.events = events
@@ -104,58 +247,83 @@ class RuleBuilder:
         self.by_metres = travel is not None and travel.most_legs > 0
         self.legs = NO_LEGS
         if travel is None:
-            self._most_nodes = 2
+            self.most = 2
             most_legs = 0
             keys = streets.num_nodes
-            self.columns: tuple[Any, Any, Any] = ints(2 * agents), floats(2 * agents), ints(agents)
-            self.steps: rules.AgentPaths = rules.AgentPaths(*self.columns)
+            self.columns = ints(2 * agents), floats(2 * agents), ints(agents)
+            self.steps = rules.AgentPaths(*self.columns)
         else:
-            self._most_nodes = travel.most
+            self.most = travel.most
             most_legs = travel.most_legs
             keys = max(streets.num_nodes, len(state.movement.columns.edge_ids))
             self.columns = travel.tracks
             self.steps = travel.course
             self.legs = travel.legs
-        room = 2 * agents * (self._most_nodes + 2 * most_legs + 1)  # visits and legs, each with two entries
+        room = 2 * agents * (self.most + 2 * most_legs + 1)  # visits and legs, each with two entries
         self.pieces = motion_intervals(room, keys)
         self.rules = known
-        self.agents_in: list[IntArray] = []
+        self._agents_in: list[IntArray] = []  # stored columns of agent numbers, which may have been loaded
 
-    def number(self, *played: CompiledRule) -> int:
-        """Number the parts of a rule; return the first number."""
-        self.rules += played
-        return len(self.rules) - len(played)
+    @property
+    def num_nodes(self) -> int:
+        """The number of nodes of the map."""
+        return self.state.streets.num_nodes
 
-    def tracks(self, sides: memoryview, *, at_end: bool) -> contacts.Tracks:
-        """Return the tracks of the agents of a game, with these sides."""
-        return contacts.Tracks(len(self.state.roster.names), self._most_nodes, *self.columns, sides, at_end=at_end)
+    def rows(self, nodes: Sequence[int]) -> IntArray:
+        """Return the rows of nodes, given their ids."""
+        return self.state.streets.rows(nodes)
 
-    def visitors(self, *, at_end: bool) -> rules.Visitors:
-        """Return the agents on the ground, with the nodes that they visit."""
-        sides = ints(len(self.state.roster.names))
-        tracks = self.tracks(sides, at_end=at_end)
-        return rules.Visitors(self.steps, tracks, self.legs, self.pieces, self.plays(None, air=False), sides)
-
-    def plays(self, teams: Collection[Hashable] | None, *, air: bool = True) -> Any:
-        """Return 1 for each agent of these teams, else 0; None: all teams. `air` includes flying agents."""
-        roster = self.state.roster
-        return flat(roster.plays_for(teams) & (air | ~roster.flies), np.int64)
+    def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
+        """Return the memory of a rule in all games."""
+        kept = self.state.keep(key, make)
+        if "carriers" in kept:
+            self._agents_in.append(kept["carriers"])
+        return kept
 
     def refuse_unknown_agents(self) -> None:
         """Refuse stored or loaded agent numbers without an agent."""
         agents = len(self.state.roster.names)
-        for column in self.agents_in:
+        for column in self._agents_in:
             if column.min(initial=-1) < -1 or column.max(initial=-1) >= agents:
                 raise BadValue(f"A rule keeps numbers of agents from -1 to {agents - 1}, not {shown(column)}.")
 
-    def rows(self, nodes: Collection[int]) -> IntArray:
-        """Return the rows of nodes, given their ids."""
-        return self.state.streets.rows(sorted(nodes))
+    def publish(self, fact: str, value: object) -> None:
+        """Publish a fact, unless it is published."""
+        self.state.facts.setdefault(fact, value)
 
-    def team(self, team: Hashable) -> int:
-        """Return the number of a team; -1: no agent plays for it."""
-        teams = self.state.roster.teams
-        return teams.index(team) if team in teams else -1
+    def purposes(self, *several: Purpose) -> Any:
+        """Return the keys of draws for several purposes, (games * purposes,)."""
+        return memory_of(self.state.several_purposes(*several))
+
+    def owners(self, ground: Ground | None) -> Any:
+        """Return the numbers of the teams that own the nodes, (nodes,); empty without a territory (None)."""
+        state = self.state
+        if ground is None:
+            return ints(0)
+        owners = ground.of(state.facts)
+
+        def make() -> tuple[object, IntArray]:
+            return owners, ground.rows(state.facts, state.streets, state.roster.teams)
+
+        return flat(kept_in(state.shared, ("territory", id(owners)), make)[1], np.int64)
+
+    def near(self, nearness: ContactOptions) -> Near:
+        """Return the distances between agents that count as contacts."""
+        state = self.state
+        unit, limit, *_ = nearness
+        if unit is None:
+            return None
+        if unit == "euclid":
+            xyz = np.insert(state.streets.columns.xy, 2, 0.0, axis=1)
+            return contacts.NodePositions(self.columns[0], flat(xyz, np.float64))
+        weight = None if unit == "hops" else "length"
+
+        def make() -> contacts.NearNodes:
+            near = reach_of(state.streets.ways(weight), limit)
+            state.roads.searches.append((weight, near))
+            return near
+
+        return kept_in(state.shared, ("reach", unit, limit, self.thread), make)
 
 
 class CoreColumns:
@@ -264,29 +432,25 @@ class CoreColumns:
             played = self.rules[noted.rules[row]]
             game = int(noted.games[row])
             winner = int(noted.agents[row])
-            who = played.winner
-            if who is ONE_THAT_SHOWS:
-                who = None if winner < 0 else state.roster.teams[winner]
-            reason = played.reason or self._reason_of_goals(noted, row)
-            how = {"reason": reason, "winner": who, "truncated": played.truncated}
-            state.over[game] = joined_end(state.over[game], how)
+            reached = () if played.reason else self._reached(noted, row)
+            state.over[game] = joined_end(state.over[game], played.end(winner, reached, state.roster.teams))
         return noted.those(~is_end)
 
-    def _reason_of_goals(self, noted: CoreEvents, end: int) -> str:
-        """Return the reason of an end by agents that have reached goals: events of the same rule and turn before it."""
+    def _reached(self, noted: CoreEvents, end: int) -> list[Hashable]:
+        """Return the teams of agents that have reached goals: events of the same rule and turn before an end."""
         teams = self._state.roster.teams
         first = end
         while first and noted.kinds[first - 1] == _REACH and noted.rules[first - 1] == noted.rules[end]:
             first -= 1
         members = self._state.roster.team_of[noted.agents[first:end]].tolist()
-        return reason_of_goals(dict.fromkeys(teams[number] for number in members))
+        return [teams[number] for number in members]
 
     def _note_scores(self, noted: CoreEvents) -> None:
         """Take the scores, and the order in which they were first set."""
         score = self.score
         teams = self._state.roster.teams
-        is_scored = np.array([one.is_scored for one in self.rules], np.bool_)
-        has_floats = np.array([one.has_floats for one in self.rules], np.bool_)
+        is_scored = np.array([one.points is not None for one in self.rules], np.bool_)
+        has_floats = np.array([isinstance(one.points, float) for one in self.rules], np.bool_)
         rows = np.flatnonzero((noted.rules >= 0) & (noted.kinds != _END))
         rows = rows[is_scored[noted.rules[rows]]]
         rows = rows[_SCORING[noted.kinds[rows]]]
@@ -338,9 +502,10 @@ def put_scores(state: GameArrays, score: FloatArray) -> None:
         score[:, number] = 0.0 if column is None or column.dtype == object else column
 
 
-def reason_of_goals(teams: Iterable[Hashable]) -> str:
-    """Return the reason of the end of a game in which these teams have reached their goals."""
-    return f"{' and '.join(map(str, teams))} reached the goal"
+def reach_of(arcs: kernels.Arcs, limit: float) -> contacts.NearNodes:
+    """Return a search for the nodes within a distance of a node, along the edges of a map."""
+    ends = flat(arcs.offsets, np.int64), flat(arcs.ends, np.int64)
+    return contacts.NearNodes(*ends, flat(arcs.weights, np.float64), limit, ReachableNodes(len(arcs.offsets) - 1).core)
 
 
 def ints(number: int) -> Any:  # memoryviews are not subscriptable
@@ -483,13 +648,13 @@ class CoreGames:
         self._games = np.zeros(0, np.int64)  # that are played
         self.part_of = state.roster.part_of(settings["order"])
         self.num_parts = len(settings["order"] or [()])
-        self._made: list[tuple[turn.Player, RuleBuilder]] = []  # of each thread
+        self._made: list[tuple[turn.Player, BatchRules]] = []  # of each thread
         self._movers: list[moves.OneEdgeMovers] = []  # one for each thread
         self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions
         self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
         self._counts = ints(state.node.size)  # that threads share
         self._has_own_homes = is_apart or not state.roster.is_first.all()
-        self._home = state.start.copy() if self._has_own_homes else state.start  # see `RuleBuilder.home`
+        self._home = state.start.copy() if self._has_own_homes else state.start  # see `RuleBuilder`
         self._made.append(self._player())
 
     def last_moves(self, games: IntArray) -> tuple[IntArray, IntArray, BoolArray]:
@@ -733,7 +898,7 @@ class CoreGames:
         flights.put_back(*back)
         state.previous[back] = node[back]
 
-    def _player(self) -> tuple[turn.Player, RuleBuilder]:
+    def _player(self) -> tuple[turn.Player, BatchRules]:
         """Make the data for one more thread."""
         state = self._state
         roster = self._state.roster
@@ -790,7 +955,7 @@ class CoreGames:
             travel = columns.thread(args, of_movers, events)
             movers = travel.movers
         self._movers.append(movers)
-        making = RuleBuilder(state, games, events, travel, block.rules, len(self._made), self._home)
+        making = BatchRules(state, games, events, travel, block.rules, len(self._made), self._home)
         parts = self._made_rules(making)
         first = None
         if self.has_functions:

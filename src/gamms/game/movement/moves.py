@@ -133,19 +133,11 @@ class TurnMoves:
         order = self.order
         if block.travellers or order.whole.on_ground is not None:
             return False
-        if order.structure_version != block.structure.version and not self._have_all_living(block):
-            return False
+        if order.structure_version != block.structure.version:
+            has_same_rows = order.rows_version == block.rows.version and not block.removed
+            if order.structure_version < 0 or not has_same_rows:
+                return False
         return self.paths is None or all(roads is None for roads in self.paths.maps)
-
-    def _have_all_living(self, block: AgentBlock) -> bool:
-        """Return whether all living agents took part, in the same teams; some may have been eliminated since."""
-        order = self.order
-        if order.structure_version < 0 or order.rows_version != block.rows.version or block.removed:
-            return False
-        rows = order.selection.rows
-        if sum(map(block.alive.__getitem__, rows)) != len(block) - len(block.inactive):
-            return False
-        return [block.teams[row] for row in rows] == order.all_teams()
 
     def by_name(self) -> dict[str, Move]:
         """Return agent -> its move, for agents on the ground, in the order of names."""
