@@ -91,6 +91,7 @@ CASES = {
             [(2, "counts", deepcopy, dict.update)],
         )
     ),
+    ("copies", "copied_filled"): st.tuples(st.dictionaries(SCALARS, PLAIN)),
     ("copies", "refill"): st.tuples(KINDS, KINDS),
     ("copies", "refill_each"): st.tuples(DICTS, DICTS),
     ("copies", "refill_counts"): st.tuples(DICTS, DICTS),

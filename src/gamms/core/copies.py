@@ -53,6 +53,15 @@ def copied_each(dicts: Any, memo: Any = None) -> Any:  # noqa: ARG001 - called a
     return made
 
 
+def copied_filled(each: Any, memo: Any = None) -> Any:
+    """Return a dict of deep copies of the values that are not empty."""
+    made = {}
+    for key, value in each.items():
+        if value:
+            made[key] = copied(value, memo)
+    return made
+
+
 def copied_fields(values: list[Any], copies: list[tuple[int, Any]]) -> list[Any]:
     """Replace some values of a list by copies, and empty ones by None; return the list.
 

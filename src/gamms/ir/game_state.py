@@ -14,6 +14,7 @@ from gamms.core.copies import (
     copied_dict,
     copied_each,
     copied_fields,
+    copied_filled,
     refill,
     refill_counts,
     refill_each,
@@ -182,10 +183,6 @@ def _same(value: object, _: Memo | None) -> object:
     return value
 
 
-def _memories_of(value: Mapping[Any, Any], memo: Memo | None) -> dict[Any, Any]:
-    return {name: copied(memory, memo) for name, memory in value.items() if memory}
-
-
 def _captured_each(memories: dict[Any, dict[Any, Any]]) -> list[tuple[Any, dict[Any, Any]]]:
     return [(to_plain(name), plain_subset(memory)) for name, memory in memories.items() if memory]
 
@@ -317,7 +314,7 @@ class GameState:
     team_facts: dict[Any, dict[str, Any]] = game_field(dict, *_FACTS, is_seldom=True, axis="team")
     memories: dict[str, dict[Any, Any]] = game_field(
         dict,
-        _memories_of,
+        copied_filled,
         refill=refill_each,
         captured=lambda memories: dict(sorted(_captured_each(memories))),
         restored=lambda memories: copied_each(deepcopy(memories)),

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 
 from gamms.core.ask import hold
-from gamms.core.copies import copied, copied_values
+from gamms.core.copies import copied, copied_filled, copied_values
 from gamms.deciding import phase_of
 from gamms.errors import UnknownAttribute
 from gamms.game.array_functions.view import ArrayView
@@ -1076,12 +1076,14 @@ class Cursor:
         self._deeds = []
         if self._core.courses is not None:
             self._core.courses.routes.forget()
+        which = agents.tobytes(), observing.tobytes()
+        new_asked = partial(self._new_asked, agents, observing)
         with self._deciding(games):
             for place in self._each(games):
                 number = self._number
                 self._living.table.rekey(state.seeds[number])
                 if here is None:
-                    asked = self._asked(agents, observing)
+                    asked = kept_in(self._living.asked, which, new_asked)
                 else:
                     asked = self._new_asked(agents[here[number, agents]], observing[here[number, observing]])
                 if not asked.part.observing:
@@ -1240,13 +1242,8 @@ class Cursor:
             name = self._state.roster.names[agent]
             undone[name] = f"{undone[name]}; {why}" if name in undone else why
 
-    def _asked(self, agents: IntArray, observing: IntArray) -> _AskedAgents:
-        """Return the living agents that are asked, and the living agents that only observe."""
-        which = agents.tobytes(), observing.tobytes()
-        return kept_in(self._living.asked, which, lambda: self._new_asked(agents, observing))
-
     def _new_asked(self, agents: IntArray, observing: IntArray) -> _AskedAgents:
-        """Return the result of `_asked`, which caches it, because the same agents are asked in each turn."""
+        """Return the living agents that are asked, and the living agents that only observe."""
         order = self._living.order
         names = self._state.roster.names
         named = [names[number] for number in agents.tolist()]
@@ -1302,7 +1299,7 @@ class Cursor:
         attributes = copied(self._attributes)
         undo_pointed = self._pointed.checkpoint()
         rngs = [rng and deepcopy(rng) for rng in self._rngs]
-        memories = [{name: copied(one) for name, one in each.items() if one} if each else {} for each in self._memories]
+        memories = [copied_filled(each) if each else {} for each in self._memories]
         team_memories = [copied(each) if each else {} for each in self._team_memories]
         undone = copied(self._undone)
         collected = [one.snapshot() for one in self._collectors] if self._periods else []
