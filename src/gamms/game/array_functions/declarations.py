@@ -23,7 +23,7 @@ from gamms.game.block.columns import AgentTable, decider_of
 from gamms.game.block.deeds import DeclaredDeeds
 from gamms.game.block.initial_state import LastTurn, movement_of
 from gamms.game.block.sensing import note_sensors, note_sights
-from gamms.game.block.state import KEPT, READ, STOPPED, EmittedEvents, GameArrays
+from gamms.game.block.state import KEPT, STOPPED, GameArrays
 from gamms.game.deeds import checked_value
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.one_edge import Movement, PacedMovement
@@ -340,6 +340,7 @@ class _SingleGameTurn(ArrayTurn):
         self._game = game
         self._is_moving = game.is_moving
         state.change_roads = lambda _, verb, edges: getattr(ctx.graph, verb)(edges)
+        state.events.show(0, game.events)
         state.scores.put(0, game.scores)
         self._scores_before = state.scores.of(0)
         state.placed[0] = [block.row_of(name) in block.placed for name in roster.names]
@@ -370,14 +371,6 @@ class _SingleGameTurn(ArrayTurn):
 
     def _note_place(self, kind: str, at: IntArray, agents: IntArray) -> None:
         """Add no event: the verbs of the game do."""
-
-    def new_events(self, reader: Hashable) -> list[EmittedEvents]:
-        """Return the events since the last call for a reader; in the first call, all events."""
-        read = self._game.data.setdefault(READ, {})
-        events = self._game.events
-        found = [EmittedEvents.of(0, entry) for entry in events[read.get(reader, 0) :]]
-        read[reader] = len(events)
-        return found
 
     def _end(self, _: int, how: dict[str, Any]) -> None:
         self._game.end(**how)

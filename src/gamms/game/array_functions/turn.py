@@ -10,7 +10,7 @@ from gamms.arguments import as_array, as_name, as_numbers_of, as_one_shape
 from gamms.errors import BadValue
 from gamms.game.block.columns import kept_in, lock, once, places_of, put_locked, some_rows
 from gamms.game.block.deeds import ArrayDeeds, joined
-from gamms.game.block.state import STOPPED, Arrays, EmittedEvents, GameArrays
+from gamms.game.block.state import READ, STOPPED, Arrays, EmittedEvents, GameArrays
 from gamms.game.movement.one_edge import Paths
 from gamms.game.movement.routes import RouteTable
 from gamms.ir.game_state import joined_end
@@ -254,7 +254,8 @@ class ArrayTurn:
         Their `games` are indices in this turn.
         """
         number = places_of(self.games, len(self._state))
-        new = self._state.events.new(reader, self.games)
+        read = self._state.keep((READ, reader), lambda games: {"number": np.zeros(games, np.int64)})["number"]
+        new = self._state.events.new(read, self.games)
         return [emitted._replace(games=number[emitted.games]) for emitted in new]
 
     def add_score(self, key: Hashable, at: IntArray, points: float | FloatArray) -> None:
@@ -267,10 +268,7 @@ class ArrayTurn:
             at = self._as_at(at)
             if not isinstance(points, int):
                 points = as_array(points, "points", "numbers", at.shape)
-            self._add_score(key, at, points)
-
-    def _add_score(self, key: Hashable, at: IntArray, points: float | FloatArray) -> None:
-        self._state.scores.add(key, self.games[at], points)
+            self._state.scores.add(key, self.games[at], points)
 
     def add_scores(self, at: IntArray, agents: IntArray, points: float | FloatArray) -> None:
         """Add points to the scores of the agents' teams, in order; `points` is one number, or one per agent.
@@ -289,11 +287,8 @@ class ArrayTurn:
         """
         at = self._as_at(at)
         teams = as_numbers_of(teams, "teams", len(self.roster.teams), "teams")
-        self._add_scores(
-            at, teams, points if isinstance(points, int) else as_array(points, "points", "numbers", at.shape)
-        )
-
-    def _add_scores(self, at: IntArray, teams: IntArray, points: float | FloatArray) -> None:
+        if not isinstance(points, int):
+            points = as_array(points, "points", "numbers", at.shape)
         self._state.scores.add_several(self.roster.teams, self.games[at], teams, points)
 
     def scores(self, key: Hashable) -> FloatArray:

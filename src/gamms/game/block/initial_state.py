@@ -11,7 +11,7 @@ from gamms.errors import BadValue
 from gamms.game.block.columns import AgentTable, PlayedGame, agents_of, decider_of, some_rows
 from gamms.game.block.deeds import ArrayDeeds
 from gamms.game.block.in_core import CoreColumns
-from gamms.game.block.state import KEPT, READ, STOPPED, GameArrays
+from gamms.game.block.state import KEPT, STOPPED, GameArrays
 from gamms.game.block.strategy_steps import begin_steps
 from gamms.game.movement.by_edges import EdgeMovement
 from gamms.game.movement.by_metres import MetricMovement, TravelTerms, seconds_of_turn
@@ -145,10 +145,7 @@ class InitialState:
 
     def _take_memories(self, game: PlayedGame, state: GameArrays) -> None:
         """Copy the memory of rules, strategies and array functions into `state.first`."""
-        data = game.internals.state.data
-        for reader, number in data.get(READ, {}).items():
-            state.events.read(reader, number)
-        state.first |= data.get(KEPT, {})
+        state.first |= game.internals.state.data.get(KEPT, {})
         for rule in game.rules:
             if rule.spec.begin_arrays is not None:
                 state.first |= rule.spec.begin_arrays(game.ctx, state)

@@ -31,7 +31,7 @@ from gamms.readonly import locked
 from gamms.text import shown
 
 KEPT = "array functions"  # the key of `ctx.game.data` for the arrays of array functions in a single game
-READ = "array rules, events"  # the key of `ctx.game.data` for the numbers of events that array rules have read
+READ = "events"  # with the name of a reader the key of the numbers of events that it has read in each game
 STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # event kind -> field of the stopped agent
 NAMED = {"tag": "other", "take": "flag", "drop": "flag", "capture": "flag"}  # core event kind -> its second field
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
@@ -118,19 +118,10 @@ class EventLog(GameLog[EmittedEvents | CoreEvents]):
     def __init__(self, num_games: int, names: Sequence[str]) -> None:
         super().__init__(num_games)
         self._names = names
-        self._read: dict[Hashable, IntArray] = {}  # reader -> (games,) the number of events that it has read
-        self._read_before: dict[Hashable, int] = {}  # the same of turns before the batch
 
-    def begin(self, games: IntArray, entries: Sequence[dict[str, Any]]) -> None:
-        """Start the empty logs of games with events of earlier turns."""
-        super().begin(games, entries)
-        for reader, number in self._read_before.items():
-            self._read[reader][games] = number
-
-    def read(self, reader: Hashable, number: int) -> None:
-        """Register a reader that had read the first `number` events of each game before the batch."""
-        self._read_before[reader] = number
-        self._read[reader] = np.full(len(self._of_game), number)
+    def show(self, game: int, entries: list[dict[str, Any]]) -> None:
+        """Set the log of a game to a list, which is not copied."""
+        self._of_game[game] = entries
 
     def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> None:
         """Log events, one for each entry of `games`; the events of a game are in order."""
@@ -140,38 +131,17 @@ class EventLog(GameLog[EmittedEvents | CoreEvents]):
         """Log events of games in the core."""
         self._pending.append(events)
 
-    def new(self, reader: Hashable, games: IntArray) -> list[EmittedEvents]:
-        """Return the events of games that a reader has not read yet, game by game, and mark them as read."""
-        read = self._read.setdefault(reader, np.zeros(len(self._of_game), np.int64))
+    def new(self, read: IntArray, games: IntArray) -> list[EmittedEvents]:
+        """Return the events of games that were not read yet, game by game, and count them as read.
+
+        `read` is the number of events that were read in each game of the batch.
+        """
         found = []
-        for game, number in zip(games.tolist(), read[games].tolist(), strict=True):
+        for game in games.tolist():
             entries = self.of(game)
-            found += [EmittedEvents.of(game, entry) for entry in entries[number:]]
+            found += [EmittedEvents.of(game, entry) for entry in entries[read[game] :]]
             read[game] = len(entries)
         return found
-
-    def checkpoint(self) -> Callable[[], None]:
-        """Return a function that undoes all later changes."""
-        undo_log = super().checkpoint()
-        read = {reader: numbers.copy() for reader, numbers in self._read.items()}
-
-        def undo() -> None:
-            undo_log()
-            self._read = read
-
-        return undo
-
-    def forget(self, games: IntArray) -> None:
-        """Remove the events of games."""
-        super().forget(games)
-        for numbers in self._read.values():
-            numbers[games] = 0
-
-    def clear(self) -> None:
-        """Remove the events of all games."""
-        super().clear()
-        for numbers in self._read.values():
-            numbers[:] = 0
 
     def _entries(self, noted: EmittedEvents | CoreEvents) -> Iterator[tuple[int, dict[str, Any]]]:
         if isinstance(noted, CoreEvents):
@@ -505,6 +475,8 @@ class GameArrays:
             self.scores.add(key, np.arange(len(self)), points)
         for log in self._logs:
             log.clear()
+        for those in [those for key, those in self.kept.items() if isinstance(key, tuple) and key[:1] == (READ,)]:
+            those["number"][:] = 0
         self.now.clear()
 
     def chosen(self, column: Any, games: IntArray, agents: IntArray | None = None) -> Any:
