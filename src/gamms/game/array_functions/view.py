@@ -89,7 +89,7 @@ class ArrayView(Mapping[str, Any]):
         self.node: IntArray = state.chosen(state.node, games, agents)
         self.mask: BoolArray = state.chosen(state.alive, games, agents)
         self.turn = state.turn[games]
-        self._known = dict[str, IntArray]()
+        self._counts: IntArray | None = None
         self.draw = ArrayDraws(self._draw_keys, self.turn[:, None])
         self._whole = self.mask
         self._sights = dict[Hashable, VisibleAgentPairs]()
@@ -120,12 +120,12 @@ class ArrayView(Mapping[str, Any]):
     @property
     def counts(self) -> IntArray:
         """The number of legal nodes of each agent, including its own."""
-        if "counts" not in self._known:
+        if self._counts is None:
             counts = self._movement.counts(self.node, numbers_in(self, np.s_[:, :]))
-            self._known["counts"] = counts if self._state.flights is None else np.where(self._in_air, 1, counts)
+            self._counts = counts if self._state.flights is None else np.where(self._in_air, 1, counts)
             if self._deeds is not None:  # a strategy must not write to it
-                self._known["counts"] = locked(self._known["counts"])
-        return self._known["counts"]
+                self._counts = locked(self._counts)
+        return self._counts
 
     @property
     def flies(self) -> bool:
@@ -597,40 +597,6 @@ def observers_in(view: ArrayView) -> observe.Observers:
     return view._observers(view.mask, np.arange(len(view.games)) * len(view.agents))
 
 
-def lasting_in(
-    views: Sequence[ArrayView], agents: IntArray, others: int, mask: BoolArray, first: IntArray
-) -> tuple[Encoder, observe.Observers] | None:
-    """Return an encoder and observers for the games on all maps, which can be reused after any turn.
-
-    Args:
-        views: a view of the games on each map.
-        agents: numbers in the roster, in any order.
-        others: the number of other agents in a vector.
-        mask: (games, agents) the living agents, in rows of the output; it may change.
-        first: (games,) the first node of the map of each game, among the nodes of all maps; it may change.
-
-    Returns:
-        The encoder and the observers; None if they cannot be reused, because turns change other columns that affect
-        observations, or sensors differ between maps.
-    """
-    those = [view.of(agents) for view in views]
-    if not all(one._movement.are_plain(agents) and one._plain_looks() is not None for one in those):
-        return None
-    looks = [looks_of(one.roster, [True] * len(one.roster.names)) for one in those]
-    if any(one != looks[0] for one in looks):
-        return None
-    own = those[0]
-    streets = [one.streets for one in those]
-    xy = [one.columns.xy for one in streets]
-    sensors = strategies.SensorTable(*looks[0], len(own.roster.teams), flat(np.concatenate(xy), np.float64))
-    ends = np.cumsum(np.concatenate([one.counts for one in streets]))
-    legal = legal_of(np.concatenate(([0], ends)), np.concatenate([one.targets for one in streets]))
-    games = np.arange(len(mask))
-    numbers = flat(games, np.int64), flat(games * len(agents), np.int64)
-    observers = own._made_observers(mask, numbers, (_NO_CHOICES, *legal), (sensors, *_NO_PAIRS), first)
-    return Encoder(xy, len(own.roster.names), others, own._movement.width), observers
-
-
 class _LazyMapping(Mapping[str, T]):
     """A mapping of sensor or channel names to data for the agents of a view, computed on access."""
 
@@ -753,13 +719,26 @@ def writers_of(
         threads: the number of threads that write.
 
     Returns:
-        The writer; None if the core does not hold the observations in columns.
+        The writer; None if observations change with more than the columns of the core, or sensors differ between maps.
     """
-    first = np.cumsum([0, *(view.streets.num_nodes for view in views)])
+    those = [view.of(agents) for view in views]
+    if not all(one._movement.are_plain(agents) and one._plain_looks() is not None for one in those):
+        return None
+    looks = [looks_of(one.roster, [True] * len(one.roster.names)) for one in those]
+    if any(one != looks[0] for one in looks):
+        return None
+    own = those[0]
+    streets = [one.streets for one in those]
+    xy = [one.columns.xy for one in streets]
+    first = np.cumsum([0, *(one.num_nodes for one in streets)])
     first_node = first[maps]
     mask = np.zeros((len(maps), len(agents)), np.bool_)
-    found = lasting_in(views, agents, others, mask, first_node)
-    if found is None:
-        return None
+    sensors = strategies.SensorTable(*looks[0], len(own.roster.teams), flat(np.concatenate(xy), np.float64))
+    ends = np.cumsum(np.concatenate([one.counts for one in streets]))
+    legal = legal_of(np.concatenate(([0], ends)), np.concatenate([one.targets for one in streets]))
+    games = np.arange(len(maps))
+    numbers = flat(games, np.int64), flat(games * len(agents), np.int64)
+    observers = own._made_observers(mask, numbers, (_NO_CHOICES, *legal), (sensors, *_NO_PAIRS), first_node)
+    encoder = Encoder(xy, len(own.roster.names), others, own._movement.width)
     roads = [view._state.roads for view in views]
-    return VectorWriter(views[0]._state.alive, agents, mask, *found, first, first_node, roads, more, threads)
+    return VectorWriter(own._state.alive, agents, mask, encoder, observers, first, first_node, roads, more, threads)

@@ -11,7 +11,7 @@ import numpy as np
 
 from gamms.errors import BadValue, UnknownName
 from gamms.game.array_functions.given import OutsideActions, OutsideActor
-from gamms.game.array_functions.view import ArrayView
+from gamms.game.array_functions.view import ArrayView, asked_view
 from gamms.game.batch_engine import BatchEngine
 from gamms.game.block.columns import AgentTable, PlayedGame
 from gamms.game.block.sensing import note_sensors, note_sights
@@ -136,11 +136,9 @@ class SeparateGames:
         self.observe(self.going)
         for state, games in self._engine.by_map(np.array(self.going)):
             for team, one in given.items():
-                self._check(ArrayView(state, games, one.agents(self._roster, team)), one, f"team {shown(team)}")
+                self._check(asked_view(state, games, one.agents(self._roster, team)), one, f"team {shown(team)}")
 
     def _check(self, view: ArrayView, given: OutsideActions, by: str) -> None:
-        view._deeds = []
-        view._outboxes = []
         given.act(view)
         if given.may_stay:
             return
