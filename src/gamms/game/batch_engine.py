@@ -350,7 +350,7 @@ class GamesOnOneMap:
                 turn = int(state.turn[game])
                 if self._is_strict:
                     raise IllegalAction(f"Agent {state.roster.name(agent)} in turn {turn}: {error}") from error
-                self.note_unsent(Failure.illegal(game, agent, f"{type(error).__name__}: {error}"), turn)
+                state.refuse(Failure.illegal(game, agent, f"{type(error).__name__}: {error}"), turn)
 
     def fly(self, games: IntArray, part: int) -> None:
         """Move the flying agents in a part of the turn, after the others have moved."""
@@ -439,12 +439,6 @@ class GamesOnOneMap:
             self.core.note_late_deeds(one.at, one.agents)
         if state.deed_log is not None and not self.core.arrival:
             state.deed_log.want(state.deeds, deeds, state.turn)
-
-    def note_unsent(self, flaw: Failure, turn: int) -> None:
-        """Note that an agent could not send a message in a turn."""
-        self.state.note_failure(flaw, turn)
-        if self.cursor is not None:
-            self.cursor.note_undone(flaw)
 
     def send(self, games: IntArray) -> None:
         """Send the messages of these games, in which all agents have moved."""
@@ -872,7 +866,7 @@ class BatchEngine:
         for one in illegal if is_later else ():
             self._maps[self._map_of[one.game]].core.forget_late_deeds(one.game, one.agent)
         for flaw in [one for one in flaws if (one.game, one.agent) not in failed]:
-            self._maps[self._map_of[flaw.game]].note_unsent(flaw, int(turns[flaw.game]))
+            self._maps[self._map_of[flaw.game]].state.refuse(flaw, int(turns[flaw.game]))
 
     def _play_arrivals(
         self, playing: BoolArray, part: int, play: Callable[[int], None], ask: Callable[[BoolArray, int], None]

@@ -571,6 +571,11 @@ class GameArrays:
         when = int(self.turn[game]) if turn is None else turn
         self.errors[game].append({"turn": when, "agent": name, "kind": kind, "message": message})
 
+    def refuse(self, failure: Failure, turn: int) -> None:
+        """Note a failure in a turn, and inform the agent."""
+        self.note_failure(failure, turn)
+        self.tell(failure)
+
     def purposes(self, *purpose: str | int) -> BitArray:
         """Return the hash of each game's seed and a purpose, (games,); see `kernels.purpose_key`."""
         return self.several_purposes(purpose)[:, 0]
