@@ -25,7 +25,7 @@ cdef class Paths:
 cpdef double widened(double far) except? -1.0 nogil
 @cython.locals(left=i64, visited=i64, latest=double, number=i64, node=i64, arc=i64)
 cpdef i64 find(
-    Arcs arcs, Paths paths, const i64[::1] roots, const i64[::1] goals, i64 most, double within, bint is_nearest
+    Arcs arcs, Paths paths, const i64[::1] roots, const i64[::1] goals, i64 most, double within, double least, bint is_nearest
 ) except -2 nogil
 @cython.locals(left=i64, number=i64)
 cdef i64 list_goals(travel.ReachSearch reach, const i64[::1] goals) except -1 nogil
@@ -40,8 +40,9 @@ cdef class PathTables:
     cdef const i64[::1] ids
     cdef Arcs arcs
     cdef Paths paths
-    cdef i64[::1] tables, targets, following, root, goal
-    cdef double[::1] far
+    cdef i64[::1] tables, targets, root, goal
+    cdef int[::1] following
+    cdef double[::1] far, radius
     cdef readonly i64 count
 
     @cython.locals(nodes=i64, table=i64, place=i64)
@@ -51,7 +52,7 @@ cdef class PathTables:
         const i64[::1] tails,
         const double[::1] costs,
         double[::1] far,
-        i64[::1] following,
+        int[::1] following,
         const i64[::1] moved,
     )
 
@@ -59,7 +60,7 @@ cdef class PathTables:
     cdef Py_ssize_t place(self, i64 node, i64 target) except -1 nogil
     @cython.locals(table=i64, first=i64, node=i64)
     cdef int begin(self, i64 place) except -1 nogil
-    @cython.locals(first=i64, is_whole=bint, number=i64, at=i64, place=i64)
+    @cython.locals(table=i64, first=i64, least=double, is_whole=bint, number=i64, at=i64, place=i64)
     cdef int find(self, i64 target, i64 node) except -1 nogil
     cdef int fill(self, i64 target) except -1 nogil
     cdef double distance(self, i64 node, i64 target) except? -1.0 nogil

@@ -76,6 +76,7 @@ def find(
     goals: memoryview[int],
     most: int,
     within: float,
+    least: float,
     is_nearest: bool,
 ) -> int:
     """Visit nodes by distance from the roots until all goals are visited; return the number of visits, or -1.
@@ -87,6 +88,7 @@ def find(
         goals: rows of nodes; -1 stands for a goal that is never visited.
         most: the maximum number of visits; -1 is returned if more are necessary.
         within: the maximum distance; nodes beyond are not reached.
+        least: the distance up to which nodes are visited even after all goals; below 0: none are.
         is_nearest: whether to stop after the nearest goals, including ties up to rounding.
     """
     left = list_goals(paths.reach, goals)
@@ -98,7 +100,7 @@ def find(
         travel.reach_node(paths.reach, roots[number], 0.0, 0)
     visited = 0
     latest = INFINITE
-    while paths.reach.size > 0 and left > 0 and paths.reach.when[paths.reach.heap[0]] <= latest:
+    while paths.reach.size > 0 and paths.reach.when[paths.reach.heap[0]] <= (latest if left > 0 else least):
         if visited >= most:
             visited = -1
             break
@@ -176,6 +178,7 @@ class PathTables:
         targets: (room,) the place of the target of each table; -1: the map is no longer used.
         far: (room * nodes,) the distance from each node to the target; infinity: no path.
         following: (room * nodes,) the next node on the path.
+        radius: (room,) the distance up to which paths to the target are known.
         count: the number of tables.
     """
 
@@ -195,6 +198,7 @@ class PathTables:
         self.goal = memoryview(array("q", [0]))
         self.tables = memoryview(array("q"))
         self.targets = memoryview(array("q"))
+        self.radius: memoryview[float] = memoryview(array("d"))
         self.count = 0
         self.take(offsets, tails, costs, far, following, self.targets)
 
@@ -219,22 +223,24 @@ class PathTables:
         self.following = following
         self.tables = memoryview(array("q", [-1] * (len(offsets) - 1)))
         targets = memoryview(array("q", bytes(8 * (len(far) // nodes))))
+        radius: memoryview[float] = memoryview(array("d", bytes(8 * (len(far) // nodes))))
         for table in range(self.count):
             place = self.targets[table]
             targets[table] = -1
+            radius[table] = self.radius[table]
             if place >= 0 and moved[place // nodes] >= 0:
                 targets[table] = moved[place // nodes] + place % nodes
                 self.tables[targets[table]] = table
         self.targets = targets
+        self.radius = radius
 
     def place(self, node: int, target: int) -> int:
         """Return the index in `far` and `following` for a path from a node to a target."""
         if self.tables[self.arcs.first + target] < 0:
             self.begin(self.arcs.first + target)
-            self.find(target, node)
         place = self.tables[self.arcs.first + target] * len(self.ids) + node
         if self.far[place] == NOT_KNOWN:
-            self.find(target, -1)
+            self.find(target, node)
         return place
 
     def begin(self, place: int) -> int:
@@ -246,6 +252,7 @@ class PathTables:
             self.count = 0
         self.tables[place] = self.count
         self.targets[self.count] = place
+        self.radius[self.count] = 0.0
         first = self.count * len(self.ids)
         self.count += 1
         for node in range(len(self.ids)):
@@ -253,15 +260,22 @@ class PathTables:
         return 0
 
     def find(self, target: int, node: int) -> int:
-        """Search paths to a target from all nodes up to the distance of a node; -1: from all nodes."""
-        first = self.tables[self.arcs.first + target] * len(self.ids)
+        """Search paths to a target from all nodes up to the distance of a node; -1: from all nodes.
+
+        Each search of a target goes at least twice as far as the one before, so that there are few of them.
+        """
+        table = self.tables[self.arcs.first + target]
+        first = table * len(self.ids)
         self.root[0] = target
         self.goal[0] = node
-        find(self.arcs, self.paths, self.root, self.goal, len(self.ids), INFINITE, False)
+        least = 2.0 * self.radius[table]
+        find(self.arcs, self.paths, self.root, self.goal, len(self.ids), INFINITE, least, False)
         is_whole = self.paths.reach.size == 0
+        if not is_whole:
+            self.radius[table] = self.paths.reach.when[self.paths.reach.heap[0]]
         for number in range(self.paths.count):
             at = self.paths.reach.seen[number]
-            if is_whole or at == node or self.paths.reach.when[at] < self.paths.reach.when[node]:
+            if is_whole or at == node or self.paths.reach.when[at] < self.radius[table]:
                 self.far[first + at] = self.paths.reach.when[at]
                 self.following[first + at] = self.paths.before[at]
         if is_whole:

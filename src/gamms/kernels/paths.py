@@ -13,6 +13,7 @@ from gamms.ir.graph import FloatArray, IntArray
 
 _MANY = 1 << 62  # nodes: more than any graph has
 _NEVER = np.array([-1])  # a goal that is never reached, so that all nodes are searched
+_NO_FARTHER = -1.0  # the search ends at its last goal
 
 
 class Arcs(NamedTuple):
@@ -101,7 +102,7 @@ class Search:
     def find(self, roots: IntArray, *, within: float = inf) -> SearchResult:
         """Find all nodes within a distance of the nearest of some roots, given as rows."""
         scratch = self._taken()
-        routes.find(self._arcs, scratch.core, roots.data, _NEVER.data, _MANY, within, False)
+        routes.find(self._arcs, scratch.core, roots.data, _NEVER.data, _MANY, within, _NO_FARTHER, False)
         rows = scratch.seen[: scratch.core.count].copy()
         found = SearchResult(rows, scratch.far[rows], scratch.last[rows], scratch.before[rows])
         self._release(scratch)
@@ -120,7 +121,7 @@ class Search:
                 may be infinite.
         """
         scratch = self._taken()
-        visited = routes.find(self._arcs, scratch.core, roots.data, goals.data, most, inf, is_nearest)
+        visited = routes.find(self._arcs, scratch.core, roots.data, goals.data, most, inf, _NO_FARTHER, is_nearest)
         found = scratch.far[goals]
         self._release(scratch)
         return found, visited
@@ -129,7 +130,7 @@ class Search:
         """Return the shortest path between a node and a root; `visited` is -1 if it needs more than `most` nodes."""
         scratch = self._taken()
         ends = np.array([root, row])
-        visited = routes.find(self._arcs, scratch.core, ends[:1].data, ends[1:].data, most, within, False)
+        visited = routes.find(self._arcs, scratch.core, ends[:1].data, ends[1:].data, most, within, _NO_FARTHER, False)
         path = ShortestPath([], [], visited)
         if visited >= 0 and scratch.far[row] < inf:
             rows = scratch.path[: routes.trace(scratch.core, row)]

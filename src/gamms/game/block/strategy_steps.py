@@ -23,7 +23,6 @@ from gamms.typing import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor
 
-_MOST_BYTES = 128 * 2**20  # of the tables of ways of one thread
 MOST_LOOKING = 1024  # agents that are compared with each other; among more, sensors find those that are near by cells
 _LEAST = 1e-150
 _MOST = 1e150  # radii whose squares are neither zero nor infinite
@@ -183,7 +182,7 @@ class StrategySteps:
         """Return the strategies for the thread of this number."""
         if thread == len(self._ways):
             arcs = self._state.roads.arcs_of(self._maps, "length", reverse=True)
-            self._ways.append(PathTables(self._state.streets.columns.node_ids, arcs, _MOST_BYTES))
+            self._ways.append(PathTables(self._state.streets.columns.node_ids, arcs))
         keys = flat(self._state.draw_keys(), np.uint64)
         memory = self._memory.reshape(-1).data
         return strategies.Strategies(games, self._steps, self._ways[thread].core, self._looks, keys, memory)

@@ -16,7 +16,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.kernels import buffer
 
 _MOST_BYTES = 512 * 2**20  # of the tables of one graph, and of the other graphs' tables in the cache
-_BYTES = 16  # of a node in a table
+_BYTES = 12  # of a node in a table
 
 
 _lock = RLock()  # one batch at a time reads and extends tables
@@ -42,19 +42,18 @@ def shared_routes(streets: StreetGraph, weight: str | None) -> "RouteTable":
 class PathTables:
     """Tables of the shortest paths from all nodes to target nodes; the core fills each table on first use.
 
-    When a table does not fit into memory, all older ones are dropped and found again on demand.
+    When the tables would exceed 512 MB, all older ones are dropped and found again on demand.
 
     Args:
         ids: (nodes,) the ids of the nodes.
         arcs: offsets, source nodes and weights of the edges into each node, of one map or of several in sequence.
-        most_bytes: the maximum memory of the tables.
     """
 
-    def __init__(self, ids: IntArray, arcs: tuple[Any, Any, Any], most_bytes: int) -> None:
+    def __init__(self, ids: IntArray, arcs: tuple[Any, Any, Any]) -> None:
         self._nodes = len(ids)
-        self._most = max(1, most_bytes // (_BYTES * max(1, self._nodes)))
+        self._most = max(1, _MOST_BYTES // (_BYTES * max(1, self._nodes)))
         self._far: FloatArray = np.zeros((0, self._nodes))
-        self._following: IntArray = np.zeros((0, self._nodes), np.int64)
+        self._following = np.zeros((0, self._nodes), np.int32)
         paths = routes.Paths(ReachableNodes(self._nodes).core, *map(buffer, np.zeros((3, self._nodes), np.int64)))
         self.core = routes.PathTables(buffer(ids), *arcs, paths, *self._with_room(arcs))
 
@@ -83,7 +82,7 @@ def _longer(tables: np.ndarray[Any, Any], room: int) -> Any:
 class RouteTable:
     """Distances to targets and actions that lead there, for arrays of agents.
 
-    The first query of a target finds the paths from every node to it, which take 16 bytes for each node of the map.
+    The first query of a target finds the paths from every node to it, which take 12 bytes for each node of the map.
     When the tables of a graph would exceed 512 MB, they are dropped and found again on demand.
 
     Args:
@@ -96,7 +95,7 @@ class RouteTable:
         self._streets = streets.apart()
         arcs = streets.ways(weight) if from_sources else streets.ways_to(weight)
         columns = buffer(arcs.offsets), buffer(arcs.ends), buffer(arcs.weights)
-        self._paths = PathTables(streets.columns.node_ids, columns, _MOST_BYTES).core
+        self._paths = PathTables(streets.columns.node_ids, columns).core
 
     @property
     def nbytes(self) -> int:
