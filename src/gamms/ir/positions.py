@@ -129,7 +129,7 @@ class Positions:
         self._catch_up()
         return self._node_ids
 
-    def node_ids_of(self, rows: list[int]) -> IntArray:
+    def node_ids_of(self, rows: Sequence[int] | IntArray) -> IntArray:
         """Return the node ids of some agents (rows,), at a cost independent of the number of other agents."""
         found: IntArray = np.asarray(self.nodes).take(rows)
         return found

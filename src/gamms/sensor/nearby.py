@@ -3,7 +3,7 @@
 `SensorCaches` holds all caches that the built-in sensors of a context share.
 """
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from itertools import compress
 from math import inf
 from typing import NamedTuple
@@ -81,9 +81,6 @@ class NearbyAgents:
         self._ctx = ctx
         self._phase = phase_of(ctx)
         self._graph: IGraph | None = None
-        self._key: tuple[Positions | None, int, int | None] = (None, 0, None)
-        self._places: FloatArray | None = None
-        self._coordinates: Coordinates | None = None  # at these places
         self._travellers = AgentsOnEdges(ctx)
         self._positions: Positions | None = None  # that were entered last
         self._moved_since: ChangeLog | None = None
@@ -95,41 +92,6 @@ class NearbyAgents:
         self.places_of_nodes = NodePositions(ctx)
         self._agents = sight.AgentPositions(self.places_of_nodes)
         self._sights: dict[float, sight.RangeSearch] = {}
-
-    def places(self) -> FloatArray:
-        """Return the positions of all agents (agents, 2); agents on an edge are between its ends.
-
-        Raises:
-            UnknownName (KeyError): the node of an agent was removed.
-        """
-        positions = self._ctx.agent.positions
-        graph = self._ctx.graph.graph
-        key = (positions, positions.version, graph.revision)
-        if self._places is None or graph.revision is None or key != self._key:
-            xy = self._xy_of(positions)
-            for row in positions.travellers:
-                xy[row] = self._travellers.place(positions, row) or xy[row]
-            self._places = xy
-            self._key = key
-            self._coordinates = None
-        return self._places
-
-    def coordinates(self) -> Coordinates:
-        """Return the 3D positions of all agents.
-
-        Raises:
-            UnknownName (KeyError): the node of an agent was removed.
-        """
-        xy = self.places()
-        positions = self._ctx.agent.positions
-        if self._coordinates is None:
-            # An agent on an edge has the height and the tunnel of the last node that it passed.
-            xyz, is_on_surface = on_ground(self._ctx, positions.node_ids, xy)
-            is_flying = np.zeros(len(xy), np.bool_)
-            xyz[positions.flyers] = positions.flyer_xyz
-            is_flying[positions.flyers] = True
-            self._coordinates = Coordinates(xyz, is_flying, is_on_surface | is_flying)
-        return self._coordinates
 
     def living_near(self, x: float, y: float, radius: float) -> IntArray:
         """Return the rows of the living agents above and below a disc, ascending; other living agents may be included.
@@ -145,12 +107,30 @@ class NearbyAgents:
         return np.array(sorted(rows.difference(positions.inactive)), np.int64)
 
     def in_space(self, rows: IntArray) -> Coordinates:
-        """Return the 3D positions of some agents, (rows,)."""
-        return self.coordinates().of(rows)
+        """Return the 3D positions of some agents, (rows,).
 
-    def xy(self, rows: list[int]) -> FloatArray:
-        """Return the map positions of some agents (rows, 2)."""
-        return self.places()[rows]
+        Raises:
+            UnknownName (KeyError): the node of an agent was removed.
+        """
+        positions = self._ctx.agent.positions
+        # An agent on an edge has the height and the tunnel of the last node that it passed.
+        xyz, is_on_surface = on_ground(self._ctx, positions.node_ids_of(rows), self.xy(rows))
+        is_flying = np.isin(rows, positions.flyers)
+        xyz[is_flying] = positions.flyer_xyz[np.searchsorted(positions.flyers, rows[is_flying])]
+        return Coordinates(xyz, is_flying, is_on_surface | is_flying)
+
+    def xy(self, rows: Sequence[int] | IntArray) -> FloatArray:
+        """Return the map positions of some agents (rows, 2); agents on an edge are between its ends.
+
+        Raises:
+            UnknownName (KeyError): the node of an agent was removed.
+        """
+        positions = self._ctx.agent.positions
+        xy = self._ctx.graph.graph.positions(positions.node_ids_of(rows))
+        for number, row in enumerate(rows if positions.travellers else ()):
+            if row in positions.travellers:
+                xy[number] = self._travellers.place(positions, int(row)) or xy[number]
+        return xy
 
     def by_name(self, place: Place, radius: float, own: str | None) -> dict[str, int]:
         """Return a fresh dict of the living agents within a radius of a place: name -> reported value.
@@ -287,8 +267,8 @@ class NearbyAgents:
             self._agents.fill(positions.noted_names(), nodes)
         except UnknownName:
             self._revision = None
-            self._xy_of(positions)  # raises an error that names the agent
-            raise
+            lost = next(row for row, node in enumerate(nodes) if not self._ctx.graph.graph.has_node(node))
+            raise UnknownName(f"node under agent {positions.names[lost]!r}:", nodes[lost]) from None
         inactive = positions.inactive
         travellers = positions.travellers
         for row in {*inactive, *travellers} if inactive or travellers else ():
@@ -303,16 +283,6 @@ class NearbyAgents:
             self._agents.put(row, nodes[row], is_seen=_is_on_node(positions, row))
             for one in sights:
                 one.move(row)
-
-    def _xy_of(self, positions: Positions) -> FloatArray:
-        """Return the positions of the last nodes of all agents (agents, 2)."""
-        graph = self._ctx.graph.graph
-        nodes = positions.node_ids
-        try:
-            return graph.positions(nodes)
-        except UnknownName:
-            lost = next(i for i, node in enumerate(nodes.tolist()) if not graph.has_node(node))
-            raise UnknownName(f"node under agent {positions.names[lost]!r}:", int(nodes[lost])) from None
 
 
 def _is_on_node(positions: Positions, row: int) -> bool:
