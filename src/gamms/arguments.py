@@ -262,6 +262,7 @@ def shown_as_called(make: Callable[P, F]) -> Callable[P, F]:
         made: Any = update_wrapper(DescribedFunction(function), function)
         del made.__wrapped__
         made.__name__ = getattr(function, "__name__", make.__name__)
+        made.__qualname__ = f"{make.__qualname__}.<locals>.{made.__name__}"  # not of a factory that this one calls
         given = [*(words if args else ()), *map(as_code, args[len(words) :])]
         named = [f"{name}={name if name in words else as_code(value)}" for name, value in kwargs.items()]
         made.call = f"{make.__name__}({', '.join([*given, *named])})"

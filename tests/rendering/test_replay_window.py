@@ -68,14 +68,14 @@ def test_what_happens_is_said_in_the_window_of_a_replay_unless_it_is_turned_off(
     monkeypatch.setattr(
         WindowEngine,
         "handle_single_draw",
-        lambda engine: found.append(engine.overlay.has_captions) or engine.quit(),
+        lambda engine: found.append((engine.overlay.has_captions, engine.overlay.labels)) or engine.quit(),
     )
     if is_command:
         options = [] if has_captions else ["--no-captions"]
         assert CliRunner().invoke(app, ["replay", str(recording), "--window", *options]).exit_code == 0
     else:
         recordings.watch(recording, captions=has_captions)
-    assert found == [has_captions]
+    assert found == [(has_captions, "auto")]
 
 
 def is_in_view(engine):

@@ -73,6 +73,14 @@ def test_who_is_tagged_on_its_way_reaches_nothing_behind_or_before(road):
     assert [event["kind"] for event in ctx.game.events] == ["tag", "respawned"]
 
 
+@pytest.mark.parametrize(("order", "winner"), [(1, None), (-1, "red")], ids=["tag first", "reach first"])
+def test_rules_are_called_in_the_order_in_which_they_were_added(road, order, winner):
+    ctx = road(r=("red", 2, 3), b=("blue", 3))
+    for rule in [tag("blue", "red", then="eliminate"), reach("red", 3)][::order]:
+        ctx.game.add(rule)
+    assert ctx.game.run(1).winner == winner
+
+
 @pytest.mark.parametrize("winner", ["blue", None])
 def test_who_wins_by_time_may_be_said(road, winner):
     ctx = road(r=("red", 2), b=("blue", 4))

@@ -11,6 +11,7 @@ import gamms
 from gamms import recorder, web
 from gamms.visual.artist import ArtistGroup
 from gamms.visual.themes import THEMES
+from gamms.web.knowledge import AgentFacts
 from gamms.web.streams import Streams
 
 
@@ -55,6 +56,20 @@ def drawn(ctx, theme):
     with ctx.visual.drawing.themed(THEMES[theme]):
         found = {name: ArtistGroup(ctx, {name: one}).commands() for name, one in ctx.visual.artists.signs().items()}
     return {name: (one.color, one.points) for name, one in found.items() if len(one)}
+
+
+def test_a_strategy_is_called_as_the_function_that_the_program_called():
+    stream = io.BytesIO()
+    with gamms.create_context(seed=2) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+        ctx.agent.create_agent("anna", start_node_id=0, strategy=gamms.strategies.patrol(ctx, [0, 1]))
+        ctx.record.start(stream)
+        ctx.game.step()
+        ctx.record.stop()
+    stream.seek(0)
+    with recorder.open(stream) as recording:
+        facts = AgentFacts(recording.detached(1)).changes(None, 1)
+        assert {key: words for _, _, key, words in facts}["strategy"].endswith(":patrol")
 
 
 def test_signs_of_each_turn_are_those_of_pictures_in_both_themes(played):
