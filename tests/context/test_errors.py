@@ -81,20 +81,6 @@ def test_what_is_no_path_is_named(wrong):
                 call(ctx)
 
 
-def test_a_map_wants_a_context():
-    with pytest.raises(errors.BadType, match="helsinki takes a context"):
-        gamms.osm.helsinki(None)
-
-
-def test_an_unknown_node_is_answered_with_the_nodes_that_there_are():
-    ctx = gamms.create_context()
-    ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
-    with pytest.raises(errors.UnknownName, match=r"Unknown node 99\. There are: 0, 1, 2, 3\."):
-        ctx.agent.create_agent("anna", start_node_id=99)
-    with pytest.raises(errors.UnknownName, match=r"Unknown node 99\. There are: 0, 1, 2, 3\."):
-        ctx.graph.graph.get_node(99)
-
-
 def test_a_misspelt_package_has_the_name_that_python_guesses_by():
     with pytest.raises(AttributeError) as caught:
         gamms.strategy  # noqa: B018 - the attribute is asked for
