@@ -155,8 +155,8 @@ def drawn_looks(artists: Mapping[str, IArtist]) -> tuple[list[str], FloatArray]:
 
 
 def _look_of(artist: IArtist) -> AgentData | AgentLooks | None:
-    data = getattr(artist, "data", None)
-    look = data.get("agent_data", data.get("looks")) if isinstance(data, dict) and artist.get_visible() else None
+    data = data_of(artist) if artist.get_visible() else {}
+    look = data.get("agent_data", data.get("looks"))
     return look if isinstance(look, AgentData | AgentLooks) else None
 
 
@@ -201,9 +201,8 @@ class ArtistGroup:
         for layer, are_discs, members in self._steps:
             commands.layer = layer
             for _, artist in members:
-                data = getattr(artist, "data", None)
-                if isinstance(data, dict) and artist.get_artist_type() is ArtistType.DYNAMIC:
-                    data["_alpha"] = share
+                if artist.get_artist_type() is ArtistType.DYNAMIC:
+                    data_of(artist)["_alpha"] = share
             if not (are_discs and self._draw_discs(members, share)):
                 self._draw_singly(members)
 
@@ -234,8 +233,9 @@ def _is_disc(ctx: IContext, artist: IArtist) -> bool:
 
 
 def data_of(artist: IArtist) -> dict[str, Any]:
-    """Return the data of an artist."""
-    return artist.data
+    """Return the data of an artist; an artist of a program may have none."""
+    data = getattr(artist, "data", None)
+    return data if isinstance(data, dict) else {}
 
 
 def state_of(name: str, artist: IArtist) -> Any:

@@ -1,7 +1,7 @@
 """Captions: sentences for events and for the end of a game, shared by films, windows and commands."""
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from gamms.ir.events import DECISIONS
@@ -45,6 +45,9 @@ ALL_PLAYED = "all turns are played"
 _REASONS = {"max_turns": ALL_PLAYED}
 
 
+UNMARKED = frozenset({"tag", "respawned", *DECISIONS})  # kinds of events that are too frequent for a timeline
+
+
 class Caption(NamedTuple):
     """A sentence, and the agent or the team that it is about."""
 
@@ -69,6 +72,16 @@ def captions_of(events: Iterable[Mapping[str, Any]]) -> list[Caption]:
         else:
             found[None if agent is None else as_text(agent), kind] = []
     return [Caption(_sentence(agent, kind, predicates), agent) for (agent, kind), predicates in found.items()]
+
+
+def rises(scores: Mapping[Any, Any], before: dict[str, float]) -> Iterator[Caption]:
+    """Yield a caption for each score that is larger than before, then store the scores as those before."""
+    now = {as_text(of): score for of, score in dict(scores).items() if isinstance(score, int | float)}
+    for of, score in now.items():
+        if score > before.get(of, 0):
+            yield Caption(f"{of} {as_digits(score)}", of)
+    before.clear()
+    before.update(now)
 
 
 def _sentence(agent: str | None, kind: str, predicates: list[str]) -> str:

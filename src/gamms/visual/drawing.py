@@ -615,6 +615,11 @@ class Drawing:
         found: Measured = known[measure]
         return found
 
+    def map_version(self) -> tuple[int | None, int | None]:
+        """Return a key that changes with the graph and the obstacles; parts that do not count changes give None."""
+        graph = self._ctx.graph
+        return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None)
+
     def render_discs(
         self,
         centers: Points,

@@ -327,8 +327,7 @@ class Frames:
 
     def _world(self) -> Any:
         """Return a key that changes with the graph, the obstacles or the theme."""
-        graph = self.ctx.graph
-        return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None), self._style.theme
+        return self._source.drawing.map_version(), self._style.theme
 
     def _view(self, share: float) -> tuple[Camera, Point | None]:
         """Return the camera, and the corner of the map where it is in the picture as a whole."""

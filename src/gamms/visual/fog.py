@@ -108,7 +108,7 @@ class Fog:
 
     def _may_show(self, artist: IArtist) -> bool:
         """Return whether an artist shows a visible agent, or something independent of visibility."""
-        look = data_of(artist).get("agent_data") if isinstance(getattr(artist, "data", None), dict) else None
+        look = data_of(artist).get("agent_data")
         return look.name not in self.hidden if isinstance(look, AgentData) else artist.get_drawer() in _OPEN
 
     # -- knowledge ---------------------------------------------------------------------------------------

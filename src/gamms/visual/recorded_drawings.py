@@ -117,8 +117,7 @@ class RecordedDrawings:
             return found | self._plain.get(name, {})
         if artist.get_artist_type() is not ArtistType.STATIC:
             return found | self._drawn(name, artist)
-        graph = self._ctx.graph
-        key = getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None), state_of(name, artist)
+        key = drawing_of(self._ctx).map_version(), state_of(name, artist)
         known = self._static.get(name)
         if known is None or known[0] != key:
             known = key, self._drawn(name, artist)

@@ -14,17 +14,17 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.ir import events as kinds
-from gamms.ir.events import DECISIONS, Log, events_of
+from gamms.ir.events import Log, events_of
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.packing import to_bytes
 from gamms.plain import Plain, is_same
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.replaying import Replayer
 from gamms.recorder.resuming import opened_context
-from gamms.text import as_digits, as_text
+from gamms.text import as_text
 from gamms.typing import IArtist
 from gamms.visual.artist import ArtistGroup, state_of
-from gamms.visual.captions import captions_of, ending
+from gamms.visual.captions import UNMARKED, captions_of, ending, rises
 from gamms.visual.drawers.marks import drawn_marks
 from gamms.visual.drawers.rules import teams_of_rules
 from gamms.visual.legend import LegendRow, blocks_of, plain_block
@@ -49,7 +49,6 @@ from gamms.web.knowledge import AgentFacts, KnowledgeTracker, SensedTurn, sides_
 
 _STEPS = 1 << 15  # parts of the larger side of the map, some centimetres for a city
 _PIXEL_STEP = 2.0**-4
-_UNMARKED = {"tag", "respawned", *DECISIONS}  # kinds of events that are too frequent to be marked on the timeline
 _SIGNS = {  # characters for the signs of legends
     "flag": "⚑",
     "ring": "○",
@@ -389,23 +388,16 @@ class Painter:
             if kind in (kinds.GAME_EVENT, kinds.USER_EVENT):
                 events.append(data)
             elif kind == kinds.GAME_SCORES:
-                later += self._rises(data["scores"])
+                risen = rises(data["scores"], self._scores)
+                later += [{"words": words, "agent": of, "major": True, "marked": True} for words, of in risen]
             elif kind == kinds.GAME_OVER and data:
                 winner = data.get("winner")
                 agent = None if winner is None else as_text(winner)
                 later.append({"words": ": ".join(ending(data)), "agent": agent, "major": True, "marked": True})
-        is_marked = any(event.get("kind") not in _UNMARKED for event in events)
+        is_marked = any(event.get("kind") not in UNMARKED for event in events)
         for words, name in captions_of(events):
             yield {"words": words, "agent": None if name is None else str(name), "major": False, "marked": is_marked}
         yield from later
-
-    def _rises(self, scores: Mapping[Any, float]) -> Iterator[Drawn]:
-        """Yield captions of increased scores."""
-        now = {as_text(of): score for of, score in dict(scores).items() if isinstance(score, int | float)}
-        for of, score in now.items():
-            if score > self._scores.get(of, 0):
-                yield {"words": f"{of} {as_digits(score)}", "agent": of, "major": True, "marked": True}
-        self._scores = now
 
 
 def _step(columns: GraphColumns) -> float:

@@ -19,7 +19,7 @@ from gamms.typing import ArtistType, IContext, ISensor
 from gamms.typing.recorder import IPlayback, Step
 from gamms.typing.visualization_engine import AgentVisual, GraphVisual, IVisualizationEngine, SensorVisual
 from gamms.visual.appearance import Color, GraphData, color_group
-from gamms.visual.artist import Artist, ArtistGroup
+from gamms.visual.artist import Artist, ArtistGroup, data_of
 from gamms.visual.backends.pygame_backend import Canvas, hold_image, load
 from gamms.visual.camera import Camera, is_near
 from gamms.visual.compat import RenderManager, WindowNames
@@ -498,8 +498,9 @@ class WindowEngine(WindowNames, PictureEngine):
     def _draw(self, group: ArtistGroup, share: float) -> DrawCommands:
         self.drawer_surface = None
         for artist in group.artists:
-            if isinstance(getattr(artist, "data", None), dict) and "agent_data" in artist.data:
-                artist.data["_waiting_simulation"] = self.pace.is_showing
+            data = data_of(artist)
+            if "agent_data" in data:
+                data["_waiting_simulation"] = self.pace.is_showing
         commands = group.commands(share)
         self._scene.note_overlay(group.artists, self.drawer_surface)
         if self.drawer_surface is not None:
@@ -509,9 +510,7 @@ class WindowEngine(WindowNames, PictureEngine):
 
     def _world(self) -> Any:
         """Return a key of the inputs of STATIC artists; custom painting also depends on the camera."""
-        graph = self.ctx.graph
-        seen = self.camera.camera() if self._has_painters else None
-        return getattr(graph.graph, "revision", None), getattr(graph, "obstacle_revision", None), seen
+        return self.drawing.map_version(), self.camera.camera() if self._has_painters else None
 
     def _budget(self) -> FrameBudget:
         now = monotonic()

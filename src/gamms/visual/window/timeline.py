@@ -9,7 +9,7 @@ from gamms.text import as_text
 from gamms.visual.appearance import Rgb, Rgba
 from gamms.visual.backends.pygame_backend import Canvas, load
 from gamms.visual.camera import Point
-from gamms.visual.captions import captions_of, ending
+from gamms.visual.captions import UNMARKED, captions_of, ending, rises
 from gamms.visual.themes import Theme
 from gamms.visual.window.panels import EDGE_PX, FONT_PX, plain_panel, text_px
 
@@ -25,7 +25,6 @@ _MAJOR_PX = (4, 18)
 _MINOR_PX = (2, 10)
 _NEAR_PX = 5  # from the pointer to a mark that it is on
 _MOST_WORDS = 4  # marks that are explained at once
-_UNMARKED = "tag", "respawned"  # kinds of events that are too many
 
 
 class TimelineMark(NamedTuple):
@@ -65,7 +64,8 @@ class Timeline:
     def add(self, turn: int, highlight: Mapping[str, Any]) -> None:
         """Add an event of a rule, `scores`, or the end, which is `over`."""
         if "scores" in highlight:
-            self._add_scores(turn, highlight["scores"])
+            for words, of in rises(highlight["scores"], self.scores):
+                self._marks.append(TimelineMark(turn, self._team_of(str(of)) or of, words, True))
         elif "over" in highlight:
             over = highlight["over"]
             winner = over.get("winner") if over else None
@@ -73,18 +73,9 @@ class Timeline:
                 self._marks.append(
                     TimelineMark(turn, None if winner is None else as_text(winner), ending(over)[0], True)
                 )
-        elif highlight.get("kind") not in _UNMARKED:
+        elif highlight.get("kind") not in UNMARKED:
             for words, agent in captions_of([highlight]):
                 self._marks.append(TimelineMark(turn, None if agent is None else self._team_of(agent), words, False))
-
-    def _add_scores(self, turn: int, scores: Any) -> None:
-        for of, score in dict(scores).items():
-            name = str(of)
-            before = self.scores.get(str(of), 0)
-            if isinstance(score, int | float):
-                self.scores[name] = score
-                if score > before:
-                    self._marks.append(TimelineMark(turn, self._team_of(name) or name, f"{name} {score:g}", True))
 
     # -- on the screen -----------------------------------------------------------------------------------------
 
