@@ -1,5 +1,7 @@
 """Questions to people: numbers, clicks, flights, and a window that is closed instead of an answer."""
 
+from itertools import count
+
 import pytest
 
 import gamms
@@ -36,18 +38,19 @@ def test_a_digit_chooses_where_no_longer_number_is_meant(ctx, person):
 
 
 def test_the_panel_of_the_one_who_is_asked_covers_no_choice(open_window, person, monkeypatch):
-    ctx = open_window(is_empty=True)
+    ctx = open_window(is_empty=True, width=640, height=480)
     ctx.graph.attach_networkx_graph(gamms.graph.grid(6, 6))
-    ctx.agent.create_agent("anna", start_node_id=0, team="red")
+    ctx.sensor.create_sensor("near", gamms.sensor.SensorType.NEIGHBOR)
+    ctx.agent.create_agent("anna", start_node_id=0, team="red", sensors=["near"])
     panels = []
     paint = Hud.paint_facts
     monkeypatch.setattr(Hud, "paint_facts", lambda self, *given: paint(self, *given) or panels.append(self.taken[-1]))
-    frames = iter(range(4))
+    frames = count()
 
     def act(ctx):
         frame = next(frames)
         if frame == 1:
-            person.point(320, 180)
+            person.point(320, 240)
         if frame == 3:
             person.press("0")
         return []
@@ -55,7 +58,7 @@ def test_the_panel_of_the_one_who_is_asked_covers_no_choice(open_window, person,
     ctx.visual.hud = act
     assert ask(ctx) == 0
     places = ctx.visual.camera.camera().to_screen(ctx.graph.columns().xy[[0, 1, 6]])
-    assert places[0].tolist() == [320.0, 180.0]
+    assert places[0].tolist() == [320.0, 240.0]
     assert panels
     for left, top, right, low in panels:
         assert not any(left < x < right and top < y < low for x, y in places)
