@@ -182,7 +182,10 @@ def replay(  # noqa: PLR0913, PLR0917 - one argument per option
         bool, typer.Option("--captions/--no-captions", help="Say in the window what happens, such as tags.")
     ] = True,
 ) -> None:
-    """Replay a recording, in a window or not, and say how it ended."""
+    """Replay a recording, in a window or not, and say how it ended.
+
+    For a page that replays it in browsers: `gamms render FILE game.html`.
+    """
     from gamms import recordings, visual
     from gamms.recorder import RecordingError
 
