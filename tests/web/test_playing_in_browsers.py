@@ -163,3 +163,22 @@ def test_people_write_to_each_other_on_their_turns(pages, tmp_path):
     assert [(one["sender"], one["to"], one["body"]) for one in result.messages] == [("rita", None, "<b>at 7, ok?</b>")]
     people = {name: web.human(choices=path) for name in ("rita", "bea")}
     assert game.play(strategies=people, record=tmp_path / "again.ggr") == result
+
+
+def test_on_a_phone_nothing_covers_a_choice_or_the_source_of_the_map(chromium):
+    rita = {"agents": [agent("rita", 0, "human")], "sensors": ["eyes"]}
+    match = scenario.Scenario(
+        seed=1, map={"helsinki": {}}, sensors={"eyes": {"type": "AGENT_RANGE", "range_m": 60}}, teams={"red": rita}
+    )
+    with web.serve(match, speed=None) as live:
+        chromium.open(live.players["rita"], 390, 844, touch=True)
+        asked(chromium, 0)
+        disc = chromium.value("gamms.views[0].scene.discs.map(({radius}) => radius)")
+        boxes = chromium.value(
+            "['.ask', '.credit', '.live', '.head', '.bar'].map((one) => document.querySelector(one)"
+            ".getBoundingClientRect()).map(({left, top, right, bottom}) => [left, top, right, bottom])"
+        )
+    assert max(disc) <= 12.0
+    for i, (left, top, right, low) in enumerate(boxes):
+        for other in boxes[:i]:
+            assert right <= other[0] or other[2] <= left or low <= other[1] or other[3] <= top

@@ -14,6 +14,7 @@ const SIGN_LAYER = 18; // artists from here on draw signs
 const BELOW_PX = 28; // how far signs reach below a disc
 const RADIUS = 0.22, MOST_RADIUS = 0.018; // of an agent: in lengths of a typical edge, and at most in widths of the map
 const AGENT_PX = 6, LEAST_PX = 3, MANY = 150; // radius of agents; more than so many are smaller
+const LARGEST_PX = 12; // radius of agents where a person chooses among nodes that may be close to each other
 const MOST_PICTURES = 50;
 const SPREAD = [0, 0, 0.7, 0.85, 0.95, 1.0]; // how far so many discs on one node are moved, in radii
 const MOST_SPREAD = 6; // of more on one node, one stands for each team, with their number
@@ -163,7 +164,8 @@ export class Scene {
     const least = Math.max(LEAST_PX, Math.min(AGENT_PX, AGENT_PX * Math.sqrt(MANY / Math.max(ways.length, 1))));
     const { box, unit } = replay.world;
     const extent = Math.max(box.right - box.left, box.top - box.bottom) || unit;
-    const radius = Math.max(Math.min(RADIUS * unit, MOST_RADIUS * extent) * camera.scale, least);
+    const most = this.overlay === null ? Infinity : LARGEST_PX;
+    const radius = Math.max(Math.min(Math.min(RADIUS * unit, MOST_RADIUS * extent) * camera.scale, most), least);
     const starts = spreadOf(ways, (way) => way.before?.row ?? way.agent.row), ends = spreadOf(ways, (way) => way.agent.row);
     this.discs = ways.map((way, i) => {
       const [x, y] = placeOn(way, share);
