@@ -6,11 +6,14 @@ legal node - go to the `answers` object; see `ask_each`.
 
 from __future__ import annotations
 
+from math import nan
 from typing import Any
 
-from gamms.core.agents import MoveColumns
+from gamms.core import travel
+from gamms.core.agents import MoveColumns, MovingAgents
 from gamms.core.form import as_dict
 from gamms.core.sight import RangeSearch
+from gamms.core.travel import GoalPaths, ReachSearch, RoadEdges, TurnPaths
 
 
 class StateKey:
@@ -67,10 +70,20 @@ class DecidingAgent:
         template: the constant part of its state; None: the agent needs `answers.observe`, or it has no strategy.
         sensors: its sensors.
         last: a list whose only item is the last state that it got.
+        travels: whether it moves by metres.
+        speed: its speed; None: one edge per turn.
     """
 
     def __init__(
-        self, agent: Any, strategy: Any, template: Any, sensors: tuple[SensorCall, ...], last: list[Any]
+        self,
+        agent: Any,
+        strategy: Any,
+        template: Any,
+        sensors: tuple[SensorCall, ...],
+        last: list[Any],
+        *,
+        travels: bool = False,
+        speed: float | None = None,
     ) -> None:
         self.agent = agent
         self.strategy = strategy
@@ -78,6 +91,143 @@ class DecidingAgent:
         self.team = agent.team
         self.sensors = sensors
         self.last = last
+        self.travels = travels
+        self.speed = speed
+
+
+class TravelSearch:
+    """Finds the legal nodes and the paths of agents of one game by metres, with node ids in place of rows.
+
+    A place is the position of an agent on an edge, as `ir.progress.Progress`; None: it is on its node.
+
+    Attributes:
+        now: the time in the turn, from 0 to 1, at which agents decide.
+        at_arrivals: whether agents decide on arrival at each node.
+        map, reach: the map, and working memory.
+        trips: the last path that was found, in row 0.
+        ways: the shortest paths of agents.
+        ids, xy: ids and positions of nodes by row.
+        row_of, edge_row_of: id of a node or an edge -> its row.
+        lines: row of an edge -> its points, and their distances.
+    """
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        self.at_arrivals = False
+
+    def take_map(
+        self,
+        map: RoadEdges,
+        reach: ReachSearch,
+        ids: list[int],
+        xy: list[Any],
+        row_of: Any,
+        edge_row_of: Any,
+        lines: Any,
+    ) -> None:
+        """Use another map."""
+        self.map = map
+        self.reach = reach
+        self.ids = ids
+        self.xy = xy
+        self.row_of = row_of
+        self.edge_row_of = edge_row_of
+        self.lines = lines
+
+    def take_ways(self, ways: GoalPaths) -> None:
+        """Use other memory for shortest paths."""
+        self.ways = ways
+
+    def take_trips(self, trips: TurnPaths) -> None:
+        """Write paths to other memory."""
+        self.trips = trips
+
+    def legal(self, here: int, place: Any, speed: float | None) -> tuple[int, ...]:
+        """Return the legal nodes of an agent: the nodes next to it, then the nodes that it can reach in this turn.
+
+        An agent whose edge was closed counts as on the node that it passed last. An agent under way that decides on
+        arrival gets the nodes that it can reach from the end of its edge.
+        """
+        node = self.row_of[here]
+        edge = -1
+        share = 0.0
+        motion = 0
+        if place is not None:
+            edge = self.edge_row_of.get(place.edge, -1)
+            share = place.share
+            motion = place.motion
+        pace = nan if speed is None else speed
+        count = travel.reachable(self.map, self.reach, node, edge, share, motion, pace, self.now, self.at_arrivals)
+        found = []
+        for number in range(count):
+            found.append(self.ids[self.reach.nodes[number]])  # noqa: PERF401 - a comprehension is not compiled as well
+        return tuple(found)
+
+    def show(self, state: Any, here: int, place: Any) -> int:
+        """Write the position of an agent to its state, a dict."""
+        state = as_dict(state)
+        edge = -1 if place is None else self.edge_row_of.get(place.edge, -1)
+        if self.at_arrivals:
+            state["time"] = self.now
+        if edge < 0:
+            state["edge"] = None
+            state["offset_m"] = 0.0
+            state["xy"] = self.xy[self.row_of[here]]
+            return 0
+        points, lengths = self.lines[edge]
+        x, y, _, _ = point_at(points, lengths, place.share)
+        state["edge"] = (place.source, place.target, place.edge)
+        state["offset_m"] = place.share * self.map.lengths[edge]
+        state["xy"] = (x, y)
+        return 0
+
+    def begin(self, here: int, place: Any, speed: float | None) -> int:
+        """Place an agent at the start of its path (KeyError: its edge or node does not exist)."""
+        node = self.row_of[here]
+        edge = -1
+        share = 0.0
+        motion = 0
+        if place is not None:
+            edge = self.edge_row_of[place.edge]
+            share = place.share
+            motion = place.motion
+        pace = nan if speed is None else speed
+        most = 1 if self.at_arrivals else travel.ENDLESS
+        return travel.begin(self.trips, 0, node, edge, share, motion, self.now, pace, most)
+
+    def go_towards(self, agent: int, here: int, place: Any, speed: float | None, target: int) -> bool:
+        """Find the shortest path of an agent toward a node, as far as the turn allows; return whether it can go there.
+
+        `agent` is the row of its shortest paths.
+        """
+        self.begin(here, place, speed)
+        return travel.go_towards(self.map, self.trips, self.ways, agent, 0, self.row_of[target])
+
+    def end(self) -> int:
+        """Return the node that the agent passes last."""
+        return self.ids[self.trips.node[0]]
+
+
+def point_at(points: list[Any], lengths: list[float], share: float) -> tuple[float, float, float, float]:
+    """Return the point (x, y) at a share of the length of a polyline, and the direction (cos, sin) there.
+
+    Args:
+        points: its points.
+        lengths: the distance from each point to the next.
+        share: the share.
+    """
+    left = share * sum(lengths)
+    for i in range(len(lengths)):
+        length = lengths[i]
+        if length > 0.0 and left <= length:
+            x0, y0 = points[i]
+            x1, y1 = points[i + 1]
+            dx = (x1 - x0) / length
+            dy = (y1 - y0) / length
+            return x0 + left * dx, y0 + left * dy, dx, dy
+        left -= length
+    x0, y0 = points[len(points) - 1]
+    return x0, y0, 0.0, 0.0
 
 
 def hold(lists: list[list[Any]], value: object) -> bool:
@@ -144,6 +294,8 @@ def ask_each(
     moves: MoveColumns,
     near: Any,
     alike: Any,
+    movers: MovingAgents,
+    search: Any,
 ) -> int:
     """Call the strategies of agents one by one, and store their actions.
 
@@ -151,8 +303,8 @@ def ask_each(
     still the last agent.
 
     Args:
-        answers: handles uncommon cases by `observe`, `take`, `fail`, `wait_for`, `note` and `team_memory`; `make` makes
-            a state from a template.
+        answers: handles uncommon cases by `observe`, `take`, `fail`, `wait_for`, `note` and `team_memory`; `sense`
+            calls the sensors of an agent by metres, `put` takes its path, and `make` makes a state from a template.
         phase: its `agent` is set to the agent that decides; its `moment` changes whenever the world may have changed.
         individuals: the agents.
         sensors: the sensors of each agent.
@@ -160,12 +312,17 @@ def ask_each(
         moves: the moves of all agents, by slot; the ends are written.
         near: node id -> the nodes that are legal along one edge.
         alike: the data that each group of equal sensors shares: a `RangeSearch`, `NodeViews`, or None.
+        movers: the rows of all agents, by slot.
+        search: finds the paths of agents by metres, as a `TravelSearch`.
     """
     make = answers.make
     shared = answers.state.team_memories
+    columns: Any = movers.columns
     turn = answers.state.turn
     moment = phase.moment
     has_memories = bool(shared)
+    paths = search
+    where = None
     for place in range(len(individuals)):
         one = individuals[place]
         i = slots[place]
@@ -178,9 +335,17 @@ def ask_each(
             if one.strategy is None:
                 continue
         else:
-            legal = near[here]
-            sensed = sense_all(sensors[place], phase, moment, alike, here, legal)
+            if one.travels:
+                where = columns.on_edge(movers.rows[i])
+                legal = paths.legal(here, where, one.speed)
+                phase.agent = None
+                sensed = answers.sense(answers.slots[i]) if sensors[place] else {}
+            else:
+                legal = near[here]
+                sensed = sense_all(sensors[place], phase, moment, alike, here, legal)
             state = as_dict(make(one.template))
+            if one.travels:
+                paths.show(state, here, where)
             one.last[0] = state
             state["curr_pos"] = here
             state["sensor"] = sensed
@@ -197,8 +362,13 @@ def ask_each(
         except Exception as error:  # noqa: BLE001 - a strategy is the caller's code
             answers.fail(i, state, error)
             continue
-        if type(action) is int and action in legal:
+        if type(action) is not int or action not in legal:
+            answers.take(i, state)
+        elif not one.travels:
             moves.ends[i] = action
+        elif paths.go_towards(movers.rows[i], here, where, one.speed, action):
+            answers.put(i)
+            moves.ends[i] = paths.end()
         else:
             answers.take(i, state)
         mine = state.get("team_memory")

@@ -9,8 +9,6 @@ from gamms.core.travel cimport LegalCache, ReachSearch, RoadEdges, TurnPaths, Go
 ctypedef unsigned char u8
 ctypedef long long i64
 
-cdef i64 ENDLESS
-
 
 cdef class MetreMovers(OneEdgeMovers):
     cdef GoalPaths ways, near

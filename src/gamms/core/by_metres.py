@@ -11,8 +11,6 @@ from gamms.core.moves import OneEdgeMovers
 from gamms.core.rules import AgentPaths, Events, GameColumns
 from gamms.core.travel import GoalPaths, LegalCache, ReachSearch, RoadEdges, TurnPaths
 
-ENDLESS = 1 << 32  # edges: more than any path has
-
 
 class MetreMovers(OneEdgeMovers):
     """The agents of games by metres; rows are as in `rules.GameColumns`.

@@ -7,7 +7,7 @@ cdef extern from "math.h":
     cpdef double fabs(double x) noexcept nogil
 
 cdef double INFINITE, SLACK, LEAST, MOST, SHORT, ROUNDED
-cdef i64 FORWARD, BACK, STOPPED
+cdef i64 ENDLESS, FORWARD, BACK, STOPPED
 
 
 @cython.final

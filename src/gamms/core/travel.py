@@ -16,9 +16,12 @@ LEAST = 5e-324  # shares of an edge: bounds for agents under way, against roundi
 MOST = 1.0 - 2.0**-53
 SHORT = 1e-9  # the share of an edge between a node and an agent that may not enter it
 ROUNDED = 1e-12  # of a turn: an arrival this shortly before the end counts as at the end
+ENDLESS = 1 << 32  # edges: more than any path has
 FORWARD = 1  # the values of `ir.progress.Motion`
 BACK = 2
 STOPPED = 3
+# a name for callers in Python, which do not see constants with a C type
+UNLIMITED = ENDLESS
 
 
 class RoadEdges:

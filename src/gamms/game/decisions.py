@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from gamms import kernels
-from gamms.core.agents import MoveColumns
+from gamms.core.agents import MoveColumns, MovingAgents
 from gamms.core.ask import ask_each
 from gamms.core.copies import copied
 from gamms.deciding import DecidePhase
@@ -209,9 +209,10 @@ class Decisions:
         phase: the phase of the context.
         legality: resolves actions to moves.
         observe: returns the current state of an agent.
+        sense: calls the sensors of an agent.
 
     Attributes:
-        observe, state: see the arguments.
+        observe, sense, state: see the arguments.
         slots: the slots of all agents.
         starts: the node of each agent, by slot.
         ends: the node that each agent moves to, by slot, as a view of an array; see `ends_to_write`.
@@ -227,7 +228,7 @@ class Decisions:
 
     __slots__ = (
         *("_legality", "_phase", "_settings", "actions", "awaited", "ends", "failures"),
-        *("moves", "observe", "paths", "slots", "starts", "state", "written"),
+        *("moves", "observe", "paths", "sense", "slots", "starts", "state", "written"),
     )
 
     def __init__(
@@ -237,12 +238,14 @@ class Decisions:
         phase: DecidePhase,
         legality: Legality,
         observe: Callable[[AgentSlot], State],
+        sense: Callable[[AgentSlot], dict[str, Any]],
     ) -> None:
         self._settings = settings
         self.state = state
         self._phase = phase
         self._legality = legality
         self.observe = observe
+        self.sense = sense
         self._forget()
         self.begin([], as_ids([]))
 
@@ -295,7 +298,7 @@ class Decisions:
         if slot.agent.strategy is not None:
             self._put(self._question(i, state))
 
-    def ask_each(self, part: TurnPart, near: Mapping[int, tuple[int, ...]]) -> None:
+    def ask_each(self, part: TurnPart, near: Mapping[int, tuple[int, ...]], moving: MovingAgents) -> None:
         """Call the strategies of the individuals of a part one by one; requires no channels and no time budget.
 
         After the call, the last agent is still deciding in the phase of the context.
@@ -303,11 +306,13 @@ class Decisions:
         Args:
             part: the agents.
             near: node id -> the nodes that are legal along one edge.
+            moving: the rows of all agents.
         """
         looks = part.looks(self._phase.sensor_changes) if part.has_looks else ()
         shared = [sensor.shared_look() for sensor in looks] if self._phase.moment is not None else [None for _ in looks]
         assert self.moves is not None  # noqa: S101 - one agent at least has no plan
-        ask_each(self, self._phase, part.individuals, part.sensors, part.numbers, self.moves, near, shared)
+        asked = part.individuals, part.sensors, part.numbers
+        ask_each(self, self._phase, *asked, self.moves, near, shared, moving, self._legality.travel)
 
     def ask_plan(self, commanded: PlannedAgents, states: list[State]) -> None:
         """Call the plan of a team with the states of its agents."""
@@ -510,14 +515,18 @@ class Decisions:
         else:
             self.ends_to_write()[i] = resolved.end
             slot = self.slots[i]
-            if slot.travels or not resolved.is_step():
+            if slot.travels:
+                self.put(i)
+            elif not resolved.is_step():
                 self.paths = self.paths or GamePaths(len(self.slots))
-                if slot.travels:
-                    self._legality.travel.put(self.paths, i)
-                else:
-                    self.paths.walk(i, resolved.path, resolved.progress)
+                self.paths.walk(i, resolved.path, resolved.progress)
             if slot.flies or resolved.heading != () or resolved.deeds is not None:
                 self.actions[i] = resolved
+
+    def put(self, i: int) -> None:
+        """Take the path by metres that was found last, for an agent."""
+        self.paths = self.paths or GamePaths(len(self.slots))
+        self._legality.travel.put(self.paths, i)
 
     def _refuse(self, i: int, error: GammsError) -> None:
         """Handle an illegal action: raise the error, or keep the agent on its node, depending on the settings."""

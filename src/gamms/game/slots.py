@@ -120,9 +120,11 @@ class AgentSlot:
         """The agent in the form of the core, for usual turns."""
         agent = self.agent
         if self._asked is None or self._asked.strategy is not agent.strategy:
-            template = self.template if self.is_plain and agent.strategy is not None else None
+            is_usual = (self.is_plain or self.travels) and agent.strategy is not None
+            template = self.template if is_usual else None
             sensors = tuple([SensorCall(*one) for one in self.carried])
-            self._asked = DecidingAgent(agent, agent.strategy, template, sensors, self.last)
+            args = agent, agent.strategy, template, sensors, self.last
+            self._asked = DecidingAgent(*args, travels=self.travels, speed=self.speed)
         return self._asked
 
     def _new_template(self) -> dict[str, Any]:

@@ -71,7 +71,7 @@ class TurnEngine:
         self._legality = Legality(ctx, settings)
         self.travel = self._legality.travel
         self._slots = SlotMaker(ctx, state, ReadOnlyMapping(state.facts), settings, PrivateForks(ctx))
-        self._decisions = Decisions(settings, state, phase, self._legality, self.observation)
+        self._decisions = Decisions(settings, state, phase, self._legality, self.observation, self.sensed)
         self._loop: EventLoop | None = None
         self._order: TurnOrder | None = None
         self._order_key: tuple[Any, ...] = ()
@@ -239,10 +239,15 @@ class TurnEngine:
 
     def observation(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the current state of an agent; its sensors are called."""
-        sensed = slot.agent.sense()
+        sensed = self.sensed(slot)
+        return self.observed(slot, self._ctx.agent.block.node[slot.row], sensed, self._decisions, self.inboxes)
+
+    def sensed(self, slot: AgentSlot) -> dict[str, Any]:
+        """Return the current data of the sensors of an agent."""
+        sensed: dict[str, Any] = slot.agent.sense()
         for name in slot.foreign:
             sensed[name] = own_copy(name, *sensed[name])
-        return self.observed(slot, self._ctx.agent.block.node[slot.row], sensed, self._decisions, self.inboxes)
+        return sensed
 
     def observed(
         self, slot: AgentSlot, here: int, sensed: dict[str, Any], decisions: Decisions, inboxes: Inboxes
@@ -260,15 +265,7 @@ class TurnEngine:
             state["curr_pos"] = here
             state["legal"] = self._legality.reachable(slot, here)
         if slot.travels:
-            progress = block.on_edge(row)
-            roads = self.travel.roads
-            place = None if progress is None else roads.located(progress)
-            if place is None:
-                state["edge"] = None
-                state["offset_m"] = 0.0
-                state["xy"] = roads.xy[roads.row(here)]
-            else:
-                state["edge"], state["offset_m"], state["xy"] = place[:3]
+            self.travel.show(state, here, block.on_edge(row))
         if "time" in state:
             state["time"] = self._legality.travel.now
         state["turn"] = game.turn
@@ -431,13 +428,14 @@ class TurnEngine:
         decisions.paths = paths
         if part.paced:
             self._leave_closed_edges(order, part)
+            self.travel.prepare(len(order.block))
         self.asked += 1
         self.asked_part = order, part
         self.is_deciding = True
         phase.moment = object() if part.see_world_only else None
         try:
             sees_first = observers or not part.see_world_only
-            self._ask_part(part, decisions, self._observe_first(order, part, observers) if sees_first else None)
+            self._ask_part(order, part, decisions, self._observe_first(order, part, observers) if sees_first else None)
             if decisions.awaited:
                 if self._loop is None:
                     from gamms.game.awaiting import EventLoop  # it loads asyncio
@@ -465,10 +463,11 @@ class TurnEngine:
         for slot, why in unsent:
             self._note_illegal(slot, why)
 
-    def _ask_part(self, part: TurnPart, decisions: Decisions, seen: dict[int, Any] | None) -> None:
+    def _ask_part(self, order: TurnOrder, part: TurnPart, decisions: Decisions, seen: dict[int, Any] | None) -> None:
         """Call the strategies of the agents of a part, and the plans of its teams.
 
         Args:
+            order: all agents.
             part: the agents.
             decisions: collects the decisions.
             seen: slot -> the state of the agent; None: each agent observes when it decides.
@@ -476,7 +475,7 @@ class TurnEngine:
         slots = decisions.slots
         observe = decisions.observe
         if seen is None and part.individuals:
-            decisions.ask_each(part, self._near)
+            decisions.ask_each(part, self._near, order.moving)
             self._phase.agent = None
         else:
             for i in part.asked:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from gamms import kernels
+from gamms.core.ask import point_at
 from gamms.errors import ContextTerminated, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.progress import Motion, Progress
@@ -69,17 +70,8 @@ class Line(NamedTuple):
 
     def at(self, share: float) -> tuple[float, float, float, float]:
         """Return the point (x, y) at a share of its length, and the direction (cos, sin) there."""
-        points, lengths = self
-        left = share * sum(lengths)
-        for i, length in enumerate(lengths):
-            if length > 0.0 and left <= length:
-                x0, y0 = points[i]
-                x1, y1 = points[i + 1]
-                dx = (x1 - x0) / length
-                dy = (y1 - y0) / length
-                return x0 + left * dx, y0 + left * dy, dx, dy
-            left -= length
-        return *points[-1], 0.0, 0.0
+        x, y, dx, dy = point_at(self.points, self.lengths, share)
+        return x, y, dx, dy
 
     def shares(self) -> list[float]:
         """Return the shares of its length at its points, except for the first."""

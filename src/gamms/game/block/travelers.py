@@ -14,7 +14,7 @@ from gamms.game.movement.by_edges import EdgeMovement
 from gamms.game.movement.by_metres import MetricMovement
 from gamms.game.movement.courses import EdgeCourses, MetreCourses
 from gamms.game.movement.roads import RoadMap, RoadTables
-from gamms.game.movement.travel import ENDLESS, ReachableNodes, StoredPaths, TurnPaths
+from gamms.game.movement.travel import ReachableNodes, StoredPaths, TurnPaths
 from gamms.ir.graph import IntArray
 from gamms.kernels import buffer
 from gamms.limits import refuse_above
@@ -298,7 +298,7 @@ class MetreColumns:
             start_places=self.ends[0].reshape(-1).data,
             end_places=self.ends[1].reshape(-1).data,
             drawn=self._drawn.reshape(-1).data,
-            most_edges=1 if by.terms.decides_at_arrivals else ENDLESS,
+            most_edges=1 if by.terms.decides_at_arrivals else travel.UNLIMITED,
             kept=kept,
             **columns,
         )

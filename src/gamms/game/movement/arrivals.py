@@ -158,7 +158,7 @@ class ArrivingAgents:
                 self._places[i] = EdgePlace(place.edge)
             if columns["alive"][i]:
                 columns["node"][i] = roads.row(self._starts[i])
-                columns["edge"][i] = -1 if place is None else roads.of(place)
+                columns["edge"][i] = -1 if place is None else roads.edge_rows[place.edge]
                 columns["share"][i] = 0.0 if place is None else place.share
                 columns["motion"][i] = 0 if place is None else place.motion
                 self._paths.maps[i] = roads

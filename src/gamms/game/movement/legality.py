@@ -173,7 +173,7 @@ class Legality:
             travel.along(place, here, mover.speed, wanted)
         else:
             travel.towards(mover.row, place, here, mover.speed, wanted)
-        return ResolvedAction(travel.end, (here,))
+        return ResolvedAction(travel.end(), (here,))
 
     def is_open(self, track: Track) -> bool:
         """Return whether all edges of a legal move still exist."""
@@ -194,7 +194,8 @@ class Legality:
         if mover.is_plain:
             return tuple(graph.neighborhoods[here])
         if mover.travels:
-            return self.travel.reachable(self.travel.place(mover.row), here, mover.speed)
+            self.travel.prepare(mover.row)
+            return self.travel.legal(here, self.travel.place(mover.row), mover.speed)
         if self._settings.legal == "any":
             return self._anywhere(here)
         return self.walking.reachable(here, mover.speed, self._ctx.agent.block.progress[mover.row])

@@ -18,6 +18,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.core import travel as core
+from gamms.core.ask import TravelSearch
 from gamms.core.block import INT64
 from gamms.errors import BadValue, NoPath, UnknownName
 from gamms.game.settings import Settings
@@ -32,7 +33,6 @@ from gamms.typing.on_edges import Line, OnEdge, placed
 SLACK = 1e-9  # of a turn, as in the core
 _REMEMBERED = 64  # the number of stored nodes on the path of each agent, 16 bytes each
 _MORE_LEGS = 3  # legs that a path may have in addition to its nodes
-ENDLESS = 1 << 32  # edges: more than any path has
 _MOTIONS = tuple(Motion)
 _FIRST_ROOM = 8  # legs
 _OF_LEGS = ("edges", "backs", "begins", "ends", "since", "until")
@@ -102,7 +102,7 @@ class RoadIds:
         edges: (edges,) these ids as memory.
     """
 
-    def __init__(self, columns: GraphColumns, ids: Sequence[int], map: core.RoadEdges, revision: int | None) -> None:
+    def __init__(self, columns: GraphColumns, ids: list[int], map: core.RoadEdges, revision: int | None) -> None:
         self.ids = ids
         self.map = map
         self.revision = revision
@@ -470,10 +470,10 @@ class PathFinder:
     """
 
     def __init__(self, columns: GraphColumns, costs: FloatArray) -> None:
-        self.ids: Sequence[int] = columns.node_ids.tolist()
+        self.ids: list[int] = columns.node_ids.tolist()
         self._columns = columns
         self._costs = costs
-        self._row_of = {id: row for row, id in enumerate(self.ids)}
+        self._row_of = RowsOfIds("node", self.ids)
         self.reach = ReachableNodes(len(self.ids))
         self._found = self.reach.nodes.data
         self._ways: core.GoalPaths | None = None
@@ -485,10 +485,7 @@ class PathFinder:
         Raises:
             UnknownName (KeyError): the node does not exist.
         """
-        try:
-            return self._row_of[node]
-        except KeyError:
-            raise UnknownName("node", node) from None
+        return self._row_of[node]
 
     def found(self, count: int) -> tuple[int, ...]:
         """Return the ids of the first `count` nodes found last."""
@@ -501,6 +498,36 @@ class PathFinder:
             self._agents = 2 * agent + 2
             self._ways = StoredPaths(self._columns, self._costs, self._agents, _REMEMBERED).plain_ways(self.reach)
         return self._ways
+
+
+class RowsOfIds(dict[int, int]):
+    """Id of a node or an edge -> its row; an unknown id raises an error.
+
+    Args:
+        kind: "node" or "edge".
+        ids: the ids by row.
+    """
+
+    def __init__(self, kind: str, ids: Sequence[int]) -> None:
+        super().__init__(zip(ids, range(len(ids)), strict=True))
+        self._kind = kind
+
+    def __missing__(self, id: int) -> int:
+        raise UnknownName(self._kind, id)
+
+
+class EdgeLines(dict[int, Line]):
+    """Row of an edge -> its polyline, made on first use."""
+
+    def __init__(self, graph: IGraph, edge_ids: Sequence[int]) -> None:
+        super().__init__()
+        self._graph = graph
+        self._edge_ids = edge_ids
+
+    def __missing__(self, row: int) -> Line:
+        line = Line.of(self._graph.get_edge(self._edge_ids[row]).points)
+        self[row] = line
+        return line
 
 
 class EdgeIds(dict[int, tuple[int, int, int]]):
@@ -539,24 +566,17 @@ class RoadMap(PathFinder, RoadIds):
         PathFinder.__init__(self, columns, graph.weights(weight))
         roads = map_of(columns, self._costs, seconds, turn_seconds)
         RoadIds.__init__(self, columns, self.ids, roads, graph.revision)
-        self._graph = graph
-        self._edge_row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
-        self._lines: dict[int, Line] = {}  # by the id of an edge
+        edge_ids = columns.edge_ids.tolist()
+        self.edge_rows = RowsOfIds("edge", edge_ids)
+        self.lines = EdgeLines(graph, edge_ids)
 
     def on(self, edge: int) -> int | None:
         """Return the row of an edge by its id; None: it does not exist."""
-        return self._edge_row_of.get(edge)
+        return self.edge_rows.get(edge)
 
-    def of(self, place: Progress) -> int:
-        """Return the row of the edge that an agent is on.
-
-        Raises:
-            UnknownName (KeyError): the edge was closed; agents leave closed edges before they decide.
-        """
-        row = self._edge_row_of.get(place.edge)
-        if row is None:
-            raise UnknownName("edge", place.edge)
-        return row
+    def search(self, found: TravelSearch) -> None:
+        """Let a search find paths on this map."""
+        found.take_map(self.map, self.reach.core, self.ids, self.xy, self._row_of, self.edge_rows, self.lines)
 
     @cached_property
     def xy(self) -> list[tuple[float, float]]:
@@ -565,14 +585,8 @@ class RoadMap(PathFinder, RoadIds):
 
     def located(self, place: Progress) -> OnEdge | None:
         """Return the position of an agent on an edge; see `typing.on_edges.located`."""
-        row = self._edge_row_of.get(place.edge)
-        if row is None:
-            return None
-        line = self._lines.get(place.edge)
-        if line is None:
-            line = Line.of(self._graph.get_edge(place.edge).points)
-            self._lines[place.edge] = line
-        return placed(place, self._columns.lengths.item(row), line)
+        row = self.edge_rows.get(place.edge)
+        return None if row is None else placed(place, self._columns.lengths.item(row), self.lines[row])
 
 
 def _of_finite_costs(costs: FloatArray, edges_at: tuple[IntArray, IntArray]) -> tuple[IntArray, IntArray]:
@@ -599,25 +613,20 @@ class ResolvedAction(NamedTuple):
         return self.progress is None and (len(path) == 1 or (len(path) == 2 and path[0] != path[1]))
 
 
-class Travel:
-    """Finds the paths of agents in a game by metres: the last one that it has found can be read.
+class Travel(TravelSearch):
+    """Finds the paths of agents in a game by metres, on its present map: the last one that it has found can be read.
 
     Args:
         ctx: the context, for its graph and agents.
         settings: the settings of the game.
-
-    Attributes:
-        now: the time in the turn, from 0 to 1, at which agents decide.
     """
 
-    _written: TurnPaths
-
     def __init__(self, ctx: HostContext, settings: Settings) -> None:
+        super().__init__()
         self._ctx = ctx
         self._settings = settings
         self._roads: RoadMap | None = None
         self._key: tuple[Any, ...] = ()
-        self.now = 0.0
         self._make_room(0)
 
     @property
@@ -625,6 +634,7 @@ class Travel:
         """The edges of the current revision of the graph."""
         graph = self._ctx.graph.graph
         settings = self._settings
+        self.at_arrivals = settings.decide == "arrival"
         key = graph.revision, settings.weight, settings.speed_unit, settings.turn_seconds
         if self._roads is None or key != self._key or key[0] is None:
             turn_seconds = settings.turn_seconds if settings.speed_unit == "metres_per_second" else 1.0
@@ -633,56 +643,30 @@ class Travel:
             roads = RoadMap(graph, self._ctx.graph.columns(), settings.weight, seconds, turn_seconds)
             self._roads = roads
             self._key = key
+            roads.search(self)
             self._make_room(len(roads.ids) + _MORE_LEGS)
         return self._roads
+
+    def prepare(self, agents: int) -> None:
+        """Prepare to find paths of agents below this row on the present map, until it changes."""
+        self.take_ways(self.roads.ways(agents))
 
     def place(self, row: int) -> Progress | None:
         """Return the position of an agent on an edge; None: it is on its node."""
         place: Progress | None = self._ctx.agent.block.on_edge(row)
         return place
 
-    def is_going(self, place: Progress) -> bool:
-        """Return whether an agent moves along an edge that exists, or back where it can turn around."""
-        edge = self.roads.on(place.edge)
-        return edge is not None and core.is_going(self.roads.map, edge, place.motion)
-
-    def reachable(self, place: Progress | None, here: int, speed: float | None) -> tuple[int, ...]:
-        """Return the legal nodes of an agent: the nodes next to it, then the nodes that it can reach in this turn.
-
-        An agent whose edge was closed counts as on the node that it passed last. An agent under way that decides on
-        arrival gets the nodes that it can reach from the end of its edge.
-        """
-        roads = self.roads
-        edge = None if place is None else roads.on(place.edge)
-        share, motion = (0.0, 0) if place is None else (place.share, place.motion)
-        count = core.reachable(
-            roads.map,
-            roads.reach.core,
-            roads.row(here),
-            -1 if edge is None else edge,
-            share,
-            motion,
-            nan if speed is None else speed,
-            self.now,
-            self._settings.decide == "arrival",
-        )
-        return roads.found(count)
-
     # -- moves ----------------------------------------------------------------------------------------------------
-
-    @property
-    def end(self) -> int:
-        """The id of the node that the agent passes last."""
-        return self.roads.ids[int(self._written.node[0])]
 
     def put(self, paths: GamePaths, i: int) -> None:
         """Add the path to those of a game, as the path of the agent of a slot."""
-        paths.take(i, self._trips, 0, int(self._written.legs[0]), self.roads)
+        assert self._roads is not None  # noqa: S101 - a path was found
+        paths.take(i, self._trips, 0, self._legs[0], self._roads)
 
     def stay(self, place: Progress | None, here: int) -> None:
         """Find the path of an agent that stops at its position, on an edge or a node."""
         roads = self.roads
-        self._begin(roads, place and place._replace(motion=Motion.STOPPED), here, None)
+        self.begin(here, place and place._replace(motion=Motion.STOPPED), None)
         core.stand(roads.map, self._trips, 0)
 
     def along(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> None:
@@ -703,7 +687,7 @@ class Travel:
             at = place.target
         elif place is not None:
             motion = Motion.BACK
-            if core.back(roads.map, roads.of(place)) < 0:
+            if core.back(roads.map, roads.edge_rows[place.edge]) < 0:
                 raise one_way(place.source, place.target)
         if len(nodes) + _MORE_LEGS > self._most:
             self._make_room(len(nodes) + _MORE_LEGS)
@@ -712,7 +696,8 @@ class Travel:
         flaw = core.without_edge(roads.map, self._trips, roads.row(at), len(nodes))
         if flaw >= 0:
             raise BadValue(f"No edge leads from node {[at, *nodes][flaw]} to node {nodes[flaw]}.")
-        self._go(roads, place, here, speed, motion, len(nodes))
+        self.begin(here, place, speed)
+        core.go(roads.map, self._trips, 0, motion, len(nodes))
 
     def towards(self, agent: int, place: Progress | None, here: int, speed: float | None, target: int) -> None:
         """Find the shortest path of an agent toward a node, as far as the turn allows.
@@ -721,13 +706,13 @@ class Travel:
             BadValue: there is no path.
         """
         roads = self.roads
+        self.prepare(agent)
         if place is None and speed is None and target != here:
             self._refuse_far(here, target)
-        self._begin(roads, place, here, speed)
-        if not core.go_towards(roads.map, self._trips, roads.ways(agent), agent, 0, roads.row(target)):
+        if not self.go_towards(agent, here, place, speed, target):
             if place is None:
                 raise BadValue(str(NoPath(here, target)))
-            may_turn = core.back(roads.map, roads.of(place)) >= 0
+            may_turn = core.back(roads.map, roads.edge_rows[place.edge]) >= 0
             raise no_way(here, place.target, target, is_paced=speed is not None, may_turn=may_turn)
 
     def _refuse_far(self, here: int, target: int) -> None:
@@ -735,29 +720,14 @@ class Travel:
         if target not in near:
             raise BadValue(f"Node {target} is not next to node {here}; legal are {list(near)}.")
 
-    # -- calls of the core -------------------------------------------------------------------------------------------
-
     def _make_room(self, most: int) -> None:
         """Allocate memory for paths with `most` legs."""
-        trips = TurnPaths(1, most)
-        self._written = trips
+        views = _columns_of(1, most, most)
         self._most = most
-        self._trips = trips.core
-        self._route = trips.route.data
-
-    def _begin(self, roads: RoadMap, place: Progress | None, here: int, speed: float | None) -> None:
-        """Place an agent at the start of its path."""
-        edge, share, motion = (-1, 0.0, 0) if place is None else (roads.of(place), place.share, place.motion)
-        pace = nan if speed is None else speed
-        most = 1 if self._settings.decide == "arrival" else ENDLESS
-        core.begin(self._trips, 0, roads.row(here), edge, share, motion, self.now, pace, most)
-
-    def _go(
-        self, roads: RoadMap, place: Progress | None, here: int, speed: float | None, motion: int, count: int
-    ) -> None:
-        """Go along the first `count` nodes of the route in the core."""
-        self._begin(roads, place, here, speed)
-        core.go(roads.map, self._trips, 0, motion, count)
+        self._legs = views[4]
+        self._route = views[-1]
+        self._trips = core.TurnPaths(most, *views)
+        self.take_trips(self._trips)
 
 
 def no_way(here: int, end: int, target: int, *, is_paced: bool, may_turn: bool) -> BadValue:
