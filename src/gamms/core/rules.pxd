@@ -44,7 +44,7 @@ cpdef int respawn(GameColumns games, Events events, i64 game, i64 agent) except 
 cpdef int eliminate(GameColumns games, Events events, i64 game, i64 agent) except -1 nogil
 cpdef int end_game(GameColumns games, Events events, i64 game, i64 rule, i64 winner) except -1 nogil
 @cython.locals(best=i64, teams=i64, is_alone=bint, team=Py_ssize_t)
-cpdef i64 leader(const double[::1] scores, i64 nobody=*) except? -1 nogil
+cdef i64 leader(const double[::1] scores, i64 nobody=*) except? -1 nogil
 
 
 @cython.locals(agent=i64, node=i64, slot=i64)
@@ -71,7 +71,7 @@ cpdef int fill_sides(GameColumns games, i64 game, const i64[::1] plays, i64[::1]
 
 
 @cython.locals(found=i64, last=i64, piece=i64, agent=i64)
-cpdef Py_ssize_t find_arrivals(Tracks tracks, Legs legs, MotionIntervals pieces, const i64[::1] members, const i64[::1] owners, i64 team) except -1 nogil
+cdef Py_ssize_t find_arrivals(Tracks tracks, Legs legs, MotionIntervals pieces, const i64[::1] members, const i64[::1] owners, i64 team) except -1 nogil
 
 
 @cython.final
@@ -85,14 +85,14 @@ cdef class Tags:
     cdef readonly i64[::1] taggings, taggers, others, nodes
 
     cpdef int make_room(self, i64 room) except -1 with gil
-    cpdef int begin(self) except -1 nogil
+    cdef int begin(self) except -1 nogil
     @cython.locals(is_anywhere=bint, place=i64, contact=i64, a=i64, b=i64, ways=i64, row=i64)
-    cpdef int add(self, Contacts found, i64 tagging, bint mutual, const i64[::1] owners, const i64[::1] team) except -1 nogil
+    cdef int add(self, Contacts found, i64 tagging, bint mutual, const i64[::1] owners, const i64[::1] team) except -1 nogil
     @cython.locals(one=i64, other=i64, place=i64)
     cdef int _merge(self) except -1 nogil
     cdef bint _is_before(self, i64 one, i64 other) except -1 nogil
     @cython.locals(number=i64, place=i64, row=i64, a=i64, b=i64)
-    cpdef Py_ssize_t match(self) except -1 nogil
+    cdef Py_ssize_t match(self) except -1 nogil
     cdef int _make(self, i64 tag, i64 tagging, i64 tagger, i64 other, i64 node) except -1 nogil
 
 
@@ -108,6 +108,7 @@ cdef class Tagging:
     cdef public const i64[::1] owners
     cdef i64[::1] sides
 
+    cpdef Py_ssize_t find(self, GameColumns games, i64 game) except -1 nogil
     cdef int collect(self, Tags tags, GameColumns games, i64 game, i64 number) except -1 nogil
     cdef int score(self, i64 number, GameColumns games, i64 game, i64 tagger) except -1 nogil
     cdef bint follow_up(self, i64 number, GameColumns games, Events events, i64 game, i64 other) except? True nogil
@@ -125,16 +126,16 @@ cdef class Flags:
     cdef double[::1] taken
 
     @cython.locals(flag=i64, agent=i64, row=i64, number=i64, node=i64)
-    cpdef int drop(self, GameColumns games, Events events, i64 game, i64 rule) except -1 nogil
+    cdef int drop(self, GameColumns games, Events events, i64 game, i64 rule) except -1 nogil
     @cython.locals(flag=i64)
-    cpdef int note_stops(self, GameColumns games, i64 game) except -1 nogil
+    cdef int note_stops(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(flag=i64, carrier=i64, agent=i64)
-    cpdef bint concern(self, GameColumns games, i64 game) except -1 nogil
+    cdef bint concern(self, GameColumns games, i64 game) except -1 nogil
     @cython.locals(team=i64)
     cdef bint _may_be_home(self, GameColumns games, i64 game, i64 agent) except -1 nogil
     cdef bint _may_take(self, i64 agent, i64 flag) except -1 nogil
     @cython.locals(flag=i64, now=double)
-    cpdef int pass_turn(self, GameColumns games, Events events, i64 game, i64 rule, Tracks tracks, Legs legs, MotionIntervals pieces) except -1 nogil
+    cdef int pass_turn(self, GameColumns games, Events events, i64 game, i64 rule, Tracks tracks, Legs legs, MotionIntervals pieces) except -1 nogil
     @cython.locals(piece=i64, flag=i64, agent=i64)
     cdef int _find_involved(self, i64 game, MotionIntervals pieces) except -1 nogil
     @cython.locals(soonest=double, place=i64, since=double)

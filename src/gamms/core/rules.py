@@ -574,11 +574,15 @@ class Tagging:
         self.behind = behind
         self.is_last = behind is None
 
-    def collect(self, tags: Tags, games: GameColumns, game: int, number: int) -> int:
-        """Add the contacts of this tagging, numbered `number`, and of all later taggings of the chain."""
+    def find(self, games: GameColumns, game: int) -> int:
+        """Find the contacts of living agents; return their number."""
         fill_sides(games, game, self.plays, self.sides)
         self.contacts.reach.first = games.first_node[game]
-        if self.contacts.find(self.search, self.limit) > 0:
+        return self.contacts.find(self.search, self.limit)
+
+    def collect(self, tags: Tags, games: GameColumns, game: int, number: int) -> int:
+        """Add the contacts of this tagging, numbered `number`, and of all later taggings of the chain."""
+        if self.find(games, game) > 0:
             tags.add(self.contacts, number, self.mutual, self.owners, games.team)
         if not self.is_last:
             self.behind.collect(tags, games, game, number + 1)  # type: ignore[union-attr] # it is not the last

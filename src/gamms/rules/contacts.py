@@ -8,9 +8,12 @@ from typing import Any, NamedTuple
 
 from gamms.arguments import as_context, as_flag, as_items, as_key, as_range
 from gamms.context import Context
+from gamms.core.contacts import Contacts
+from gamms.core.rules import Tagging, fill_steps
 from gamms.errors import BadType, BadValue
-from gamms.game.block.in_core import ContactOptions
-from gamms.rules.meetings import Side, in_air, turn_of
+from gamms.game.block.in_core import ContactOptions, RuleBuilder
+from gamms.rules.in_core import tagging
+from gamms.rules.meetings import Side, in_air, made_for, turn_of
 from gamms.text import shown
 
 
@@ -120,12 +123,20 @@ def as_side(side: Side) -> Side:
 
 def found(ctx: Context, a: Side, b: Side, nearness: ContactOptions) -> list[Contact]:
     """Return all contacts of a turn, in the order of `contacts`; two agents may have several."""
-    turn = turn_of(ctx)
-    met = turn.find(ctx, a, b, nearness)
-    if met is None:
-        return []
+
+    def form(making: RuleBuilder) -> Tagging:
+        turn = turn_of(ctx)
+        return tagging(making, (a, b), turn.purpose, turn.roster.turn, nearness=nearness)
+
+    key = None if callable(a) or callable(b) else (a, b, nearness)
+    made = made_for(ctx, form, key)
+    turn = made.makes.turn
     names = turn.roster.names
-    ids = turn.game.numbers.ids
+    ids = turn.numbers.ids
+    fill_steps(turn.steps, turn.roster.games, 0)
+    if not made.rule.find(turn.roster.games, 0):
+        return []
+    met: Contacts = made.rule.contacts
     agents = (met.a, met.b)
     nodes = (met.a_nodes, met.b_nodes)
     distances = met.distances

@@ -8,12 +8,22 @@ import numpy as np
 
 from gamms.core import contacts, rules
 from gamms.errors import BadValue
-from gamms.game.block.in_core import ONE_THAT_SHOWS, CompiledRule, Near, RuleBuilder, floats, ints, memory_of
+from gamms.game.block.in_core import (
+    ONE_THAT_SHOWS,
+    CompiledRule,
+    ContactOptions,
+    Ground,
+    Near,
+    RuleBuilder,
+    floats,
+    ints,
+    memory_of,
+)
 from gamms.game.block.state import Arrays
 from gamms.game.conflicts import flat
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.rules.meetings import ask, search_for
+from gamms.rules.meetings import Side, ask, search_for
 
 _NOTHING = ints(0)
 _MOST_EXACT = 1 << 53  # of integers as floats
@@ -58,7 +68,9 @@ def tag(taggings: Sequence[Any], making: RuleBuilder) -> rules.Rule:
     turn = ints(1)
     behind: rules.Tagging | None = None
     for one in reversed(taggings):
-        behind = _tagging(one, making, purpose, turn, behind)
+        arguments = one._asdict()
+        sides = arguments.pop("taggers"), arguments.pop("tagged")
+        behind = tagging(making, sides, purpose, turn, **arguments, behind=behind)
     if behind is None:
         raise BadValue("A tag rule needs at least one pair of sides.")
     played = [CompiledRule(one.score or None, then=None if isinstance(one.then, str) else one.then) for one in taggings]
@@ -75,38 +87,61 @@ def tag(taggings: Sequence[Any], making: RuleBuilder) -> rules.Rule:
     )
 
 
-def _tagging(
-    one: Any, making: RuleBuilder, purpose: memoryview, turn: memoryview, behind: rules.Tagging | None
+def tagging(  # noqa: PLR0913 - all that a tag rule is
+    making: RuleBuilder,
+    sides: tuple[Side, Side],
+    purpose: memoryview,
+    turn: memoryview,
+    *,
+    nearness: ContactOptions,
+    then: str | Callable[..., object] = "",
+    score: float = 0,
+    ground: Ground | None = None,
+    mutual: bool = False,
+    behind: rules.Tagging | None = None,
 ) -> rules.Tagging:
-    """Make one tag rule of a game, in front of the others."""
-    nearness = one.nearness
-    sides = ints(len(making.roster.names))
-    tracks = making.tracks(sides, at_end=not nearness.passing)
+    """Make one tag rule of a game, in front of the others; also used for contacts alone.
+
+    Args:
+        making: the data from which it is made.
+        sides: the taggers, and the agents that can be tagged.
+        purpose: (1,) the key of the draws that decide ties.
+        turn: (1,) the turn.
+        nearness: the distance and options.
+        then: see `gamms.rules.tag`.
+        score: see `gamms.rules.tag`.
+        ground: the territory.
+        mutual: see `gamms.rules.tag`.
+        behind: the next tag rule; None: there is none.
+    """
+    of_tracks = ints(len(making.roster.names))
+    tracks = making.tracks(of_tracks, at_end=not nearness.passing)
     near = making.near(nearness)
 
-    def search(near: Near, pieces: contacts.MotionIntervals) -> contacts.Contacts:
-        found = contacts.Contacts(pieces)
+    found = contacts.Contacts(making.pieces)
+
+    def search(near: Near, found: contacts.Contacts) -> None:
         columns = tracks, making.legs, flat(making.roster.keys, np.uint64), purpose, turn
         ask(found, nearness, near, *columns, by_metres=making.by_metres)
-        return found
 
-    plays = making.sides(*one.sides, air=nearness.air)
-    tagging = rules.Tagging(
-        search(near, making.pieces),
+    search(near, found)
+    plays = making.sides(*sides, air=nearness.air)
+    made = rules.Tagging(
+        found,
         search_for(near, nearness, by_metres=making.by_metres),
         nearness.limit,
         plays,
-        sides,
-        mutual=one.mutual,
-        owners=making.owners(one.ground),
-        then=rules.THEN[one.then if isinstance(one.then, str) else "function"],
-        points=one.score,
+        of_tracks,
+        mutual=mutual,
+        owners=making.owners(ground),
+        then=rules.THEN[then if isinstance(then, str) else "function"],
+        points=score,
         behind=behind,
     )
-    making.follow(tagging, one.ground)
+    making.follow(made, ground)
     if nearness.unit == "euclid":
-        making.follow_places(tagging, nearness, (plays, sides), search)
-    return tagging
+        making.follow_places(made, nearness, (plays, of_tracks), search)
+    return made
 
 
 def capture_flag(flags: FlagArguments, making: RuleBuilder) -> rules.Rule:

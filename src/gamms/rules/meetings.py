@@ -28,7 +28,7 @@ from gamms.game.block.in_core import (
     reach_of,
 )
 from gamms.game.block.state import NAMED, Arrays, Purpose
-from gamms.game.conflicts import flat, node_numbers
+from gamms.game.conflicts import node_numbers
 from gamms.game.movement.moves import TurnMoves
 from gamms.game.movement.travel import ReachableNodes, RoadIds
 from gamms.game.order import TurnOrder
@@ -48,7 +48,7 @@ UNKNOWN_PLACE = 4  # a flag of legs, see `core.Legs`
 
 
 Side = Annotated[Hashable | Callable[[IAgent], object], TEAMS]  # a team, or a function of an agent
-Form = Callable[[RuleBuilder], rules.Rule]
+Form = Callable[[RuleBuilder], object]  # returns a `Rule` of the core, or a `Tagging` for contacts alone
 
 
 def ask(found: core.Contacts, nearness: ContactOptions, near: Near, *columns: Any, by_metres: bool) -> None:
@@ -95,6 +95,7 @@ class Roster:
 
     Args:
         block: the agents.
+        before: the last roster of the game.
 
     Attributes:
         names, teams: the names and teams of the agents.
@@ -110,7 +111,7 @@ class Roster:
         home: (1, agents) the start nodes of agents, as far as rules read them.
     """
 
-    def __init__(self, block: AgentBlock) -> None:
+    def __init__(self, block: AgentBlock, before: "Roster | None") -> None:
         gone = {*block.removed}
         rows = sorted((row for row in range(len(block)) if row not in gone), key=block.names.__getitem__)
         agents = len(rows)
@@ -123,8 +124,9 @@ class Roster:
         number = {team: i for i, team in enumerate(dict.fromkeys(self.teams))}
         team_of = np.array([number[team] for team in self.teams], np.int64)
         everyone = np.ones(agents, np.bool_)
-        keys = kernels.name_keys(self.names)
-        self.table = AgentTable(
+        has_keys = before is not None and before.names == self.names
+        keys = before.table.keys if before is not None and has_keys else kernels.name_keys(self.names)
+        self.table: AgentTable = AgentTable(
             tuple(self.names), tuple(number), team_of, keys, [], everyone, everyone, ~everyone, self.flies
         )
         node, start, previous, stops, home = np.zeros((5, agents), np.int64)
@@ -152,7 +154,6 @@ class Roster:
             first_node=column("q", [0]),
             nobody=number.get(None, -1),
         )
-        self._sides: dict[Hashable, Any] = {}
 
     def is_of(self, block: AgentBlock) -> bool:
         """Return whether a block has these agents, with the same teams."""
@@ -167,7 +168,6 @@ class Roster:
     def take_lives(self, block: AgentBlock) -> None:
         """Take from the block which agents are alive."""
         self.alive[:] = np.asarray(block.alive)[self.rows]
-        self._sides.clear()
 
     def take_nodes(self, block: AgentBlock, numbers: core.NodeNumbers) -> None:
         """Take the current nodes of the agents."""
@@ -182,28 +182,6 @@ class Roster:
         """Take the start nodes of agents on the ground."""
         for agent in agents:
             self.home[0, agent] = numbers.number(cast("int", ctx.game.start_node(self.names[agent])))
-
-    def sides(self, ctx: Context, a: Side, b: Side, *, air: bool) -> Any:
-        """Return the side of each agent, for `core.Tracks`; None if one side has no agents.
-
-        Args:
-            ctx: the context.
-            a: the first side.
-            b: the second side.
-            air: whether flying agents take part.
-        """
-        if callable(a) or callable(b):
-            return self._of_sides(ctx, a, b, air=air)
-        key = a, b, air
-        if key not in self._sides:
-            self._sides[key] = self._of_sides(ctx, a, b, air=air)
-        return self._sides[key]
-
-    def _of_sides(self, ctx: Context, a: Side, b: Side, *, air: bool) -> Any:
-        takes_part = self.alive if air else self.alive & ~self.flies
-        ours = self.members(ctx, a, takes_part)
-        theirs = self.members(ctx, b, takes_part)
-        return flat(ours + 2 * theirs, np.int64) if ours.any() and theirs.any() else None
 
     def members(self, ctx: Context, side: Side, takes_part: BoolArray) -> BoolArray:
         """Return which of the agents that take part are on a side, (agents,)."""
@@ -241,21 +219,22 @@ class GameRules(RuleBuilder):
         self.pieces = pieces
         self.rules = []
         self.most_numbers = turn.game.keys
-        self._made: dict[int, GameRule] = {}  # by id of its form
+        self._made: dict[Hashable, GameRule] = {}
         self._making: GameRule | None = None
         self._purposes: list[tuple[tuple[Purpose, ...], Any]] = []
         self._owners: dict[int, tuple[Any, Any]] = {}  # id of a territory -> it, and the owners
 
-    def made(self, form: Form) -> "GameRule":
-        """Return the rule of a form."""
-        known = self._made.get(id(form))
+    def made(self, form: Form, key: Hashable) -> "GameRule":
+        """Return the rule of a form; `key`: see `made_for`."""
+        known = self._made.get(key)
         if known is None:
             if len(self._made) == _MOST_RULES:
                 self._made.clear()
             known = GameRule(self, form)
             self._making = known
             known.rule = form(self)
-            self._made[id(form)] = known
+            if key is not None:
+                self._made[key] = known
         return known
 
     def draw_by(self, seed: int) -> None:
@@ -355,7 +334,10 @@ class GameRules(RuleBuilder):
             rules.fill_steps(self.steps, self.games, 0)
             rules.fill_sides(self.games, 0, *sides)
             near = turn.near(ctx, sides[1], nearness)
-            tagging.contacts = search(near, turn.scratch(near.parts if isinstance(near, core.PathSegments) else 0))
+            pieces = turn.scratch(near.parts if isinstance(near, core.PathSegments) else 0)
+            if tagging.contacts.pieces is not pieces:
+                tagging.contacts = core.Contacts(pieces)
+            search(near, tagging.contacts)
 
         self._in_each_turn(find)
 
@@ -379,7 +361,7 @@ class GameRule:
         read: the state of the rule that `kept` holds.
     """
 
-    rule: rules.Rule
+    rule: Any  # `Rule`, or `Tagging` for contacts alone
 
     def __init__(self, makes: GameRules, form: Form) -> None:
         self.makes = makes
@@ -454,7 +436,6 @@ class TurnContacts:
         edges: edges that the agents move along.
         seed: the present seed; see `draw_by`.
         purpose: purpose key of the draws.
-        ready: configured searches for contacts on nodes between agents that are alive.
     """
 
     def __init__(self, game: "GameContacts", roster: Roster, *, are_steps: bool) -> None:
@@ -470,7 +451,6 @@ class TurnContacts:
         self._order: TurnOrder | None = None
         self._slots: Any = column("q")  # (agents,) the slot of each agent in this order
         self._rules: GameRules | None = None
-        self.ready: dict[Hashable, core.Contacts] = {}
         self._where: dict[int, Track | int] = {}  # the track of each living agent, or its slot in `_moves`
         self._moves: TurnMoves | None = None
         self._make_room(2, 0)
@@ -487,7 +467,6 @@ class TurnContacts:
         ints = [self._counts, *[_zeros("q", size * most_legs) for _ in range(3)], self._flags]
         self.legs = core.Legs(most_legs, *ints, *[_zeros("d", size * most_legs) for _ in range(5)])
         self._rules = None
-        self.ready.clear()
 
     def draw_by(self, ctx: Context, seeds: int) -> None:
         """Use the random draws of the present seed, which has changed `seeds` times."""
@@ -498,7 +477,7 @@ class TurnContacts:
             if self._rules is not None:
                 self._rules.draw_by(ctx.seed)
 
-    def made(self, ctx: Context, form: Form) -> GameRule:
+    def made(self, ctx: Context, form: Form, key: Hashable) -> GameRule:
         """Return the rule of a form, ready to be played."""
         game = self.game
         numbers = self.numbers
@@ -508,7 +487,7 @@ class TurnContacts:
             if known is None or not has_room or numbers.count > known.most_numbers:
                 known = GameRules(self, self.scratch())
                 self._rules = known
-            found = known.made(form)
+            found = known.made(form, key)
             for function in found.in_each_turn:
                 function(ctx)
             if numbers.count <= known.most_numbers:  # no further nodes were numbered
@@ -575,31 +554,6 @@ class TurnContacts:
         where = self._where[agent]
         return where if isinstance(where, Track) else cast("TurnMoves", self._moves).track(where)
 
-    def find(self, ctx: Context, a: Side, b: Side, nearness: ContactOptions) -> core.Contacts | None:
-        """Find the contacts between two sides; return None if there are none."""
-        # NOTE: searches for contacts on nodes are reused in each turn (benchmarks: turns).
-        key = a, b, nearness
-        found = self.ready.get(key)
-        game = self.game
-        if self.are_steps:
-            rules.fill_steps(self.steps, self.roster.games, 0)
-        if found is not None and found.pieces is game.pieces and self.numbers.count <= game.keys:
-            return found if found.find(_ON_NODES, 0.0) else None
-        sides = self.roster.sides(ctx, a, b, air=nearness.air)
-        if sides is None:
-            return None
-        near: Near = None
-        if nearness.unit is not None:
-            near = self.near(ctx, sides, nearness)
-        pieces = self.scratch(near.parts if isinstance(near, core.PathSegments) else 0)
-        if near is None and self.are_steps and not (callable(a) or callable(b)):
-            found = core.Contacts(pieces)
-            self.ready[key] = found
-        else:
-            found = self.game.contacts(pieces)
-        self._ask(found, sides, nearness, near)
-        return found if found.find(search_for(near, nearness, by_metres=self.by_metres), nearness.limit) else None
-
     def scratch(self, parts: int = 0) -> core.MotionIntervals:
         """Return buffers large enough for the moves of these agents, and for `parts` straight lines."""
         agents = len(self.roster.names)
@@ -610,11 +564,6 @@ class TurnContacts:
     def _tracks(self, sides: memoryview, *, at_end: bool) -> core.Tracks:
         nodes, times, lengths = self.columns
         return core.Tracks(len(sides), self.most, nodes, times, lengths, sides, at_end=at_end)
-
-    def _ask(self, found: core.Contacts, sides: memoryview, nearness: ContactOptions, near: Near) -> None:
-        columns = self.legs, flat(self.roster.table.keys, np.uint64), self.purpose, self.roster.turn
-        tracks = self._tracks(sides, at_end=not nearness.passing)
-        ask(found, nearness, near, tracks, *columns, by_metres=self.by_metres)
 
     def xy_of(self, agent: int, time: float, node: int, nearness: ContactOptions, at: Position | None) -> Any:
         """Return the map position (x, y) of an agent in a contact of a game by metres."""
@@ -716,7 +665,6 @@ class GameContacts:
         self.pieces = motion_intervals(0, 0)
         self.keys = 0
         self._most = 0
-        self._contacts: core.Contacts | None = None
         self.numbers = numbers
         self.streets = core.NodeNumbers()
         self.state = ctx.game.internals.state
@@ -743,12 +691,6 @@ class GameContacts:
             self.keys = 2 * keys
             self.pieces = motion_intervals(self._most, self.keys)
         return self.pieces
-
-    def contacts(self, pieces: core.MotionIntervals) -> core.Contacts:
-        """Return a new contact search."""
-        if self._contacts is None or self._contacts.pieces is not pieces:
-            self._contacts = core.Contacts(pieces)
-        return self._contacts
 
     def _place(self, node: int) -> Position:
         _, x, y = self.graph.get_node(node)
@@ -779,13 +721,11 @@ class GameContacts:
         if self._agents != agents:
             roster = turns[0].roster if turns else None
             if roster is None or not roster.is_of(block):
-                roster = Roster(block)
+                roster = Roster(block, roster)
                 turns = [TurnContacts(self, roster, are_steps=are_steps) for are_steps in (False, True)]
                 self._turns = turns
             roster.take_lives(block)
             self._agents = agents
-            for one in turns:
-                one.ready.clear()
             self.forget()
         turns[0].roster.turn[0] = self.state.turn
         return turns
@@ -821,17 +761,18 @@ def turn_of(ctx: Context) -> TurnContacts:
     return _game_of(ctx).turn(ctx)
 
 
-def made_for(ctx: Context, form: Form, *, follows: bool = True) -> GameRule:
+def made_for(ctx: Context, form: Form, key: Hashable = None, *, follows: bool = True) -> GameRule:
     """Return a rule of the core, ready to be played in the game of a context.
 
     Args:
         ctx: the context.
         form: builds the rule.
+        key: a key under which the rule is kept; None: the form itself.
         follows: whether the rule depends on how agents have moved.
     """
     game = _game_of(ctx)
     turn = game.turn(ctx) if follows else game.turns(ctx)[1]
-    return turn.made(ctx, form)
+    return turn.made(ctx, form, id(form) if key is None else key)
 
 
 def _game_of(ctx: Context) -> GameContacts:

@@ -100,8 +100,8 @@ class ContactOptions(NamedTuple):
 
 Near = contacts.NearNodes | contacts.NodePositions | contacts.PathSegments | None
 """The distances between agents that count as contacts; None: agents must be on the same node."""
-ContactSearch = Callable[[Near, contacts.MotionIntervals], contacts.Contacts]
-"""Returns a search for contacts with these distances, in this working memory."""
+ContactSearch = Callable[[Near, contacts.Contacts], None]
+"""Sets the distances of a search for contacts."""
 
 
 class Ground(Protocol):
