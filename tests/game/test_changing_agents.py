@@ -1,7 +1,5 @@
 """Games in which agents die, come, leave and change: what is known of the last turn changes nothing."""
 
-import io
-
 import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
@@ -17,7 +15,6 @@ CHANGES = st.lists(
     max_size=4,
 )
 ALL_DIE = [[("die", 0)] * 11, [("return", 2)], [("die", 0), ("return", 1), ("return", 5)], []]
-SIMULATE = 1  # the code of a turn in records
 NAMES = ["a", "b", "blue_1a", "m", "z"]  # before, between and behind those of a team
 
 
@@ -150,13 +147,6 @@ def test_an_agent_that_comes_by_the_name_of_a_member_does_not_make_its_move(grid
         assert ctx.game.moves["red_5"].path == (5,)
 
 
-REPLACEMENTS = st.lists(
-    st.tuples(st.sampled_from(["go", "come", "go and come", "die", "return", "all go"]), st.integers(0, 7)), max_size=4
-)
-REPLACED = [("snapshot", []), (None, [("go and come", 3)]), ("restore", [("go and come", 3)]), (None, [])]
-BETWEEN = st.sampled_from([None, None, "look", "look", "snapshot", "restore", "reset", "fork"])
-
-
 def replace(ctx, kind, number):
     """Let an agent of a team go or come by its name, die or return, or let all go."""
     name, agents = f"red_{number}", ctx.agent.agents
@@ -169,75 +159,6 @@ def replace(ctx, kind, number):
         ctx.agent.create_agent(name, start_node_id=2 * number, team="red", strategy=wander)
     if kind in ("die", "return") and name in agents and agents[name].alive == (kind == "die"):
         (ctx.game.eliminate if kind == "die" else ctx.game.respawn)(name)
-
-
-def where(ctx):
-    """Where all agents are, in the order of their creation."""
-    return [(one.name, one.team, one.current_node_id, one.alive) for one in ctx.agent.create_iter()]
-
-
-def with_replacements(grid, turns, *, is_team, has_plan, phase):
-    """Play turns in which agents of a team are replaced, and return all that came of it; recordings replay the same."""
-    looks, recordings, waiting = [], [(io.BytesIO(), [])], []
-
-    def look(state):
-        looks.append(list(state["sensor"]["others"][1].items()))
-        wander(state)
-
-    with grid(seed=5) as ctx:
-        ctx.sensor.create_sensor("others", "AGENT")
-        ctx.agent.create_agent("eye", start_node_id=9, team="blue", sensors=["others"], strategy=look)
-        team = ctx.agent.create_team("red", range(6), strategy=wander) if is_team else None
-        for number in range(0 if is_team else 6):
-            ctx.agent.create_agent(f"red_{number}", start_node_id=number, team="red", strategy=wander)
-        if has_plan:
-            ctx.game.command("red", spread, arrays=True)
-        ctx.game.conflicts = Conflicts(2)
-        ctx.game.add(lambda ctx: [replace(ctx, *change) for change in waiting], phase=phase)
-        before = ctx.game.snapshot()
-        ctx.record.start(recordings[0][0])
-        for between, changes in turns:
-            waiting[:] = changes
-            ctx.game.step()
-            recordings[-1][1].append(where(ctx))
-            if between == "look" and team is not None:
-                assert team.node_ids.tolist() == [one.current_node_id for one in team]
-                assert team.alive.tolist() == [one.alive for one in team]
-            elif between == "snapshot":
-                before = ctx.game.snapshot()
-            elif between == "fork":
-                fork = ctx.game.fork(3)
-                fork.step()
-                looks.append(where(fork.ctx))
-            elif between in ("restore", "reset"):
-                ctx.record.stop()
-                ctx.game.restore(before) if between == "restore" else ctx.game.reset()
-                recordings.append((io.BytesIO(), []))
-                ctx.record.start(recordings[-1][0])
-        ctx.record.stop()
-        for file, states in recordings:
-            assert replayed(file) == states
-        agents = {name: one for name, one in ctx.game.result().agents.items() if name in ctx.agent.agents}
-        return looks, [states for _, states in recordings], agents, ctx.game.moves
-
-
-def replayed(file):
-    """Return where agents are at each turn of a recording."""
-    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
-        records = ctx.record.replay(io.BytesIO(file.getvalue()))
-        return [where(ctx) for record in records if record["opCode"] == SIMULATE]
-
-
-@settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    turns=st.lists(st.tuples(BETWEEN, REPLACEMENTS), min_size=2, max_size=4),
-    has_plan=st.booleans(),
-    phase=st.sampled_from(["before", "after", "deeds"]),
-)
-@example(turns=REPLACED, has_plan=False, phase="after")
-def test_members_of_a_team_are_replaced_as_agents_that_were_created_one_by_one(grid, turns, has_plan, phase):
-    play = {"has_plan": has_plan, "phase": phase}
-    assert with_replacements(grid, turns, is_team=True, **play) == with_replacements(grid, turns, is_team=False, **play)
 
 
 def test_a_restored_game_has_neither_the_agents_that_came_later_nor_their_places_in_its_result(grid):
