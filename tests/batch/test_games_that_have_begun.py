@@ -72,13 +72,6 @@ def remembering(strategies, options=(), max_turns=13):
     return ctx
 
 
-def test_games_that_are_reset_begin_with_what_agents_remember():
-    with remembering(["patrol", "sweep", "random_waypoints", "assign"], max_turns=9) as ctx:
-        for _ in range(4):
-            ctx.game.step()
-        check(ctx, seeds=(1,))
-
-
 @pytest.mark.parametrize("options", MOTIONS[1:4])
 def test_agents_that_were_deleted_are_in_the_results_of_games_that_go_on_in_arrays(options):
     with remembering(["unblock", "random_waypoints", "assign"], options, max_turns=9) as ctx:

@@ -3,26 +3,16 @@
 import pytest
 from batch_scenes import scene
 
-from gamms import belief
 from gamms.game import IllegalAction
 from gamms.scenario import Scenario
 from gamms.strategies import (
-    assign,
     chase,
     first,
     flee,
-    follow_belief,
-    follow_path,
     goto,
-    guard,
-    intercept,
     mix,
-    patrol,
     random_walk,
-    random_waypoints,
-    safest_exit,
     stay,
-    sweep,
     unblock,
 )
 
@@ -38,37 +28,6 @@ def hunted(map=None, sight=None, **more):
     near = {"type": "AGENT_RANGE", "sensor_range": 25.0, **(sight or {})}
     map = map or {"grid": {"width": 7, "height": 6}}
     return Scenario(map=map, teams=teams, sensors={"near": near}, rules=[TAG], max_turns=16, **more)
-
-
-MADE = {
-    "goto": lambda ctx: goto(ctx, 17),
-    "follow_path": lambda ctx: follow_path(ctx, [3, 3, 20, 0, 8]),
-    "follow_path again": lambda ctx: follow_path(ctx, [3, 1, 2], repeat=True),
-    "patrol": lambda ctx: patrol(ctx, [3, 20, 8, 8]),
-    "random_waypoints": lambda ctx: random_waypoints(ctx, pause=2),
-    "random_waypoints among some": lambda ctx: random_waypoints(ctx, [5, 6, 30]),
-    "chase": chase,
-    "flee": flee,
-    "guard": lambda ctx: guard(ctx, 24, 22.0),
-    "assign": assign,
-    "assign for some": lambda ctx: mix(0.7, assign(ctx, patience=2), goto(ctx, 5)),
-    "intercept": intercept,
-    "intercept goals": lambda ctx: intercept(ctx, [0, 41, 20], otherwise=stay),
-    "sweep": sweep,
-    "sweep again": lambda ctx: sweep(ctx, [1, 9, 33, 20], repeat=True),
-    "follow_belief": follow_belief,
-    "follow_belief at times": lambda ctx: mix(0.7, follow_belief(ctx, ["blue_1", "red_2", "blue_0"]), random_walk),
-    "follow_belief of walkers": lambda ctx: follow_belief(ctx, motion=belief.random_walk(0.3, steps=2)),
-    "safest_exit": lambda ctx: safest_exit(ctx, [0, 41, 20], otherwise=random_walk),
-    "first": lambda ctx: first(chase(ctx, otherwise=None), flee(ctx, otherwise=None), patrol(ctx, [3, 20])),
-    "mix": lambda ctx: mix(0.6, mix(0.5, random_walk, stay), first(chase(ctx, None), random_waypoints(ctx, [1, 9]))),
-    "unblock": lambda ctx: unblock(first(flee(ctx, None), goto(ctx, 11)), after=1),
-}
-
-
-@pytest.mark.parametrize(("hunter", "hunted_one"), list(zip(MADE, [*[*MADE][1:], "goto"], strict=True)))
-def test_strategies_play_the_same_in_arrays(hunter, hunted_one, same_as_one_by_one):
-    same_as_one_by_one(hunted(), [1, 2], {"red": MADE[hunter], "blue": MADE[hunted_one]})
 
 
 def test_agents_that_set_no_action_stay_in_arrays_as_alone(same_as_one_by_one):

@@ -8,10 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from gamms import kernels
 from gamms.game.random_streams import Draws, DrawTable
 from gamms.ir.game_state import GameState
 
@@ -106,19 +103,6 @@ def test_draws_are_equal_if_they_draw_the_same_from_here(grid):
         ctx.agent.create_agent("a", start_node_id=0, strategy=strategy)
         ctx.game.run(max_turns=2)
     assert pairs == [(True, False, False)] * 2
-
-
-@given(st.lists(st.dictionaries(st.sampled_from("abcd"), st.integers(1, 3)), max_size=6), st.sets(st.integers(0, 150)))
-def test_draws_in_blocks_of_turns_equal_those_one_by_one(counts, turns):
-    clock = GameState()
-    table = DrawTable(3, clock)
-    draws = {name: Draws(table, name) for name in "abcd"}
-    purpose = kernels.purpose_key(3, "agent")
-    for turn, wanted in zip(sorted(turns), counts, strict=False):
-        clock.turn = turn
-        for name, count in wanted.items():
-            alone = [kernels.draw_bits(purpose, kernels.name_key(name), turn, k) for k in range(count)]
-            assert [draws[name].bits() for _ in range(count)] == alone
 
 
 @pytest.mark.parametrize("is_team", [False, True])
