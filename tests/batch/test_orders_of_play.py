@@ -36,9 +36,10 @@ def test_an_agent_that_comes_back_to_a_team_without_a_part_is_refused_in_its_tur
         if ctx.game.turn == 3:
             ctx.game.respawn(ctx.agent.get_agent("blue_0"))
 
-    with scene(blue=1, settings={"order": [["red"]]}).build() as ctx, ctx.game.fork(0).ctx as other:
+    with scene(blue=1).build() as ctx, ctx.game.fork(0).ctx as other:
         for one in (ctx, other):
             one.game.eliminate(one.agent.get_agent("blue_0"))
+            one.game.order = [["red"]]
         assert [result.turns for result in check(ctx, SEEDS[:2])] == [12, 12]
         other.game.add(revive)
         with other.game.batch(2) as games:

@@ -327,9 +327,9 @@ def watched(tmp_path):
         subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=errors, text=True) as process,
     ):
         links = {}
-        while "blue" not in links:
-            name, _, link = process.stdout.readline().strip().partition(" ")
-            links[name] = link.strip()
+        while "watch as blue" not in links:
+            name, _, link = process.stdout.readline().strip().rpartition(" ")
+            links[name.strip()] = link
         yield tmp_path, links, (tmp_path / "errors").read_text
         assert process.poll() is None, "it serves until it is ended"
         process.terminate()
@@ -338,7 +338,7 @@ def watched(tmp_path):
 
 def test_watching_says_what_is_wrong_with_a_changed_file_and_goes_on_when_it_is_right(join, watched):
     folder, links, errors = watched
-    admin = join(links["admin"])
+    admin = join(links["pause and change"])
     admin.read(lambda client: client.told and client.told[-1]["over"])
     typo = [{"rule": "time_limit", "with": {"tuns": 2}}]
     wrong = {
