@@ -193,6 +193,7 @@ WRITES = {
     name: lambda turn, name=name: getattr(turn, name).fill(0)
     for name in ("games", "turn", "seeds", "starts", "ends", "took_part", "node", "alive")
 }
+WRITES["after a verb"] = lambda turn: (turn.eliminate([0], [0]), turn.alive.fill(0))
 MISTAKES = {
     "the name of an agent": (lambda turn: turn.eliminate([0], ["red_0"]), BadType, "agents must be an array of int"),
     "no such agent": (lambda turn: turn.respawn([0], [99]), BadValue, "99 is out of range; the 6 agents"),

@@ -68,13 +68,15 @@ def test_a_queue_gives_who_arrives_first_and_of_several_the_first(times, pops):
     assert queue.size(0) == len(waiting)
 
 
-def test_headings_chosen_where_agents_lose_conflicts_are_those_of_the_game_alone():
+def test_headings_of_agents_that_lose_conflicts_or_are_turned_by_a_rule_are_those_of_the_game_alone():
     def turn(state):
         angle = state["draw"].random()
-        state["action"] = {"node_id": state["draw"].choice(state["legal"]), "orientation": (1.0 - angle, angle)}
+        node = state["draw"].choice(state["legal"])
+        state["action"] = {"node_id": node, "orientation": (1.0 - angle, angle)} if angle < 0.5 else node
 
     def tell(ctx):
         ctx.game.emit("headings", what=[list(agent.orientation) for agent in ctx.game.agents])
+        ctx.game.agents[ctx.game.turn % 6].orientation = (-1.0, float(ctx.seed))
 
     team = {"count": 6, "strategy": WALK, "speed": 19.0}
     settings = {"speed_unit": "metres", "decide": "arrival"}

@@ -263,9 +263,18 @@ def tire(ctx):
             del agent.tired
 
 
-@pytest.mark.parametrize("attributes", [{}, {"rank": 3, "visited": [7]}])
+def visit(ctx):
+    """Change attributes of agents in place alone."""
+    for agent in ctx.game.agents:
+        agent.visited.append(agent.current_node_id)
+        ctx.game.emit("visits", nodes=[*agent.visited])
+
+
+@pytest.mark.parametrize(
+    ("rule", "attributes"), [(tire, {}), (tire, {"rank": 3, "visited": [7]}), (visit, {"visited": [7]})]
+)
 @pytest.mark.parametrize("phase", ["before", "after"])
-def test_attributes_of_agents_are_those_of_their_games(phase, attributes):
+def test_attributes_of_agents_are_those_of_their_games(phase, rule, attributes):
     with build([OUT, BACK], {"red": decide}) as ctx:
         ctx.game.on_illegal = "stay"
         ctx.game.publish(alarm=0)
@@ -273,7 +282,7 @@ def test_attributes_of_agents_are_those_of_their_games(phase, attributes):
             for agent in ctx.agent.create_iter():
                 setattr(agent, name, value if name == "rank" else [*value])
         before = deepcopy([vars(agent) for agent in ctx.agent.create_iter()])
-        ctx.game.add(tire, phase=phase)
+        ctx.game.add(rule, phase=phase)
         check(ctx, seeds=[1, 2, 3, 4])
         assert [vars(agent) for agent in ctx.agent.create_iter()] == before
 

@@ -1,6 +1,7 @@
 """Sight lines between places on a map with walls: `ctx.graph.visible`, and faces by place."""
 
 import math
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -145,3 +146,4 @@ def test_a_few_huge_faces_do_not_make_every_search_a_wide_one():
     obstacles.add_many(checked_faces(walls(40, 1000.0, 1, length=1e6), None, 0, obstacles))
     assert list(obstacles.near(5.0, 500.0, 500.0))
     assert len(obstacles._between((495.0, 495.0), (505.0, 505.0))) < 300
+    assert all(face[0] in obstacles.near(0.0, *corner[:2]) for face in islice(obstacles, 500) for corner in face[1:5])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from gamms.agent import AgentType
 from gamms.errors import BadValue
 from gamms.sensor import SensorType
-from gamms.strategies import chase, first, flee, goto, guard, mix, patrol, random_walk, stay
+from gamms.strategies import chase, first, flee, goto, guard, intercept, mix, patrol, random_walk, stay
 from gamms.strategies.knowledge import mates_in_sight
 
 NODES = st.integers(0, 35)
@@ -204,6 +204,6 @@ def test_in_a_loop_of_ones_own_they_ask_for_the_team(world):
 
 def test_for_a_flyer_an_error_says_that_these_go_along_edges(world):
     kite = world.add("kite", 0, type=AgentType.AERIAL, speed=3.0)
-    for strategy in (chase(world.ctx), flee(world.ctx), guard(world.ctx, 0, 5.0)):
+    for strategy in (chase(world.ctx), flee(world.ctx), guard(world.ctx, 0, 5.0), intercept(world.ctx)):
         with pytest.raises(TypeError, match="moves along edges"):
             strategy(world.state_of(kite))

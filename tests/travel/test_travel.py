@@ -2,6 +2,7 @@
 
 import pickle
 import re
+from contextlib import nullcontext
 from copy import deepcopy
 from math import inf
 
@@ -188,13 +189,23 @@ def test_in_an_order_of_play_agents_stand_on_their_edges_before_and_after_their_
             assert legs[name] == [pytest.approx(leg) for leg in expected if leg[2] < leg[3]]
 
 
-def test_one_that_stands_on_an_edge_is_met_by_one_that_comes_along_it():
-    ctx, met = road(0, 90), []
-    agent(ctx, "anna", 0, 1, 1, None, speed=10.0, team="a")
-    agent(ctx, "bert", 1, 0, speed=20.0, team="b")
-    ctx.game.add(lambda ctx: met.extend((ctx.game.turn, one.time) for one in contacts(ctx, "a", "b")))
-    ctx.game.run(5)
-    assert met == [(4, pytest.approx(0.5))]
+@pytest.mark.parametrize("is_batch", [False, True])
+def test_one_that_stands_on_an_edge_is_met_by_one_that_comes_along_it(is_batch):
+    def stop_after_two_turns(state):
+        state["action"] = 1 if state["turn"] < 2 else None
+
+    def come(state):
+        state["action"] = 0
+
+    ctx = road(0, 90)
+    ctx.agent.create_agent("anna", start_node_id=0, strategy=stop_after_two_turns, speed=10.0, team="a")
+    ctx.agent.create_agent("bert", start_node_id=1, strategy=come, speed=20.0, team="b")
+    ctx.game.add(lambda ctx: [ctx.game.emit("met", after=one.time) for one in contacts(ctx, "a", "b")])
+    with ctx.game.batch(1) if is_batch else nullcontext(ctx.game) as games:
+        for _ in range(5):
+            games.step()
+        result = games.result(0) if is_batch else games.result()
+    assert [(event["turn"], event["after"]) for event in result.events] == [(4, pytest.approx(0.5))]
 
 
 def test_those_who_use_one_street_one_after_the_other_do_not_meet():

@@ -156,7 +156,9 @@ def test_who_comes_late_begins_with_a_keyframe(join):
         assert late.parts()[-1][0] == 2
 
 
-def test_a_spectator_who_is_behind_begins_again_at_a_keyframe(monkeypatch):
+@pytest.mark.parametrize(("turns", "most_bytes", "first"), [(200, 1 << 20, 192), (1, 1000, 199)])
+def test_a_spectator_who_is_behind_begins_again_at_a_keyframe(monkeypatch, turns, most_bytes, first):
+    monkeypatch.setattr(streams, "_KEYFRAME_BYTES", most_bytes)  # summed over the times that turns are encoded
     monkeypatch.setattr(streams, "_MOST_BYTES", 4000)
     with HUNT.build() as ctx:
         following = streams.Streams(ctx.graph.columns)
@@ -164,12 +166,13 @@ def test_a_spectator_who_is_behind_begins_again_at_a_keyframe(monkeypatch):
         stream = following.of(web.links.Audience())
         messages, place, dropped = stream.read(stream.last_keyframe)
         assert (sent(stream, messages).sent[0]["is_whole"], place.turns, dropped) == (True, 0, 0)
-        ctx.game.run(max_turns=200)
-        assert following.of(web.links.Audience()) is stream
+        for _ in range(200 // turns):
+            ctx.game.run(max_turns=turns)
+            assert following.of(web.links.Audience()) is stream
         messages, place, dropped = stream.read(place)
         again = sent(stream, messages).sent[0]
-        assert (again["is_whole"], again["first"]) == (True, 192)
-        assert (dropped, place.turns) == (192, 200)
+        assert (again["is_whole"], again["first"]) == (True, first)
+        assert (dropped, place.turns) == (first, 200)
         assert sum(len(message) for messages, _ in stream._parts for message in messages) < 8000
 
 
