@@ -54,8 +54,17 @@ cdef class NodeFeatures:
     cdef float[::1] values
 
 
-@cython.locals(agents=i64, row=i64, viewer=i64, first=i64, other=i64)
-cpdef int mark_seen(strategies.SensorTable looks, const i64[::1] viewers, const i64[::1] team, const u8[::1] is_asked, const u8[::1] alive, u8[::1] marks) except -1 nogil
+@cython.locals(agents=i64, found=i64, row=i64, viewer=i64, first=i64, widest=double, side=i64, rank=i64, other=i64, dx=double)
+cpdef i64 list_seen(
+    strategies.SensorTable looks,
+    const i64[::1] viewers,
+    const i64[::1] team,
+    const u8[::1] is_asked,
+    const u8[::1] alive,
+    const i64[::1] order,
+    const i64[::1] ranks,
+    i64[::1] pairs,
+) except -1 nogil
 cdef i64 node_of(Observers o, i64 place, i64 agent) except -1 nogil
 @cython.locals(i=i64, row=i64, entry=i64, count=i64, action=i64)
 cpdef int observe(Observers o, VectorObservations v, NearestAgents found, i64 game) except -1 nogil

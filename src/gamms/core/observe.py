@@ -195,15 +195,19 @@ class NodeFeatures:
         self.values = values
 
 
-def mark_seen(
+def list_seen(
     looks: strategies.SensorTable,
     viewers: memoryview[int],
     team: memoryview[int],
     is_asked: memoryview[int],
     alive: memoryview[int],
-    marks: memoryview[int],
+    order: memoryview[int],
+    ranks: memoryview[int],
+    pairs: memoryview[int],
 ) -> int:
-    """Mark the agents that observers see in some games.
+    """Write who sees whom in some games; return the number of pairs, those without room included.
+
+    An observer looks to both sides along the x axis, up to its widest radius.
 
     Args:
         looks: the sensors of all agents; its places are the positions of all agents of these games.
@@ -211,19 +215,33 @@ def mark_seen(
         team: (agents,) the team number of each agent.
         is_asked: (games * observers,) 1: the observer looks.
         alive: (games * agents,) 1: the agent is alive.
-        marks: (games * observers * agents,) set to 1 if the observer sees the agent.
+        order: (games * agents,) the agents of each game by ascending x.
+        ranks: (games * agents,) the place of each agent in this order.
+        pairs: (room * 3,) receives the game, the observer and the seen agent of each pair.
     """
     agents = len(team)
+    found = 0
     for row in range(len(is_asked)):
-        if is_asked[row]:
-            viewer = viewers[row % len(viewers)]
-            first = row // len(viewers) * agents
-            for other in range(agents):
-                if other == viewer or not alive[first + other]:
-                    continue
-                if strategies.shows(looks, viewer, team[other], first + viewer, first + other):
-                    marks[row * agents + other] = 1
-    return 0
+        if not is_asked[row]:
+            continue
+        viewer = viewers[row % len(viewers)]
+        first = row // len(viewers) * agents
+        widest = strategies.widest_square(looks, viewer)
+        for side in range(-1, 2, 2):
+            rank = ranks[first + viewer] + side
+            while 0 <= rank < agents:
+                other = order[first + rank]
+                dx = looks.places[2 * (first + other)] - looks.places[2 * (first + viewer)]
+                if dx * dx > widest:
+                    break
+                if alive[first + other] and strategies.shows(looks, viewer, team[other], first + viewer, first + other):
+                    if 3 * found < len(pairs):
+                        pairs[3 * found] = row // len(viewers)
+                        pairs[3 * found + 1] = row % len(viewers)
+                        pairs[3 * found + 2] = other
+                    found += 1
+                rank += side
+    return found
 
 
 def node_of(o: Observers, place: int, agent: int) -> int:

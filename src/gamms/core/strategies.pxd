@@ -72,6 +72,8 @@ cdef i64 _waypoint(Strategies p, i64 game, i64 agent, i64 step, i64 node) except
 cdef bint _sees(SensorTable looks, GameColumns games, i64 game, i64 agent, i64 other) except -1 nogil
 @cython.locals(dx=double, dy=double, square=double, sensor=i64)
 cdef bint shows(SensorTable looks, i64 agent, i64 team, i64 here, i64 there) except -1 nogil
+@cython.locals(widest=double, sensor=i64)
+cdef double widest_square(SensorTable looks, i64 agent) except? -1.0 nogil
 @cython.locals(found=i64, least=double, at=i64, other=i64, far=double)
 cdef i64 _nearest_enemy(Strategies p, i64 game, i64 agent, i64 node) except? -2 nogil
 @cython.locals(at=i64, is_seen=bint, number=i64, other=i64, far=double)

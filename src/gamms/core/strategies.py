@@ -319,6 +319,14 @@ def shows(looks: SensorTable, agent: int, team: int, here: int, there: int) -> b
     return False
 
 
+def widest_square(looks: SensorTable, agent: int) -> float:
+    """Return the largest squared radius of an agent's sensors; -1: it has none."""
+    widest = -1.0
+    for sensor in range(looks.begins[agent], looks.begins[agent + 1]):
+        widest = max(widest, looks.squares[sensor])
+    return widest
+
+
 def _nearest_enemy(p: Strategies, game: int, agent: int, node: int) -> int:
     """Return the node of the nearest visible enemy by road, the first of equals; -1: none."""
     found = -1

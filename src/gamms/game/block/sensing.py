@@ -15,7 +15,7 @@ from gamms.core import observe, strategies
 from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.game.block.columns import PlayedGame, places_of, sensors_of, some_rows
 from gamms.game.block.state import GameArrays
-from gamms.game.block.strategy_steps import MOST_LOOKING, has_plain_looks, looks_of
+from gamms.game.block.strategy_steps import has_plain_looks, looks_of
 from gamms.game.conflicts import flat
 from gamms.game.cursor.pointed import PointedContext
 from gamms.ir.graph import FloatArray, IntArray
@@ -29,7 +29,6 @@ from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor, SensorType
 SHOWING_AGENTS = ON_GROUND | IN_AIR
 SHOWING_NODES = {SensorType.NEIGHBOR, SensorType.MAP, SensorType.RANGE, SensorType.ARC, SensorType.OCCLUDED_MAP}
 _MOST_PAIRS = 1 << 28  # agents and nodes, of one answer
-_MOST_MARKS = 1 << 24  # pairs of agents that the core compares at once
 
 
 class VisibleAgentPairs(NamedTuple):
@@ -162,9 +161,8 @@ def note_sensors(state: GameArrays, *, with_nodes: bool) -> None:
         with_nodes: whether to include sensors of nodes, because maps or headings may differ between games.
     """
     roster = state.roster
-    are_few = len(state.roster.names) <= MOST_LOOKING
     each = zip(roster.agents, roster.flies | roster.varies, strict=True)
-    are_plain = [are_few and not is_odd and has_plain_looks(one) for one, is_odd in each]
+    are_plain = [not is_odd and has_plain_looks(one) for one, is_odd in each]
     found = {number: noted_sensors(roster.agents[number]) for number, is_plain in enumerate(are_plain) if not is_plain}
     state.noted = {number: names for number, names in found.items() if names}
     if with_nodes or roster.varies.any():
@@ -230,25 +228,26 @@ def _seen_in_core(
     columns = state.shared[key]
     if columns[0][-1] == 0 or not asked.any():
         return
-    shape = len(agents), len(state.roster.names)
     xy = axes()
-    step = max(1, _MOST_MARKS // (shape[0] * shape[1]))
-    for first in range(0, len(games), step):
-        some = games[first : first + step]
-        marks = np.zeros((len(some), *shape), np.uint8)
-        begins, squares, shows = columns
-        places = flat(xy[first : first + step], np.float64)
-        looks = strategies.SensorTable(begins, squares, shows, len(state.roster.teams), places)
-        observe.mark_seen(
-            looks,
-            flat(agents, np.int64),
-            flat(state.roster.team_of, np.int64),
-            flat(asked[first : first + step].view(np.uint8), np.uint8),
-            flat(state.alive[some].view(np.uint8), np.uint8),
-            marks.reshape(-1).data,
-        )
-        at, viewers, others = np.nonzero(marks)
-        yield at + first, viewers, others, state.node[some[at], others]
+    order = np.argsort(xy[..., 0], axis=1)
+    ranks = np.argsort(order, axis=1)
+    begins, squares, shows = columns
+    who = (
+        strategies.SensorTable(begins, squares, shows, len(state.roster.teams), flat(xy, np.float64)),
+        flat(agents, np.int64),
+        flat(state.roster.team_of, np.int64),
+        flat(asked.view(np.uint8), np.uint8),
+        flat(state.alive[games].view(np.uint8), np.uint8),
+        flat(order, np.int64),
+        flat(ranks, np.int64),
+    )
+    total = observe.list_seen(*who, flat(np.zeros(0), np.int64))
+    if total > _MOST_PAIRS:
+        raise TooLarge(f"The agents see {total} agents together, too many for arrays. Ask for fewer games.")
+    pairs = np.zeros((total, 3), np.int64)
+    observe.list_seen(*who, pairs.reshape(-1).data)
+    at, viewers, others = pairs.T
+    yield at, viewers, others, state.node[games[at], others]
 
 
 def _sighted(
