@@ -31,7 +31,7 @@ def scene(rules=(TAG, "last_team"), max_turns=12, **more):
     teams = {"red": {"count": 2, "strategy": WALK, "sensors": ["near"]}, "blue": {"count": 2, "strategy": WALK}}
     near = {"near": {"type": "AGENT_RANGE", "sensor_range": 30}}
     given = {"teams": teams, "sensors": near, "rules": list(rules), "max_turns": max_turns, **more}
-    return Scenario(name="two on two", map={"grid": {"width": 4, "height": 4}}, **given)
+    return Scenario(name="two on two", **{"map": {"grid": {"width": 4, "height": 4}}, **given})
 
 
 @pytest.mark.parametrize("team", [None, "red", ["blue", "red"]])
@@ -121,6 +121,28 @@ def test_scenarios_that_come_with_gamms_have_names_for_gymnasium(name):
     assert observations["action_mask"].shape == (2, games.single_action_space.n)
     assert infos["valid"].tolist() == [True, True]
     games.close()
+
+
+def test_games_on_several_maps_are_those_on_each_map_alone():
+    maps = [{"grid": {"width": width, "height": 4}} for width in (3, 5, 9)]
+    rules = [{**TAG, "with": {**TAG["with"], "then": "respawn"}}]
+    games = rl.vector_env(scene(rules), num_games=9, team="blue", seed=5, maps=maps)
+    alone = [
+        rl.vector_env(scene(rules, map=maps[number]), num_games=1, team="blue", seed=5 + game)
+        for game, number in enumerate(games.learners.games.maps.tolist())
+    ]
+    assert {*games.learners.games.maps.tolist()} == {0, 1, 2}
+    observed, _ = games.reset()
+    expected = [one.reset()[0] for one in alone]
+    for _ in range(8):
+        for name, values in observed.items():
+            assert np.array_equal(values, np.concatenate([one[name] for one in expected]))
+        masks = observed["action_mask"].reshape(9, 2, -1)
+        actions = masks.shape[-1] - 1 - masks[..., ::-1].argmax(axis=-1)
+        observed, rewards, *_ = games.step(actions.reshape(-1))
+        played = [one.step(actions[game]) for game, one in enumerate(alone)]
+        expected = [one for one, *_ in played]
+        assert rewards.tolist() == [reward for _, of_game, *_ in played for reward in of_game]
 
 
 def test_an_agent_that_is_out_leaves_and_its_slot_only_stays():
