@@ -170,7 +170,7 @@ class Arrivals:
         return 0
 
     def leave(self, game: int) -> int:
-        """Let nobody decide or go on in a game."""
+        """Mark that no agent decides or continues in a game."""
         first = game * self.queue.agents
         for number in range(self.counts[game]):
             self.comes[first + self.here[first + number]] = 0

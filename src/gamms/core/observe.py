@@ -205,7 +205,7 @@ def list_seen(
     ranks: memoryview[int],
     pairs: memoryview[int],
 ) -> int:
-    """Write who sees whom in some games; return the number of pairs, those without room included.
+    """Write pairs of observers and visible agents in some games; return their number, those without room included.
 
     An observer looks to both sides along the x axis, up to its widest radius.
 
