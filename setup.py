@@ -8,11 +8,14 @@ compiles nothing. All else is in pyproject.toml.
 """
 
 import os
+import re
 import runpy
+import shlex
 import shutil
 import subprocess
 import sys
 import sysconfig
+from hashlib import sha256
 from pathlib import Path
 
 from setuptools import Extension, setup
@@ -31,6 +34,15 @@ HAS_STABLE_ABI = sys.implementation.name == "cpython" and not sysconfig.get_conf
 PROFILE = os.environ.get("GAMMS_CORE_BUILD", "release") if HAS_STABLE_ABI else "python"
 IS_WINDOWS = os.name == "nt"
 C = Path("build", PROFILE)  # what is generated
+COMPILED = C / "compiled"
+DIRECTIVES = {
+    "language_level": 3,
+    "annotation_typing": False,
+    "cdivision": False,
+    "boundscheck": PROFILE == "checked",
+    "initializedcheck": PROFILE == "checked",
+    "wraparound": False,
+}
 
 
 def modules() -> dict[str, str]:
@@ -67,56 +79,99 @@ class BuildPackage(build_py):
 
 
 class BuildCore(build_ext):
-    """Compile all modules of the core or, where one of them fails, none."""
+    """Compile the modules of the core that have changed; where one of them fails, none is used.
+
+    Compiled modules are kept in `COMPILED`, each with a key of all that it was made from.
+    """
 
     def run(self) -> None:
-        """Write the C, compile it, and see whether all of it is there."""
-        self.force = True  # neither Cython nor setuptools notices other directives and flags
-        in_place = self.inplace
-        self.inplace = False
-        built = [Path(self.build_lib, self.get_ext_filename(one.name)) for one in self.extensions]
-        for file in [*built, *built_in_place()] if in_place else built:  # of an earlier build
+        """Compile what has changed, and put all modules where they belong if all of them are there."""
+        extensions = self.extensions
+        earlier = [Path(self.build_lib, self._file(one)) for one in extensions]
+        for file in [*earlier, *built_in_place()] if self.inplace else earlier:
             file.unlink(missing_ok=True)
         try:
-            self._write_c()
-            super().run()
+            self._compile_changed()
         except (CCompilerError, PlatformError) as error:  # such as Windows without a compiler
             self.warn(str(error))
-        self.inplace = in_place
-        if all(file.is_file() for file in built):
-            if in_place:
-                self.copy_extensions_to_source()
+        self.extensions = extensions
+        if all((COMPILED / self._file(one)).is_file() for one in extensions):
+            for one in extensions:
+                target = Path(self.get_ext_fullpath(one.name))
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy2(COMPILED / self._file(one), target)
             return
         print("gamms: the core could not be compiled; it runs interpreted: the same games, slower", flush=True)
-        for file in built:
-            file.unlink(missing_ok=True)
         self._forget()
+
+    def _file(self, one: Extension) -> str:
+        """Return the file of a compiled module, in the folder of what is built."""
+        return str(self.get_ext_filename(one.name))
+
+    def _compile_changed(self) -> None:
+        """Compile the modules whose keys differ from those of the last build."""
+        self._write_generated()
+        keys = self._keys()
+        changed = [one for one in self.extensions if not self._is_kept(one, keys[one.name])]
+        if not changed:
+            return
+        self.extensions = changed
+        self._write_c()
+        build_lib, in_place = self.build_lib, self.inplace
+        self.build_lib, self.inplace = str(COMPILED), False
+        self.force = True  # the keys say what has changed; neither Cython nor setuptools notices other flags
+        try:
+            super().run()
+        finally:
+            self.build_lib, self.inplace = build_lib, in_place
+        for one in changed:
+            file = COMPILED / self._file(one)
+            if file.is_file():
+                file.with_suffix(".key").write_text(keys[one.name], encoding="utf-8")
+
+    def _is_kept(self, one: Extension, key: str) -> bool:
+        """Return whether a module was compiled from the same; remove one that was compiled from something else."""
+        file = COMPILED / self._file(one)
+        known = file.with_suffix(".key")
+        if file.is_file() and known.is_file() and known.read_text(encoding="utf-8") == key:
+            return True
+        file.unlink(missing_ok=True)
+        known.unlink(missing_ok=True)
+        return False
+
+    def _keys(self) -> dict[str, str]:
+        """Return a hash of all that each module is made from: texts, flags, and the versions of what compiles."""
+        import Cython
+
+        tools = f"{Cython.__version__} {sys.version} {sysconfig.get_platform()} {compiler_version()} {DIRECTIVES}"
+        keys = {}
+        for one in self.extensions:
+            [source] = one.sources
+            total = sha256(f"{tools} {one.extra_compile_args} {one.extra_link_args} {one.define_macros}".encode())
+            for file in [Path(source), *cimported(one.name.rpartition(".")[2])]:
+                total.update(file.name.encode() + file.read_bytes())
+            keys[one.name] = total.hexdigest()
+        return keys
+
+    def _write_generated(self) -> None:
+        """Write the stamp, and the code of Cython that all modules share."""
+        C.mkdir(parents=True, exist_ok=True)
+        text = runpy.run_path(str(CORE / "form.py"))["digest"](CORE)
+        (C / "_stamp.py").write_text(f'TEXT = "{text}"\nPROFILE = "{PROFILE}"\n', encoding="utf-8")
+        subprocess.run([sys.executable, "-m", "cython", f"--generate-shared={C / '_shared.c'}"], check=True)
 
     def _write_c(self) -> None:
         """Let Cython write a C file for each module, and make it the source of its extension."""
         from Cython.Build import cythonize
 
-        C.mkdir(parents=True, exist_ok=True)
-        text = runpy.run_path(str(CORE / "form.py"))["digest"](CORE)
-        (C / "_stamp.py").write_text(f'TEXT = "{text}"\nPROFILE = "{PROFILE}"\n', encoding="utf-8")
-        shared = C / "_shared.c"
-        subprocess.run([sys.executable, "-m", "cython", f"--generate-shared={shared}"], check=True)
-        is_checked = PROFILE == "checked"
         written = cythonize(
-            [Extension(one.name, one.sources) for one in self.extensions if one.sources != [shared.as_posix()]],
+            [Extension(one.name, one.sources) for one in self.extensions if not one.sources[0].endswith(".c")],
             build_dir=str(C),
             include_path=["src"],
             shared_utility_qualified_name="gamms.core._shared",
             force=True,
             show_all_warnings=False,
-            compiler_directives={
-                "language_level": 3,
-                "annotation_typing": False,
-                "cdivision": False,
-                "boundscheck": is_checked,
-                "initializedcheck": is_checked,
-                "wraparound": False,
-            },
+            compiler_directives=DIRECTIVES,
         )
         sources = {one.name: one.sources for one in written}
         for one in self.extensions:  # its own options stay: `cythonize` drops `optional`
@@ -130,6 +185,29 @@ class BuildCore(build_ext):
         if wheel is not None:
             wheel.root_is_pure = True
             wheel.py_limited_api = False
+
+
+def cimported(name: str) -> list[Path]:
+    """Return the `.pxd` file of a module and all others that it cimports, directly or not."""
+    files = dict[Path, None]()
+    names = [name]
+    while names:
+        file = CORE / f"{names.pop()}.pxd"
+        if file.is_file() and file not in files:
+            files[file] = None
+            text = file.read_text(encoding="utf-8")
+            names += re.findall(r"^from gamms\.core\.(\w+) cimport", text, re.MULTILINE)
+            names += re.findall(r"\w+", " ".join(re.findall(r"^from gamms\.core cimport (.*)", text, re.MULTILINE)))
+    return sorted(files)
+
+
+def compiler_version() -> str:
+    """Return what the C compiler says of itself; "" where it has no option for that."""
+    command = shlex.split(os.environ.get("CC", "") or sysconfig.get_config_var("CC") or "")
+    if not command or IS_WINDOWS:
+        return ""
+    done = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False)
+    return f"{command} {done.stdout}"
 
 
 def built_in_place() -> list[Path]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import gamms
+from gamms.core import draws
 
 SRC = Path(gamms.__file__).parent
 SHOW = """
@@ -28,7 +29,7 @@ def run(code, source=SRC.parent, form="", more=()):
 def test_the_interpreted_form_can_be_asked_for():
     done = run(SHOW, form="python")
     assert done.stderr == ""
-    assert done.stdout.split() == ["False", "py", str(gamms.core.draws.mix(1))]
+    assert done.stdout.split() == ["False", "py", str(draws.mix(1))]
 
 
 def test_the_finder_of_the_interpreted_form_finds_nothing_but_modules_of_the_core():

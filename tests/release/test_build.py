@@ -111,6 +111,16 @@ def quick_compiler(folder, but_for="nothing"):
     return str(script)
 
 
+def compiled_by(checkout, compiler, log):
+    """Build a checkout in place; return the modules that a compiler compiled, by their names."""
+    log.write_text("")
+    run(sys.executable, "setup.py", "-q", "build_ext", "--inplace", folder=checkout, CC=compiler)
+    assert {path.name.partition(".")[0] for path in checkout.glob("src/gamms/core/*.so")} == {
+        name.removeprefix("core/") for name in modules_of(checkout)
+    }
+    return {Path(word).stem for line in log.read_text().splitlines() for word in line.split() if word.endswith(".c")}
+
+
 def environment_in(folder):
     """Make an environment that has all libraries of this one, but not GAMMS."""
     run(sys.executable, "-m", "venv", "--without-pip", folder / "env", folder=folder)
@@ -170,6 +180,24 @@ def test_all_modules_are_compiled_or_none(small_core, tmp_path):
     assert "gamms: the core could not be compiled; it runs interpreted: the same games, slower" in said
     assert wheel.name.endswith("-py3-none-any.whl")
     assert files_of(wheel) == sources_of(small_core)
+
+
+@needs_compiler
+def test_only_modules_whose_text_types_or_compiler_changed_are_compiled(small_core, tmp_path):
+    core = small_core / "src/gamms/core"
+    log = tmp_path / "log"
+    compiler = Path(quick_compiler(tmp_path))
+    compiler.write_text(compiler.read_text().replace("\n", f'\necho "$*" >> {log}\n', 1))
+    (core / "block.pxd").write_text("from gamms.core cimport copies\n" + (core / "block.pxd").read_text())
+    assert compiled_by(small_core, str(compiler), log) == {"block", "copies", "_stamp", "_shared"}
+    (core / "copies.py").write_text((core / "copies.py").read_text() + "# an edit\n")
+    assert compiled_by(small_core, str(compiler), log) == {"copies", "_stamp"}
+    (core / "copies.pxd").write_text((core / "copies.pxd").read_text() + "# an edit\n")
+    assert compiled_by(small_core, str(compiler), log) == {"block", "copies", "_stamp"}
+    other = tmp_path / "other"
+    other.mkdir()
+    shutil.copy(compiler, other / "cc")
+    assert compiled_by(small_core, str(other / "cc"), log) == {"block", "copies", "_stamp", "_shared"}
 
 
 @needs_compiler
