@@ -2,6 +2,10 @@
 
 import gc
 
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gamms.game.snapshots import GameStart
 from gamms.scenario import Scenario
 
 TEAMS = {name: {"count": 3, "strategy": "gamms.strategies:random_walk"} for name in ("red", "blue")}
@@ -25,3 +29,34 @@ def test_turns_that_were_played_leave_no_garbage():
     few, many = garbage_of(5), garbage_of(105)
     assert many <= few + 10
     assert many < 500
+
+
+def live_starts():
+    """Return how many starts of games are alive."""
+    gc.collect()
+    return sum(type(one) is GameStart for one in gc.get_objects())
+
+
+START_AGAIN = {
+    "reset": lambda ctx: ctx.game.reset(),
+    "another seed": lambda ctx: ctx.game.reset(seed=ctx.seed + 1),
+    "restore": lambda ctx: ctx.game.restore(ctx.game.snapshot()),
+    "fork": lambda ctx: ctx.game.fork(0).ctx.terminate(),
+    "an agent more": lambda ctx: (
+        ctx.game.reset(),
+        ctx.agent.create_agent(f"more {len(ctx.agent.agents)}", start_node_id=0),
+    ),
+}
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 2), st.sampled_from(sorted(START_AGAIN))), min_size=3, max_size=12))
+def test_no_more_than_two_starts_of_games_are_alive(played):
+    before = live_starts()
+    game = Scenario(map={"grid": {"width": 4, "height": 4}}, teams=TEAMS, max_turns=5)
+    with game.build(seed=1) as ctx:
+        for turns, again in played:
+            for _ in range(turns):
+                ctx.game.step()
+            START_AGAIN[again](ctx)
+        assert live_starts() - before <= 2

@@ -244,8 +244,14 @@ class Game(Surface, RuleVerbs):
     def _begin(self) -> None:
         """Take the snapshot that `reset` restores."""
         state = self._state
-        snapshot = self._snapshots.take()
-        seeds = (self.ctx.seed, self.ctx.rng_state()) if state.start is None else state.start.first_seed
+        earlier = state.start
+        state.start = None  # a snapshot with the earlier start would keep all earlier games
+        try:
+            snapshot = self._snapshots.take()
+        except BaseException:
+            state.start = earlier
+            raise
+        seeds = (self.ctx.seed, self.ctx.rng_state()) if earlier is None else earlier.first_seed
         state.start = GameStart(snapshot, self.ctx.rng_state(), seeds)
         state.has_begun = True
 
