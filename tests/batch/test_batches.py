@@ -324,9 +324,52 @@ def test_a_batch_needs_games_that_can_end_and_a_number_of_them():
     with pytest.raises(BadValue, match="seed=7 and seeds: give one"):
         scene().batch(seed=7, seeds=[1, 2])
     with scene().batch(2) as games, pytest.raises(BadType, match="progress must be True or False, not 10"):
-        games.run(10)
+        games.run(progress=10)
     with scene(max_turns=None).batch(2) as games, pytest.raises(BadValue, match="could end"):
         games.run()
+
+
+def count_walkers(ctx):
+    """Count turns, and let an agent come in some games."""
+    ctx.game.scores["turns"] = ctx.game.turn
+    if ctx.game.turn == 2 and ctx.seed % 2:
+        ctx.agent.create_agent("late", start_node_id=0, team="red")
+
+
+def change_settings(ctx):
+    """Do in some games what one context for all games cannot do."""
+    if ctx.game.turn == 2 and ctx.seed % 2:
+        ctx.game.add(count_walkers)
+
+
+@pytest.mark.parametrize("rule", [None, count_walkers, change_settings])
+def test_a_run_of_some_turns_is_that_of_each_game_and_can_go_on(rule):
+    with scene(max_turns=None).build(seed=1) as ctx:
+        if rule is not None:
+            ctx.game.add(rule)
+        with ctx.game.batch(seeds=[4, 5, 6]) as games, ctx.game.fork(0).ctx as alone:
+            for turns in (3, 0, 4):
+                games.run(max_turns=turns)
+            games.reset([1])
+            assert [games.result(number).reason for number in range(3)] == ["max_turns", "unfinished", "max_turns"]
+            games.run(2)
+            assert not games.is_over.any()
+            for number, turns in enumerate((9, 2, 9)):
+                alone.game.reset(seed=games.seeds[number])
+                assert plain(games.result(number)) == plain(alone.game.run(turns))
+            games.step()
+            assert games.turn.tolist() == [10, 3, 10]
+
+
+def test_a_run_of_some_turns_ends_with_the_game():
+    with scene(max_turns=5).batch(2) as games:
+        games.run(3)
+        assert not games.is_over.any()
+        games.run(3)
+        assert games.is_over.all()
+        assert games.turn.tolist() == [5, 5]
+        with pytest.raises(BadValue, match="max_turns"):
+            games.run(-1)
 
 
 def test_games_that_are_reset_begin_again_with_their_seeds():

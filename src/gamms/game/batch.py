@@ -283,6 +283,7 @@ class Batch(Immutable):
             roster.first_nodes(source.game) for source, roster in zip(self._sources, self._rosters, strict=True)
         ]
         engine = self._made_engine()
+        engine.stop_at = self._engine.stop_at
         self._engine = engine
         self._separate.move_to(engine, self._roster)
         for place, given in enumerate(self._log):
@@ -307,7 +308,7 @@ class Batch(Immutable):
         own.remove()
         game = self._sources[number].game
         start = game.snapshot()
-        last = game.settings()["max_turns"]
+        last = self._engine.last_turn(0)
         found: dict[str, ComingAgent] = {}
         try:
             game.reset(seed=self.seeds[0])
@@ -356,52 +357,58 @@ class Batch(Immutable):
             "Keep it in view.keep(key, make) or turn.keep(key, make), else in state['memory'] or ctx.game.data.",
         )
 
-    def run(self, progress: bool = False, *, warn: bool = True, threads: int = 1) -> None:
-        """Play all games to their ends.
+    def run(
+        self, max_turns: int | None = None, progress: bool = False, *, warn: bool = True, threads: int = 1
+    ) -> None:
+        """Play all games to their ends, or for a number of turns, after which `run` and `step` continue them.
 
         Args:
+            max_turns: the largest number of turns that each game plays now; None: until the total of the settings is
+                reached, which ends a game in any case.
             progress: whether to show the progress on a line of stderr, if it is a terminal.
             warn: whether to log once the teams without a strategy, and the part that makes the batch slow.
             threads: the number of threads, if the core plays all parts; the results do not depend on it. Other games
                 use one thread.
 
         Raises:
-            BadType, BadValue: `progress` or `warn` is not a boolean, `threads` is less than 1, the games have neither
-                a rule nor `max_turns` to end them, or another thread is playing them.
+            BadType, BadValue: `progress` or `warn` is not a boolean, `threads` is less than 1, `max_turns` is negative,
+                the games have neither a rule nor `max_turns` to end them, or another thread is playing them.
         """
         self._refuse_closed()
+        turns = None if max_turns is None else as_count(max_turns, "max_turns", 0)
         num_threads = min(as_count(threads, "threads"), len(self))
         is_shown = as_bool(progress, "progress")
         game = self.game
-        if game.settings()["max_turns"] is None and not game.rules:
-            raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
+        if turns is None and game.settings()["max_turns"] is None and not game.rules:
+            raise BadValue("These games have no rule that could end them: give run(max_turns=…) or add a rule.")
         if as_bool(warn, "warn"):
             game.internals.warn_of_idle_teams()
             self._say_what_is_slow()
         with self._playing(), progress_line() as line:
             show = line if is_shown else None
             self._ran_from = self._engine.turns()
+            self._engine.stop_at = None if turns is None else self._ran_from + turns
             try:
                 self._run_in_core(num_threads, show)
             finally:
                 self._ran_from = None
             with self._watching():
-                for _ in self._separate.run(game.settings()["max_turns"]):
+                for _ in self._separate.run():
                     if show is not None:
                         self._show_progress(show)
         self._follow()
 
     def _run_in_core(self, threads: int, show: Callable[[str], object] | None) -> None:
-        """Play games to their ends in the core, in chunks of turns, between which Ctrl-C works."""
+        """Play games in the core until they are over or `stop_at`, in chunks of turns, between which Ctrl-C works."""
         turns = max(1, _AT_ONCE_IN_CORE // (len(self) * len(self._roster.names)))
         plays_by_phases = self._engine.plays_by_phases
         before = global_state() if self._engine.calls_each else None
-        while self._engine.playing.any():
+        while (left := self._engine.turns_left(turns)) > 0:
             if plays_by_phases:
                 self.step()
             else:
                 with uninterrupted(at_most_once=True):
-                    played = self._engine.play(turns, threads)
+                    played = self._engine.play(left, threads)
                     self._log += [{}] * played
                     self._steps += played
             if show is not None:

@@ -536,6 +536,9 @@ class BatchEngine:
         rosters: the agents on each map.
         own: the differences between the games on each map from their start.
 
+    Attributes:
+        stop_at: (games,) the turn at which the last run stopped each game; None: it had no limit.
+
     Raises:
         GammsError: the core cannot play a rule or the conflicts, or cannot continue them from the state of the game.
     """
@@ -567,6 +570,7 @@ class BatchEngine:
         others = [self._state.on_map(*pair) for pair in zip(movements[1:], rosters[1:], strict=True)]
         states = [self._state, *others]
         self._last: int | None = settings["max_turns"]
+        self.stop_at: IntArray | None = None
         self._is_strict = settings["on_illegal"] == "raise"
         self._block = CoreColumns(states, self._map_of)
         self._maps = [
@@ -643,6 +647,8 @@ class BatchEngine:
         self._map_of[games] = maps
         self._find_games()
         self._state.is_apart[games] = False
+        if self.stop_at is not None:
+            self.stop_at[games] = np.iinfo(np.int64).max
         for number, one in enumerate(self._maps):
             which = np.flatnonzero(maps == number)
             if len(which):
@@ -658,6 +664,20 @@ class BatchEngine:
     def playing(self) -> BoolArray:
         """Whether each game is played here and is not over, (games,)."""
         return ~(self.is_over | self._state.is_apart)
+
+    def last_turn(self, game: int) -> int | None:
+        """Return the turn at which a game stops in any case: that of the settings, or of the last run."""
+        stops = [self._last] if self._last is not None else []
+        stops += [int(self.stop_at[game])] if self.stop_at is not None else []
+        return min(stops, default=None)
+
+    def turns_left(self, most: int) -> int:
+        """Return how many turns the games that are not over have left in a run, at most `most`."""
+        playing = self.playing
+        if self.stop_at is None:
+            return most if playing.any() else 0
+        left = (self.stop_at - self._state.turn)[playing]
+        return int(np.clip(left, 0, most).max(initial=0))
 
     # -- playing ------------------------------------------------------------------------------------------------
 
@@ -1047,7 +1067,8 @@ class BatchEngine:
     def over(self, game: int) -> dict[str, Any] | None:
         """Return the reason, winner and truncation of a game's end; None: it goes on."""
         known = self._state.over[game]
-        is_late = self._last is not None and self._state.turn[game] >= self._last
+        last = self.last_turn(game)
+        is_late = last is not None and self._state.turn[game] >= last
         return {"reason": "max_turns", "winner": None, "truncated": True} if known is None and is_late else known
 
     def scores(self) -> dict[Any, Any]:

@@ -175,16 +175,20 @@ class SeparateGames:
             self.forget(self.reasons.keys() - known)
             raise
 
-    def run(self, max_turns: int | None) -> Iterator[int]:
-        """Play all games to their ends, and yield the number of each; after an interrupt a game is as it was before."""
+    def run(self) -> Iterator[int]:
+        """Play all games until the run of the batch stops; yield the number of each.
+
+        After an interrupt a game is as it was before.
+        """
         for number in self.going:
             had_context = number in self._games
             game = self.game(number)
             self.ran_from[number] = game.turn
+            last = self._engine.last_turn(number)
             before = game.snapshot()
             try:
                 with self._played(number, game):
-                    game.run(None if max_turns is None else max(0, max_turns - game.turn))
+                    game.run(None if last is None else max(0, last - game.turn))
             except Exception:
                 raise
             except BaseException:
@@ -192,7 +196,7 @@ class SeparateGames:
                 game.restore(before)
                 self._note(number)
                 raise
-            if not had_context:
+            if not had_context and self._engine.is_over[number]:
                 self._settle(number)
             yield number
 
