@@ -173,7 +173,9 @@ class Arrivals:
         """Mark that no agent decides or continues in a game."""
         first = game * self.queue.agents
         for number in range(self.counts[game]):
-            self.comes[first + self.here[first + number]] = 0
+            row = first + self.here[first + number]
+            self.comes[row] = 0
+            self.loses[row] = 0
         self.counts[game] = 0
         return 0
 

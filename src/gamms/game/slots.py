@@ -181,17 +181,17 @@ class Slots(Sequence[AgentSlot]):
     """The slots of the living agents in the order of names, each made on first use.
 
     Args:
-        block: the agents.
+        agents: the agent engine. Any: its class cannot be imported here.
         settings: the settings of the game.
         make: makes the slot of an agent from its name, or from a deleted agent of this name.
         idle: returns the names of agents with neither a strategy nor sensors.
         counts: agent -> its counts.
-        departure: the last agent deleted before now.
+        table: the seed and the clock of the agents' draws.
         before: the slots at an earlier time; None: there are none.
         change: the agents that came, left or changed since then.
 
     Attributes:
-        idle: see the argument.
+        idle, table: see the arguments.
         selection, names, teams: the rows, names and teams of the agents.
         flying: the indices of agents that fly.
         paced: the indices of agents on the ground that may be on an edge.
@@ -200,15 +200,16 @@ class Slots(Sequence[AgentSlot]):
 
     def __init__(
         self,
-        block: AgentBlock,
+        agents: Any,
         settings: Settings,
         make: Callable[[str, IAgent | None], AgentSlot],
         idle: Callable[[], Collection[str]],
         counts: dict[str, dict[str, int]],
-        departure: DeletedAgent,
+        table: DrawTable,
         before: "Slots | None",
         change: AgentSetChange,
     ) -> None:
+        block: AgentBlock = agents.block
         kind = block.kind
         speed = block.speed
         progress = block.progress
@@ -237,10 +238,12 @@ class Slots(Sequence[AgentSlot]):
         ]
         has_speed = travels or any(speed[rows[i]] is not None for i in self.paced)
         self.are_plain = settings.legal == "edges" and not self.flying and not has_speed
+        self._agents = agents
         self.idle = idle
+        self.table = table
         self._make = make
         self._counts = counts
-        self._departure = departure
+        self._departure: DeletedAgent = agents.storage.last_departure
         self._departed: dict[str, IAgent] = {}
         if change.closed:
             self._renumber(block)
@@ -267,6 +270,12 @@ class Slots(Sequence[AgentSlot]):
 
     def __iter__(self) -> Iterator[AgentSlot]:
         return iter(self.at(range(len(self))))
+
+    @property
+    def block_now(self) -> AgentBlock:
+        """The block that has the agents of the game now: in a batch, births and deaths change it."""
+        block: AgentBlock = self._agents.block
+        return block
 
     @cached_property
     def keys(self) -> BitArray:
@@ -316,21 +325,22 @@ class Slots(Sequence[AgentSlot]):
             if slot is not None:
                 slot.show_blocked()
 
-    def of_agents(self, agents: Mapping[str, IAgent], twin_of: Callable[[IAgent], IAgent]) -> "Slots":
+    def of_agents(self, agents: Any, twin_of: Callable[[IAgent], IAgent]) -> "Slots":
         """Return the same slots for a copied game.
 
         Args:
-            agents: the agents of the copy, by name.
+            agents: the agent engine of the copy.
             twin_of: returns the copy of an agent, which may be deleted.
         """
 
         def make(name: str, departed: IAgent | None) -> AgentSlot:
             slot = copy(self._make(name, departed))
-            slot.agent = agents.get(name, slot.agent)
+            slot.agent = agents.agents.get(name, slot.agent)
             return slot
 
         twin = copy(self)
         twin._make = make
+        twin._agents = agents
         twin._made = [None if slot is None else copy(slot) for slot in self._made]
         for slot in twin.made():
             slot.agent = twin_of(slot.agent)
@@ -358,27 +368,6 @@ class SlotMaker:
         self._facts = facts
         self._settings = settings
         self._fork = fork
-        self._table: DrawTable | None = None  # of the slots made last
-
-    @property
-    def table(self) -> DrawTable | None:
-        """The seed and the clock of the draws of the slots made last; None: none were made."""
-        return self._table
-
-    def rekey(self) -> None:
-        """Let the slots of the last call draw by the current seed of the context."""
-        if self._table is not None:
-            self._table.rekey(self._ctx.seed)
-
-    @property
-    def have_drawn(self) -> bool:
-        """Whether an agent may have drawn a random number in this turn."""
-        return self._table is not None and self._table.turn == self._state.turn
-
-    def forget_draws(self) -> None:
-        """Restart the random streams of this turn."""
-        if self._table is not None:
-            self._table.begin_again()
 
     def of_living(self, before: Slots | None, version: int) -> tuple[Slots, AgentSetChange | None]:
         """Return the slots of the living agents by name, and the change from the previous slots.
@@ -393,11 +382,10 @@ class SlotMaker:
         block = agents.block
         known = dict[str, AgentSlot]()
         since = None
-        table = self._table
-        if table is None or before is None:
+        if before is None:
             table = DrawTable(self._ctx.seed, self._state)
-            self._table = table
         else:
+            table = before.table
             since = block.structure.since(version)
         if since is not None and before is not None:
             rows, closed = since
@@ -426,8 +414,7 @@ class SlotMaker:
             return found and found - {agent.name for agent in agents.storage.made() if agent.sensors}
 
         past = None if since is None else before
-        departure = agents.storage.last_departure
-        slots = Slots(block, self._settings, make, idle, self._state.counts, departure, past, change)
+        slots = Slots(agents, self._settings, make, idle, self._state.counts, table, past, change)
         if known:
             slots.at([i for i in change.places if slots.names[i] in known])
         return slots, None if since is None else change

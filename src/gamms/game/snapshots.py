@@ -84,10 +84,9 @@ class Snapshot:
     def __deepcopy__(self, memo: dict[int, Any]) -> "Snapshot":
         """Copy the snapshot together with its context."""
         moves = self._value("moves")
-        agents = deepcopy(self._parts["agent_engine"], memo).agents
+        agents = deepcopy(self._parts["agent_engine"], memo)
         if moves is not None and id(moves) not in memo:  # they hold views of arrays
-            block = memo.get(id(moves.order.block), moves.order.block)
-            memo[id(moves)] = moves.of_agents(agents, block, partial(_twin_of, memo))
+            memo[id(moves)] = moves.of_agents(agents, partial(_twin_of, memo))
         of, values, parts = deepcopy((self._of, self._values, self._parts), memo)
         parts["prepared"] = -1  # strategies are prepared once in each context
         return Snapshot(self.turn, self.seed, of, values, parts)
@@ -208,8 +207,7 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
     _renew_states(target)
     moves: TurnMoves | None = source.state.moves
     if moves is not None:
-        agents = target.ctx.agent
-        target.state.moves = moves.of_agents(agents.agents, agents.block, partial(_twin_of, memo))
+        target.state.moves = moves.of_agents(target.ctx.agent, partial(_twin_of, memo))
 
 
 def _twin_of(memo: Memo, agent: Any) -> Any:

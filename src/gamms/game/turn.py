@@ -134,10 +134,7 @@ class TurnEngine:
     @property
     def draw_table(self) -> DrawTable:
         """The seed and the clock of the agents' draws."""
-        self.order()
-        table = self._slots.table
-        assert table is not None  # noqa: S101 - an order has slots
-        return table
+        return self.order().slots.table
 
     def living(self) -> list[IAgent]:
         """Return the living agents in the order of names."""
@@ -181,7 +178,8 @@ class TurnEngine:
     def restart_streams(self) -> None:
         """Make agents draw by the current seed of the context."""
         self.seed_changes += 1
-        self._slots.rekey()
+        if self._order is not None:
+            self._order.slots.table.rekey(self._ctx.seed)
 
     def close(self) -> None:
         """Close the event loop, if there is one."""
@@ -213,7 +211,7 @@ class TurnEngine:
     def snapshot(self) -> dict[str, tuple[Any, Any]]:
         """Return the positions of random streams that were used in this turn, for `restore`."""
         self.update_counts()
-        if self._order is None or not self._slots.have_drawn:
+        if self._order is None or self._order.slots.table.turn != self._state.turn:
             return {}
         each = {slot.name: slot.marks() for slot in self._order.slots.made()}
         return {name: marks for name, marks in each.items() if marks != (None, None)}
@@ -230,7 +228,7 @@ class TurnEngine:
         if order is None:
             return
         order.restart_counts()
-        self._slots.forget_draws()
+        order.slots.table.begin_again()
         for slot in order.slots.made() if shows_blocked else ():
             slot.show_blocked()
         for name, marks in drawn.items():
@@ -298,7 +296,8 @@ class TurnEngine:
         except BaseException as error:  # the same numbers are drawn when the turn is repeated
             note_lost(error, self._ctx)
             self.outboxes.outgoing = []
-            self._slots.forget_draws()
+            latest = self._order or order
+            latest.slots.table.begin_again()
             raise
         finally:
             self.is_moving = False

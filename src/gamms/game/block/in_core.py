@@ -653,6 +653,7 @@ class CoreGames:
         self._parts: list[Any] = []  # `NamedRule` and `rules.Rule`, where there are functions
         self._columns: EdgeColumns | MetreColumns | None = None  # in games that do not go along one edge a turn
         self._counts = ints(state.node.size)  # that threads share
+        self._has_come = np.zeros(state.node.shape, np.bool_)  # since the rules after the last moves began
         self._has_own_homes = is_apart or not state.roster.is_first.all()
         self._home = state.start.copy() if self._has_own_homes else state.start  # see `RuleBuilder`
         self._made.append(self._player())
@@ -682,6 +683,7 @@ class CoreGames:
         block = self._block
         row = int(state.streets.rows(node))
         state.is_there[game, agent] = True
+        self._has_come[game, agent] = True
         state.start[game, agent] = -1
         if not block.takes_part[game, agent]:
             for column in (block.start, block.went, block.ends, self._here):
@@ -874,10 +876,12 @@ class CoreGames:
         if not self.has_functions:
             return
         numbers = flat(games, np.int64)
+        self._has_come[games] = False  # who came before the moves takes part in the turn
         for part in self._parts:
             if isinstance(part, NamedRule):
                 yield part
             else:
+                self._place_newcomers(games)
                 before = self._state.node.copy(), self._state.stops.copy()
                 self._block.give()
                 self._take_roads()
@@ -886,6 +890,12 @@ class CoreGames:
                 self._block.take_in()
                 if self._state.flights is not None:
                     self._follow(games, *before)
+
+    def _place_newcomers(self, games: IntArray) -> None:
+        """Mark living agents that took no part in the turn as placed: they are on their nodes at its end only."""
+        state = self._state
+        takes_part = (self._block.takes_part[games] > 0) & ~self._has_come[games]
+        state.placed[games] |= state.alive[games] & ~takes_part
 
     def _follow(self, games: IntArray, node: IntArray, stops: IntArray) -> None:
         """Place flying agents that rules of the core have respawned at their starts."""

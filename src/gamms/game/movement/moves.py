@@ -118,12 +118,10 @@ class TurnMoves:
         action = self.actions.get(i) or ResolvedAction(self.ends[i], (self.starts[i],))
         self.actions[i] = action._replace(deeds=deeds)
 
-    def of_agents(
-        self, agents: Mapping[str, IAgent], block: AgentBlock, twin_of: Callable[[IAgent], IAgent]
-    ) -> "TurnMoves":
-        """Return the same moves for the agents of a copied game, matched by name."""
+    def of_agents(self, agents: Any, twin_of: Callable[[IAgent], IAgent]) -> "TurnMoves":
+        """Return the same moves for the agents of a copied game, matched by name; see `Slots.of_agents`."""
         order = copy(self.order)
-        order.block = block
+        order.block = agents.block
         order.structure_version = -1  # versions of the copy are numbered independently
         order.slots = self.slots.of_agents(agents, twin_of)
         return TurnMoves(order, self.starts, self.ends, self.actions, paths=self.paths)
@@ -203,7 +201,7 @@ class TurnMoves:
         """Return whether an agent on the end node of its move got there otherwise: it flew, or a rule placed it."""
         slot = self.slots[i]
         action = self.actions.get(i)
-        block = self.order.block
+        block = self.slots.block_now
         if block.placed and slot.name in block.rows and block.row_of(slot.name) in block.placed:
             return True
         if slot.flies:
