@@ -37,6 +37,30 @@ def written(value):
     return value.tobytes() if isinstance(value, np.ndarray) else value
 
 
+MOVING = [
+    {},
+    {"teams.red.speed": 1.5},
+    {"teams.red.speed": 12.0, "settings.speed_unit": "metres"},
+    {"teams.red.speed": 25.0, "settings.speed_unit": "metres", "settings.decide": "arrival"},
+    {"settings.order": [["red"], ["blue"]]},
+    {"settings.legal": "any"},
+]
+
+
+@pytest.mark.parametrize("moving", MOVING, ids=str)
+def test_any_number_of_threads_plays_the_same_games_however_agents_move(moving):
+    game = scene("eliminate").replace(**moving)
+    reward = {"reward": lambda turn: turn.after.mask * 1.0}
+    envs = [rl.vector_env(game, num_games=32, team="red", threads=threads, **reward) for threads in (1, 2, 3)]
+    first, *others = [written(env.reset(seed=1)) for env in envs]
+    assert all(other == first for other in others)
+    for _ in range(12):
+        first, *others = [written(env.step(np.ones(env.num_envs, np.int64))) for env in envs]
+        assert all(other == first for other in others)
+    for env in envs:
+        env.close()
+
+
 @pytest.mark.parametrize("mode", ["SAME_STEP", "NEXT_STEP"])
 @pytest.mark.parametrize("options", [{"team": "red"}, {}, {"agent": "red_1"}, {"observation": rl.neighbourhood(2)}])
 def test_any_number_of_threads_plays_the_same_games(mode, options):

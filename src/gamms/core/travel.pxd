@@ -117,6 +117,7 @@ cpdef int stand_on(TurnPaths trips, i64 row, i64 back) except -1 nogil
 cdef int put_new_leg(
     TurnPaths trips, i64 row, i64 edge, i64 back, double begin, double end, double until
 ) except -1 nogil
+cdef int stand_still(TurnPaths trips, i64 row) except -1 nogil
 cdef int add_leg(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, double begin, double end, double until) except -1 nogil
 @cython.locals(share=double)
 cdef double turns_to_end(RoadEdges roads, TurnPaths trips, i64 row, i64 edge, i64 motion) except? -1.0 nogil

@@ -726,7 +726,12 @@ def add_leg(roads: RoadEdges, trips: TurnPaths, row: int, edge: int, begin: floa
 
 
 def put_new_leg(trips: TurnPaths, row: int, edge: int, back: int, begin: float, end: float, until: float) -> int:
-    """Add a leg along a part of an edge; `back` is the edge for turning around."""
+    """Add a leg along a part of an edge; `back` is the edge for turning around.
+
+    Without room for the leg, the agent stands still instead.
+    """
+    if trips.legs[row] >= trips.most:
+        return stand_still(trips, row)
     place = row * trips.most + trips.legs[row]
     trips.edges[place] = edge
     trips.backs[place] = back
@@ -736,6 +741,13 @@ def put_new_leg(trips: TurnPaths, row: int, edge: int, back: int, begin: float, 
     trips.until[place] = until
     trips.legs[row] += 1
     trips.now[row] = until
+    return 0
+
+
+def stand_still(trips: TurnPaths, row: int) -> int:
+    """Let an agent cover nothing more in this turn, where its path cannot be written."""
+    trips.left[row] = 0
+    trips.now[row] = 1.0
     return 0
 
 
@@ -761,6 +773,9 @@ def cover(roads: RoadEdges, trips: TurnPaths, row: int, edge: int, motion: int) 
 
     Otherwise it stops on the edge. `motion` is BACK toward the source of the edge, else FORWARD.
     """
+    if edge < 0 or trips.legs[row] >= trips.most:
+        stand_still(trips, row)
+        return False
     first = trips.share[row]
     takes = turns_to_end(roads, trips, row, edge, motion)
     until = trips.now[row] + takes
@@ -912,7 +927,12 @@ def copy_trip(trips: TurnPaths, row: int, others: TurnPaths, other: int) -> int:
 
 
 def add_trip(trips: TurnPaths, row: int, others: TurnPaths, other: int, first: int) -> int:
-    """Append the legs of an agent, and its nodes from number `first` on, to its path in other trips."""
+    """Append the legs of an agent, and its nodes from number `first` on, to its path in other trips.
+
+    Without room for them, the agent stands still there instead.
+    """
+    if others.legs[other] + trips.legs[row] > others.most:
+        return stand_still(others, other)
     others.node[other] = trips.node[row]
     others.edge[other] = trips.edge[row]
     others.share[other] = trips.share[row]

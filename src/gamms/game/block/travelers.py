@@ -314,4 +314,6 @@ class MetreColumns:
             at_arrivals = self.arrivals.thread(travelers, has_end=self._has_conflicts)
             self._travelers.append(travelers)
             self._at_arrivals.append(at_arrivals)
+        if self._kept is not None:
+            self.keep_courses()
         return ThreadTravel(travelers, at_arrivals, course, tracks, of_legs, most + 1, most)
