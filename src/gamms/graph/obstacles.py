@@ -13,8 +13,7 @@ from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue, DuplicateId
 from gamms.graph import records
 from gamms.graph.records import is_everywhere
-from gamms.graph.sharing import SharesTables
-from gamms.graph.tables import Table
+from gamms.graph.tables import SharesTables, Table
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.text import shown

@@ -16,8 +16,7 @@ from gamms import kernels
 from gamms.errors import BadValue
 from gamms.graph import records
 from gamms.graph.indexes import Indexes
-from gamms.graph.sharing import SharesTables
-from gamms.graph.tables import ClosedTable, EdgeTable, NodeTable, joined, kept
+from gamms.graph.tables import ClosedTable, EdgeTable, NodeTable, SharesTables, joined, kept
 from gamms.ir.graph import ClosedEdges, FloatArray, GraphColumns, edge_as_given, read_only
 from gamms.ir.scenery import Scenery
 

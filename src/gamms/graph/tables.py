@@ -2,7 +2,8 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from itertools import chain, compress
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
+from weakref import WeakSet
 
 import numpy as np
 
@@ -418,3 +419,24 @@ _COPIES: dict[type, Callable[[Any, int], Any]] = {
 }
 
 CONTAINERS = frozenset(_COPIES)  # values of other classes are returned as they are by `own`
+
+
+class SharesTables:
+    """An object whose tables others like it may share; it copies them before it changes them."""
+
+    _sharers: "WeakSet[SharesTables] | None" = None  # this object, and all others that share its tables
+
+    def share_with(self, other: Self) -> None:
+        """Note that this object has the tables of another."""
+        if other._sharers is None:
+            other._sharers = WeakSet([other])
+        self._sharers = other._sharers
+        self._sharers.add(self)
+
+    def stop_sharing(self) -> bool:
+        """Leave shared tables to their other owners; return whether there are any."""
+        sharers = self._sharers
+        self._sharers = None
+        if sharers is not None:
+            sharers.discard(self)
+        return bool(sharers)
